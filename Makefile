@@ -2,7 +2,7 @@
 # make test   all tests
 # make coverage   all tests with coverage of lines and branches, except for drawing code (about ten minutes)
 # make fuzz   read 10 000 mutated files of every format in separate processes (about half an hour)
-# make kills  stop commands that write results at 1600 random times, by SIGKILL and Ctrl-C (about half an hour)
+# make kills  stop commands that write results at 1200 random times, by SIGKILL and Ctrl-C (about half an hour)
 # make mutants   change spd and transfer in one place at a time, and list changes that no test detects (mutmut)
 # make nightly   5000 configurations of each arm of example-robot-data on exact meshes; then fuzz, kills and mutants
 # make docs   the site in build/docs, with all examples; warnings of Sphinx are errors (about three minutes)

@@ -12,9 +12,8 @@ from scipy.stats import special_ortho_group
 
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
-from maniport.transfer import Search
+from maniport.transfer import EllipsoidCorrespondence
 from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
-from maniport.transfer.icp.score import EllipsoidFeatures, ScoreMatcher
 
 from .inputs import DAMPING, Array, damped, domains, recentred_domains
 from .measure import Row, compare, duration, faster, fresh_process, megabytes, peak_memory, within
@@ -53,17 +52,16 @@ def _rotation_step(n: int, bound: float, seconds: float) -> Row:
 def _matched_pairs(n: int) -> tuple[Array, Array, Array]:
     """Pairs S_i, T_i of the paper's score before any rotation, and their weights w³."""
     teacher, student = recentred_domains(n)
-    index, score = ScoreMatcher(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student)).query()
-    weights = score**3.0
-    return student[index], teacher, weights / weights.sum()
+    matches = EllipsoidCorrespondence().between(teacher, student)(np.eye(3))
+    return student[matches.student], teacher[matches.teacher], matches.weight
 
 
 def _fits(n: int) -> Iterator[Row]:
     """Compare with the paper's algorithm, which takes the cheapest rotation; then time the defaults."""
     teacher, student = domains(n)
     damped_teacher, damped_student = damped(teacher), damped(student)
-    search = Search(require_improvement=False)
-    ours, peer = mp.RiemannianICP(damping=DAMPING, search=search, random_state=0), PaperICP()
+    ours = mp.RiemannianICP(damping=DAMPING, require_improvement=False, random_state=0)
+    peer = PaperICP()
     default = mp.RiemannianICP(damping=DAMPING, random_state=0)
     times = compare(lambda: fit(ours, teacher, student), lambda: peer.fit(damped_teacher, damped_student), 0.0, 2)
     note = f"cost {ours.cost_:.3f}, peer {peer.cost_:.3f}"

@@ -7,6 +7,7 @@ import numpy as np
 from pyriemann.geometry.base import invsqrtm, powm, sqrtm
 
 import maniport as mp
+from maniport.spd.kernels.loops import KAPPA
 from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 
 from .inputs import DAMPING, Array, domains, load
@@ -34,18 +35,26 @@ def rows(quick: bool) -> Iterator[Row]:
 
 
 def _peer(adapter: mp.RiemannianICP) -> Callable[[Array], Array]:
-    """Return f(T) = B (W T W)^s Bᵀ with all constant matrices computed beforehand."""
+    """Return f(T) = B (W T W)^s Bᵀ with all constant matrices computed beforehand, and release the damping."""
     whitening, s = invsqrtm(adapter.teacher_mean_), float(adapter.dispersion_ratio_)
     spread = sqrtm(adapter.student_mean_) @ adapter.rotation_
     spread_t = np.ascontiguousarray(spread.T)
-    damping, released = adapter.teacher_damping_ * np.eye(3), adapter.released_damping_ * np.eye(3)
-    return lambda points: spread @ powm(whitening @ (points + damping) @ whitening, s) @ spread_t - released
+    damping, epsilon = adapter.teacher_damping_ * np.eye(3), adapter.student_damping_
+
+    def transform(points: Array) -> Array:
+        mapped = spread @ powm(whitening @ (points + damping) @ whitening, s) @ spread_t
+        values, vectors = np.linalg.eigh(mapped)
+        gap = values - epsilon
+        values = 0.5 * (gap + np.sqrt(gap**2 + 4.0 * KAPPA * epsilon * values))
+        return (vectors * values[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+
+    return transform
 
 
 def _length_field(fits: int, seconds: float) -> Iterator[Row]:
     teacher = mp.sample_domain(load("rhuman"), TEACHER_SAMPLES, 0)
     student = mp.sample_domain(load("panda"), STUDENT_SAMPLES, 1)
-    adapter = mp.LengthField(DAMPING, None, np.eye(3), mp.FeasibleProjector(load("panda")))
+    adapter = mp.LengthField(DAMPING, np.eye(3), mp.FeasibleProjector(load("panda")))
     times = []
     for _ in range(fits):
         begin = time.process_time()

@@ -55,7 +55,7 @@ def main(folder):
     profile = arm.manipulability(joints)
     roles = {"panda": "achieved"}  # green: the color of the robot in all figures
     figures.save(figures.arms({"panda": arm.skeleton(joints)}, {"panda": profile}, roles=roles), folder / "arm.png")
-    figures.save(figures.curves(time, {"panda": profile}, roles=roles), folder / "curves.png")
+    figures.save(figures.curves(time, {"achieved": profile}), folder / "curves.png")
     print(f"figures in {folder}")
 
 

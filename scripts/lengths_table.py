@@ -148,7 +148,7 @@ def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpe
 
 def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
     """Return the smallest singular value, the orientation-reversing share, and the largest error of the inverse."""
-    squeezed = adapter.singular_values(fresh)
+    squeezed = adapter._field().singular_values(adapter.teacher_side(fresh))
     sure, worst = squeezed >= INVERTIBLE, 0.0
     for one, image in zip(fresh[sure][:50], images[sure][:50], strict=True):
         try:

@@ -11,7 +11,7 @@ from markdown_it import MarkdownIt
 from maniport import errors
 from maniport.errors import ManiportError
 from maniport.report import as_markdown
-from maniport.report.values import Metric, Report, Section, Summary, Table
+from maniport.report.values import Metric, Report, Section, Table
 
 ATTACK = "\x1b[2J\x1b]0;title\x07\r\x9b2J\u202e\n"
 KINDS = [one for one in vars(errors).values() if isinstance(one, type) and issubclass(one, Warning | ManiportError)]
@@ -46,10 +46,9 @@ def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
 @pytest.mark.parametrize("attack", [HTML, MARKDOWN, "# heading", "> quotation"])
 def test_markdown_shows_names_as_they_are(attack):
     """As GitHub renders it, text of results makes no tag, link, image, entity or heading of its own."""
-    summary = Summary(attack, attack, attack, attack)
     table = Table((attack, "b"), ((attack, "c"),), attack)
     facts = [Metric(attack, attack, attack), Metric("", attack), Metric("", attack, severity="warning")]
-    shown = as_markdown(Report(attack, attack, (Section(attack, tuple(facts), (table,)),), summary))
+    shown = as_markdown(Report(attack, attack, (Section(attack, tuple(facts), (table,)),), *4 * (attack,)))
     tokens = [
         token
         for block in MarkdownIt("commonmark").enable("table").parse(shown)

@@ -8,7 +8,7 @@ import maniport as mp
 from maniport.arms.restriction import standing
 from maniport.cli import app
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
-from maniport.report.metrics import report_of
+from maniport.report.values import report_of
 from sizes import SMALL, little_search
 
 SIDES = "left", "right"
@@ -137,7 +137,7 @@ def test_targets_without_a_motion_cannot_be_exported(still, tmp_path):
 
 @pytest.fixture
 def no_sampling(monkeypatch):
-    monkeypatch.setattr("maniport.pipeline.stages.sample_domains", lambda *_, **__: pytest.fail("it sampled"))
+    monkeypatch.setattr("maniport.pipeline.stages.sample_domain", lambda *_, **__: pytest.fail("it sampled"))
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
-from maniport.arms.arm_group import CooperativeArm
 from maniport.util.validation import Array
 
 
 def sample_domain(
-    arm: Arm | CooperativeArm,
+    arm: Arm | ArmGroup,
     n: int,
     random_state: Any = None,
     sequence: str = "sobol",
@@ -21,7 +20,8 @@ def sample_domain(
 
     Parameters
     ----------
-    arm : Arm, or the relative or absolute one of a pair
+    arm : Arm or ArmGroup
+        All arms of a group are sampled at the same configurations of all its joints.
     n : int
         Number of ellipsoids. 4096 for a teacher and 16384 for a student suffice for an arm of seven joints; powers of
         two keep a Sobol sequence balanced.
@@ -39,44 +39,14 @@ def sample_domain(
 
     Returns
     -------
-    ndarray, shape (n, d, d)
+    ndarray, shape (n, d, d), or (n_arms, n, d, d) of a group
         Positive semidefinite; d = 3, or 6 for ``part="full"``.
     """
-    return arm.ellipsoids(_configurations(arm, n, random_state, sequence, collisions), spec)
-
-
-def sample_domains(
-    arms: ArmGroup,
-    n: int,
-    random_state: Any = None,
-    sequence: str = "sobol",
-    spec: EllipsoidSpec = VELOCITY,
-    collisions: Any = None,
-) -> tuple[Array, ...]:
-    """Sample the domains of all arms of a group at the same configurations, free of collisions between the arms.
-
-    Parameters
-    ----------
-    arms : ArmGroup
-    n, random_state, sequence, spec, collisions
-        As for `sample_domain`, of the pair: joint weights are one for each of its joints, and collisions those of
-        ``Collisions.of(arms)``, with one another, too.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n, d, d)
-        Of each arm; positive semidefinite.
-    """
-    ellipsoids = arms.ellipsoids(_configurations(arms, n, random_state, sequence, collisions), spec)
-    return tuple(np.moveaxis(ellipsoids, 1, 0))
-
-
-def _configurations(
-    arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any
-) -> Array:
-    """Return samples of the joint space, free of collisions where they are given."""
     if collisions is None:
-        return arm.sample(n, random_state, sequence)
-    from maniport.arms.collisions import free_configurations  # here: Numba takes its time
+        q = arm.sample(n, random_state, sequence)
+    else:
+        from maniport.arms.collisions import free_configurations  # here: Numba takes its time
 
-    return free_configurations(arm, n, random_state, sequence, collisions)
+        q = free_configurations(arm, n, random_state, sequence, collisions)
+    ellipsoids: Array = arm.ellipsoids(q, spec)
+    return np.moveaxis(ellipsoids, 1, 0) if isinstance(arm, ArmGroup) else ellipsoids

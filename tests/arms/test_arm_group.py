@@ -1,4 +1,4 @@
-"""Groups of arms: robots side by side, limbs of one robot, relative and absolute ellipsoids of two arms."""
+"""Groups of arms: robots side by side, limbs of one robot, cooperative ellipsoids of two arms."""
 
 import pickle
 from dataclasses import replace
@@ -70,8 +70,8 @@ def test_a_single_arm_is_a_group_of_one():
     assert mp.arms.as_group(group) is group
     again = pickle.loads(pickle.dumps(mp.ArmGroup(arm, names=("right",))))
     assert (again.names, again.joint_names) == (("right",), arm.joint_names)
-    with pytest.raises(InvalidInputError, match="pair"):
-        _ = group.relative
+    with pytest.raises(InvalidInputError, match="of two arms; the group has 1"):
+        group.cooperative_ellipsoids(q)
 
 
 @pytest.mark.parametrize(("robot", "options", "message"), [
@@ -109,25 +109,22 @@ def test_single_joints_of_a_pair_are_held():
 
 
 def test_ellipsoids_of_arms_without_shared_joints_are_sums(pandas):
-    """M_r = M_left + M_right and M_a = (M_left + M_right) / 4 to 1e-12; those of force are their inverses."""
+    """M_r = M_left + M_right and M_a = (M_left + M_right) / 4 to 1e-12."""
     q = pandas.sample(64, 0)
     for part in ("translation", "rotation", "full"):
         together = pandas.manipulability(q, part=part).sum(axis=1)
-        np.testing.assert_allclose(pandas.relative.manipulability(q, part=part), together, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(pandas.absolute.manipulability(q, part=part), together / 4, rtol=0, atol=1e-12)
-    force = pandas.absolute.manipulability(q, "force")
-    np.testing.assert_allclose(force @ pandas.absolute.manipulability(q), np.tile(np.eye(3), (64, 1, 1)), atol=1e-9)
+        for kind, factor in (("relative", 1.0), ("absolute", 0.25)):
+            actual = pandas.cooperative_ellipsoids(q, kind, part)
+            np.testing.assert_allclose(actual, factor * together, rtol=0, atol=1e-12)
 
 
 def test_jacobians_of_two_arms_are_combined(crane):
-    """The relative one is the difference, the absolute one the mean; a shared joint counts once in ellipsoids."""
+    """A shared joint counts once in the relative ellipsoids."""
     q = crane.sample(4, 0)
     left, right = np.moveaxis(crane.jacobian(q), 1, 0)
     moved = np.any(crane.jacobian(q) != 0, axis=(0, 2))
     np.testing.assert_array_equal(moved, [[True] * 6 + [False] * 4, [True] * 2 + [False] * 4 + [True] * 4])
-    np.testing.assert_allclose(crane.relative.jacobian(q), right - left, atol=1e-12)
-    np.testing.assert_allclose(crane.absolute.jacobian(q), (left + right) / 2, atol=1e-12)
     moves = (right - left)[:, :3]
     expected = moves @ np.swapaxes(moves, -1, -2)
-    np.testing.assert_allclose(crane.relative.manipulability(q), expected, atol=1e-12)
+    np.testing.assert_allclose(crane.cooperative_ellipsoids(q), expected, atol=1e-12)
     assert np.linalg.norm(expected - crane.manipulability(q).sum(axis=1), axis=(1, 2)).min() > 0.01

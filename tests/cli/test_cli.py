@@ -79,19 +79,15 @@ def test_fit_uses_the_robot_where_it_is_named(run, domains):
 
 
 def test_info_describes_results(run, tmp_path):
-    """A folder of results has a verdict and a page, a path a duration; a damaged summary is named."""
+    """A folder of results has a summary, a path a duration; a damaged summary is named."""
     save_path(tmp_path / "path.npz", np.zeros((5, 3)), np.linspace(0.0, 2.0, 5))
     assert "Path: 5 positions\n- Duration: 2 s\n" in run("info", tmp_path / "path.npz")[1]
-    (tmp_path / "report.html").write_text("")
-    (tmp_path / "summary.json").write_text(
-        '{"title": "a → b", "status": "amber", "summary": {"title": "It follows."}, '
-        '"warnings": [{"key": "assumed-jerk-limits", "text": "Jerk limits are assumed."}]}'
-    )
-    out = run("info", tmp_path)[1]
-    for words in ("It follows.", "- Status: amber", "- Jerk limits are assumed.", f"{tmp_path / 'report.html'}"):
-        assert words in out
-    (tmp_path / "summary.json").write_text("[1]")
-    code, _, err = run("info", tmp_path)
+    (tmp_path / "summary.md").write_text("# a → b\n\n## It follows.\n")
+    (tmp_path / "summary.json").write_text('{"title": "a → b", "status": "amber"}')
+    assert "## It follows." in run("info", tmp_path)[1]
+    assert json.loads(run("info", tmp_path, "--json")[1])["status"] == "amber"
+    (tmp_path / "summary.json").write_text("[1")
+    code, _, err = run("info", tmp_path, "--json")
     assert (code, "summary.json: is no summary of a run" in err) == (2, True)
 
 

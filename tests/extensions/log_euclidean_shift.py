@@ -7,9 +7,8 @@ from maniport.transfer import DomainAdapter
 class LogEuclideanShift(DomainAdapter):
     """f(T) = exp(log T + D), where D is the difference of the mean logarithms."""
 
-    def __init__(self, damping=None, eigenvalue_floor=None, base_rotation=None):
+    def __init__(self, damping=None, base_rotation=None):
         self.damping = damping
-        self.eigenvalue_floor = eigenvalue_floor
         self.base_rotation = base_rotation
 
     def _fit(self, teacher, student):
@@ -18,7 +17,7 @@ class LogEuclideanShift(DomainAdapter):
         self._set_closed_form("closed form")
 
     def _map(self, points):
-        return spd.expm(spd.logm(points) + self.shift_), self.released_damping_
+        return spd.expm(spd.logm(points) + self.shift_)
 
     def _map_back(self, points):
         return spd.expm(spd.logm(points) - self.shift_)

@@ -18,4 +18,4 @@ def write_page_with_speed(path, result):
     panel = Panel("End-effector speed", "m/s", (Line("", speed),), "Speed during the robot's motion.")
     animation = animation_of(result)
     animation = replace(animation, panels={**animation.panels, "Speed": (panel,)})
-    write_page(path, report_of(result), {"motion": [animation]})
+    write_page(path, report_of(result), animation)

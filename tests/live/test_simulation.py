@@ -1,5 +1,7 @@
 """A simulated robot executes live commands: with its masses, or exactly where it has none."""
 
+import os
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -76,4 +78,30 @@ def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monk
         assert (stop.value.code or 0) == code
         out, err = capfd.readouterr()
         assert ("position error: median" in out + err) == (code == 0)
-        assert ("--udp" in err) == (code == 2)
+        assert ("options of the transport" in err) == (code == 2)
+
+
+def test_the_view_shows_the_simulated_robot_until_ctrl_c(small_result, monkeypatch, capfd):
+    class Page:
+        url, states = "http://page", []
+
+        def __init__(self, person, robot):
+            assert (person.name, robot.name) == ("myoarm", "panda")
+
+        def show(self, state):
+            self.states.append(state)
+            if len(self.states) == 5:
+                os.kill(os.getpid(), signal.SIGINT)
+
+        def stop(self):
+            self.states.append(None)
+
+    monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
+    monkeypatch.setattr("maniport.viewer.server.Onlooker", Page)
+    monkeypatch.setattr("sys.argv", ["maniport", "live", "ladder", "--simulate"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert (stop.value.code or 0) == 0
+    assert Page.states[-1] is None
+    assert 5 <= len(Page.states) - 1 < 50
+    assert "http://page" in "".join(capfd.readouterr())

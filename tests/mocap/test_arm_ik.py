@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from maniport import arms, spd
 from maniport.arms import load_arm
-from maniport.arms.human import FRACTIONS, hand_rotations, middle_of
-from maniport.errors import InvalidInputError, RecordingError
+from maniport.arms.human import hand_rotations, middle_of
+from maniport.errors import RecordingError
 from maniport.mocap import Recording, fit_arm, fit_arms, read_recording, synthetic_recording
 from maniport.mocap.directions import AXES, SEGMENTS, Directions
 from mirror_images import in_a_mirror
@@ -118,19 +118,6 @@ def test_short_gaps_are_interpolated_and_long_ones_omitted(arm, slow_motion, rec
     assert any("elbow" in note and "interpolated" in note for note in fit.notes)
     assert any("20 frames omitted, 1.01–1.39 s: wrist missing" in note for note in fit.notes)
     assert "20 frames in the middle" in fit.quality_warnings[-1]
-
-
-def test_lengths_that_are_not_recorded_come_from_the_height(arm, slow_motion, record):
-    time, q = slow_motion(arm, n=20)
-    fit = fit_arm(record(arm, time, q, hand=False), arm.name, height=1.8)
-    assert fit.segment_lengths["upper arm"] == pytest.approx(0.31)
-    assert fit.segment_lengths["hand"] == pytest.approx(1.8 * FRACTIONS["hand"])
-    assert any("hand: 0.062 m by the body height of 1.8 m" in note for note in fit.notes)
-    ends = fit.arm.point_positions(np.zeros(7), ("wrist", "hand"))
-    assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(1.8 * FRACTIONS["hand"])
-    for wrong in (180, -1, float("nan"), "tall"):
-        with pytest.raises(InvalidInputError, match="height"):
-            fit_arm(record(arm, time, q), arm.name, height=wrong)
 
 
 @pytest.mark.parametrize("file", sorted([*DATA.glob("*.npy"), *DATA.glob("*.bvh")]), ids=lambda file: file.name)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from maniport.arms import VELOCITY, Arm, load_arm
-from maniport.arms.collisions import Collisions
-from maniport.motion import MotionLimits, Planner, ReachabilityMap, SeedBank
-from maniport.motion.plan.arm_planner import ArmPlanner
+from maniport.motion import MotionLimits, Planner, SeedBank
+from sizes import little_search
 
 
 @pytest.fixture(scope="session")
@@ -31,8 +30,5 @@ def bank(panda):
 @pytest.fixture(scope="session")
 def planner(panda):
     """A planner for it with few samples, which knows collisions."""
-    limits = MotionLimits.of(panda)
-    collisions = Collisions.of(limits.arm)
-    reachability_map = ReachabilityMap(limits.arm, VELOCITY, 20_000, collisions=collisions)
-    arm = ArmPlanner(limits, reachability_map, SeedBank(limits.arm, 4096), collisions)
-    return Planner(limits, VELOCITY, (arm,), collisions)
+    with little_search():
+        return Planner.of(MotionLimits.of(panda), VELOCITY)

@@ -10,7 +10,7 @@ import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.arms import Arm
-from maniport.errors import InvalidInputError, MissingPackageError, OutputError, UnknownNameError
+from maniport.errors import InvalidInputError, MissingPackageError, UnknownNameError
 from maniport.motion import ArmMotion
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
@@ -115,7 +115,6 @@ def test_mujoco_makes_the_same_motion(motion, tmp_path):
         ("m.yaml", "mujoco", None, InvalidInputError, "path"),
         ("m.parquet", "parquet", "planar", InvalidInputError, "robot"),
         ("m.rrd", "rerun", None, InvalidInputError, "write_results"),
-        ("nowhere/m.yaml", "ros2", None, OutputError, "folder"),
         ("m.mcap", "mcap", None, MissingPackageError, "mcap"),
     ],
 )

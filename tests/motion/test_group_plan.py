@@ -12,18 +12,10 @@ from crane import two_arms
 from maniport.arms.chain import pose
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import (
-    MotionProblem,
-    Objective,
-    Planner,
-    ReachabilityMap,
-    RelativePositionCost,
-    SeedBank,
-    plan_motion,
-)
+from maniport.motion import MotionProblem, Objective, Planner, RelativePositionCost, plan_motion
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.plan.arm_planner import ArmPlanner
+from sizes import little_search
 
 TIME = np.linspace(0.0, 3.0, 10)
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
@@ -43,17 +35,8 @@ def task(arms, *joints):
 
 def planner_of(arms, collisions=False):
     """A planner with few samples."""
-    limits, spec = MotionLimits.of(arms), mp.EllipsoidSpec()
-    group, model = limits.arm, mp.Collisions.of(limits.arm) if collisions else None
-    alone = model.of_arms if collisions else (None,) * len(group)
-    planners = tuple(
-        ArmPlanner(
-            limits.of_joints(arm, columns), ReachabilityMap(arm, spec, 8_000, collisions=own),
-            SeedBank(arm, 2048), own,
-        )
-        for arm, columns, own in zip(group.arms, group.columns, alone, strict=True)
-    )  # fmt: skip
-    return Planner(limits, spec, planners, model)
+    with little_search():
+        return Planner.of(MotionLimits.of(arms), mp.EllipsoidSpec(), collisions)
 
 
 def single(planner, i):
@@ -156,11 +139,11 @@ def test_slopes_in_the_joints_of_both():
 
 
 def test_three_arms_keep_clear_of_one_another():
-    """Three Pandas around a table, whose paths cross: each is near its path, and none collides."""
+    """Three Pandas around a table, whose paths cross: they take turns, each is near its path, and none collides."""
     bases = [pose((0.75 * np.cos(a), 0.75 * np.sin(a), 0.0), (0.0, 0.0, a + np.pi)) for a in (0.0, 2.1, -2.1)]
     arms = mp.ArmGroup(*(mp.Arm(standing(mp.load_arm("panda").chain, base)) for base in bases))
     options = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
-    options["paths"] = [path - 0.65 * path.mean(axis=0) * [1, 1, 0] for path in options["paths"]]
+    options["paths"] = [path - 0.8 * path.mean(axis=0) * [1, 1, 0] for path in options["paths"]]
     options |= {"planner": planner_of(arms, True), "position_tolerance": 0.02}
     plan = plan_motion(arms, **options)
     assert plan.coupled  # only where arms come near one another
@@ -245,16 +228,8 @@ def test_wrong_arguments_are_named(apart, panda):
         ({"paths": [path, None]}, "paths must be of all arms or of none"),
         ({"hand_targets": "absolute"}, "unknown hand_targets 'absolute'"),
         ({"paths": None, "hand_targets": "relative"}, "hand_targets='relative'"),
-        ({"home": np.zeros(7)}, r"home must have shape \(\.\.\., 14\)"),
     ):
         with pytest.raises(InvalidInputError, match=message):
             plan_motion(arms, **options | change)
     with pytest.raises(InvalidInputError, match="arms must be an Arm"):
         plan_motion("panda", **options)
-    with pytest.raises(InvalidInputError, match="hand_targets='relative'"):
-        plan_motion(panda, profile, paths=path, time=TIME, hand_targets="relative")
-    other = mp.load_arms("panda", frames=["panda_link8"] * 2, bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0)])
-    with pytest.raises(
-        InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': end effector"
-    ):
-        plan_motion(other, **options)

@@ -66,10 +66,7 @@ def test_a_file_goes_before_everything_else(panda, tmp_path):
     ("given", "message"),
     [
         ({"joints": {"panda_joint9": {}}}, "joints of 'panda': unknown key 'panda_joint9'; allowed are, nearest first"),
-        ({"joint": {}}, "unknown key 'joint'; allowed are, nearest first: joints, default"),
-        ({"default": {"speed": 1}}, "default: unknown key 'speed'"),
         ({"default": {"jerk": 0}}, "default: jerk must be a number above 0; found 0"),
-        ({"default": {"jerk": "fast"}}, "default: jerk must be a number above 0; found 'fast'"),
         ({"joints": {"panda_joint1": {"lower": -3}}}, "panda_joint1: lower must be a number in"),
         ({"joints": {"panda_joint1": {"lower": 1, "upper": 0.5}}}, "lower must be below upper; found 1 and 0.5"),
         ({"joints": {"panda_joint1": 3}}, "joints: panda_joint1 must be a mapping"),

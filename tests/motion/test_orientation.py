@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms import load_arm
 from maniport.arms.human import hand_rotations
-from maniport.errors import InvalidInputError, UnknownNameError
+from maniport.errors import InvalidInputError
 from maniport.motion import plan_motion, track
 from maniport.motion.costs.orientation import POINTING, WHOLE
 from maniport.pipeline.options import MotionOptions
@@ -60,7 +60,5 @@ def test_wrong_orientations_are_named(panda, motion):
         plan_motion(panda, profile, rotations=2.0 * rotations, time=TIME, paths=path)
     with pytest.raises(InvalidInputError, match=r"rotations must have shape \(12, 3, 3\)"):
         track(panda, profile, rotations=rotations[:5], time=TIME, path=path)
-    with pytest.raises(UnknownNameError, match="orientation_axes"):
-        plan_motion(panda, profile, rotations=rotations, orientation_axes="all", time=TIME, paths=path)
     with pytest.raises(InvalidInputError, match="orientation"):
         MotionOptions(orientation=(0.0, 0.0, 0.0))

@@ -76,18 +76,15 @@ def test_path_is_followed_between_sparse_waypoints(panda, planner):
     assert np.linalg.norm(tips[:, None] - path, axis=2).min(axis=1).max() < 0.02
 
 
-def test_jumps_of_the_recording_are_named(planned):
-    """Waypoints at either end of a step that is far and quicker than those around, of path or ellipsoids."""
-    arm, n = planned.arms[0], len(TIME)
-    path, ellipsoids = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], n), np.tile(np.eye(3), (n, 1, 1))
-    assert not replace(arm, path=path, target=ellipsoids).jumps.any()
-    path[9:] += 0.2
-    ellipsoids[4:] *= 3.0
-    jumping = replace(arm, path=path, target=ellipsoids)
-    assert np.flatnonzero(jumping.jumps).tolist() == [3, 4, 8, 9]
-    reported = as_numbers(report_of(jumping))["motion"]["jumps"]
-    assert reported["points"] == 4
-    assert reported["there"]["position_error_mm"] == pytest.approx(1e3 * arm.position_error[[3, 4, 8, 9]].max())
+def test_an_exceeded_torque_is_reported(planned):
+    """The warning has the joint, its limit and the time."""
+    arm = planned.arms[0]
+    report = report_of(replace(arm, limits=replace(arm.limits, effort=np.array([87.0, 5.0, *[87.0] * 5]))))
+    (text,) = (text for text in report.warnings if "torque" in text)
+    joint, share, _at = arm.limit_use.largest["torque"]
+    assert joint == "panda_joint2"
+    assert "torques-exceeded" in report.warning_keys
+    assert f"{joint} at {share * arm.limits.effort[1] / 5.0:.2f} times its torque limit of 5 N m at" in text
 
 
 def test_clearance_is_measured_between_the_waypoints(planned, planner):
@@ -158,17 +155,12 @@ def test_out_of_reach_is_reported_and_no_error(panda, planner, targets):
     assert {"position-error", "targets-missed"} <= set(report_of(far).warning_keys)
 
 
-def test_home_is_where_it_begins_and_ends(panda, planner, targets):
-    """The robot comes from the home configuration and returns; the waypoints are passed in between."""
+def test_two_waypoints_are_a_motion(panda, planner, targets):
+    """The shortest profile has a beginning and an end; the robot comes from its home configuration and returns."""
     home = 0.5 * (planner.limits.lower + planner.limits.upper)
-    arm = require_laws(plan_motion(panda, **targets, planner=planner, home=home))
+    arm = require_laws(plan_motion(panda, **rows_of(targets, slice(2)), planner=planner, home=home))
     assert_allclose(arm.control_positions[[0, -1]], [home, home], atol=1e-9)
     assert 0.0 < arm.time[0] < arm.time[-1] < arm.control_time[-1]
-
-
-def test_two_waypoints_are_a_motion(panda, planner, targets):
-    """The shortest profile has a beginning and an end; where both are the same the robot hardly moves."""
-    require_laws(plan_motion(panda, **rows_of(targets, slice(2)), planner=planner))
     same = rows_of(targets, [0, 0]) | {"time": TIME[:2]}
     rest = require_laws(plan_motion(panda, **same, planner=planner))
     assert np.ptp(rest.control_positions, axis=0).max() < 0.01
@@ -195,10 +187,8 @@ def test_the_lowest_point_is_below_all_links(panda, planned):
         ({"profile": np.eye(3)[None], "time": TIME[:1], "path": np.zeros((1, 3))}, InvalidInputError, "n ≥ 2"),
         ({"time": TIME[::-1]}, InvalidInputError, "time must increase"),
         ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
-        ({"speed": 2.0}, TypeError, "speed"),
         ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
         ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
-        ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one configuration"),
         ({"collisions": "yes"}, InvalidInputError, "collisions"),
         ({"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}}, InvalidInputError, "'elbow'.*panda_joint1"),
         ({"time": TIME * 1e6}, InvalidInputError, "samples"),

@@ -65,10 +65,7 @@ def test_flat_ellipsoids_need_damping(panda, bank):
     ("arguments", "message"),
     [
         ({"ellipsoids": np.eye(3)}, r"shape \(n, d, d\)"),
-        ({"ellipsoids": np.empty((0, 3, 3))}, "at least 1"),
         ({"ellipsoids": np.eye(2)[None]}, "ellipsoids must hold 3×3 matrices; found 2×2"),
-        ({"ellipsoids": np.array([[[1.0, 2, 0], [0, 1, 0], [0, 0, 1]]])}, "not symmetric"),
-        ({"damping": -0.1}, "damping must be a number above 0; found -0.1"),
         ({"spec": EllipsoidSpec(joint_weights=[1.0])}, "joint_weights must be 7 numbers above 0; found shape"),
         ({"positions": np.zeros((2, 3))}, r"positions must have shape \(1, 3\)"),
         ({"n_starts": 0}, "n_starts must be a whole number of at least 1"),
@@ -133,12 +130,9 @@ def test_bad_input_of_projections_is_refused(panda, bank, projector, points):
     search = projector.search(0.01)
     search.nearest(points[:3])
     for call, error, message in (
-        (lambda: projector(np.array([np.eye(2)])), InvalidInputError, r"points must hold 3×3"),
         (lambda: projector(np.array([np.eye(3), -np.eye(3)])), NotSPDError, r"points\[1\] is indefinite"),
         (lambda: search.nearest(points[:2]), InvalidInputError, r"points must have shape \(3, 3, 3\), as in the first"),
-        (lambda: projector.search(0.0), InvalidInputError, "damping must be a number above 0"),
         (lambda: FeasibleProjector(panda, damping=None, bank=bank), InvalidInputError, "damping must be above 0"),
-        (lambda: FeasibleProjector(panda, EllipsoidSpec(part="rotation"), bank=bank), InvalidInputError, "seed bank"),
     ):
         with pytest.raises(error, match=message):
             call()

@@ -58,7 +58,6 @@ def test_wrong_files_are_refused(tmp_path, text, words):
         {"position_tolerance": 0.0},
         {"rate": np.inf},
         {"unit": "ft"},
-        {"height": 3.0},
         {"joint_limit_margin": 0.5},
         {"damping": -1.0},
         {"orientation": "up"},

@@ -11,8 +11,8 @@ from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
 from maniport.learning.agreement import axis_deviations
 from maniport.mocap import Recording, shipped_recording, synthetic_recording
-from maniport.report.metrics import report_of
 from maniport.report.renderings import files_of
+from maniport.report.values import report_of
 from maniport.report.write import LEARNED_FILES
 from maniport.util.files import load_ellipsoids, load_path
 from sizes import SMALL, little_search

@@ -1,20 +1,18 @@
 """Adapters between domains at every condition, unit, dtype and memory order."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from maniport import spd
 from maniport.errors import NotInvertibleError
-from maniport.transfer import METHODS, Search, method_of
-from properties.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer, refused_only_above
+from maniport.transfer import METHODS, method_of
+from properties.strategies import cases, congruent, fewer, refused_only_above
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
-QUICK = {"icp": {"search": Search(n_starts=0, max_iter=10)}, "length-field": {"n_rounds": 2}}
+QUICK = {"icp": {"n_starts": 0}, "length-field": {"n_rounds": 2}}
 """Parameters with which methods take less time and keep the same laws."""
 METHOD_NAMES = tuple(METHODS)
 methods = pytest.mark.parametrize("name", METHOD_NAMES)
@@ -22,7 +20,6 @@ ELONGATED = ("too ill-conditioned", "too far apart", "is singular", "is indefini
 """Words of the errors that refuse what is too elongated."""
 RIGID = ("mean-transport", "parallel-transport", "icp")
 SMALL = (2, 3, 4, 5, 6)
-forms = st.sampled_from(sorted(FORMS | ROUNDED))
 
 
 def made(name, **options):
@@ -37,21 +34,6 @@ def domains(name, case):
 
 def assert_same_images(found, wanted, rounding):
     assert_allclose(spd.distance(found, wanted), 0.0, atol=rounding)
-
-
-@methods
-@fewer(0.5)
-@given(case=TAME.filter(lambda case: case.condition > 1.5 and case.d < 12), disguises=st.tuples(forms, forms, forms))
-def test_dtype_and_memory_order_do_not_matter(name, case, disguises):
-    drawn = domains(name, replace(case, scale=1e3))  # the largest that half precision has is 65504
-    given = [(FORMS | ROUNDED)[form](one) for form, one in zip(disguises, drawn, strict=True)]
-    plain = [np.array(one, dtype=np.float64, order="C") for one in given]
-    images = made(name, damping=0.01).fit(*given[:2]).transform(given[2])
-    assert_array_equal(images, made(name, damping=0.01).fit(*plain[:2]).transform(plain[2]), strict=True)
-    assert images.flags.writeable
-    assert not any(isinstance(one, np.ndarray) and np.may_share_memory(images, one) for one in given)
-    for one, before in zip(given, plain, strict=True):
-        assert_array_equal(np.array(one, dtype=np.float64), before)
 
 
 @methods

@@ -3,9 +3,7 @@
 from html.parser import HTMLParser
 
 from maniport.report.page import as_html
-from maniport.report.page.content import Cloud, DomainMap
 from maniport.report.values import Metric, Report, Section, Table, warnings_of
-from maniport.spd.diffusion_map import map_of
 
 VOID = {"meta", "link", "img", "br", "input", "hr"}
 
@@ -35,19 +33,8 @@ class Page(HTMLParser):
             self.styles.append(data)
 
 
-def page_of(*parts, warnings=("a warning",), title="a title"):
-    """The page of metrics, tables, animations and images, as text."""
+def page_of(*parts, animation=None, warnings=("a warning",), title="a title"):
+    """The page of metrics, tables and an animation, as text."""
     metrics, tables = ([part for part in parts if isinstance(part, kind)] for kind in (Metric, Table))
-    contents = [part for part in parts if not isinstance(part, Metric | Table)]
     section = Section("a section", (*warnings_of("some", warnings), *metrics), tuple(tables), text="one\ntwo")
-    return as_html(Report(title, "a lead", (section,)), {"a section": contents})
-
-
-def map_with(domains, profiles):
-    """A map of ellipsoids by role."""
-    chart = map_of([*domains.values(), *profiles.values()])
-    clouds, lines = (
-        tuple(Cloud(role, role, chart.transform(points), points) for role, points in sets.items())
-        for sets in (domains, profiles)
-    )
-    return DomainMap(clouds, lines)
+    return as_html(Report(title, "a lead", (section,)), animation)

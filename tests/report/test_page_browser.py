@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pages import map_with, page_of
+from pages import page_of
 
 from maniport.report import report_of
 from maniport.report.page import write_page
@@ -14,7 +14,7 @@ from maniport.report.page.content import Animation, Body, Line, Panel, Stage
 
 @pytest.fixture(scope="module")
 def page(motion, tmp_path_factory):
-    """A page of a moving arm with ellipsoids, curves and a map, for 5.5 seconds with a pause."""
+    """A page of a moving arm with ellipsoids and curves, for 5.5 seconds with a pause."""
     time, teacher = motion(3, 60)
     target = 1.5 * teacher
     swing = np.linspace(0, 1, 60)
@@ -29,12 +29,11 @@ def page(motion, tmp_path_factory):
         time,
         stages,
         {"Ellipsoids": semi_axis_panels({"person": teacher, "target": target}, "m"), "Joints": (bend,)},
-        map_with({"person": teacher[::3], "achieved": 2 * teacher[::3]}, {"person": teacher, "target": target}),
         legend={"person": "the person's", "target": "target", "achieved": "the robot's"},
         clocks={"robot": 4.0 * time},
     )
     path = tmp_path_factory.mktemp("page") / "report.html"
-    path.write_text(page_of(animation, title="A <b>title</b>"), encoding="utf-8")
+    path.write_text(page_of(animation=animation, title="A <b>title</b>"), encoding="utf-8")
     return path
 
 
@@ -46,14 +45,14 @@ def opened(browser, page):
 
 
 def test_the_page_is_drawn_without_errors(opened):
-    counts = {".stage canvas": 2, ".chart": 4, ".map canvas": 3, "input[type=range]": 1, ".mind li": 1, ".marker": 2}
+    counts = {".stage canvas": 2, ".chart": 4, "input[type=range]": 1, ".mind li": 1}
     assert {name: opened.run(f"document.querySelectorAll('{name}').length") for name in counts} == counts
     assert opened.run("document.title") == "A <b>title</b>"
     assert opened.run("document.documentElement.dataset.error || null") is None
     assert opened.complaints == []
     assert [request[:5] for request in opened.requests] == ["file:"]
     drawn = opened.run(
-        "new Promise(done => requestAnimationFrame(() => { const player = maniport.players[0]; player.show();"
+        "new Promise(done => requestAnimationFrame(() => { const player = maniport.player; player.show();"
         " done(player.stages.map(({stage}) => { const {gl, canvas} = stage;"
         " const all = new Uint8Array(4 * canvas.width * canvas.height);"
         " gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, all);"
@@ -76,7 +75,7 @@ def test_keys_move_the_time(opened):
             time = opened.run("document.querySelector('.motion').dataset.time")
             assert float(time) == pytest.approx(4.0 / 59, abs=1e-3)
     opened.press(" ")
-    assert opened.run("maniport.players[0].playing") is False
+    assert opened.run("maniport.player.playing") is False
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark")])
@@ -94,7 +93,7 @@ def test_the_page_fits_narrow_and_dark_screens(browser, page, width, scheme, tmp
 @pytest.fixture(scope="module")
 def results(small_result, tmp_path_factory):
     path = tmp_path_factory.mktemp("first") / "report.html"
-    write_page(path, report_of(small_result), {"motion": [animation_of(small_result)]})
+    write_page(path, report_of(small_result), animation_of(small_result))
     return path
 
 
@@ -107,18 +106,18 @@ def test_the_first_screen_has_the_summary(browser, results, small_result):
     assert ends[3] < 768
     time = round(report_of(small_result).main_metrics[0].value["max_at_s"], 1) - small_result.time[0]
     browser.run("document.querySelector('.card a').click()")
-    browser.wait(f"Math.abs(maniport.players[0].now - {time}) < 1e-3")
+    browser.wait(f"Math.abs(maniport.player.now - {time}) < 1e-3")
     assert browser.complaints == []
 
 
 def test_all_arms_are_drawn_in_one_view(browser, several, tmp_path):
     animation = animation_of(several(2))
     curves = {"Distance": animation.panels["Distance and position error"]}
-    (tmp_path / "report.html").write_text(page_of(replace(animation, panels=curves)), encoding="utf-8")
+    (tmp_path / "report.html").write_text(page_of(animation=replace(animation, panels=curves)), encoding="utf-8")
     browser.dress()
     browser.open(tmp_path / "report.html")
     assert browser.complaints == []
-    low, high = (np.array(browser.run(f"maniport.players[0].bounds(maniport.players[0].motion.stages[0]).{end}"))
+    low, high = (np.array(browser.run(f"maniport.player.bounds(maniport.player.motion.stages[0]).{end}"))
                  for end in ("low", "high"))  # fmt: skip
     corners = np.concatenate([body.skeleton.reshape(-1, 3) for body in animation.stages[0].bodies])
     assert np.all(low <= corners.min(axis=0) + 1e-6)

@@ -16,9 +16,9 @@ from maniport.errors import on_the_command_line
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult
-from maniport.report import as_html, as_markdown, as_numbers, report_of
+from maniport.report import as_markdown, as_numbers, report_of
 from maniport.report.console import Console
-from maniport.report.motion import rounded_sum
+from maniport.report.metrics import rounded_sum
 from maniport.report.page import as_html as as_page
 from maniport.report.page.animation import animation_of
 from maniport.report.values import Metric, Report, Section, statistics
@@ -39,9 +39,8 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
     """Green without warnings; each assumption, omitted check and missed target is amber; red prohibits the motion."""
     report = report_of(complete)
     assert (report.warning_keys, report.status, as_numbers(report)["status"]) == ((), "green", "green")
-    assert report.summary.advice.startswith("joints.csv has the motion")
-    assert report.summary.title.startswith("Position tracked; ellipsoids tracked")
-    assert not report.summary.command
+    assert report.outcome.startswith("Position tracked; ellipsoids tracked")
+    assert not report.advice + report.command
     motion, n = complete.arm.motion, len(complete.time)
     assumed = replace(motion.limits, assumed={**motion.limits.assumed, "acceleration": motion.joint_names[:2]})
     target, achieved = (np.tile(np.diag(axes), (n, 1, 1)) for axes in ([1.0, 2.0, 4.0], [4.0, 2.0, 1.0]))
@@ -63,13 +62,12 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
         report = report_of(changed(complete, **changes))
         keys = report.warning_keys
         assert (keys[0], set(keys) <= {key, "torques-exceeded"}, report.status) == (key, True, status)
-        assert report.summary.advice.startswith("Do not execute") == (status == "red")
-        assert report.summary.advice
-        assert ("--speed-scale 0.5" in report.summary.command) == (key == "limits-exceeded")
+        assert report.advice.startswith("Do not execute") == (status == "red")
+        assert ("--speed-scale 0.5" in report.command) == (key == "limits-exceeded")
         assert key.replace("-", " ") in as_markdown(report).split("## Warnings")[0]
         assert as_numbers(report)["warnings"][0] == {"key": key, "text": report.warnings[0]}
         if key == "targets-missed":  # the sentence has the same count as the warning
-            assert f"{n - 2} of {n} waypoints reached" in report.summary.title
+            assert f"{n - 2} of {n} waypoints reached" in report.outcome
             assert f"2 of {n} waypoints are missed (ellipsoid: 2)" in report.warnings[0]
 
 
@@ -98,25 +96,25 @@ def test_the_advice_suits_a_missed_path(result, changed):
     ):
         missed = {"distance": np.zeros(n), "position_error": np.full(n, 0.05), "position_tolerance": tolerance}
         config = Config().changed(speed_scale=0.5, orientation="demonstrated")
-        summary = report_of(replace(changed(result, {"placement": own}, **missed), config=config)).summary
-        assert words in summary.command
-        assert summary.title.startswith("Position not tracked; ellipsoids tracked")
-        command = shlex.split(summary.command)
+        report = report_of(replace(changed(result, {"placement": own}, **missed), config=config))
+        assert words in report.command
+        assert report.outcome.startswith("Position not tracked; ellipsoids tracked")
+        command = shlex.split(report.command)
         for name, value in (("--config", "{folder}/run.yaml"), ("--orientation", "free")):  # a profile has no hand
             assert command[command.index(name) + 1] == value
 
 
 def test_all_renderings_have_the_same_sentences(result, changed):
-    """Terminal, Markdown, JSON, notebook and page have the summary, and the warnings in the same order."""
+    """Terminal, Markdown, JSON and page have the summary, and the warnings in the same order."""
     n, arm = len(result.time), result.arm
     missed = changed(result, {"gap": arm.gap + 1.0}, status=("ellipsoid missed",) * n)
     report, console = report_of(replace(missed, warnings=("mind <the> step & the gap",))), Console()
     console._out.file = io.StringIO()
     console.print_report(report, output="some folder")
     lines = console._out.file.getvalue().splitlines()
-    terminal, title = " ".join(" ".join(lines).split()), report.summary.title
-    page = as_page(report, {"motion": [animation_of(missed)]})
-    for rendered in (as_markdown(report), page, as_html(report)):
+    terminal, title = " ".join(" ".join(lines).split()), report.outcome
+    page = as_page(report, animation_of(missed))
+    for rendered in (as_markdown(report), page):
         text = re.sub(r"\\(?=[^\w\s])", "", html.unescape(re.sub(r"</?a\b.*?>", "", rendered)))
         at = [text.find(warning) for warning in report.warnings]
         assert min(at) >= 0
@@ -164,7 +162,7 @@ def test_metrics_without_text_are_in_json_alone():
     report = Report("t", "", (Section("s", metrics, key="k"),))
     assert as_numbers(report)["k"] == {"hidden_deg": 1}
     body = as_page(report).split("<body>")[1].split("<script>")[0]
-    assert "hidden" not in as_markdown(report) + as_html(report) + body
+    assert "hidden" not in as_markdown(report) + body
     assert "- A: b\n" in as_markdown(report)
 
 
@@ -181,7 +179,7 @@ def test_all_arms_are_reported(result, several, count):
     for name in names:
         assert {f"{name}_motion", f"{name}_placement", f"{name}_adapter", f"{name}_person"} <= set(keys)
     assert keys.count("recording") == 1
-    assert [report.summary.title.count(f"{name.capitalize()}: position") for name in names] == [1] * count
+    assert [report.outcome.count(f"{name.capitalize()}: position") for name in names] == [1] * count
     labels = [metric.label for metric in report.main_metrics]
     assert labels[:count] == [f"{name.capitalize()}: ellipsoid distance" for name in names]
     assert labels.count("Duration") == labels.count("Collisions") == 1

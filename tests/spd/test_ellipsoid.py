@@ -1,4 +1,4 @@
-"""Ellipsoids: axes, lengths, volume, condition, and the directions of axes over time."""
+"""Ellipsoids: axes, lengths, volume, condition, Mandel vectors, and the directions of axes over time."""
 
 import numpy as np
 import pytest
@@ -76,3 +76,9 @@ def test_angles_between_lines(angle, sign):
     x, y = np.eye(3)[:2]
     first, other = np.stack([x, x]), sign * np.stack([np.cos(angle) * x + np.sin(angle) * y, x])
     assert_allclose(line_angles(first, other), [angle, 0.0], rtol=1e-9, atol=1e-150)  # below, squares vanish
+
+
+def test_mandel_vectors_have_the_stated_order():
+    """Diagonal first, then the rows of the upper triangle times √2."""
+    matrix = np.array([[1.0, 4.0, 5.0], [4.0, 2.0, 6.0], [5.0, 6.0, 3.0]])
+    assert_allclose(spd.to_vector(matrix), [1, 2, 3, 4 * 2**0.5, 5 * 2**0.5, 6 * 2**0.5], rtol=1e-15)

@@ -9,7 +9,7 @@ from maniport.errors import InvalidInputError
 from maniport.report import as_markdown, report_of
 from maniport.studies import methods
 from maniport.studies.methods import EVALUATIONS, compare_methods, methods_report, methods_section, motions
-from maniport.studies.paper import known_truth, run
+from maniport.studies.paper import experiments, run
 from maniport.transfer import METHODS
 
 
@@ -37,7 +37,7 @@ def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatc
     """Only beside the experiment from human to robot, and before any work is begun otherwise refused."""
     with pytest.raises(InvalidInputError, match="methods are compared in the experiment 'human-robot'; found 'toy'"):
         run.reproduce("toy", tmp_path / "out", methods=("identity",))
-    toy = known_truth.toy(0, draws=1)
+    toy = experiments.toy(0, draws=1)
     monkeypatch.setitem(run.EXPERIMENTS, "human-robot", lambda *given, **more: toy)
     monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
     actual = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)

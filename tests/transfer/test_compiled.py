@@ -1,13 +1,12 @@
-"""What is compiled for speed says the same as its twin in NumPy."""
+"""Compiled maps of one ellipsoid equal those in NumPy."""
 
-import pickle
 import tracemalloc
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maniport import NearestNeighbor, ParallelTransport, load_adapter
+from maniport import NearestNeighbor, ParallelTransport
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 
 
@@ -17,11 +16,11 @@ def clouds(random_spd):
     return random_spd(np.random.default_rng(3), 60, 3), random_spd(np.random.default_rng(53), 70, 3)
 
 
-@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"eigenvalue_floor": 0.5}])
+@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}])
 def test_compiled_map_equals_transform_and_allocates_nothing(clouds, remedy):
     """Into a new array, one of the caller's or its own; a thousand calls leave Python's memory as it was."""
     teacher, student = clouds
-    adapter, out = ParallelTransport(**remedy).silent().fit(teacher, student), np.empty((3, 3))
+    adapter, out = ParallelTransport(**remedy).fit(teacher, student), np.empty((3, 3))
     compiled, images = adapter.compiled(), adapter.transform(teacher)
     for point, image in zip(teacher, images, strict=True):
         assert_allclose(compiled(point), image, rtol=1e-9, atol=1e-12 * np.abs(image).max())
@@ -40,38 +39,6 @@ def test_compiled_map_equals_transform_and_allocates_nothing(clouds, remedy):
         tracemalloc.stop()
 
 
-def changed_by(change, adapter, clouds, folder):
-    """Change what an adapter that has mapped before maps by, in one of the ways there are."""
-    teacher, student = clouds
-    if change == "another fit":
-        return adapter.fit(student, teacher)
-    if change == "an array in place":
-        adapter.student_mean_ *= 2.0
-    elif change == "a file":
-        adapter.save(folder / "adapter.npz")
-        return load_adapter(folder / "adapter.npz")
-    elif change == "a copy of another process":
-        adapter = pickle.loads(pickle.dumps(adapter))
-        adapter.teacher_mean_ = adapter.student_mean_
-    return adapter
-
-
-@pytest.mark.parametrize("change", ["another fit", "an array in place", "a file", "a copy of another process"])
-def test_no_map_is_used_that_the_attributes_do_not_tell(change, clouds, tmp_path):
-    """The map that is kept after a fit is that of the attributes, whatever becomes of them, and is not pickled."""
-    teacher = clouds[0]
-    adapter = ParallelTransport(damping=0.01).silent().fit(*clouds)
-    adapter.inverse_transform(adapter.transform(teacher))
-    assert "_kept" not in pickle.loads(pickle.dumps(adapter)).__dict__
-    adapter = changed_by(change, adapter, clouds, tmp_path)
-    fresh = ParallelTransport(damping=0.01).silent()
-    fresh.__dict__ |= {name: value for name, value in vars(adapter).items() if name != "_kept"}
-    for _ in range(2):
-        assert_array_equal(adapter.transform(teacher), fresh.transform(teacher))
-        assert_array_equal(adapter.inverse_transform(teacher), fresh.inverse_transform(teacher))
-        assert_allclose(adapter.compiled()(teacher[0]), fresh.transform(teacher[0]), rtol=1e-11)
-
-
 @pytest.mark.parametrize(
     ("point", "error", "words"),
     [
@@ -86,8 +53,8 @@ def test_no_map_is_used_that_the_attributes_do_not_tell(change, clouds, tmp_path
         (np.diag([1.0, -1.0, 1.0]), NotSPDError, "positive-definite"),
     ],
 )
-@pytest.mark.parametrize("remedy", [{}, {"eigenvalue_floor": 1e-3}])
-def test_compiled_map_refuses_what_it_cannot_map(clouds, point, error, words, remedy):
+@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}])
+def test_compiled_map_refuses_bad_input(clouds, point, error, words, remedy):
     """Wrong arrays and matrices that are not SPD get an error, and the output stays as it was."""
     compiled, out = ParallelTransport(**remedy).fit(*clouds).compiled(), np.full((3, 3), 7.0)
     with pytest.raises(error, match=words):

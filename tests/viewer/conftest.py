@@ -2,6 +2,7 @@
 
 import contextlib
 import threading
+from concurrent.futures import Future
 
 import numpy as np
 import pytest
@@ -11,8 +12,7 @@ from maniport import load_arm
 from maniport.arms import VELOCITY
 from maniport.domain import sample_domain
 from maniport.motion import Placement, SeedBank
-from maniport.viewer.maps import Maps
-from maniport.viewer.state import Playback, Side, ViewState
+from maniport.viewer.state import Maps, Playback, Side, ViewState
 
 
 @pytest.fixture(scope="session")
@@ -43,28 +43,28 @@ def place():
 @pytest.fixture(scope="session")
 def fitted(domains):
     maps = Maps(*domains)
-    return {name: maps.fit(name, np.eye(3)) for name in maps.names}
+    return {(name, np.eye(3).tobytes()): maps.fit(name, np.eye(3)) for name in maps.names}
 
 
 @pytest.fixture(scope="module")
 def make_state(arms, bank, domains, fitted, place):
-    """Make a state, with other maps or with a recording; its threads end with the module."""
-    with contextlib.ExitStack() as stack:
+    """Make a state, with other maps or with a recording."""
 
-        def make(maps=None, recorded=False):
-            playback = None
-            if recorded:
-                path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
-                playback = Playback(np.linspace(3.0, 5.0, 5), path)
-            if maps is None:
-                maps = Maps(*domains)
-                maps._fitted |= fitted
-            side = Side(*arms, maps, bank)
-            side.place = place
-            stack.callback(maps.close)
-            return ViewState(arms[1], [side], playback)
+    def make(maps=None, recorded=False):
+        playback = None
+        if recorded:
+            path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
+            playback = Playback(np.linspace(3.0, 5.0, 5), path)
+        if maps is None:
+            maps = Maps(*domains)
+            maps._fitted |= fitted
+            maps._last = next(iter(fitted.values()))
+        state = ViewState(arms[1], [Side(*arms, maps, bank)], playback)
+        state.places = Future()
+        state.places.set_result([place])
+        return state
 
-        yield make
+    return make
 
 
 @pytest.fixture

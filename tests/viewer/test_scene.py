@@ -2,22 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from maniport import Arm, load_arm
 from maniport.errors import FileFormatError
-from maniport.viewer.panel import from_roll_pitch_yaw, roll_pitch_yaw
 from maniport.viewer.scene import SIZE, find_surfaces, shell
-
-angles = st.lists(st.floats(-180.0, 180.0), min_size=3, max_size=3)
-
-
-@given(angles)
-def test_roll_pitch_and_yaw_give_the_rotation(angles):
-    rotation = from_roll_pitch_yaw(np.array(angles))
-    assert from_roll_pitch_yaw(roll_pitch_yaw(rotation)) == pytest.approx(rotation, abs=1e-7)
 
 
 def test_a_scaled_and_rotated_ball_is_the_ellipsoid():

@@ -7,21 +7,22 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from maniport import ParallelTransport
-from maniport.arms import load_arm, load_arms
+from maniport.arms import load_arms
 from maniport.arms.human import human_arm
 from maniport.domain import sample_domain
 from maniport.errors import ManiportError
 from maniport.motion import SeedBank
+from maniport.pipeline.config import Config
 from maniport.viewer import prepare
-from maniport.viewer.maps import LOADED, Maps
 from maniport.viewer.scene import find_surfaces
-from maniport.viewer.state import Command, Playback, Side, ViewState
+from maniport.viewer.state import LOADED, Command, Maps, Playback, Side, ViewState, in_background
 from real_robots import NEEDS_ROBOTS
 from sizes import little_search
 
 STEP = 1.0 / 30.0
 POSE = np.radians([60.0, 50.0, 0.0, 80.0, 0.0, 0.0, 0.0])
 METHOD = "parallel-transport"
+TWO = ((0.0, 0.3, 0.0, 0.0), (0.0, -0.3, 0.0, 0.0))
 BASES = np.array([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]])
 
 
@@ -45,7 +46,7 @@ def test_every_method_can_be_chosen(make_state):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
     rotation = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
     advance(state, METHOD, base_rotation=rotation)
-    assert state.sides[0].maps.settle()
+    state.sides[0].maps._fit[1].result(60.0)
     assert np.abs(advance(state, METHOD, base_rotation=rotation).target.ellipsoid - targets[METHOD]).max() > 1e-3
 
 
@@ -62,48 +63,59 @@ def test_the_robot_approaches_within_its_speed(make_state):
     assert advance(state, joints=POSE + 0.4, seconds=0.0).distance <= distances[-1] + 1e-6
 
 
-def test_the_end_effector_follows_on_request(make_state, place):
+def test_the_end_effector_follows_on_request(make_state):
     state = make_state()
-    state.sides[0].place = None
+    state.places, places = None, state.places
     frame = advance(state, follow_hand=True)
     assert frame.target.position is None
-    assert "placement" in frame.target.note
-    state.sides[0].place = place
+    assert "placement" in frame.target.notes[-1]
+    state.places = places
     for _ in range(60):
         frame = advance(state, follow_hand=True)
     assert frame.position_error < 2e-3
     assert np.linalg.norm(frame.student_skeleton[-1] - frame.target.position) == pytest.approx(frame.position_error)
 
 
-def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, domains):
-    """An adapter without damping cannot map the flat ellipsoid of a stretched arm."""
-    maps = Maps(*domains, loaded=ParallelTransport().fit(*domains), first=(LOADED,))
-    maps.names = maps._order = (LOADED,)
+def test_an_adapter_file_keeps_its_map(make_state, domains):
+    """At any base orientation; without damping it cannot map the flat ellipsoid of a stretched arm."""
+    adapter = ParallelTransport().fit(*domains)
+    maps = Maps(*domains, loaded=adapter)
     state = make_state(maps)
+    turned = maps.fit(LOADED, Rotation.from_euler("xyz", [20, -40, 70], degrees=True).as_matrix())
+    assert turned.transform(domains[0][0].copy()) == pytest.approx(adapter.transform(domains[0][0]), abs=1e-12)
     good, flat = advance(state, LOADED), advance(state, LOADED, np.zeros(7))
-    assert flat.target.note.startswith("no image")
+    assert "base orientation" in good.target.notes[0]
+    assert flat.target.notes[1].startswith("no image")
     assert flat.target.ellipsoid == pytest.approx(good.target.ellipsoid)
-    assert state.sides[0].gaps(flat.target.demonstrated) == {}
-    assert advance(state, LOADED).target.note == ""
+    assert len(advance(state, LOADED).target.notes) == 1
 
 
-def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
+def test_an_error_of_a_fit_is_raised(make_state, monkeypatch):
+    state = make_state()
+    maps = state.sides[0].maps
+    monkeypatch.setattr(maps, "fit", lambda *_: 1 / 0)
+    advance(state, base_rotation=-np.eye(3))
+    with pytest.raises(ZeroDivisionError):
+        maps._fit[1].result(60.0)
+    with pytest.raises(ZeroDivisionError):
+        advance(state, base_rotation=-np.eye(3))
+
+
+def test_the_view_begins_before_the_method_is_fitted(monkeypatch):
     gate, fit = threading.Event(), Maps.fit
     monkeypatch.setattr(Maps, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args))
     for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
         monkeypatch.setattr(prepare, name, size)
     with little_search():
-        state, method, rotation = prepare.prepare("rhuman", "panda")
-        maps = state.sides[0].maps
+        state, method, rotation = prepare.prepare(Config().changed(person="rhuman"))
         try:
             assert method == "length-field"
-            maps.begin()
             frame = advance(state, method, base_rotation=rotation, follow_hand=True)
-            assert "length-field is being fitted; the target is that of parallel-transport" in frame.target.note
+            assert "length-field is being fitted; the target is that of parallel-transport" in frame.target.notes[0]
         finally:
             gate.set()
-            maps.close()
-    assert state.sides[0].place is not None
+        assert state.places.result(60.0)[0].scale > 0
+        state.sides[0].maps._fit[1].result(60.0)
 
 
 def test_a_recording_plays_in_a_loop():
@@ -126,7 +138,7 @@ def sides_of(robot):
     """The person's arms and a robot's, on small domains."""
     for side, arm, base in zip(("left", "right"), robot.arms, BASES, strict=True):
         person = human_arm("rhuman", side)
-        maps = Maps(sample_domain(person, 128, 0), sample_domain(arm, 256, 1), first=(METHOD,))
+        maps = Maps(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
         yield Side(person, arm, maps, SeedBank(arm, 512, 0), base=base)
 
 
@@ -141,10 +153,11 @@ def test_both_arms_move_as_each_alone(pandas):
             np.testing.assert_array_equal(frame.target.ellipsoid, expected.target.ellipsoid)
             np.testing.assert_allclose(frame.student_joints, expected.student_joints, atol=1e-5)
     with little_search():
-        pair.find_place([side.teacher.sample(4, 0) for side in pair.sides], METHOD)
+        maps = [side.maps.get(METHOD, np.eye(3)) for side in pair.sides]
+        pair.places = in_background(pair.find_places, [side.teacher.sample(4, 0) for side in pair.sides], maps)
+        scales = [place.scale for place in pair.places.result()]
     left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
     hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]
-    scales = [side.place.scale for side in pair.sides]
     distance = np.linalg.norm(right.target.position - left.target.position)
     assert distance == pytest.approx(scales[0] * np.linalg.norm(hands[1] - hands[0]))
     assert scales[0] == scales[1]
@@ -168,15 +181,15 @@ def test_a_shared_torso_is_in_one_place():
 
 
 @pytest.mark.parametrize(
-    ("options", "word"),
+    ("options", "files", "word"),
     [
-        ({"side": "both", "robot": "panda"}, "two arms"),
-        ({"side": "both", "robot": load_arm("panda")}, "maniport.load_arms"),
-        ({"side": "left"}, "two arms"),
-        ({"side": "both", "adapter": "mine.npz"}, "adapter"),
-        ({"side": "both", "recording": "ladder"}, "both"),
+        ({"side": "both"}, {}, "two arms"),
+        ({"side": "left", "robot": ("panda", "panda"), "pose": TWO}, {}, "two arms"),
+        ({"pose": TWO[:1]}, {}, "two robot arms"),
+        ({"side": "both", "robot": ("panda", "panda"), "pose": TWO}, {"adapter": "mine.npz"}, "adapter"),
+        ({"side": "both", "robot": ("panda", "panda"), "pose": TWO}, {"recording": "ladder"}, "both"),
     ],
 )
-def test_options_that_make_no_pair_are_errors(options, word, pandas):
+def test_options_that_make_no_pair_are_errors(options, files, word):
     with pytest.raises(ManiportError, match=word):
-        prepare.prepare(**{"robot": pandas} | options)
+        prepare.prepare(Config().changed(**options), **files)

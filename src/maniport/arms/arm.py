@@ -2,21 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, point_mass, pose
-from maniport.arms.joint_space import Manipulable
-from maniport.arms.kinematics import DynamicsTerms, Kinematics, PointKinematics
+from maniport.arms.joint_space import JointSpace
+from maniport.arms.kinematics import Kinematics, PointKinematics
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, weighting, with_derivatives
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import Array, as_choice, as_finite, as_number, as_numbers
 
 
-class Arm(Manipulable):
+class Arm(JointSpace):
     """One kinematic chain from the base to the end effector.
 
     Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman` or `Arm.from_dh`.
@@ -57,7 +59,6 @@ class Arm(Manipulable):
         self.base, self.locked = chain.base, chain.locked
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
-        self._parts = ((1.0, self._kinematics),)
         self.geometry = Geometry(chain)
 
     @classmethod
@@ -169,8 +170,85 @@ class Arm(Manipulable):
         arm.geometry = self.geometry
         return arm
 
-    def _dynamics_terms(self, q: Array, gravity: bool, inertia: bool, changes: bool) -> DynamicsTerms | None:
-        return self._kinematics.dynamics(q, gravity, inertia, changes)
+    def forward(self, q: ArrayLike) -> Array:
+        """Compute poses of the end effector in the base frame [m], shape (..., 4, 4)."""
+        return self._motions(q, with_jacobians=False)[0]
+
+    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Return the results of `forward` and `jacobian`."""
+        return self._motions(q)[:2]
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Compute geometric Jacobians of the end effector, shape (..., 6, dof).
+
+        Rows 0 to 2: linear velocity of its origin; rows 3 to 5: angular velocity; both in the base frame.
+        """
+        return self._motions(q)[1]
+
+    def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
+        """Compute the manipulability matrices (..., d, d) of a specification; see `manipulability`."""
+        return self.posed_ellipsoids(q, spec)[1]
+
+    def posed_ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
+        """Return the results of `forward` and `ellipsoids`."""
+        poses, jacobians, _ = self._motions(q)
+        weights = weighting(spec, *self._weighted(q, spec)).shaped(poses.shape[:-2])
+        return poses, manipulability(weights.rows(jacobians, spec)[1], spec.kind)
+
+    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
+        """Return the results of `forward`, `jacobian` and `ellipsoids`, and derivatives of the latter.
+
+        Derivatives ``∂M/∂q_k`` have shape (..., dof, d, d), symmetric, in closed form; see
+        `maniport.arms.kernels.fill_derivatives`. Units are those of M per radian or meter.
+        """
+        poses, jacobians, own = self._motions(q)
+        flat, weights = jacobians.reshape(-1, 6, self.dof), weighting(spec, *self._weighted(q, spec), changes=True)
+        ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, weights)
+        ellipsoids, changes = (part.reshape(*poses.shape[:-2], *part.shape[1:]) for part in (ellipsoids, changes))
+        return poses, jacobians, ellipsoids, changes
+
+    def gravity_torques(self, q: ArrayLike) -> Array:
+        """Compute the joint torques that hold the arm against gravity, shape (..., dof) [N m] or [N].
+
+        `InvalidInputError` for an arm without masses.
+        """
+        array = self.configurations(q)
+        terms = self._kinematics.dynamics(array.reshape(-1, self.dof), inertia=False)
+        if terms is None:
+            raise InvalidInputError(f"the description of {self.name!r} has no masses")
+        return terms.gravity.reshape(array.shape)
+
+    def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
+        """Require numbers or limits, and masses where they count, for the ellipsoids of a specification."""
+        if super().checked_spec(spec).kind == "acceleration" and self._inertia_fault:
+            raise InvalidInputError(
+                f"kind 'acceleration' needs masses, and the description of {self.name!r} {self._inertia_fault}; choose "
+                "'velocity' or 'force'"
+            )
+        return spec
+
+    @cached_property
+    def _inertia_fault(self) -> str:
+        """Why the joint-space inertia cannot be inverted; empty where it can."""
+        terms = self._kinematics.dynamics(self.sample(1, 0), gravity=False)
+        if terms is None:
+            return "has none"
+        values, vectors = np.linalg.eigh(terms.inertia[0])
+        free = values[0] <= 1e-12 * values[-1]
+        return f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates" if free else ""
+
+    def _weighted(self, q: ArrayLike, spec: EllipsoidSpec) -> tuple[Kinematics, Array | None, Array]:
+        """Arguments of `weighting` for a specification at checked configurations."""
+        limits = self._limits(spec.kind) if isinstance(self.checked_spec(spec).joint_weights, str) else None
+        return self._kinematics, limits, np.asarray(q, dtype=np.float64).reshape(-1, self.dof)
+
+    def _motions(self, q: ArrayLike, with_jacobians: bool = True) -> tuple[Array, Array, Array]:
+        """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of the chain."""
+        array = self.configurations(q)
+        poses, own = self._kinematics.motion(array.reshape(-1, self.dof), with_jacobians)
+        shape, jacobians = array.shape[:-1], self._kinematics.coupled(own)
+        jacobians = jacobians.reshape(*shape, 6, self.dof) if with_jacobians else jacobians
+        return poses.reshape(*shape, 4, 4), jacobians, own
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""

@@ -1,6 +1,6 @@
 """A group of arms: chains in one frame, of one robot or of several, over the union of their joints."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import combinations
@@ -8,17 +8,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from maniport.arms.arm import Arm
 from maniport.arms.chain import Chain
-from maniport.arms.joint_space import JointSpace, Manipulable
-from maniport.arms.kinematics import DynamicsTerms, Kinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
+from maniport.arms.joint_space import JointSpace
+from maniport.arms.kinematics import Kinematics
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
 from maniport.errors import InvalidInputError, typed
 from maniport.util.validation import Array, as_choice, as_numbers
-
-FACTORS: Mapping[str, tuple[float, float]] = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}  # of both Jacobians
 
 
 class ArmGroup(JointSpace):
@@ -160,93 +157,32 @@ class ArmGroup(JointSpace):
         own = (replace(spec, joint_weights=weights[columns]) for columns in self.columns)
         return tuple(arm.checked_spec(part) for arm, part in zip(self.arms, own, strict=True))
 
-    @cached_property
-    def relative(self) -> "CooperativeArm":
-        """Motion of the second end effector relative to the first, of a group of two arms."""
-        return CooperativeArm(self, "relative")
+    def cooperative_ellipsoids(self, q: ArrayLike, kind: str = "relative", part: str = "translation") -> Array:
+        """Compute velocity ellipsoids of the relative or absolute motion of two arms, shape (..., d, d).
 
-    @cached_property
-    def absolute(self) -> "CooperativeArm":
-        """Mean motion of both end effectors, of a group of two arms."""
-        return CooperativeArm(self, "absolute")
+        With Jacobians J_1 and J_2 along the axes of the common frame, the relative motion has J_2 − J_1, and the
+        absolute one, the mean of both, ½ (J_1 + J_2). Where no joint is shared, M_r = M_1 + M_2 and M_a = ¼ M_r.
+
+        Parameters
+        ----------
+        q : array_like, shape (..., dof)
+        kind : {"relative", "absolute"}
+        part : {"translation", "rotation", "full"}
+
+        References
+        ----------
+        Uchiyama and Dauchez, ICRA 1988; Chiacchio, Chiaverini and Siciliano, J. Dyn. Syst. Meas. Control 118, 1996.
+        """
+        factors = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}[as_choice(kind, "kind", ("relative", "absolute"))]
+        if len(self) != 2:
+            raise InvalidInputError(f"cooperative ellipsoids are those of two arms; the group has {len(self)}")
+        rows = np.einsum("i,...ijk->...jk", factors, self.jacobian(q))[..., EllipsoidSpec(part=part).rows, :]
+        return manipulability(rows)
 
 
 def as_group(arm: Arm | ArmGroup) -> ArmGroup:
     """Return a group as it is and a single arm as a group of one, which has its joint names."""
     return arm if isinstance(arm, ArmGroup) else ArmGroup(arm)
-
-
-class CooperativeArm(Manipulable):
-    """The relative or the absolute motion of two end effectors, over all joints of their group.
-
-    With v_i and ω_i the velocities of the two end effectors, all along the axes of the common frame,
-
-        relative   v_r = v_2 − v_1,         ω_r = ω_2 − ω_1,         J_r = J_2 − J_1
-        absolute   v_a = ½ (v_1 + v_2),     ω_a = ½ (ω_1 + ω_2),     J_a = ½ (J_1 + J_2)
-
-    (the cooperative task space: Uchiyama & Dauchez, ICRA 1988; Chiacchio, Chiaverini & Siciliano, J. Dyn. Syst. Meas.
-    Control 118, 1996). Where no joint is shared, M_r = M_1 + M_2 and M_a = ¼ M_r. It has the methods of an arm.
-    Relative poses: the vector from the first end effector to the second, along the common axes, and the rotation of
-    the second in the frame of the first. Absolute poses: the midpoint, and the rotation halfway, undefined at 180°.
-
-    Parameters
-    ----------
-    group, kind : ArmGroup, {"relative", "absolute"}
-    pair : (int, int), optional
-        Indices of the two arms; by default those of a group of two.
-    """
-
-    def __init__(self, group: ArmGroup, kind: str, pair: tuple[int, int] | None = None):
-        limits = group.lower, group.upper, group.velocity_limits, group.effort_limits
-        super().__init__(group.name, group.joint_names, *limits, group.joint_units)
-        if pair is None and len(group) != 2:
-            raise InvalidInputError(f"pair must name two arms by index, since the group has {len(group)}; found None")
-        self.arms, self.kind, self.pair = group, as_choice(kind, "kind", FACTORS), pair or (0, 1)
-        if len(set(self.pair)) != 2 or not set(self.pair) <= set(range(len(group))):
-            raise InvalidInputError(f"pair must be two different indices below {len(group)}; found {self.pair}")
-        self.frame = f"{kind}: {', '.join(group.arms[i].frame for i in self.pair)}"
-        self.base, self.locked = group.arms[0].base, group.locked
-        self._parts = [
-            (factor, Kinematics(group.arms[i].chain, columns=[group.columns[i]], dof=group.dof))
-            for factor, i in zip(FACTORS[kind], self.pair, strict=True)
-        ]
-
-    def __repr__(self) -> str:
-        return f"CooperativeArm({self.arms!r}, {self.kind!r}, {self.pair})"
-
-    def __reduce__(self) -> tuple[type["CooperativeArm"], tuple[ArmGroup, str, tuple[int, int]]]:
-        return type(self), (self.arms, self.kind, self.pair)
-
-    def _dynamics_terms(self, q: Array, gravity: bool, inertia: bool, changes: bool) -> DynamicsTerms | None:
-        """Terms of both arms, of a shared joint those of the first; its inertia couples both, which chains omit."""
-        if inertia and self.arms.shared:
-            raise InvalidInputError(
-                "kind 'acceleration' of two arms needs arms without shared joints; found " + ", ".join(self.arms.shared)
-            )
-        n, dof = q.shape
-        result = DynamicsTerms(*(np.zeros((n, *[dof] * size)) for size in (1, 2, 2, 3)))
-        for i in sorted(self.pair, reverse=True):
-            columns = self.arms.columns[i]
-            own = self.arms.arms[i]._dynamics_terms(q[:, columns], gravity, inertia, changes)
-            if own is None:
-                return None
-            for target, part in zip(result, own, strict=True):
-                if len(part):
-                    target[np.ix_(np.arange(n), *[columns] * (target.ndim - 1))] = part
-        still = np.setdiff1d(np.arange(dof), np.concatenate([self.arms.columns[i] for i in self.pair]))
-        result.inertia[:, still, still] = 1.0  # of the other arms: any positive number makes H regular
-        return result
-
-    def _pose(self, poses: Sequence[Array]) -> Array:
-        first, second = poses
-        factors, rotation = FACTORS[self.kind], np.swapaxes(first[:, :3, :3], -1, -2) @ second[:, :3, :3]
-        result = np.zeros(first.shape)
-        result[:, :3, 3], result[:, 3, 3] = factors[0] * first[:, :3, 3] + factors[1] * second[:, :3, 3], 1.0
-        if self.kind == "absolute" and rotation.size:
-            half = Rotation.from_rotvec(0.5 * Rotation.from_matrix(rotation).as_rotvec())
-            rotation = first[:, :3, :3] @ half.as_matrix()
-        result[:, :3, :3] = rotation
-        return result
 
 
 def _joined_limits(limits: Sequence[Array | None], arms: Sequence[Arm], own: Sequence[tuple[int, int]]) -> Array | None:

@@ -23,11 +23,11 @@ the median over postures, in the weaker direction. They are rough, since strengt
 people by more than a factor of two (Nijhof and Gabriel, Journal of Biomechanics 39, 2006). Both models, and arms of all
 sizes, have the same ones.
 
-The body height alone gives the length of a person's segments. Upper arm and forearm are those of men by P. de Leva
-(Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between centers of
-joints as in the models: 281.7 and 268.9 mm of 1741 mm. The hand is 0.108 of the height from the wrist to the tip of the
-middle finger (R. Drillis, R. Contini, Body segment parameters, New York University, 1966), times 55.3 / 174.1: the
-distances of the middle of the third metacarpal and of that tip from the wrist in MyoSim's hand [mm].
+`FRACTIONS` are lengths of segments as fractions of the body height. Upper arm and forearm are those of men by P. de
+Leva (Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between
+centers of joints as in the models: 281.7 and 268.9 mm of 1741 mm. The hand is 0.108 of the height from the wrist to the
+tip of the middle finger (R. Drillis, R. Contini, Body segment parameters, New York University, 1966), times 55.3 /
+174.1: the distances of the middle of the third metacarpal and of that tip from the wrist in MyoSim's hand [mm].
 """
 
 from collections.abc import Callable, Mapping
@@ -150,36 +150,16 @@ PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}
 four frames above."""
 
 
-def human_arm(
-    name: str, side: str = RIGHT, height: float | None = None, lengths: Mapping[str, float] | None = None
-) -> Arm:
+def human_arm(name: str, side: str = RIGHT, lengths: Mapping[str, float] | None = None) -> Arm:
     """Build an arm of a person; the left arm is the mirror image of the right one.
 
-    `height` [m] scales the segments ``"upper arm"``, ``"forearm"`` and ``"hand"`` that are not in `lengths` [m].
+    `lengths` [m] are those of the segments ``"upper arm"``, ``"forearm"`` and ``"hand"``; the model has the others.
     """
     as_choice(name, "person", PERSONS)
     as_choice(side, "side", SIDES)
-    tall, lengths_by_segment = as_height(height), dict(lengths or {})
-    if tall is not None:
-        lengths_by_segment = {segment: segment_length(segment, tall) for segment in FRACTIONS} | lengths_by_segment
-    arm = PERSONS[name](**{segment.replace(" ", "_"): length for segment, length in lengths_by_segment.items()})
+    arm = PERSONS[name](**{segment.replace(" ", "_"): length for segment, length in (lengths or {}).items()})
     chain = arm.chain if arm.side in SIDES else replace(arm.chain, side=RIGHT)
     return Arm(chain if chain.side == side else mirrored(chain))
-
-
-def as_height(value: float | None) -> float | None:
-    """Check a body height [m]; None stays None."""
-    return None if value is None else as_number(value, "height [m]", minimum=1.0, maximum=2.5)
-
-
-def segment_length(segment: str, height: float) -> float:
-    """Return the length of a segment [m] for a body height [m]."""
-    return FRACTIONS[segment] * height
-
-
-def adult_range(segment: str) -> tuple[float, float]:
-    """Return the range of a segment [m] of adults of 1.4 to 2.1 m, with individual differences of 15 %."""
-    return 0.85 * segment_length(segment, 1.4), 1.15 * segment_length(segment, 2.1)
 
 
 def middle_of(arm: Arm) -> float:

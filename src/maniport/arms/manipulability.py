@@ -11,14 +11,13 @@ hold velocities, forces and accelerations of the end effector (Yoshikawa 1985); 
 moves the center of the ellipsoid of acceleration only, which is left out.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from maniport.arms.kinematics import Kinematics
 from maniport.errors import NotSPDError
 from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_numbers
 
@@ -34,6 +33,8 @@ UNITS = {
 """Units of semi-axes by kind: of translation, of rotation, and what follows without joint weights."""
 
 JOINT_LIMITS = "joint-limits"  # joint weights: the limits of the arm
+
+LEAST_TORQUE = 0.05  # smallest share of an effort limit that gravity leaves, so that ellipsoids stay defined
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,34 @@ class Weighting(NamedTuple):
         return rows, rows if self.scale is None else np.asarray(rows * self.scale[..., None, :])
 
 
+def weighting(
+    spec: EllipsoidSpec, kinematics: Kinematics, limits: Array | None, q: Array, changes: bool = False
+) -> Weighting:
+    """Weights of the joints at configurations (n, dof), and derivatives where `changes` is set.
+
+    `limits` (dof,) are those of the joints where these are the weights. Accelerations need masses.
+    """
+    scale, slopes = limits, None
+    if limits is None and spec.joint_weights is not None:
+        scale = np.array(spec.joint_weights, dtype=np.float64)
+    if spec.kind == "velocity":
+        return Weighting(scale)
+    accelerated, terms = spec.kind == "acceleration", None
+    if limits is not None or accelerated:
+        terms = kinematics.dynamics(q, gravity=limits is not None, inertia=accelerated, changes=changes)
+    if limits is not None and terms is not None:
+        held = np.abs(terms.gravity)
+        scale = np.maximum(limits - held, LEAST_TORQUE * limits)
+        if changes:
+            slopes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
+            slopes[scale > limits - held] = 0.0
+            slopes *= scale[..., None] if accelerated else -(scale[..., None] ** -3)
+    if not accelerated:
+        return Weighting(None if scale is None else 1.0 / scale, slopes)
+    assert terms is not None  # of an arm with masses
+    return Weighting(scale, slopes, terms.inertia, terms.inertia_changes if changes else None)
+
+
 def manipulability(rows: Array, kind: str = "velocity") -> Array:
     """Compute the manipulability matrices (..., d, d) of weighted rows J W of Jacobians, shape (..., d, dof)."""
     if kind != "force":
@@ -171,32 +200,25 @@ def principal_axes(rows: Array, kind: str = "velocity") -> tuple[Array, Array]:
 
 
 def with_derivatives(
-    jacobian: Array,
-    chains: Sequence[tuple[float, Array, Array]],
-    spec: EllipsoidSpec = VELOCITY,
-    weighting: Weighting = Weighting(),  # noqa: B008  # immutable
+    jacobian: Array, of_joints: Array, coupling: Array, spec: EllipsoidSpec, weights: Weighting
 ) -> tuple[Array, Array]:
     """Return manipulability matrices (n, d, d) and their derivatives (n, dof, d, d) in the degrees of freedom.
 
-    The Jacobian, shape (n, 6, dof), is a sum over chains: their factors, Jacobians in their joints, and couplings.
+    Jacobians (n, 6, dof) are those in the joints, (n, 6, joints), times the coupling.
     """
     from maniport.arms.kernels import add_weight_changes, fill_derivatives  # here: Numba takes its time
 
     # Numba compiles once more for arrays that are not contiguous
-    plain, rows = (np.ascontiguousarray(own) for own in weighting.rows(jacobian, spec))
-    weighted = rows if weighting.scale is None else rows * weighting.scale[..., None, :]
-    if weighting.inertia is not None:
-        solved = np.linalg.solve(weighting.inertia, np.swapaxes(weighted, -1, -2))
+    plain, rows = (np.ascontiguousarray(own) for own in weights.rows(jacobian, spec))
+    weighted = rows if weights.scale is None else rows * weights.scale[..., None, :]
+    if weights.inertia is not None:
+        solved = np.linalg.solve(weights.inertia, np.swapaxes(weighted, -1, -2))
         weighted = np.ascontiguousarray(np.swapaxes(solved, -1, -2))
-    (n, d, dof), changes = rows.shape, []
-    ellipsoids = np.empty((n, d, d))
-    for factor, of_joints, coupling in chains:
-        change = np.empty((n, dof, d, d))
-        arrays = np.ascontiguousarray(of_joints), rows, np.ascontiguousarray(coupling), weighted
-        fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, change)
-        changes.append(change if factor == 1.0 else np.multiply(factor, change, out=change))
-    results = reduce(np.add, changes)
-    of_scale, of_inertia = weighting.scale_changes, weighting.inertia_changes
+    n, d, dof = rows.shape
+    ellipsoids, results = np.empty((n, d, d)), np.empty((n, dof, d, d))
+    arrays = np.ascontiguousarray(of_joints), rows, np.ascontiguousarray(coupling), weighted
+    fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, results)
+    of_scale, of_inertia = weights.scale_changes, weights.inertia_changes
     if of_scale is not None or of_inertia is not None:
         of_scale = np.empty((0, dof, dof)) if of_scale is None else of_scale
         of_inertia = np.empty((0, dof, dof, dof)) if of_inertia is None else of_inertia

@@ -18,7 +18,6 @@ from joblib.externals.loky import ProcessPoolExecutor
 from maniport.errors import ManiportError
 from maniport.util.optional import distributed, ray
 from maniport.util.signals import end_with_parent
-from maniport.version import __version__
 
 T = TypeVar("T")
 Work = Callable[[Any], Any]
@@ -117,13 +116,6 @@ def _processes(width: int) -> Iterator[Executor]:
 def _dask(address: str, patience: float = 60.0) -> Iterator[Executor]:
     """Workers of a Dask cluster; `patience` is how long it may have none, since they may have to be started [s]."""
     with _client(address) as client:
-        try:
-            there = client.submit(worker_version, pure=False).result(timeout=patience)
-        except Exception as error:  # noqa: BLE001  whatever keeps a worker from it, it would keep it from all tasks
-            reason = f"no answer within {patience:g} s" if isinstance(error, distributed().TimeoutError) else str(error)
-            raise ManiportError(f"workers of the Dask scheduler at {address!r} failed: {reason}") from None
-        if there != __version__:
-            raise ManiportError(f"workers of {address!r} have maniport {there}; here it is {__version__}")
         yield dask_executor(client, patience)
 
 
@@ -155,11 +147,6 @@ def _client(address: str, timeout: float = 10.0) -> Any:
         return connected.result(2 * timeout)
     except (OSError, ValueError, TypeError) as error:  # `TimeoutError` is an `OSError`
         raise ManiportError(f"cannot connect to the Dask scheduler at {address!r}: {str(error) or 'timeout'}") from None
-
-
-def worker_version() -> str:
-    """Return the version of maniport of a worker."""
-    return __version__
 
 
 @contextmanager

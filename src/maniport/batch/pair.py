@@ -22,7 +22,7 @@ from maniport.pipeline import stages
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.transfer import collected_warnings
 from maniport.pipeline.values import FittedMap, Human, SampledRobot, targets_of
-from maniport.report.metrics import report_of
+from maniport.report.values import report_of
 from maniport.report.write import RUN_FILES, export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole

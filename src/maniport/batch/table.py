@@ -7,8 +7,6 @@ from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from maniport.errors import MissingPackageError, as_text
 from maniport.report.metrics import METRICS as MOTION_METRICS
 from maniport.report.renderings import PAGE as REPORT
@@ -36,12 +34,11 @@ METRICS = (
     *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
-    *(f"motion.{name}" for name in ("pointwise_ratio", "waypoints.missed", "waypoints.count", "jumps.points",
+    *(f"motion.{name}" for name in ("pointwise_ratio", "waypoints.missed", "waypoints.count",
                                     "duration_s.robot", "duration_s.person")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "base_orientation.tilt_deg", "base_orientation.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
-    *(f"adapter.{name}" for name in ("dimension", "cost_start", "cost", "iterations", "converged",
-                                     "teacher_dispersion", "student_dispersion", "dispersion_ratio")),
+    *(f"adapter.{name}" for name in ("cost", "iterations", "converged", "dispersion_ratio")),
     *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "moved", "step", "rank_correlation", "turn",
                                             "singular_value", "near_singular")),
     "person.frames",
@@ -61,18 +58,19 @@ PAGE = "index.html"
 
 def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()) -> dict[str, Any]:
     """Return the row of a pair that is done; of several arms with names, the largest of each number."""
-    numbers, summary = as_numbers(report), report.summary
+    numbers = as_numbers(report)
     row = {
         **_empty_row(recording, robot, DONE),
         "warnings": "\n".join(report.warnings),
         "warning_keys": " ".join(report.warning_keys),
         "folder": folder,
         "status": report.status,
-        "verdict": "" if summary is None else summary.title,
+        "verdict": report.outcome,
     }
     for name in METRICS:
-        values = [_number(numbers, key) for key in (name, *(f"{arm}_{name}" for arm in arms))]
-        row[name] = values[0] if values[0] is not None else max((v for v in values if v is not None), default=None)
+        of_all = name.replace("motion.", "arms.")
+        values = [_number(numbers, key) for key in (name, of_all, *(f"{arm}_{name}" for arm in arms))]
+        row[name] = max((value for value in values if value is not None), default=None)
     return row
 
 
@@ -153,7 +151,6 @@ PAGE_METRICS = (
     Metric("motion.duration_s.robot", f"{MOTION_METRICS['duration'].label} [s]", 1),
     Metric(COMPUTING, "Computing time [s]", 1),
 )  # fmt: skip
-"""The page sorts pairs by the first, and shows its distribution."""
 
 
 def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence[str], pages: bool) -> None:
@@ -162,10 +159,7 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
 
     from maniport.report.page import document
 
-    first = PAGE_METRICS[0].column
     done = [row for row in rows if row["state"] != FAILED]
-    ranked = sorted((row for row in done if row.get(first) is not None), key=lambda row: float(row[first]))
-    few = min(5, len(ranked) // 2)
     warned = dict[str, list[Row]]()
     for row in done:
         for warning in filter(None, row["warnings"].split("\n")):
@@ -182,8 +176,6 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
         tables=tables,
         file=REPORT if pages else SUMMARIES[0],
         metrics=PAGE_METRICS,
-        distributions=_distributions(ranked, first),
-        ends=[("Best", ranked[:few]), ("Worst", ranked[::-1][:few])] if few else [],
         failures=failures(rows),
         warnings=sorted(warned.items(), key=lambda item: -len(item[1])),
     )
@@ -191,16 +183,3 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
     script, style = (assets.joinpath(f"overview.{kind}").read_text(encoding="utf-8") for kind in ("js", "css"))
     with written_whole(path) as temporary:
         temporary.write_text(document(title, body, script, style), encoding="utf-8")
-
-
-def _distributions(rows: Sequence[Row], column: str, bins: int = 24) -> list[dict[str, Any]]:
-    """Return a histogram of a column for each robot, all on one scale."""
-    largest = max((row[column] for row in rows), default=0.0) or 1.0
-    histograms = []
-    for robot in dict.fromkeys(row["robot"] for row in rows):
-        values = np.array([row[column] for row in rows if row["robot"] == robot])
-        counts, _ = np.histogram(values, bins, (0.0, largest))
-        summary = {"median": float(np.median(values)), "min": values.min(), "max": values.max()}
-        bars = {"bars": (100.0 * counts / counts.max()).tolist(), "bins": bins, "largest": largest}
-        histograms.append({"robot": robot, "motions": len(values), **summary, **bars})
-    return histograms

@@ -5,19 +5,19 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import wraps
+from math import degrees, inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
-from maniport.cli.positions import in_si_units
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.pipeline.option import Option
 from maniport.pipeline.options import RobotOptions
 from maniport.report.console import Console
-from maniport.util.defaults import RECORDINGS
+from maniport.util.defaults import BOTH, RECORDINGS
 from maniport.version import __version__
 
 UsageError: Any = typer.BadParameter.__base__  # Typer has no public name for it
@@ -186,6 +186,57 @@ def _annotation(option: Option, usual: Config) -> Any:
         autocompletion=(lambda: list(option.choices)) if option.choices else None,
     )
     return Annotated[kind | None, settings]
+
+
+def in_si_units(config: Config, typed: dict[str, Any]) -> Config:
+    """Convert `lock` and `home`, where they were typed, to rad or m; this loads the robot."""
+    if typed.get("lock"):
+        joints = _joints(config)  # those that the robot lacks are refused when it is loaded
+        lock = {name: _position("--lock", name, value, *joints.get(name, ("", -inf, inf)))
+                for name, value in typed["lock"].items()}  # fmt: skip
+        config = config.changed(lock=lock)
+    if typed.get("home") is not None:
+        from maniport.motion import MotionLimits
+
+        arm = config.robot.load(config.human.side == BOTH)
+        arm = MotionLimits.of(arm, config.motion.limits, config.motion.joint_limit_margin).arm
+        if len(typed["home"]) != arm.dof:
+            names = ", ".join(arm.joint_names)
+            raise InvalidInputError(f"--home must have {arm.dof} numbers, for {names}; found {len(typed['home'])}")
+        rows = zip(arm.joint_names, typed["home"], arm.joint_units, arm.lower, arm.upper, strict=True)
+        config = config.changed(home=tuple(_position("--home", *row) for row in rows))
+    return config
+
+
+def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
+    """Return unit, lower and upper limit of all joints by name, also of those that do not move."""
+    options, both = config.robot, config.human.side == BOTH
+    if not (both or options.several):
+        from maniport.arms.loaders import read_arm
+
+        frame = options.frame[0] if options.frame else None
+        chain = read_arm(options.robot[0], frame, options.joints or None, options.base)
+        return dict(zip(chain.coordinates, zip(chain.units, chain.lower, chain.upper, strict=True), strict=True))
+    group = replace(options, lock=None).load(both)
+    return {
+        name: (unit, low, high)
+        for arm in (*group.arms, group)  # a name that several robots have is that of all these joints
+        for name, unit, low, high in zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, strict=True)
+    }
+
+
+def _position(
+    option: str, name: str, value: float, unit: str, low: float, high: float, rounding: float = 5e-3
+) -> float:
+    """Convert a position from degrees if the unit is rad; a limit that was rounded as printed counts as the limit."""
+    turns = unit == "rad"
+    least, most = (degrees(low), degrees(high)) if turns else (low, high)
+    if isfinite(least) and not least - rounding <= value <= most + rounding:
+        sign = "°" if turns else " m"
+        raise InvalidInputError(
+            f"{option}: {name} is {value:g}{sign}; allowed are {least:.2f}{sign} to {most:.2f}{sign}, with the margin"
+        )
+    return min(max(radians(value) if turns else value, float(low)), float(high))
 
 
 def optional_robot(config: Config, both: bool = False) -> Any:

@@ -10,8 +10,8 @@ from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robo
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import report_of
 from maniport.report.renderings import as_numbers, write_report
+from maniport.report.values import report_of
 from maniport.util.defaults import AUTO
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
@@ -22,7 +22,7 @@ CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
 
 
-@command(*CHAIN, "side", "height", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
+@command(*CHAIN, "side", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
          example="maniport domain panda -n 16384 -o panda.npz")  # fmt: skip
 def domain(
     config: Config,
@@ -30,7 +30,6 @@ def domain(
     arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
     output: EllipsoidFile,
     n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
-    sequence: Annotated[str, typer.Option(help="Joint samples: sobol or uniform.")] = "sobol",
 ) -> None:
     """Sample the ellipsoids of an arm within its joint limits."""
     from maniport.domain import sample_domain
@@ -38,8 +37,8 @@ def domain(
 
     require_suffix(output, ".npz")
     human, spec = config.human, config.transfer.spec
-    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side, human.height)
-    ellipsoids = sample_domain(body, n, config.seed, sequence, spec)
+    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side)
+    ellipsoids = sample_domain(body, n, config.seed, spec=spec)
     save_ellipsoids(output, ellipsoids)
     console.finish(
         {"arm": body.name, "frame": body.frame, "ellipsoids": len(ellipsoids), "output": str(output)},
@@ -118,12 +117,9 @@ def evaluate(
     student: StudentDomain,
     profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Report, .md or .json.")] = None,
-    person: Annotated[str | None, typer.Option("--person", help="The teacher's arm, for new samples.")] = None,
-    truth: Annotated[Path | None, typer.Option("--truth", help="True images of the profile, .npz.")] = None,
     methods: Methods = None,
 ) -> None:
     """Compare a fitted adapter with baselines."""
-    from maniport.arms import load_arm
     from maniport.evaluation import evaluate
     from maniport.evaluation.summary import BASELINES
     from maniport.transfer import load_adapter
@@ -135,9 +131,8 @@ def evaluate(
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
     with console.progress() as progress:
         evaluation = evaluate(
-            fitted, *sets, robot=arm, person=None if person is None else load_arm(person),
-            truth=None if truth is None else load_ellipsoids(truth)[0], spec=config.transfer.spec,
-            rows=_rows(methods) or BASELINES, random_state=config.seed, progress=progress,
+            fitted, *sets, robot=arm, spec=config.transfer.spec, rows=_rows(methods) or BASELINES,
+            random_state=config.seed, progress=progress,
         )  # fmt: skip
     report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
     if output is not None:
@@ -152,16 +147,13 @@ def reproduce(
     which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-paper"),
     methods: Methods = None,
-    figures: Annotated[bool, typer.Option("--figures", help="Also draw the figures.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Repeat the paper's experiments."""
     from maniport.studies.paper.run import reproduce
 
     with console.progress() as progress:
-        result = reproduce(
-            which, output, config.seed, progress, methods=_rows(methods), figures=figures, overwrite=overwrite
-        )
+        result = reproduce(which, output, config.seed, progress, methods=_rows(methods), overwrite=overwrite)
     console.print_report(report_of(result), output=str(output))
 
 

@@ -1,5 +1,6 @@
 """Commands on names and files: describe them, and draw the figures of a result."""
 
+import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -8,18 +9,18 @@ from typing import Annotated, Any
 import typer
 
 from maniport.cli.application import command
-from maniport.errors import InvalidInputError, UnknownNameError
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, printable
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import report_of
-from maniport.report.renderings import PAGE, SUMMARY
-from maniport.report.values import Metric, Report, Section, numbers, warning
+from maniport.report.renderings import SUMMARY
+from maniport.report.values import Metric, Report, Section, numbers, report_of
 from maniport.report.values import info as info_metric
 from maniport.util.defaults import AUTO, RECORDINGS
+from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 
 
 @command(
-    *("unit", "fps", "start", "stop", "markers", "side", "height"),
+    *("unit", "fps", "start", "stop", "markers", "side"),
     *("frame", "joints", "base", "lock", "mesh_folders"),
     example="maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json",
 )
@@ -31,7 +32,18 @@ def info(
     ],
 ) -> None:
     """Describe an arm, a recording, ellipsoids or results."""
-    console.print_report(_description(what, config))
+    files = [Path(what) / name for name in (SUMMARY, "summary.md")]
+    if not all(file.is_file() for file in files):
+        console.print_report(_description(what, config))
+        return
+    for section in ("human", "robot"):
+        _require_none(config, section, f"{what!r} is a folder of results")
+    data, text = (read_whole(file, (), KEYPOINTS_BYTES).decode("utf-8", "replace") for file in files)
+    try:
+        values = dict(json.loads(data))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise FileFormatError(f"{files[0]}: is no summary of a run: {error}") from None
+    console.finish(values, "\n".join(map(printable, text.splitlines())), markdown=True)
 
 
 @command(example="maniport figures maniport-demo -o paper/figures")
@@ -54,10 +66,6 @@ def figures(
 
 def _description(what: str, config: Config) -> Report:
     """Describe the thing with a name or a path."""
-    if all((Path(what) / name).is_file() for name in (SUMMARY, PAGE)):
-        _require_none(config, "human", f"{what!r} is a folder of results")
-        _require_none(config, "robot", f"{what!r} is a folder of results")
-        return _of_results(Path(what))
     if _is_recording(what):
         _require_none(config, "robot", f"{what!r} is a recording")
         from maniport.report.recording import recording_report
@@ -68,8 +76,7 @@ def _description(what: str, config: Config) -> Report:
         return recording_report(
             human.read(what), human.roles(), human.side, command=f"{shlex.quote(what)} {words}".strip()
         )
-    recording = config.changed(side=AUTO, height=None)
-    _require_none(recording, "human", f"{what!r} is no recording")
+    _require_none(config.changed(side=AUTO), "human", f"{what!r} is no recording")
     if Path(what).suffix.lower() != ".npz":
         return _of_robot(what, config)
     _require_none(config, "robot", f"{what!r} holds arrays")
@@ -118,7 +125,7 @@ def _of_robot(what: str, config: Config) -> Report:
     robot = replace(config.robot, robot=(what,))
     if limbs and default is None and not robot.frame and not robot.joints:
         return robot_report(what, limbs, None)
-    arm: Any = robot.load_arm(config.human.side, config.human.height)
+    arm: Any = robot.load_arm(config.human.side)
     return robot_report(what, limbs, arm)
 
 
@@ -143,25 +150,3 @@ def _of_arrays(path: str) -> Report:
         seconds = round(float(time[-1] - time[0]), 3)
         metrics.append(Metric("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
     return Report(path, "", (Section("", tuple(metrics), key="path" if is_path else "ellipsoids"),))
-
-
-def _of_results(folder: Path) -> Report:
-    """Report the summary of a run, its warnings, and where its page is."""
-    import json
-
-    from maniport.errors import FileFormatError
-    from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
-
-    file = folder / SUMMARY
-    text = read_whole(file, (), KEYPOINTS_BYTES)
-    try:
-        summary = json.loads(text)
-        title, outcome = summary["title"], summary.get("summary", {})
-        lead = " ".join(outcome[key] for key in ("title", "text") if outcome.get(key))
-        status = str(summary.get("status") or "")
-        quality_warnings = tuple(warning(str(e["key"]), str(e["text"])) for e in summary.get("warnings", []))
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-        raise FileFormatError(f"{file}: is no summary of a run: {error}") from None
-    page = str(folder / PAGE)
-    facts = Metric("Status", status, key="status", value=status), Metric("Page", page, key="page", value=page)
-    return Report(str(title), lead, (Section("", facts),), data_warnings=quality_warnings)

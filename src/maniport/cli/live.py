@@ -16,7 +16,6 @@ from maniport.cli.application import RECORDING, command
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.util.defaults import BOTH
 from maniport.util.optional import how_to_install
 from maniport.util.ports import LOOPBACK, is_loopback
 from maniport.util.signals import ending_in_order
@@ -62,8 +61,8 @@ def live(
     from maniport.live.serving import Server
     from maniport.pipeline.transfer import settings_of, transfer_recording
 
-    if simulate and (no_drop or (udp, send) != (None, None)):
-        raise InvalidInputError("--simulate takes the frames of the recording; leave out --udp, --send and --no-drop")
+    if simulate and (no_drop or (udp, host, send) != (None, LOOPBACK, None)):
+        raise InvalidInputError("--simulate takes the frames of the recording; leave out all options of the transport")
     with console.progress() as progress:
         settings = settings_of(config, progress)
         transport = (
@@ -75,7 +74,7 @@ def live(
         result = transfer_recording(motion, settings)
         follower = Live.of(result, progress=progress, clock=None if transport is None else monotonic)
     if transport is None:
-        _simulate(console, follower, result.arms[0].fit.arm, motion, host)
+        _simulate(console, follower, result.arms[0].fit.arm, motion)
         return
     if udp is not None and not is_loopback(host):
         console.warn("the port accepts frames from other machines, which can move the robot")
@@ -92,7 +91,7 @@ def live(
         console.warn("most frames were skipped, since they arrived faster than recorded; --no-drop processes all")
 
 
-def _simulate(console: Console, live: "Live", person: "Arm", recording: "Recording", host: str) -> None:
+def _simulate(console: Console, live: "Live", person: "Arm", recording: "Recording") -> None:
     """Play a recording to a simulated robot: again and again in the 3D view until Ctrl-C, or once without it."""
     from importlib.util import find_spec
 
@@ -105,7 +104,7 @@ def _simulate(console: Console, live: "Live", person: "Arm", recording: "Recordi
     else:
         from maniport.viewer.server import Onlooker
 
-        page = Onlooker(person, live.robot, host)
+        page = Onlooker(person, live.robot)
         console.print(f"{page.url}  (Ctrl-C ends it)")
     stop, begin, pause = threading.Event(), monotonic(), 1.0
     try:
@@ -145,7 +144,7 @@ def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
 
 
 @command(
-    "person", "side", "height", "robot", "base_rotation", "seed",
+    "person", "side", "robot", "base_rotation", "seed",
     without=("payload", "payload_center", "hand_targets"),
     example="maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf",
 )  # fmt: skip
@@ -154,8 +153,7 @@ def view(
     console: Console,
     recording: Annotated[Path | None, typer.Option("--recording", help=RECORDING)] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter, .npz.")] = None,
-    host: Annotated[str, typer.Option(help="Address; other addresses open the page to the network.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port; 0: a free one.")] = 0,
+    port: Annotated[int, typer.Option(help="Port of this machine; 0: a free one.")] = 0,
 ) -> None:
     """Open an interactive 3D view in the browser; Ctrl-C ends it."""
     from maniport.util.optional import viser
@@ -163,17 +161,9 @@ def view(
     from maniport.viewer.server import LiveView, require_free
 
     viser()  # a missing package is reported before any long work
-    require_free(host, port)
-    human, turned = config.human, config.transfer.base_rotation != Config().transfer.base_rotation
+    require_free(port)
     with console.progress() as progress:
-        state, method, turn = prepare(
-            human.person, config.robot.load(human.side == BOTH), recording=recording, side=human.side,
-            height=human.height, adapter=adapter, base_rotation=config.transfer.rotation if turned else None,
-            random_state=config.seed, progress=progress,
-        )  # fmt: skip
-        page = LiveView(state, method, turn, host, port)
-    if not is_loopback(host):
-        console.warn("the page is open to other machines: whoever has its address can see and move the arms")
+        page = LiveView(*prepare(config, recording, adapter, progress), port)
     if page.no_surface:
         console.warn(f"the robot is drawn as a skeleton: {page.no_surface}")
     stop = threading.Event()

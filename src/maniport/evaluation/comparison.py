@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.arms.joint_space import Manipulable
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.metrics import STILL, distance_preservation, identity_test, rmse, smoothness
@@ -54,13 +53,13 @@ def with_feasible_set(
 def baselines_for(adapter: DomainAdapter, rows: Sequence[str | DomainAdapter] = BASELINES) -> dict[str, DomainAdapter]:
     """Make unfitted baselines with the adapter's regularization and base_rotation, without the adapter's own method."""
     parameters = adapter.get_params(deep=False)
-    shared: dict[str, Any] = {key: parameters.get(key) for key in ("damping", "eigenvalue_floor", "base_rotation")}
+    shared: dict[str, Any] = {key: parameters.get(key) for key in ("damping", "base_rotation")}
     baselines = {}
     for row in rows:
         baseline = method_of(row, **shared)
         own = baseline.get_params(deep=False)
-        if any(own.get(key) != shared[key] for key in ("damping", "eigenvalue_floor")):
-            raise InvalidInputError(f"rows must have the adapter's damping and eigenvalue_floor; found {row!r}")
+        if own.get("damping") != shared["damping"]:
+            raise InvalidInputError(f"rows must have the adapter's damping; found {row!r}")
         if not isinstance(baseline, type(adapter)):
             baselines[name_of(baseline)] = baseline
     return baselines
@@ -117,7 +116,7 @@ def evaluate(
         When the adapter is not fitted, or an input cannot be used.
     """
     for what, arm in (("robot", robot), ("person", person)):
-        if arm is not None and not isinstance(arm, Manipulable):
+        if arm is not None and not isinstance(arm, Arm):
             raise InvalidInputError(f"{what} must be an Arm, such as maniport.load_arm('panda'); found {arm!r}")
     if not isinstance(adapter, DomainAdapter):
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
@@ -157,9 +156,7 @@ def evaluate(
                 failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
             )
         measured.append(replace(result, warnings=tuple(dict.fromkeys(str(warning.message) for warning in caught))))
-    identifiability = getattr(adapter, "identifiability_", None)
-    fit = [str(adapter.stop_reason_), *([identifiability.in_words()] if identifiability else [])]
-    measured[0] = replace(measured[0], note="; ".join(fit))
+    measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
     if robot is not None:
         search = {"spec": spec, "bank": bank, "n_starts": n_starts}
         measured = _with_gaps(measured, images, robot, len(demonstrated), adapter.student_regularization, **search)
@@ -169,7 +166,7 @@ def evaluate(
     settings = {
         "profile": f"{len(demonstrated)} ellipsoids{gaps}",
         "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
-        "regularization": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
+        "regularization": str(Regularization(adapter.damping)),
         "further samples": f"{len(probes)}, {held_out}",
         "identity test": f"{' and '.join(str(len(samples)) for samples in same)} ellipsoids" if same else "none",
         "seed": random_state if isinstance(random_state, int) else "none",
@@ -247,15 +244,11 @@ def select_method(
 def _with_gaps(
     rows: Sequence[Row], images: Sequence[Array], robot: Arm, count: int, own: Regularization, **search: Any
 ) -> list[Row]:
-    """Search the feasibility gaps of the images of all methods at once: of `count` ellipsoids of a profile, and probes.
-
-    A floor has no derivative: instead the search adds it to all eigenvalues.
-    """
+    """Search the feasibility gaps of all images: of `count` ellipsoids of a profile, and of probes."""
     along = evenly_spaced(count, GAP_POINTS)
     targets = np.concatenate([mapped[np.r_[along, count : len(mapped)]] for mapped in images])
     ellipsoids, inverse = np.unique(targets, axis=0, return_inverse=True)
-    damping = own if own.eigenvalue_floor is None else Regularization.absolute(own.eigenvalue_floor)
-    distances = nearest_feasible(robot, ellipsoids, damping=damping, **search).distance
+    distances = nearest_feasible(robot, ellipsoids, damping=own, **search).distance
     results = []
     for row, gaps in zip(rows, distances[inverse.ravel()].reshape(len(rows), -1), strict=True):
         profile, domain = np.split(gaps, [len(along)])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError
+from maniport.estimator import clone
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
@@ -170,7 +171,7 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
     Parameters
     ----------
     adapter : DomainAdapter
-        Only its parameters are used. A known base orientation becomes the identity, and known pairs are left out.
+        Only its parameters are used. A known base orientation becomes the identity.
     first, second : array_like, shapes (n, d, d) and (m, d, d)
         Two disjoint sets of samples of the student's domain: teacher and student of the test.
 
@@ -179,13 +180,12 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
     float
         Root mean squared distance from each of `first` to its image; sampling noise keeps it above zero.
     """
-    clone: Any = adapter.silent()
-    own = {"base_rotation": np.eye(as_finite(first, "first").shape[-1]), "pairs": None}
-    parameters = clone.get_params(deep=False)
-    clone.set_params(**{key: value for key, value in own.items() if parameters.get(key) is not None})
+    fitted: Any = clone(adapter)
+    if fitted.base_rotation is not None:
+        fitted.set_params(base_rotation=np.eye(as_finite(first, "first").shape[-1]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IdentifiabilityWarning)
-        changes = clone.fit(first, second).errors(first, first)
+        changes = fitted.fit(first, second).errors(first, first)
     return float(np.sqrt(np.mean(changes**2)))
 
 

@@ -50,7 +50,7 @@ class ArmFit(NotebookDisplay):
     reasons : tuple of str
         For each unobservable joint the cause and the treatment; else empty.
     segment_lengths : dict of str to float
-        Median lengths in the recording, or fractions of the body height [m]; the notes list the latter.
+        Median lengths of the recorded segments [m].
     at_limit : ndarray, shape (dof,)
         Share of the frames in which each joint is saturated.
     beyond_limit : ndarray, shape (n, dof)

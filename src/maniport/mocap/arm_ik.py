@@ -9,7 +9,7 @@ import numpy as np
 
 from maniport.arms import PERSONS
 from maniport.arms.chain import LEFT, RIGHT, SIDES
-from maniport.arms.human import as_height, human_arm
+from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, RecordingError, argument, spoken, typed
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_path import jump_warning, solve_arm
@@ -38,7 +38,6 @@ def fit_arm(
     progress: Progress | None = None,
     *,
     side: str = AUTO,
-    height: float | None = None,
     smooth: str = AUTO,
 ) -> ArmFit:
     """Find the joint angles with which a human arm follows a recording.
@@ -63,9 +62,6 @@ def fit_arm(
     side : {"auto", "right", "left"}
         Which arm; "auto" takes the one that is recorded whole, of two the one that moves more. See ``arm.side`` and
         ``side_reason`` of the result. Equal joint angles of either arm are mirrored configurations.
-    height : float, optional
-        The person's body height [m], from 1 to 2.5. Segments that are not recorded, or not as long as an adult's, get
-        their fraction of it, see `maniport.arms.human`.
     smooth : {"auto", "off"}
         "auto" smooths points with large noise, as keypoints of video.
 
@@ -78,8 +74,8 @@ def fit_arm(
     RecordingError
         When points that are needed are not recorded, or never all at once, or the body changes its size.
     """
-    require_person(person, side, height, smooth)  # rejects "both"
-    return fit_arms(recording, person, markers, progress, side=side, height=height, smooth=smooth).arms[0]
+    require_person(person, side, smooth)  # rejects "both"
+    return fit_arms(recording, person, markers, progress, side=side, smooth=smooth).arms[0]
 
 
 def fit_arms(
@@ -89,7 +85,6 @@ def fit_arms(
     progress: Progress | None = None,
     *,
     side: str = BOTH,
-    height: float | None = None,
     smooth: str = AUTO,
 ) -> HumanMotion:
     """Find the joint angles with which both arms of a person follow a recording, each as `fit_arm` does.
@@ -105,7 +100,7 @@ def fit_arms(
         from the right arm. For one arm as in `fit_arm`.
     side : {"both", "auto", "right", "left"}
         Both arms, or one as in `fit_arm`.
-    person, progress, height, smooth : optional
+    person, progress, smooth : optional
         As in `fit_arm`; so are the other errors.
 
     Raises
@@ -114,7 +109,7 @@ def fit_arms(
         When one of the arms is not recorded, or never all of them at once.
     """
     both = side == BOTH
-    height = require_person(person, AUTO if both else side, height, smooth)
+    require_person(person, AUTO if both else side, smooth)
     chosen = _markers_by_side(recording, markers) if both else {side: markers}
     observations = [observe(recording, own, name, smooth == AUTO) for name, own in chosen.items()]
     counts = ", ".join(f"{len(observation.frames)} the {observation.side} one" for observation in observations)
@@ -124,7 +119,7 @@ def fit_arms(
     trunk, fits = observations[-1].trunk, []
     for observation in observations:
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit = _fit(recording, replace(observation, frames=common, trunk=trunk), person, height, step)
+        fit = _fit(recording, replace(observation, frames=common, trunk=trunk), person, step)
         step.end(fit.summary)
         fits.append(fit)
     origins = []
@@ -166,10 +161,10 @@ def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) ->
     return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _fit(recording: Recording, observation: Observation, person: str, height: float | None, step: Step) -> ArmFit:
+def _fit(recording: Recording, observation: Observation, person: str, step: Step) -> ArmFit:
     """Fit an arm to an observation."""
-    roles, notes = observation.roles, list(observation.notes)
-    lengths = segment_lengths(observation.points, recording.source, height, notes, recording.measured)
+    roles = observation.roles
+    lengths = segment_lengths(observation.points, recording.source)
     arm = human_arm(person, observation.side, lengths=lengths)
     require_human(arm)
     directions, time = observation.directions(arm), observation.time
@@ -197,14 +192,14 @@ def _fit(recording: Recording, observation: Observation, person: str, height: fl
         at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
         beyond_limit=_frozen(np.degrees(beyond)),
         roles=roles,
-        notes=tuple(notes),
+        notes=observation.notes,
         quality_warnings=tuple(filter(None, texts)),
     )
     return replace(fit, quality_warnings=(*model_differences(fit), *fit.quality_warnings))
 
 
-def require_person(person: str, side: str, height: float | None, smooth: str = AUTO) -> float | None:
-    """Check options of `fit_arm`; return the height [m]."""
+def require_person(person: str, side: str, smooth: str = AUTO) -> None:
+    """Check options of `fit_arm`."""
     as_choice(person, "person", PERSONS)
     if side == BOTH:
         takes = "maniport transfer, batch, live and view" if typed() else "fit_arms and transfer_recording"
@@ -213,7 +208,6 @@ def require_person(person: str, side: str, height: float | None, smooth: str = A
         )
     as_choice(side, "side", (AUTO, *SIDES))
     as_choice(smooth, "smooth", (AUTO, "off"))
-    return as_height(height)
 
 
 def _frozen(array: Any) -> Any:

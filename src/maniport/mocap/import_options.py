@@ -45,7 +45,6 @@ class ImportOptions:
         origin: str = "stated in the file",
         notes: Sequence[str] = (),
         quality_warnings: Sequence[str] = (),
-        measured: bool = True,
     ) -> Recording:
         """Make the recording in meters, with notes on the unit, the rate and missing points.
 
@@ -108,7 +107,7 @@ class ImportOptions:
         try:
             times, points, ordered = in_order(times, points)
             source = as_text(file.name)
-            raw = Recording(tuple(unique), points, times, source, (), tuple(quality_warnings), "", measured)
+            raw = Recording(tuple(unique), points, times, source, (), tuple(quality_warnings))
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None
         scale, unit_note = self._scale(raw, file, unit, origin)

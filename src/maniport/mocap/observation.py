@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import Arm
-from maniport.arms.human import FRACTIONS, LONGEST_SEGMENT, adult_range, segment_length
+from maniport.arms.human import LONGEST_SEGMENT
 from maniport.errors import RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.directions import AXES, MARKED, SEGMENTS, Directions
@@ -91,31 +91,15 @@ def vectors_of(points: Recording | Basis, roles: Mapping[str, Any], side: str) -
     return vectors | {name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles}
 
 
-def segment_lengths(
-    points: Mapping[str, Array], source: str, height: float | None, notes: list[str], measured: bool = True
-) -> dict[str, float]:
-    """Return the lengths of segments as recorded (median) or, where that fails, by the body height [m]."""
+def segment_lengths(points: Mapping[str, Array], source: str) -> dict[str, float]:
+    """Return the lengths of recorded segments (median)."""
     lengths = {}
     for name, (start, end) in SEGMENTS.items():
         if start in points and end in points:
-            length = float(np.nanmedian(np.linalg.norm(points[end] - points[start], axis=-1)))
-            if length <= SHORTEST_SEGMENT or (height is None and length >= LONGEST_SEGMENT):
+            lengths[name] = float(np.nanmedian(np.linalg.norm(points[end] - points[start], axis=-1)))
+            if not SHORTEST_SEGMENT < lengths[name] < LONGEST_SEGMENT:
                 raise RecordingError(
-                    f"the {name} in {source!r} is {length:.4g} m long, from {start} to {end}; allowed are "
+                    f"the {name} in {source!r} is {lengths[name]:.4g} m long, from {start} to {end}; allowed are "
                     f"{SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m: check the unit, and that the points differ"
                 )
-            lengths[name] = length
-    if height is None:
-        return lengths
-    if not measured:
-        lengths = {}
-    for name in FRACTIONS:
-        (low, high), reason = adult_range(name), ""
-        if name not in lengths:
-            reason = "it is not recorded"
-        elif not low <= lengths[name] <= high:
-            reason = f"the recorded {lengths[name]:.3g} m are not within {low:.3f} to {high:.3f} m, as of adults"
-        if reason:
-            lengths[name] = segment_length(name, height)
-            notes.append(f"{name}: {lengths[name]:.3f} m by the body height of {height:g} m, as {reason}")
     return lengths

@@ -42,8 +42,6 @@ class Recording(NotebookDisplay):
         Data-quality warnings: where the points contradict the options that were passed.
     format : str
         Key of `maniport.mocap.READERS`; empty without a file.
-    measured : bool
-        Whether segment lengths are the person's own, not those of a model.
 
     Raises
     ------
@@ -58,7 +56,6 @@ class Recording(NotebookDisplay):
     notes: tuple[str, ...] = ()
     quality_warnings: tuple[str, ...] = ()
     format: str = ""
-    measured: bool = True
 
     def __post_init__(self) -> None:
         names = _as_names(self.names)

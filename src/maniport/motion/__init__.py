@@ -20,7 +20,7 @@ from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
 from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
-from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, FeasibleSearch, nearest_feasible
+from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.tracker import Control, track
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -37,7 +37,6 @@ __all__ = [
     "Cost",
     "FeasibleEllipsoids",
     "FeasibleProjector",
-    "FeasibleSearch",
     "Limit",
     "LimitUse",
     "MotionLimits",

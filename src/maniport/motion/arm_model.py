@@ -21,14 +21,6 @@ def robot_model(arm: Arm | ArmGroup) -> pin.Model:
     unknown, and masses zero where the description has none. Frames keep their names, and locked joints are fixed.
     Shared joints of a group exist once; frames of several robots have the prefixes of the group's joints.
 
-    Parameters
-    ----------
-    arm : Arm or ArmGroup
-
-    Returns
-    -------
-    pinocchio.Model
-
     Raises
     ------
     InvalidInputError
@@ -140,23 +132,26 @@ class InverseDynamics:
             result[row] = pin.rnea(self._model, self._data, *state)
         return result
 
+    def gravity(self, q: Array) -> Array:
+        """Torques g at n configurations (n, dof) [N m] or [N]."""
+        return np.array([pin.computeGeneralizedGravity(self._model, self._data, row) for row in q])
+
     def along(self, q: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
         """Return a, b and g (n, dof) of the torques a u + b x + g on a path with derivatives `first` and `second`.
 
         u is the acceleration and x the squared speed of the path's parameter.
         """
-        still = np.zeros(q.shape)
-        gravity = self.torques(q, still, still)
+        still, gravity = np.zeros(q.shape), self.gravity(q)
         return self.torques(q, still, first) - gravity, self.torques(q, first, second) - gravity, gravity
 
 
-def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) -> None:
+def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
     """Raise InvalidInputError unless an arm has enough joints, none of them coupled, to follow such ellipsoids."""
-    if arm.dof < least:
+    if arm.dof < 3:
         d = spec.size
         raise InvalidInputError(
             f"{arm.name!r} has {arm.dof} joint{'s' * (arm.dof > 1)} ({', '.join(arm.joint_names)}); following {d}×{d} "
-            f"ellipsoids needs at least {least}, and {d * (d + 1) // 2} to follow all of their shape"
+            f"ellipsoids needs at least 3, and {d * (d + 1) // 2} to follow all of their shape"
         )
     _own_coordinates(arm)
 

@@ -165,14 +165,10 @@ def export_motion(
 
     Raises
     ------
-    UnknownNameError
-        When the format is unknown.
-    InvalidInputError
-        When the suffix is not that of the format, the motion has another type, or the robot has other joints.
-    MissingPackageError
-        When a package that the format requires is not installed.
-    OutputError
-        When the file cannot be written.
+    UnknownNameError, InvalidInputError
+        When the format is unknown, the suffix is not that of the format, or the robot has other joints.
+    MissingPackageError, OutputError
+        When a package that the format requires is not installed, or the file cannot be written.
     """
     writer = FORMATS[as_choice(format, "format", FORMATS)]
     if writer.write is None:

@@ -82,10 +82,8 @@ class MotionLimits:
 
         Raises
         ------
-        FileFormatError
-            When the file cannot be read, names unknown joints or keys, or a value is not allowed.
-        InvalidInputError
-            The same for a mapping; or for another margin.
+        FileFormatError, InvalidInputError
+            When a file, or a mapping, names unknown joints or keys, or a value is not allowed.
         """
         share = as_number(joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
         is_file = isinstance(source, str | os.PathLike)
@@ -165,7 +163,7 @@ class MotionLimits:
         if self.dynamics is None or not np.isfinite(self.effort).any():
             return
         q = self.arm.sample(400, 0)
-        torques = np.abs(self.dynamics.torques(q, np.zeros(q.shape), np.zeros(q.shape)))
+        torques = np.abs(self.dynamics.gravity(q))
         shares = torques / self.effort
         if np.mean(shares.max(axis=1) < 1.0) < least:
             joint = int(np.bincount(shares.argmax(axis=1)).argmax())

@@ -40,12 +40,6 @@ HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellip
 def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:
     """Convert to a damping whose ε [unit of M] is known."""
     own = damping if isinstance(damping, Regularization) else Regularization(damping)
-    if own.eigenvalue_floor is not None:
-        raise InvalidInputError(
-            "damping must be a number, None or a Regularization by damping; found a floor of "
-            f"{own.eigenvalue_floor:g}, which has no derivative where it sets in. Regularization.absolute(...) adds "
-            "a fixed amount"
-        )
     if own.damping is not None and own.epsilon == 0.0:
         return own.fitted(ellipsoids(), "ellipsoids")
     if positive and own.epsilon == 0.0:
@@ -106,13 +100,7 @@ class Objective:
         return np.asarray(damped - self.shift)
 
     def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
-        """Convert target ellipsoids to damped ones, shape (n, d, d), which are positive-definite.
-
-        Raises
-        ------
-        InvalidInputError, NotSPDError
-            When they are not.
-        """
+        """Convert target ellipsoids to damped ones, shape (n, d, d), which must be positive-definite."""
         damped = self.damped(as_square(ellipsoids, name, self.spec.size))
         label, hint = (f"{name} with damping", "") if self.damping.epsilon else (name, HINT)
         return as_points(damped, label, minimum=minimum, hint=hint)
@@ -215,14 +203,11 @@ class Targets:
 
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,)."""
-        square = np.square(self.distance(q))
-        if self.weights is not None:
-            square = np.sum(self.ellipsoid_cost.residual(q) ** 2, axis=1)
-        if self.pose_costs:
-            poses = self.arm.forward(q)
-            for cost in self.pose_costs:
-                square = square + np.sum(cost.at(poses) ** 2, axis=1)
-        return np.asarray(square)
+        poses, velocity = self.arm.posed_ellipsoids(q, self.objective.spec.bounded)
+        square = self.ellipsoid_cost.square(velocity)
+        for cost in self.pose_costs:
+            square += np.sum(cost.at(poses) ** 2, axis=1)
+        return square
 
     def distance(self, q: Array) -> Array:
         """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions
@@ -16,7 +15,6 @@ from maniport.motion.objective import Damping, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.status import ENOUGH_METRES, statuses_of
 from maniport.motion.trajectory import Clearance, Trajectory, interpolated
-from maniport.spd.affine_invariant import distance
 from maniport.spd.ellipsoid import axis_over_time, line_angles
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
@@ -167,25 +165,6 @@ class ArmMotion(Trajectory):
         """Ratio of the root mean square distance to that of the best pointwise solutions found."""
         assert self.pointwise_best is not None
         return rms_ratio(self.distance, self.pointwise_best)
-
-    @property
-    def jumps(self) -> NDArray[np.bool_]:
-        """Waypoints next to a jump of the demonstration, in its path or its ellipsoids, shape (n,).
-
-        A jump is a step of more than 0.02 m or a distance of 0.2 that is also four times as fast as the median of the
-        steps around it: most are errors of the recording or of its fit.
-        """
-        assert self.demonstrated_time is not None
-        pace = 1.0 / np.diff(self.demonstrated_time)
-        damped = self.target + self.damping.epsilon * np.eye(self.target.shape[-1])
-        steps = [(distance(damped[1:], damped[:-1]), 0.2)]
-        if self.path is not None:
-            steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), 0.02))
-        marked = np.zeros(len(pace) + 2, bool)
-        for size, least in steps:
-            usual = median_filter(size * pace, min(9, len(pace)), mode="nearest")
-            marked[1:-1] |= (size > least) & (size * pace > 4.0 * usual)
-        return np.asarray(marked[1:] | marked[:-1])
 
     def save_joints(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file without pickled objects.

@@ -74,7 +74,7 @@ class Trajectory(NotebookDisplay):
         """Return the trajectory with some of its waypoints."""
         return replace(self, time=self.time[rows], joint_positions=self.joint_positions[rows])
 
-    @property
+    @cached_property
     def limit_use(self) -> LimitUse | None:
         """Largest shares of the limits; None without limits."""
         return None if self.limits is None else self.limits.use(self.control_time, self.control_positions)

@@ -34,13 +34,12 @@ class HumanOptions(Options):
     markers: str | None = option(None, "JSON file of points by role", is_file=True, unchecked=True, common=True)
     person: str = option(defaults.PERSON, "Arm model: myoarm, rhuman", common=True)
     side: str = option(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
-    height: float | None = option(None, "Body height, if lengths are missing", "m", minimum=1.0, maximum=2.5)
     smooth: str = option(AUTO, "Smoothing of noisy points", choices=(AUTO, "off"))
 
     @property
     def fit_options(self) -> dict[str, Any]:
         """Arguments of `maniport.fit_arm`."""
-        names = ("person", "side", "height", "smooth")
+        names = ("person", "side", "smooth")
         return {"markers": self.roles(), **{name: getattr(self, name) for name in names}}
 
     def read(self, recording: "Recording | str | os.PathLike[str]") -> "Recording":
@@ -110,9 +109,9 @@ class RobotOptions(Options):
         """Whether the options name several arms."""
         return bool(self.pose) or len(self.robot) > 1 or len(self.frame) > 1
 
-    def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> Any:
+    def load(self, both: bool = False, side: str = AUTO) -> Any:
         """Load the arm, or a group where `both` or other options mean several, with the payload; side: of a person."""
-        arm = self._load(both, side, height)
+        arm = self._load(both, side)
         if any(self.payload_center) and not self.payload:
             raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
         if not self.payload:
@@ -121,15 +120,15 @@ class RobotOptions(Options):
             raise InvalidInputError(f"{argument('payload')} is for one arm; found {len(arm)}: {arm.name}")
         return arm.with_payload(self.payload, self.payload_center)
 
-    def _load(self, both: bool, side: str, height: float | None) -> Any:
+    def _load(self, both: bool, side: str) -> Any:
         from maniport.arms import Arm, ArmGroup, load_arm, load_arms
 
         if isinstance(robot := self.robot[0], Arm | ArmGroup):
             return robot
         options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folders}
         if not (both or self.several):
-            person: dict[str, Any] = {"side": None if side == AUTO else side, "height": height}
-            return load_arm(robot, self.frame[0] if self.frame else None, base=self.base, **options, **person)
+            options["side"] = None if side == AUTO else side
+            return load_arm(robot, self.frame[0] if self.frame else None, base=self.base, **options)
         if self.base is not None:
             raise InvalidInputError(f"{argument('base')} is for one arm; the base of each robot is {argument('pose')}")
         if len(self.robot) > 1 and not self.pose:
@@ -137,11 +136,11 @@ class RobotOptions(Options):
         robots = robot if len(self.robot) == 1 else self.robot
         return load_arms(robots, self.frame or None, bases=self.pose or None, **options)
 
-    def load_arm(self, side: str = AUTO, height: float | None = None) -> Any:
+    def load_arm(self, side: str = AUTO) -> Any:
         """Load the arm; raise where options name several."""
         from maniport.arms import ArmGroup
 
-        arm = self.load(False, side, height)
+        arm = self.load(False, side)
         if isinstance(arm, ArmGroup):
             raise InvalidInputError(f"{argument('robot')} must be one arm here; found {len(arm)}: {arm.name}")
         return arm

@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Generic, NamedTuple, TypeVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -132,21 +132,31 @@ class ArmTransfer(ArmResult):
         super().write_data(folder)
 
 
-A = TypeVar("A", bound=ArmResult, covariant=True)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class RobotResult(SavedResult, Generic[A]):
-    """Base of results of one or several arms of a robot, with one motion."""
+class MotionResult(SavedResult):
+    """A motion of a robot along target ellipsoids, as ``maniport track`` plans it without a person.
 
-    robot: ArmGroup  # all arms of the result
-    arms: tuple[A, ...]  # result of each arm; with two arms of a person left first
-    motion: RobotMotion | None = None  # of all arms, with one time; None where the robot was not moved
+    Attributes
+    ----------
+    robot : ArmGroup
+        All arms of the result.
+    arms : tuple of ArmResult
+        Robot, placement, motion, feasibility gap and collision model of each arm.
+    motion : RobotMotion or None
+        Joint trajectory of all arms, with one time; None where the robot was not moved.
+    random_state : int
+    config : Config or None
+        Options that the result was requested with.
+    """
+
+    robot: ArmGroup
+    arms: tuple[ArmResult, ...]
+    motion: RobotMotion | None = None
     random_state: int = 0
-    config: Config | None = None  # with which the result was requested
+    config: Config | None = None
 
     @property
-    def arm(self) -> A:
+    def arm(self) -> ArmResult:
         """Result of the only arm.
 
         Raises
@@ -158,6 +168,12 @@ class RobotResult(SavedResult, Generic[A]):
             names = ", ".join(repr(arm.name) for arm in self.arms)
             raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
         return self.arms[0]
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Files of the profile and the path, where it was requested with files."""
+        config = self.config
+        return () if config is None else tuple(file for file in (config.profile, config.path) if file is not None)
 
     @property
     def data_files(self) -> tuple[str, ...]:
@@ -183,36 +199,13 @@ class RobotResult(SavedResult, Generic[A]):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class MotionResult(RobotResult[ArmResult]):
-    """A motion of a robot along target ellipsoids without a person, as ``maniport track`` plans it.
-
-    Attributes
-    ----------
-    robot : ArmGroup
-    arms : tuple of ArmResult
-        Robot, placement, motion, feasibility gap and collision model of each arm.
-    motion : RobotMotion
-        Joint trajectory of all arms, with one time.
-    random_state : int
-    config : Config or None
-        Options that the result was requested with.
-    """
-
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """Files of the profile and the path, where it was requested with files."""
-        config = self.config
-        return () if config is None else tuple(file for file in (config.profile, config.path) if file is not None)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class TransferResult(RobotResult[ArmTransfer]):
+class TransferResult(MotionResult):
     """A recorded motion of one or both arms of a person, transferred to one or several arms of a robot.
 
     Attributes
     ----------
     robot, motion, random_state, config
-        As in `MotionResult`; the motion is None where the robot was not moved.
+        As in `MotionResult`.
     arms : tuple of ArmTransfer
         As in `MotionResult`, with arm fit, adapter, profiles and domains; for two arms of a person left first.
     recording : Recording
@@ -224,10 +217,18 @@ class TransferResult(RobotResult[ArmTransfer]):
         Warnings of all stages, each once.
     """
 
+    arms: tuple[ArmTransfer, ...]
     recording: Recording
     spec: EllipsoidSpec
     base_rotation: Array
     warnings: tuple[str, ...] = ()
+
+    @property
+    def arm(self) -> ArmTransfer:
+        """Result of the only arm, as `MotionResult.arm`."""
+        arm = super().arm
+        assert isinstance(arm, ArmTransfer)
+        return arm
 
     @property
     def time(self) -> Array:

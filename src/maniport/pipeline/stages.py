@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup, as_group
+from maniport.arms import Arm, as_group
 from maniport.arms.manipulability import JOINT_LIMITS
-from maniport.domain import sample_domain, sample_domains
+from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Capability, compare_capabilities, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
@@ -92,12 +92,9 @@ def sample_robot(settings: Settings) -> SampledRobot:
     step, count, seed = "Sample robot ellipsoids", settings.config.transfer.n_student, settings.config.seed + 1
     settings.progress(step, 0.0)
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
-    if isinstance(settings.robot, ArmGroup):
-        domains = sample_domains(settings.robot, count, seed, **options)
-    else:
-        domains = (sample_domain(settings.robot, count, seed, **options),)
+    domains = sample_domain(settings.robot, count, seed, **options)
     settings.progress(step, 1.0, f"{count} ellipsoids of {settings.robot.name}")
-    return SampledRobot(planner, domains, generator)
+    return SampledRobot(planner, tuple(domains) if domains.ndim == 4 else (domains,), generator)
 
 
 def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:

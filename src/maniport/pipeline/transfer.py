@@ -87,7 +87,7 @@ def transfer_recording(
 def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     """Load the robot of a configuration, and check all options for it."""
     transfer, human, side = config.transfer, config.human, config.human.side
-    require_person(human.person, AUTO if side == BOTH else side, human.height, human.smooth)
+    require_person(human.person, AUTO if side == BOTH else side, human.smooth)
     human.roles()
     robot = _with_limits(config.robot.load(side == BOTH), config)
     group = as_group(robot)

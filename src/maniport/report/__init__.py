@@ -1,7 +1,6 @@
-"""Reports of results: metrics, their text, JSON, notebook and page renderings, and figures."""
+"""Reports of results: metrics, their text, JSON and page renderings, and figures."""
 
-from maniport.report.metrics import report_of
-from maniport.report.renderings import as_html, as_markdown, as_numbers
-from maniport.report.values import Metric, Report
+from maniport.report.renderings import as_markdown, as_numbers
+from maniport.report.values import Metric, Report, report_of
 
-__all__ = ["Metric", "Report", "as_html", "as_markdown", "as_numbers", "report_of"]
+__all__ = ["Metric", "Report", "as_markdown", "as_numbers", "report_of"]

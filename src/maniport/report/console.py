@@ -70,7 +70,7 @@ class Console:
     def print_report(self, report: Report, output: str = "", **more: Any) -> None:
         """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or completely."""
         more |= {"output": output} if output else {}
-        short = report.summary is not None and bool(output)
+        short = bool(report.outcome and output)
         complete = "" if short and not self.verbose else as_markdown(report, details=True)
         self.finish({**as_numbers(report), **more}, complete, markdown=True)
         if short and not self.as_json:

@@ -1,4 +1,4 @@
-"""Reports of a recording and of the human arm fitted to it."""
+"""Reports of recordings, of the human arm fitted to one, and of what is learned from several."""
 
 import json
 import shlex
@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import myoarm
 from maniport.arms.chain import RIGHT, SIDES
-from maniport.arms.human import adult_range
-from maniport.errors import RecordingError, nearest_first
+from maniport.arms.human import FRACTIONS
+from maniport.errors import RecordingError, argument, nearest_first
+from maniport.learning.mixture import points_each
 from maniport.mocap import ArmFit, HumanMotion, Recording
-from maniport.mocap.data_quality import unobservable_joints
 from maniport.mocap.marker_sets import DIRECTIONS, ROLES
 from maniport.mocap.roles import (
     assign_roles,
@@ -25,26 +24,28 @@ from maniport.mocap.roles import (
     role_position,
     usual_names,
 )
-from maniport.report.metrics import describe
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.report.renderings import escaped
 from maniport.report.values import (
+    FIT,
+    RECORDING,
     Metric,
     Report,
     Section,
     Table,
+    describe,
+    in_axes,
     info,
     listed,
     notes,
     numbers,
+    software,
     statistics,
     table_of,
     warning,
     warnings_of,
-)
+)  # fmt: skip
 from maniport.util.defaults import AUTO
-
-RECORDING, FIT = "recording", "human-model"
-"""Keys of warnings about a recording, and about the difference between model and person."""
 
 
 @describe.register
@@ -85,8 +86,7 @@ def recording_report(
         Section("Roles of the points", tuple(metrics), (table,), "arms"),
         _completion(recording, *roles[best], best, command or shlex.quote(recording.source or "FILE")),
     )
-    quality_warnings = warnings_of(RECORDING, recording.quality_warnings)
-    return Report(recording.source or "A recording", sections=sections, data_warnings=quality_warnings)
+    return Report(recording.source or "A recording", sections=sections)
 
 
 def recording_section(recording: Recording, points: bool = False) -> Section:
@@ -103,6 +103,7 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
         *numbers(duration_s=round(recording.duration, 3), rate_hz=rate and round(rate, 3)),
         *([info("Points", "points", names, f"{len(names)}: {listed(names)}")] if points else []),
         info("Missing", "missing", gaps, missing, "Share of the frames."),
+        *warnings_of(RECORDING, recording.quality_warnings),
     ]
     return Section("Recording", (*metrics, *notes(recording.notes)), key="recording")
 
@@ -124,7 +125,7 @@ def _arm(recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, A
         except RecordingError as error:
             warned.append(warning("markers", str(error)))
     for name, length in lengths.items():
-        low, high = adult_range(name)
+        low, high = 0.85 * 1.4 * FRACTIONS[name], 1.15 * 2.1 * FRACTIONS[name]  # of 1.4 to 2.1 m, ± 15 % [m]
         if not low <= length <= high:
             text = f"the {name} is {length:.3f} m long, those of adults are {low:.2f} to {high:.2f} m"
             warned.append(warning("segment-lengths", f"the {side} arm: {text}"))
@@ -133,39 +134,28 @@ def _arm(recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, A
 
 def _completion(recording: Recording, family: str, roles: Mapping[str, Any], side: str, command: str) -> Section:
     """Explain how to assign missing roles."""
-    required = missing_roles(roles)
-    wanted = required or [role for role in ("hand", "elbow_axis", "wrist_axis") if role not in roles]
-    if not wanted:
+    if not (required := missing_roles(roles)):
         return Section("")
-    if required:
-        title, lines = "Missing roles", [f"The {side} arm lacks {listed(required)}."]
-        for role in required:
-            usual = usual_names(role, family, side)
-            near = nearest_first(usual.replace("'", ""), recording.observed)[:3]
-            lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
-    else:
-        arm = myoarm()
-        joints = listed([arm.joint_names[joint] for joint in unobservable_joints(arm, roles)])
-        undetermined = f"; unobservable joints stay near neutral: {joints}" if joints else ""
-        title = "Additional roles"
-        lines = [f"The {side} arm has all required points{undetermined}.",
-                 f"Points for {listed(wanted)} would add information, if the recording has them."]  # fmt: skip
-    template = example_markers(wanted)
+    lines = [f"The {side} arm lacks {listed(required)}."]
+    for role in required:
+        usual = usual_names(role, family, side)
+        near = nearest_first(usual.replace("'", ""), recording.observed)[:3]
+        lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
+    template = example_markers(required)
     lines += [
         "Replace the capitalized words with point names and save as markers.json:",
         f"`{json.dumps(template)}`",
         f"Then run `maniport transfer {command} --markers markers.json"
         f"{' --side left' if side == 'left' else ''} -o results`",
     ]
-    return Section(title, tuple(numbers(markers=template)), key="to_complete", text="\n".join(lines))
+    return Section("Missing roles", tuple(numbers(markers=template)), key="to_complete", text="\n".join(lines))
 
 
 @describe.register
 def fit_report(fit: ArmFit | HumanMotion) -> Report:
     """Describe the fit of one or both human arms."""
-    data_warnings = warnings_of(FIT, fit.quality_warnings)
     if isinstance(fit, ArmFit):
-        return Report(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),), data_warnings=data_warnings)
+        return Report(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),))
     both = []
     if len(fit.arms) > 1:
         apart = np.linalg.norm(fit.hands[1] - fit.hands[0], axis=-1)
@@ -173,7 +163,7 @@ def fit_report(fit: ArmFit | HumanMotion) -> Report:
         both.append(Section("Both arms", (distance,)))
     arms = [replace(person_section(own), title=f"Human {own.arm.side} arm", key=str(own.arm.side)) for own in fit.arms]
     title = f"{' and '.join(own.arm.name for own in fit.arms)}, fitted to a person"
-    return Report(title, sections=(*both, *arms), data_warnings=data_warnings)
+    return Report(title, sections=(*both, *arms))
 
 
 def person_section(fit: ArmFit) -> Section:
@@ -186,6 +176,7 @@ def person_section(fit: ArmFit) -> Section:
     texts = [f"The recording does not determine {listed(names)}: {why}" for why, names in by_reason.items()]
     frames = f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s"
     metrics = (
+        *warnings_of(FIT, fit.quality_warnings),
         *warnings_of("undetermined-joints", texts),
         info("Model", "model", fit.arm.name, frames),
         info("Arm", "side", fit.arm.side, f"{fit.arm.side}: {fit.side_reason}"),
@@ -204,3 +195,96 @@ def person_section(fit: ArmFit) -> Section:
     caption = "Angle between measured and modelled direction of each segment, and about its own axis where it is known."
     table = table_of([{"name": name, **item} for name, item in residuals.items()], columns, caption, "residual_deg")
     return Section("Human arm", metrics, (replace(table, value=residuals),), "person")
+
+
+AGREEMENT = {"agree": 0.2, "agree in part": 0.5, "do not agree": np.inf}
+"""Largest shares of the variance between demonstrations by words."""
+
+
+@describe.register
+def learned_report(learned: LearnedProfile) -> Report:
+    """Report a learned profile, agreement of the demonstrations first."""
+    agreement, names, k = learned.agreement, learned.names, len(learned.demonstrations)
+    outlier, held = "" if agreement.outlier is None else names[agreement.outlier], agreement.held_out
+    grade = next(words for words, bound in AGREEMENT.items() if agreement.share <= bound)
+    equal = [f"{names[i]} and {names[j]}" for i, j in np.argwhere(np.triu(agreement.apart < 1e-6, 1))]
+    texts = ["the demonstrations differ: their mean is a motion that nobody performed"] if grade != "agree" else []
+    texts += [f"{outlier} differs from the other demonstrations"] if outlier else []
+    warned = (
+        *(warning("equal-demonstrations", f"{text} are the same: their agreement has no meaning") for text in equal),
+        *warnings_of(RECORDING, [text for part in learned.demonstrations for text in part.quality_warnings]),
+        *warnings_of("demonstrations-differ", texts),
+    )
+    lead = (
+        f"{k} demonstrations, aligned to the {np.ptp(learned.time):.1f} s of {learned.reference.name}. Each of "
+        f"{len(learned.time)} times has a mean ellipsoid, its covariance, and a position of the hand."
+    )
+    before, after, movement = agreement.before, agreement.after, agreement.movement
+    cause = f"The mean distance to the mean ellipsoid of the same time is {after:.2f} ({in_axes(after)})."
+    held_out = {} if held is None else {"learned": held.learned, "plain_mean": held.mean, "nearest_other": held.nearest,
+                                        "one_for_all_times": held.constant}  # fmt: skip
+    means = {name: float(np.mean(distances)) for name, distances in held_out.items()}
+    advice, components = "", 2 * learned.model.n_components_
+    _, n, d, _ = learned.alignment.ellipsoids.shape
+    if outlier:
+        cause += f" {outlier} is an outlier."
+        advice = f"Leave out {outlier}, or give it a profile of its own."
+    elif means and k * n >= components * points_each(d) and means["learned"] > means["plain_mean"]:
+        advice = f"More Gaussians may predict better: {argument('components', components)}."
+    text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in means.items())
+    profile = [
+        info("Dispersion", "dispersion", {"before": before, "after": after},
+             f"{after:.2f} after alignment, {before:.2f} before",
+             "Mean distance to the mean ellipsoid of the same time; 0.1 is one axis 5 % too long.", main=True),
+        info("Variance between demonstrations", "variance_share", agreement.share, f"{100 * agreement.share:.0f} %",
+             "Share of all variance.", main=True),
+        *([info("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)]
+          if means else []),
+        info("Movement", "movement", movement, f"{movement:.2f}", "Mean distance of the profile from its mean."),
+        info("Gaussians", "gaussians", learned.model.n_components_),
+        *numbers(ellipsoids=len(learned.time), duration_s=round(float(np.ptp(learned.time)), 3)),
+    ]  # fmt: skip
+    spec, damping, arms = learned.spec, learned.regularization.epsilon, learned.arms
+    settings = (
+        info("Ellipsoids", "ellipsoids", {"kind": spec.kind, "part": spec.part}, f"{spec.kind}, {spec.part}",
+             "Trunk frame (x forward, y left, z up)."),
+        info("Damping", "damping", damping, f"{damping:.3g}" if damping else str(learned.regularization),
+             "Added to all eigenvalues before ellipsoids are compared."),
+        info("Arm", "arm", listed(arm.name for arm in arms), listed(f"{arm.name}, {arm.side}" for arm in arms)),
+        *software(learned.random_state),
+    )  # fmt: skip
+    sections = (
+        Section("Learned profile", (*warned, *profile), key="profile"),
+        _demonstrations(learned, outlier),
+        Section("Settings", settings, key="run", folded=True),
+    )
+    outcome = f"The demonstrations {grade}."
+    return Report(f"A profile of {k} demonstrations", lead, sections, outcome, cause, advice)
+
+
+def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
+    """List the demonstrations, and report what made them comparable: mirroring and segment lengths."""
+    agreement, held = learned.agreement, learned.agreement.held_out
+    sides = tuple(str(arm.side) for arm in learned.arms)
+    values = [
+        {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),
+         "frames": len(part.motion), "side": listed(part.motion.names), "from_others": float(agreement.alone[i]),
+         "held_out": None if held is None else float(held.learned[i]),
+         "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in part.motion.arms}}
+        for i, part in enumerate(learned.demonstrations)
+    ]  # fmt: skip
+    columns = {"demonstration": "{name}", "start": "{start_s:.2f} s", "stop": "{stop_s:.2f} s", "frames": "{frames}",
+               "arm": "{side}", "from the others": "{from_others:.2f}"}  # fmt: skip
+    if held is not None:
+        columns["held out"] = "{held_out:.2f}"
+    caption = "Mean distances after alignment: from the others, and from the profile learned without it."
+    mirrored = [part.name for part in learned.demonstrations if part.motion.names != sides]
+    metrics = (
+        info("Reference", "reference", learned.alignment.reference, learned.reference.name,
+             "Gives the times of the profile."),
+        info("Outlier", "outlier", agreement.outlier, outlier or "none",
+             "At least 1.5 times the median distance from the others."),
+        *notes([f"mirrored to the {sides[0]} arm: {listed(mirrored)}"] if mirrored else []),
+        *notes([f"all ellipsoids are those of {' and '.join(sides)} arm of mean lengths"]),
+    )  # fmt: skip
+    return Section("Demonstrations", metrics, (table_of(values, columns, caption, "demonstrations"),), "demonstrations")

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import printable
-from maniport.report.metrics import report_of
 from maniport.report.values import INFO, SUFFIXES, Report, Section, Table, sentence
 from maniport.util.atomic_io import written_whole
 
@@ -20,11 +19,8 @@ SUMMARY, PAGE = "summary.json", "report.html"
 """Files of a run: its report as numbers, and the page. A folder with both holds results."""
 
 LEARNED = "learned"
-FIGURES = {
-    name: f"maniport.report.figures.results:{name}"
-    for name in ("arms", "ellipsoids", "curves", "motion", "diffusion_map", LEARNED)
-}
-"""Module and function of each figure of a result, which takes the data of the page; `maniport figures` adds them."""
+FIGURES = ("arms", "ellipsoids", "curves", "motion", LEARNED)
+"""Names of the figures of a result, which `maniport figures` adds."""
 
 ENDINGS = (".png", ".svg")  # Formats of the files of a figure
 
@@ -56,19 +52,18 @@ def as_markdown(report: Report, details: bool = False) -> str:
     str
     """
     lines = [f"# {escaped(report.title)}", "", *([escaped(report.lead), ""] if report.lead else [])]
-    summary = report.summary
-    if summary is not None:
-        command = f" `{printable(summary.command_for())}`" if summary.command else ""
-        texts = [escaped(report.status_text), escaped(summary.text), escaped(summary.advice) + command]
-        lines += [f"## {escaped(summary.title)}", "", *(line for text in texts if text for line in (text, ""))]
+    if report.outcome:
+        command = f" `{printable(report.command_for())}`" if report.command else ""
+        texts = [escaped(report.status_text), escaped(report.cause), escaped(report.advice) + command]
+        lines += [f"## {escaped(report.outcome)}", "", *(line for text in texts if text for line in (text, ""))]
     if report.warnings:
         lines += ["## Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
-    if summary is not None and not details:
+    if report.outcome and not details:
         visible = [metric for section in report.sections if not section.folded for metric in section.metrics]
         lines += _section(Section("Arms", tuple(metric for metric in report.main_metrics if metric not in visible)))
     for section in report.sections:
         lines += _section(section) if details or not section.folded else []
-    if summary is not None and not details:
+    if report.outcome and not details:
         lines += [f"All metrics, settings and notes: {SUMMARY} and {PAGE}.", ""]
     return "\n".join(lines)
 
@@ -85,8 +80,8 @@ def as_numbers(report: Report) -> dict[str, Any]:
     dict
     """
     result: dict[str, Any] = {"title": report.title}
-    if (summary := report.summary) is not None:
-        texts = {name: getattr(summary, name) for name in ("title", "text", "advice", "command")}
+    if report.outcome:
+        texts = {"title": report.outcome, "text": report.cause, "advice": report.advice, "command": report.command}
         reasons = report.warning_keys if report.status else ()
         result |= {"status": report.status or None, "summary": texts | {"reasons": reasons}}
     result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
@@ -102,8 +97,7 @@ def as_numbers(report: Report) -> dict[str, Any]:
 
 def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool = False, most_warnings: int = 3) -> str:
     """Render the summary of a result for a terminal: outcome, main metrics, warnings and files."""
-    summary, metrics = report.summary, report.main_metrics
-    assert summary is not None
+    metrics = report.main_metrics
     wide = max((len(metric.heading) for metric in metrics), default=0)
     table = []
     if any(metric.is_statistics for metric in metrics):
@@ -112,6 +106,8 @@ def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool =
         text = f"  {metric.text}"
         if metric.is_statistics:
             text = "".join(f"{cell:>9}" for cell in metric.cells) + f"  ({metric.where.removeprefix('at ')})"
+        elif len(text) + wide + 2 > width:  # too long for a line: without the last remark
+            text = re.sub(r" \([^()]*\)$", "", text)
         table.append(f"  {metric.heading:<{wide}}{text}")
     if table_only:
         return "\n".join(table)
@@ -120,20 +116,20 @@ def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool =
         whole = [re.sub(r"(?<=\d) (?=%)", "\xa0", printable(text)) for text in texts if text]  # "84 %" in one line
         return [line.replace("\xa0", " ") for text in whole for line in textwrap.wrap(text, width, **options)]
 
-    lines = wrapped(f"Result: {summary.title[:1].lower()}{summary.title[1:]}", report.status_text)
-    lines += [*table, *wrapped(summary.text)]
+    lines = wrapped(f"Result: {report.outcome[:1].lower()}{report.outcome[1:]}", report.status_text)
+    lines += [*table, *wrapped(report.cause)]
     for text in report.warnings[:most_warnings]:
-        lines += wrapped(f"! {text}", subsequent_indent="  ", max_lines=2, placeholder=" …")
+        lines += wrapped(f"! {text}", subsequent_indent="  ")
     if (more := len(report.warnings) - most_warnings) > 0:
         lines.append(f"! {more} more warning{'s'[: more != 1]} in summary.md")
     joints = Path(folder, "joints.csv")
     files = {
-        "Next": printable(summary.command_for(folder)) if summary.command else "",
+        "Next": printable(report.command_for(folder)) if report.command else "",
         "Report": str(Path(folder, PAGE)),
         "Motion": str(joints) if joints.exists() else "",
         "Details": str(Path(folder, "summary.md")),
     }
-    lines += [*wrapped(summary.advice), *(f"{name:<8} {text}" for name, text in files.items() if text)]
+    lines += [*wrapped(report.advice), *(f"{name:<8} {text}" for name, text in files.items() if text)]
     return "\n".join(lines)
 
 
@@ -155,23 +151,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def as_html(thing: Any) -> str:
-    """Render an object or its `Report` for a notebook: a piece of HTML without colors of its own, which loads nothing.
-
-    Parameters
-    ----------
-    thing : Report or any object of maniport
-
-    Returns
-    -------
-    str
-    """
-    report = thing if isinstance(thing, Report) else report_of(thing)
-    from maniport.report.page import templates  # slow to load
-
-    return templates().get_template("notebook.html").render(report=report, name=type(thing).__name__)
 
 
 def _section(section: Section) -> list[str]:

@@ -1,10 +1,7 @@
 """Reports of a transfer and of a robot's motion, for one or several arms, with outcome and next step."""
 
-import contextlib
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +10,8 @@ from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline.config import CONFIG, OPTIONS
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report.metrics import METRICS, describe, in_axes
-from maniport.report.motion import group_section, motion_section
-from maniport.report.recording import FIT, RECORDING, person_section, recording_section
+from maniport.report.metrics import METRICS, MISSED_SHARE, group_section, motion_section
+from maniport.report.recording import person_section, recording_section
 from maniport.report.robot import chain_metrics, placement_section
 from maniport.report.transfer import adapter_section, evaluation_section, label
 from maniport.report.values import (
@@ -24,21 +20,23 @@ from maniport.report.values import (
     Metric,
     Report,
     Section,
-    Summary,
+    describe,
+    in_axes,
     listed,
     numbers,
     sentence,
-    warning,
+    software,
     warnings_of,
 )
-from maniport.transfer.rigid_adapter import RigidAdapter, transport_rotation
-from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.defaults import POSITION_TOLERANCE
-from maniport.version import __version__
 
-OF_ALL_ARMS = frozenset({"duration", "collisions", "collision", "unchecked-collisions", "missing-meshes",
-                         "unchecked-links", "limits-exceeded"})  # fmt: skip
-"""Keys of metrics and of warnings that concern all arms together."""
+GRADES = {
+    "position_error": {"position tracked": 0.0, "position mostly tracked": MISSED_SHARE,
+                       "position not tracked": np.inf},
+    "distance": {"ellipsoids tracked": ENOUGH_DISTANCE, "ellipsoids approximated": NEAR_DISTANCE,
+                 "ellipsoids approximated in part": 1.2, "ellipsoids not tracked": np.inf},  # 1.2: 82 % too long
+}  # fmt: skip
+"""Largest levels of metrics by words for the outcome."""
 
 Metrics = Mapping[str, Metric]
 Result = TransferResult | MotionResult
@@ -48,17 +46,15 @@ Result = TransferResult | MotionResult
 def result_report(result: TransferResult | MotionResult) -> Report:
     """Report a transfer, or a robot's motion along target ellipsoids."""
     several, robot = len(result.arms) > 1, result.robot.name
-    sections, motions, fits = [], dict[str, Metrics](), list[str]()
+    sections, motions = [], dict[str, Metrics]()
     if several and result.motion is not None:
         time = result.time if isinstance(result, TransferResult) else result.motion.trajectory.time
         collisions = result.arms[0].collisions
         sections.append(group_section(result.motion, time, () if collisions is None else collisions.unchecked))
     for arm in result.arms:
-        own = _arm_sections(arm)
+        own = _arm_sections(arm, alone=not several)
         motions[arm.name] = {metric.key: metric for metric in own[0].metrics if not metric.is_warning}
         sections += _named(arm.name, own) if several else own
-        if isinstance(arm, ArmTransfer):
-            fits += [f"{arm.name.capitalize()} arm: " * several + text for text in arm.fit.quality_warnings]
     if isinstance(result, TransferResult):
         source, spec = Path(result.recording.source).stem or "A recording", result.spec
         person = " and ".join(str(arm.fit.arm.side) for arm in result.arms)
@@ -70,40 +66,36 @@ def result_report(result: TransferResult | MotionResult) -> Report:
         named = robot if robot != robot.lower() else robot[:1].upper() + robot[1:]
         title = f"{source[:1].upper()}{source[1:]} → {named}: transfer result"
         sections.append(replace(recording_section(result.recording), folded=True))
-        data_warnings = (*warnings_of(RECORDING, result.recording.quality_warnings), *warnings_of(FIT, fits))
     else:
         assert result.motion is not None
-        trajectory, data_warnings = result.motion.trajectory, ()
+        trajectory = result.motion.trajectory
         lead = (
             f"{len(trajectory.time)} target ellipsoids, followed by {robot} in {np.ptp(trajectory.control_time):.1f} s."
         )
         title = f"{Path(result.sources[0]).stem} → {robot}" if result.sources else f"The motion of {robot}"
     sections = sorted([*sections, _settings(result)], key=lambda section: section.folded)
-    report = Report(title, lead, tuple(sections), Summary(""), data_warnings)
+    report = Report(title, lead, tuple(sections))
     if result.motion is not None:
-        return replace(report, summary=_summary(result, motions, report.status))
-    evaluations = (arm.evaluation for arm in result.arms if isinstance(arm, ArmTransfer))
-    gaps = [item.adapter.feasibility_gap for item in evaluations if item is not None]
-    medians = listed(f"{gap.median:.2f}" for gap in gaps if gap is not None)
-    text = f"Median distance of the targets to the feasible set: {medians}." if medians else ""
-    return replace(report, summary=Summary(f"{robot} has its targets and was not moved.", text, graded=False))
+        return _with_outcome(report, result, motions)
+    return replace(report, outcome=f"{robot} has its targets and was not moved.", graded=False)
 
 
-def _arm_sections(arm: ArmResult) -> list[Section]:
+def _arm_sections(arm: ArmResult, alone: bool) -> list[Section]:
     """Describe all that belongs to one arm; the first section is its motion."""
     if arm.motion is not None:
-        sections = [motion_section(arm.motion, arm.time if isinstance(arm, ArmTransfer) else arm.motion.time, arm)]
+        time = arm.time if isinstance(arm, ArmTransfer) else arm.motion.time
+        sections = [motion_section(arm.motion, time, arm, alone)]
         if arm.placement is not None:
             sections.append(replace(placement_section(arm.placement), folded=True))
     else:
-        gap = arm.evaluation.adapter.feasibility_gap if isinstance(arm, ArmTransfer) and arm.evaluation else None
-        definition, warned = METRICS["feasibility_gap"], []
-        if gap is not None and gap.median > definition.warn_above:
-            warned.append(warning(definition.warning_key, definition.warning.format(median=gap.median)))
-        sections = [Section("Robot motion", tuple(warned), key="motion", text="The robot was not moved.")]
+        sections = [Section("Robot motion", key="motion", text="The robot was not moved.")]
     if isinstance(arm, ArmTransfer):
         compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation)]
-        sections += [replace(item, folded=True) for item in (*compared, _adapter(arm), person_section(arm.fit))]
+        human, robot = len(arm.teacher_domain), len(arm.student_domain)
+        samples = {"teacher": human, "student": robot}
+        text = f"{human} samples of the person, {robot} samples of the robot"
+        fitted = adapter_section(arm.adapter, Metric("Domains", text, key="samples", value=samples))
+        sections += [replace(item, folded=True) for item in (*compared, fitted, person_section(arm.fit))]
     return sections
 
 
@@ -114,8 +106,6 @@ def _named(arm: str, sections: Sequence[Section]) -> list[Section]:
     def named(metric: Metric) -> Metric:
         if metric.severity != INFO and metric.text:
             return replace(metric, text=f"{name} arm: {metric.text}")
-        if metric.key in OF_ALL_ARMS:
-            return replace(metric, text="", main=False)
         return replace(metric, label=f"{name}: {metric.label[:1].lower()}{metric.label[1:]}") if metric.main else metric
 
     return [
@@ -123,7 +113,7 @@ def _named(arm: str, sections: Sequence[Section]) -> list[Section]:
             section,
             title=f"{name} arm: {section.title[:1].lower()}{section.title[1:]}",
             key=f"{arm}_{section.key}",
-            metrics=tuple(named(item) for item in section.metrics if not (item.is_warning and item.key in OF_ALL_ARMS)),
+            metrics=tuple(map(named, section.metrics)),
             folded=True,
         )
         for section in sections
@@ -158,65 +148,38 @@ def _settings(result: Result) -> Section:
     return Section("Settings", (*metrics, *software(result.random_state)), key="run", folded=True)
 
 
-def software(seed: int | None) -> list[Metric]:
-    """Return the seed and the versions of the software."""
-    versions = {"maniport": __version__, "Python": platform.python_version()}
-    for package, name in {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}.items():
-        with contextlib.suppress(metadata.PackageNotFoundError):  # it is installed by other means than a package
-            versions[name] = metadata.version(package)
-    about = "The same seed and versions give the same numbers."
-    return [
-        Metric("Seed", "none" if seed is None else str(seed), about, "random_state", seed),
-        Metric("Versions", listed(map(" ".join, versions.items())), key="versions", value=versions),
-    ]
+def _grade(metric: Metric) -> str:
+    """Return the words of `GRADES` for a metric."""
+    level = METRICS[metric.key].level(metric.value)
+    return next(words for words, bound in GRADES[metric.key].items() if level <= bound)
 
 
-def _adapter(arm: ArmTransfer) -> Section:
-    """Describe the adapter, the samples that it was fitted to, and its rotation relative to parallel transport."""
-    adapter, human, robot = arm.adapter, len(arm.teacher_domain), len(arm.student_domain)
-    more = [
-        Metric("Domains", f"{human} samples of the person, {robot} samples of the robot", "", "samples",
-               {"teacher": human, "student": robot}),
-        Metric("Time to fit", f"{arm.seconds_to_fit:.2f} s"),  # not for JSON: the same seed gives the same bytes
-    ]  # fmt: skip
-    if isinstance(adapter, RigidAdapter):
-        start = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
-        angle = float(np.degrees(rotation_angle(adapter.rotation_, start)))
-        name, key = "Rotation from parallel transport", "rotation_from_transport"
-        more.append(Metric(name, f"{angle:.2f}°", "", key, angle, "°"))
-    return adapter_section(adapter, *more, mounted=True)
-
-
-def _summary(result: Result, motions: Mapping[str, Metrics], status: str) -> Summary:
-    """Summarize a motion; `motions` are the metrics of each arm."""
+def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]) -> Report:
+    """Add outcome, cause and advice to a report; `motions` are the metrics of each arm."""
     titles, texts, several = [], [], len(motions) > 1
     for name, metrics in motions.items():
         median, counts = metrics["distance"].value["median"], metrics["waypoints"].value
-        grades = "; ".join(metrics[key].grade for key in ("position_error", "distance") if key in metrics)
+        grades = "; ".join(_grade(metrics[key]) for key in GRADES if key in metrics)
         title = f"{grades}: {counts['count'] - counts['missed']} of {counts['count']} waypoints reached"
         text = f"median distance {median:.2f}: {in_axes(median)}." if median > ENOUGH_DISTANCE else ""
-        if "jumps" in metrics and (error := metrics["position_error"].value)["far_share"]:
-            at_jumps = metrics["jumps"].value.get("there", {"position_error_mm": 0.0})
-            if at_jumps["position_error_mm"] >= error["max"]:
-                text = f"{text} The position error is largest where the recording jumps.".strip()
         start = f"{name.capitalize()}: " if several else ""
         titles.append(sentence(start + title))
         texts += [sentence(start + text)] if text else []
-    advice, command = _advice(result, motions, status)
-    return Summary(" ".join(titles), " ".join(texts), advice, "" if several else command)
+    report = replace(report, outcome=" ".join(titles), cause=" ".join(texts))
+    advice, command = _advice(result, motions, report)
+    return replace(report, advice=advice, command="" if several else command)
 
 
-def _advice(result: Result, motions: Mapping[str, Metrics], status: str) -> tuple[str, str]:
+def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> tuple[str, str]:
     """Advise what improves the result most, with its command; of several arms the first with an advice decides."""
     slower = _track(result, "slower", speed_scale=0.5 * (result.config.motion.speed_scale if result.config else 1.0))
-    if status == RED:
-        limits = (metrics["limits"] for metrics in motions.values() if "limits" in metrics)
-        exceeded = any(METRICS["limits"].level(item.value) > METRICS["limits"].warn_above for item in limits)
+    if report.status == RED:
+        exceeded = "limits-exceeded" in report.warning_keys
         return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
     for arm, metrics in zip(result.arms, motions.values(), strict=True):
         motion, error = arm.motion, metrics.get("position_error")
         assert motion is not None
-        if error is not None and error.grade == list(METRICS["position_error"].grades)[-1]:
+        if error is not None and error.value["far_share"] > MISSED_SHARE:
             if arm.placement is None:
                 return "Place the path in the workspace.", _track(result, "placed", "--place")
             if motion.position_tolerance > POSITION_TOLERANCE:
@@ -240,7 +203,7 @@ def _advice(result: Result, motions: Mapping[str, Metrics], status: str) -> tupl
             return text, command if result.config is not None and len(result.config.recording) == 1 else ""
         command = "" if result.config is None else f"maniport view --config {{folder}}/{CONFIG}"
         return "The targets are infeasible: try other methods and base rotations.", command
-    return "joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others.", ""
+    return "", ""
 
 
 def _track(result: Result, suffix: str, *words: str, path: bool = True, **options: float) -> str:

@@ -2,72 +2,51 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from maniport.arms import PERSONS, Arm, ArmGroup
+from maniport.arms import PERSONS, Arm
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
 from maniport.arms.loaders import ROBOTS
 from maniport.arms.loaders.limbs import Limb
 from maniport.arms.loaders.packages import arm_names, packages_with
 from maniport.errors import argument
-from maniport.motion import FeasibleEllipsoids, Placement
+from maniport.motion import Placement
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.trajectory import Clearance
-from maniport.report.metrics import describe, measure
-from maniport.report.values import Metric, Report, Section, Table, info, listed, numbers, table_of, warning
+from maniport.report.values import Metric, Report, Section, Table, describe, info, listed, numbers, table_of, warning
 
 
 @describe.register
 def arm_report(arm: Arm) -> Report:
-    """Describe an arm: its joints with their limits, coupled and fixed joints, and frames."""
-    speeds, efforts = (
-        np.full(arm.dof, np.inf) if limits is None else limits for limits in (arm.velocity_limits, arm.effort_limits)
-    )
-    rows = []
-    for name, unit, low, high, speed, effort in zip(
-        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, efforts, strict=True
-    ):
-        degrees = f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" if unit == "rad" else ""
-        largest = (f"{speed:.3g} {unit}/s", f"{effort:.3g} {'N m' if unit == 'rad' else 'N'}")
-        columns = (text if limit < np.inf else "unknown" for text, limit in zip(largest, (speed, effort), strict=True))
-        rows.append((name, f"{low:.3f} to {high:.3f} {unit}{degrees}", *columns))
+    """Describe an arm: its joints with their limits, fixed joints, and frames."""
+    unknown = np.full(arm.dof, np.inf)
+    speeds, efforts = (unknown if own is None else own for own in (arm.velocity_limits, arm.effort_limits))
+
+    def limit(value: float, unit: str) -> str:
+        return f"{value:.3g} {unit}" if value < np.inf else "unknown"
+
+    joints = zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, efforts, strict=True)
+    rows = [
+        (name, f"{low:.3f} to {high:.3f} {unit}" + f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" * angle,
+         limit(speed, f"{unit}/s"), limit(effort, "N m" if angle else "N"))
+        for name, unit, low, high, speed, effort in joints for angle in [unit == "rad"]
+    ]  # fmt: skip
     limits = dict(zip(arm.joint_names, np.transpose([arm.lower, arm.upper]).tolist(), strict=True))
-    chain, coupled = arm.chain, dict[str, str]()
-    mass = None if chain.inertia is None else float(chain.inertia[1:, 0, 0].sum())
-    for joint, row, offset in zip(chain.joints, chain.coupling, chain.offset, strict=True):
-        if joint.name not in (*chain.coordinates, *chain.locked):
-            terms = [f"{factor:g} · {name}" for factor, name in zip(row, chain.coordinates, strict=True) if factor]
-            coupled[joint.name] = " + ".join([*terms, *([f"{offset:.3g}"] if offset or not terms else [])])
+    inertia = arm.chain.inertia
+    mass = None if inertia is None else float(inertia[1:, 0, 0].sum())
     metrics = (
         info("Arm", "arm", arm.name, arm.name + (f", a human {arm.side} arm" if arm.side else "")),
         info("Degrees of freedom", "degrees_of_freedom", arm.dof),
         *chain_metrics(arm),
         *([] if arm.side else [info("Moving mass", "moving_mass_kg", mass, f"{mass:.3g} kg" if mass else "unknown")]),
-        info("Coupled joints", "coupled_joints", coupled, listed(f"{name} = {rule}" for name, rule in coupled.items())),
         info("Frames", "frames", list(arm.frames)),
         # no motion of a person is planned
         *([] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))),
     )
-    joints = Table(
-        ("joint", "position limits", "velocity limit", "effort limit"), tuple(rows), key="joints", value=limits
-    )
-    return Report(arm.name, "", (Section("", metrics, (joints,)),))
-
-
-@describe.register
-def group_report(arms: ArmGroup) -> Report:
-    """Describe a group of arms: shared joints, and each arm."""
-    metrics = (
-        info("Arms", "arms", arms.name),
-        info("Degrees of freedom", "degrees_of_freedom", arms.dof),
-        info("Shared", "shared", list(arms.shared), description="Joints that move several arms."),
-    )
-    sections = [replace(arm_report(arm).sections[0], title=side.capitalize(), key=side)
-                for side, arm in zip(arms.names, arms.arms, strict=True)]  # fmt: skip
-    return Report(arms.name, "", (Section("", metrics), *sections))
+    columns = "joint", "position limits", "velocity limit", "effort limit"
+    return Report(arm.name, "", (Section("", metrics, (Table(columns, tuple(rows), key="joints", value=limits),)),))
 
 
 def chain_metrics(arm: Arm) -> list[Metric]:
@@ -116,12 +95,10 @@ def collision_warnings(result: Collisions | Clearance, unchecked: Sequence[str] 
     if not result.checked:
         return [warning("unchecked-collisions", f"collisions are not checked: {result.reason}")]
     links = listed(result.unchecked if isinstance(result, Collisions) else unchecked)
-    meshes = listed(result.stand_ins)
-    texts = {
-        "missing-meshes": f"meshes of {meshes} are missing; the collision shapes of these links are checked instead",
-        "unchecked-links": f"not checked for collisions: {links}; their shapes are unknown or convex hulls always meet",
-    }
-    return [warning(key, text) for (key, text), names in zip(texts.items(), (meshes, links), strict=True) if names]
+    text = f"meshes of {listed(result.stand_ins)} are missing; the collision shapes of these links are checked instead"
+    warned = [warning("missing-meshes", text)] if result.stand_ins else []
+    text = f"not checked for collisions: {links}; their shapes are unknown or convex hulls always meet"
+    return [*warned, *([warning("unchecked-links", text)] if links else [])]
 
 
 def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
@@ -149,7 +126,8 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
 def placement_report(placed: Placement) -> Report:
     """Describe the placement of a path, with its alternatives."""
     values = [
-        {"rank": rank, "scale": item.scale, **_angles(item), "offset_m": item.offset.tolist(), "rms": item.rms,
+        {"rank": rank, "scale": item.scale, "yaw_deg": float(np.degrees(item.yaw)), "offset_m": item.offset.tolist(),
+         "tilt_deg": float(np.degrees(item.tilt)), "heading_deg": float(np.degrees(item.heading)), "rms": item.rms,
          "max": float(item.planned_distance.max())}
         for rank, item in enumerate(placed.candidates, 1)
     ]  # fmt: skip
@@ -165,14 +143,9 @@ def placement_report(placed: Placement) -> Report:
     return Report(f"A path of {len(placed.path)} waypoints", "", (section,))
 
 
-def _angles(placed: Any) -> dict[str, float]:
-    """Return yaw, tilt and heading of a placement."""
-    return {f"{name}_deg": float(np.degrees(getattr(placed, name))) for name in ("yaw", "tilt", "heading")}
-
-
 def placement_section(placed: Placement) -> Section:
     """Describe the placement of a path and whether the robot reaches it."""
-    yaw, tilt, heading = _angles(placed).values()
+    yaw, tilt, heading = np.degrees([placed.yaw, placed.tilt, placed.heading]).tolist()
     offset, out = placed.offset.tolist(), int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
@@ -188,13 +161,3 @@ def placement_section(placed: Placement) -> Section:
                  farthest_out_of_reach_mm=far),
     )  # fmt: skip
     return Section("Placement", metrics, key="placement")
-
-
-@describe.register
-def feasible_report(nearest: FeasibleEllipsoids) -> Report:
-    """Describe the nearest feasible ellipsoids."""
-    count, d = nearest.ellipsoids.shape[:2]
-    metrics = measure("distance", nearest.distance)
-    if nearest.position_error is not None:
-        metrics += measure("position_error", 1e3 * nearest.position_error)
-    return Report(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(metrics)),))

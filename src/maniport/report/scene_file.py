@@ -17,23 +17,18 @@ GREY = 190, 196, 204  # Color of arms
 def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
     """Write an animation to a Rerun recording, whole or not at all."""
     package = rerun()
-    blueprint, place = package.blueprint, package.escape_entity_path_part  # a name as one part of an entity path
+    place = package.escape_entity_path_part  # a name as one part of an entity path
     clocks = {"time": animation.time, **animation.clocks}
     columns = [package.TimeColumn(name, duration=(time - time[0]).tolist()) for name, time in clocks.items()]
-    scenes = [blueprint.Spatial3DView(origin=f"/{place(stage.name)}", name=stage.name) for stage in animation.stages]
-    curves = [blueprint.TimeSeriesView(origin=f"/curves/{place(name)}", name=name) for name in animation.panels]
-    rows = [blueprint.Horizontal(*scenes), *([blueprint.Tabs(*curves)] if curves else [])]
-    layout = blueprint.Blueprint(blueprint.Vertical(*rows, row_shares=[3, 2][: len(rows)]), collapse_panels=True)
     with written_whole(path) as temporary:
         stream = package.RecordingStream("maniport")
-        stream.save(temporary, default_blueprint=layout)
+        stream.save(temporary)
         for stage in animation.stages:
             home = place(stage.name)
             stream.log(home, package.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             for k, body in enumerate(stage.bodies):
-                _log_arm(
-                    package, stream, body, f"{home}/{k}" if len(stage.bodies) > 1 else home, columns, animation.size
-                )
+                where = f"{home}/{k}" if len(stage.bodies) > 1 else home
+                _log_arm(package, stream, body, where, columns, animation.size)
         for topic, panels in animation.panels.items():
             for panel in panels:
                 title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title

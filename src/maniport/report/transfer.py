@@ -5,11 +5,22 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from maniport.evaluation.summary import IDENTITY, RELEVANT_RATIO, Evaluation, Row
-from maniport.report.metrics import describe
-from maniport.report.values import Metric, Report, Section, Table, info, listed, notes, numbers, sentence, warning
+from maniport.report.values import (
+    Metric,
+    Report,
+    Section,
+    Table,
+    describe,
+    info,
+    listed,
+    notes,
+    numbers,
+    sentence,
+    warning,
+)
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
-from maniport.transfer.identifiability import Identifiability
+from maniport.transfer.identifiability import describe_free_axes
 from maniport.transfer.rotation_group import rotation_angle
 
 
@@ -19,66 +30,52 @@ def adapter_report(adapter: DomainAdapter) -> Report:
     return Report(type(adapter).__name__, "", (adapter_section(adapter),))
 
 
-def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False) -> Section:
-    """Describe the fit of an adapter; `mounted`: the base rotation is known."""
-    # base_rotation, damping and eigenvalue_floor have metrics of their own
+def adapter_section(adapter: DomainAdapter, *more: Metric) -> Section:
+    """Describe the fit of an adapter."""
+    # base_rotation and damping have metrics of their own
     parameters = [f"{name} {value}" for name, value in adapter.get_params(deep=False).items()
-                  if name not in ("base_rotation", "damping", "eigenvalue_floor") and value is not None]  # fmt: skip
-    name = type(adapter).__name__
-    method = info("Method", "method", name, description=f"{listed(parameters)}." if parameters else "")
+                  if name not in ("base_rotation", "damping") and value is not None]  # fmt: skip
+    about = f"{listed(parameters)}." if parameters else ""
+    method = info("Method", "method", type(adapter).__name__, description=about)
     if not is_fitted(adapter):
         return Section("Adapter", (method, Metric("State", "not fitted; call fit(teacher, student)")), key="adapter")
-    ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
     teacher, student = float(adapter.teacher_dispersion_), float(adapter.student_dispersion_)
-    rotation = None if adapter.base_rotation_ is None else np.asarray(adapter.base_rotation_)
-    rotated = "none"
-    if rotation is not None:
+    ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
+    rotation, turn = adapter.base_rotation_, adapter.map_rotation_
+    rotated = "none: both base frames have the same orientation"
+    if rotation is None:
+        rotated = "unknown"
+    elif not np.allclose(rotation, np.eye(len(rotation))):
         rotated = f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in rotation[:3, :3])}]"
-        if np.allclose(rotation, np.eye(len(rotation))):
-            rotated = "none: both base frames have the same orientation"
-    angle = np.degrees(rotation_angle(np.eye(len(adapter.map_rotation_)), adapter.map_rotation_))
-    added, floor = (float(adapter.teacher_damping_), float(adapter.student_damping_)), adapter.eigenvalue_floor
     regularized = "none"
-    if floor is not None:
-        regularized = f"eigenvalues are raised to at least {floor:g}"
     if adapter.damping is not None:
-        regularized = f"damping {adapter.damping:g}: adds {added[0]:.3g} to the teacher, {added[1]:.3g} to the student"
+        added = f"adds {adapter.teacher_damping_:.3g} to the teacher, {adapter.student_damping_:.3g} to the student"
+        regularized = f"damping {adapter.damping:g}: {added}"
     ended = f"{adapter.stop_reason_} ({'' if adapter.converged_ else 'not '}converged)"
     determined = []
-    if (result := getattr(adapter, "identifiability_", None)) is not None:
-        text, free = result.in_words(), not result.determined
-        if free and (mounted or rotation is not None):
-            text = f"the base orientation is taken as known, since {text}"
-        metric = warning("identifiability", text) if free else replace(notes([text])[0], key="identifiability")
-        determined.append(replace(metric, value=result.in_words()))
+    if (axes := getattr(adapter, "free_axes_", None)) is not None:
+        text = describe_free_axes(axes)
+        metric = warning("identifiability", text) if len(axes) else replace(notes([text])[0], key="identifiability")
+        determined.append(replace(metric, value=text))
     metrics = (
         *determined,
         method,
         *more,
-        info("Base rotation", "base_rotation", None if rotation is None else rotation.round(6).tolist(), rotated,
-             "From the teacher's base frame to the student's."),
+        info("Base rotation", "base_rotation", None if rotation is None else np.asarray(rotation).round(6).tolist(),
+             rotated, "From the teacher's base frame to the student's."),
         info("Rotation", "rotation", np.asarray(adapter.rotation_).round(6).tolist(),
-             f"{angle:.1f}° with the base rotation"),
+             f"{np.degrees(rotation_angle(np.eye(len(turn)), turn)):.1f}° with the base rotation"),
         info("Dispersion", "dispersion_ratio", ratio,
              f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
-             "Root mean squared distance of the ellipsoids from their mean."),
+             "Mean distance of the ellipsoids from their mean."),
         Metric("Regularization", regularized, "Distances need ellipsoids of full rank."),
-        *numbers(damping=adapter.damping, eigenvalue_floor=floor, teacher_damping=added[0], student_damping=added[1],
-                 released_damping=float(adapter.released_damping_)),
         info("Fit", "iterations", int(adapter.n_iter_),
              f"{adapter.n_iter_} iterations, cost {start:.4f} → {end:.4f}; {ended}"),
         *([info("Held-out samples", "report", asdict(adapter.report_), adapter.report_.in_words())]
           if hasattr(adapter, "report_") else []),
-        *numbers(dimension=len(adapter.rotation_), teacher_dispersion=teacher, student_dispersion=student,
-                 converged=bool(adapter.converged_), stop_reason=adapter.stop_reason_, cost_start=start, cost=end),
+        *numbers(damping=adapter.damping, converged=bool(adapter.converged_), cost=end),
     )  # fmt: skip
     return Section("Adapter", metrics, key="adapter")
-
-
-@describe.register
-def identifiability_report(result: Identifiability) -> Report:
-    """Describe which directions of the rotation the domains determine."""
-    return Report("", "", (Section("", (info("Result", "identifiability", result.in_words()),)),))
 
 
 COLUMNS = {

@@ -1,18 +1,27 @@
-"""Values that a report consists of: metrics, tables, sections and the summary."""
+"""Values that a report consists of: metrics, tables and sections, and `report_of`."""
 
+import contextlib
+import importlib
+import platform
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import singledispatch
+from importlib import metadata
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-INFO, NOTE, WARNING, ERROR = SEVERITIES = ("info", "note", "warning", "error")
-GREEN, AMBER, RED = "green", "amber", "red"
-STATUS = {INFO: GREEN, NOTE: GREEN, WARNING: AMBER, ERROR: RED}
-"""Status of a result by the worst severity of its metrics."""
-MEANING = {GREEN: "no warnings", AMBER: "check the warnings before execution", RED: "do not execute"}
+from maniport.version import __version__
 
+INFO, NOTE, WARNING, ERROR = "info", "note", "warning", "error"
+RED = "red"
+STATUS = {"green": "no warnings", "amber": "check the warnings before execution", RED: "do not execute"}
+"""Status of a result without warnings, with warnings and with errors, and its meaning."""
+
+RECORDING, FIT = "recording", "human-model"
+"""Keys of warnings about a recording, and about the difference between model and person."""
 
 SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
 """Ends of keys in JSON by unit."""
@@ -37,8 +46,6 @@ class Metric:
         An error is a warning that prohibits the execution of a motion.
     main : bool
         Whether the metric is in the summary of a result.
-    grade : str
-        The value in words, of some metrics.
     """
 
     label: str
@@ -49,7 +56,6 @@ class Metric:
     unit: str = ""
     severity: str = INFO
     main: bool = False
-    grade: str = ""
 
     @property
     def is_warning(self) -> bool:
@@ -102,21 +108,6 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Summary:
-    """The outcome of a result, in a `Report`."""
-
-    title: str  # the outcome in one sentence
-    text: str = ""  # what prevents a better outcome
-    advice: str = ""  # the next step
-    command: str = ""  # its command, with ``{folder}`` for the folder of the results
-    graded: bool = True  # whether the result has a status
-
-    def command_for(self, folder: str = "results") -> str:
-        """Return the command with the folder of the results, quoted for a shell."""
-        return self.command.replace("{folder}", shlex.quote(folder))
-
-
-@dataclass(frozen=True)
 class Report:
     """Everything that is reported of a result, see `report_of`.
 
@@ -126,17 +117,24 @@ class Report:
         Title, and a sentence about the kind of result.
     sections : tuple of Section
         Metrics and tables by topic.
-    summary : Summary, optional
-        Outcome and advice.
-    data_warnings : tuple of Metric
-        Warnings about the data, which precede those of the sections.
+    outcome : str
+        The outcome of a result in one sentence; empty for other objects.
+    cause, advice : str
+        What prevents a better outcome, and the next step.
+    command : str
+        Command of the next step, with ``{folder}`` for the folder of the results.
+    graded : bool
+        Whether the result has a status.
     """
 
     title: str
     lead: str = ""
     sections: tuple[Section, ...] = ()
-    summary: Summary | None = None
-    data_warnings: tuple[Metric, ...] = ()
+    outcome: str = ""
+    cause: str = ""
+    advice: str = ""
+    command: str = ""
+    graded: bool = True
 
     @property
     def metrics(self) -> tuple[Metric, ...]:
@@ -152,12 +150,12 @@ class Report:
 
     @property
     def warning_metrics(self) -> tuple[Metric, ...]:
-        """The warnings, each text once; errors come first."""
-        unique = dict[str, Metric]()
-        for metric in (*self.data_warnings, *self.metrics):
+        """The warnings, each text once; errors come first, then those about the data."""
+        unique, rank = dict[str, Metric](), {RECORDING: -2, FIT: -1}
+        for metric in self.metrics:
             if metric.is_warning and metric.text:
                 unique.setdefault(metric.text, metric)
-        return tuple(sorted(unique.values(), key=lambda metric: metric.severity != ERROR))
+        return tuple(sorted(unique.values(), key=lambda metric: (metric.severity != ERROR, rank.get(metric.key, 0))))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -177,16 +175,20 @@ class Report:
     @property
     def status(self) -> str:
         """``"green"``, ``"amber"`` or ``"red"``: the worst of all metrics; empty where there is no outcome."""
-        if self.summary is None or not self.summary.graded:
+        if not (self.outcome and self.graded):
             return ""
-        severities = [metric.severity for metric in (*self.data_warnings, *self.metrics)]
-        return STATUS[max(severities, key=SEVERITIES.index, default=INFO)]
+        severities = {metric.severity for metric in self.metrics}
+        return list(STATUS)[2 if ERROR in severities else WARNING in severities]
 
     @property
     def status_text(self) -> str:
         """The status with its meaning and the kinds of the warnings in words; empty without a status."""
         kinds = ", ".join(key.replace("-", " ") for key in self.warning_keys)
-        return f"{self.status.capitalize()}: {MEANING[self.status]}{kinds and f' ({kinds})'}." if self.status else ""
+        return f"{self.status.capitalize()}: {STATUS[self.status]}{kinds and f' ({kinds})'}." if self.status else ""
+
+    def command_for(self, folder: str = "results") -> str:
+        """Return the command of the next step with the folder of the results, quoted for a shell."""
+        return self.command.replace("{folder}", shlex.quote(folder))
 
 
 def info(
@@ -227,9 +229,8 @@ def statistics(label: str, key: str, values: ArrayLike, time: ArrayLike | None =
     from maniport.evaluation.metrics import statistics_of  # slow to load
 
     metric = Metric(label, "", "", key, statistics_of(values, time), unit)
-    suffix = "°" if unit == "°" else f" {unit}".rstrip()
     place = metric.where or f"at index {metric.value['max_at']}"
-    names = ("median", "95th percentile", f"max {place}")
+    suffix, names = "°" if unit == "°" else f" {unit}".rstrip(), ("median", "95th percentile", f"max {place}")
     texts = [f"{cell}{suffix} ({name})" for cell, name in zip(metric.cells, names, strict=True)]
     return replace(metric, text=listed(texts))
 
@@ -250,3 +251,61 @@ def listed(values: Iterable[object]) -> str:
 def at_time(time: float) -> str:
     """Write a time [s]; pages make links of these."""
     return f"at {time:.1f} s"
+
+
+def software(seed: int | None) -> list[Metric]:
+    """Return the seed and the versions of the software."""
+    versions = {"maniport": __version__, "Python": platform.python_version()}
+    for package, name in {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}.items():
+        with contextlib.suppress(metadata.PackageNotFoundError):  # it is installed by other means than a package
+            versions[name] = metadata.version(package)
+    about = "The same seed and versions give the same numbers."
+    return [
+        Metric("Seed", "none" if seed is None else str(seed), about, "random_state", seed),
+        Metric("Versions", listed(map(" ".join, versions.items())), key="versions", value=versions),
+    ]
+
+
+MODULES = {
+    "arms": "robot",
+    "mocap": "recording",
+    "transfer": "transfer",
+    "evaluation": "transfer",
+    "motion": "metrics robot",
+    "pipeline": "results recording",
+}
+"""Modules of this package that describe the classes of another package; they are imported when they are needed."""
+
+
+def report_of(thing: Any) -> Report:
+    """Return the `Report` of a result, an arm, a recording, an adapter or another object of maniport.
+
+    Parameters
+    ----------
+    thing : any object
+        Of an unknown object only the prompt is reported.
+
+    Returns
+    -------
+    Report
+    """
+    for kind in type(thing).__mro__:
+        top, package, *_ = [*kind.__module__.split("."), ""]
+        if top == "maniport" and package in MODULES:
+            for module in MODULES[package].split():
+                importlib.import_module(f"maniport.report.{module}")
+    return describe(thing)
+
+
+@singledispatch
+def describe(thing: Any) -> Report:
+    """Describe an object whose module is imported; `describe.register` adds a class."""
+    return Report(type(thing).__name__, repr(thing))
+
+
+def in_axes(distance: float) -> str:
+    """Write a distance between ellipsoids as the error of one axis that has the same distance."""
+    ratio = float(np.exp(0.5 * distance))
+    return (
+        f"one axis {ratio:.1f} times as long" if ratio >= 1.95 else f"one axis {100.0 * (ratio - 1.0):.0f} % too long"
+    )

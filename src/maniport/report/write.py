@@ -11,9 +11,8 @@ from maniport.pipeline.config import CONFIG
 from maniport.pipeline.demonstrations import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import JOINT_FILES, MOTION_FILES, TRANSFER_FILES, MotionResult, TransferResult
-from maniport.report.metrics import report_of
 from maniport.report.renderings import FIGURES, LEARNED, PAGE, SUMMARY, files_of, write_report
-from maniport.report.values import Report
+from maniport.report.values import Report, report_of
 from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
@@ -99,7 +98,7 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
 
         animation = animation_of(result)
         if pages:
-            write_page(folder / PAGE, report, {report.sections[0].key: [animation]})
+            write_page(folder / PAGE, report, animation)
         if SCENE in formats:
             write_scene(folder / FORMATS[SCENE].file, animation)
 

@@ -4,9 +4,8 @@ Congruence by any invertible matrix is an isometry: d(C A Cᵀ, C B Cᵀ) = d(A,
 Ayache, A Riemannian Framework for Tensor Computing, IJCV 2006, and Bhatia, Positive Definite Matrices, 2007, ch. 6.
 All functions broadcast over leading axes. Points are SPD, tangents symmetric, both of shape (..., d, d).
 
-Any factor F of P = F Fᵀ whitens as P^½ does. Where the eigenvalues of F⁻¹ Q F⁻ᵀ are not exact, the singular values of
-F⁻¹ K for Q = K Kᵀ lose no more than rounding moves the points themselves, some eps (κ_P + κ_Q). Where that is a
-distance of more than 0.01, there is an error.
+Any factor F of P = F Fᵀ whitens as P^½ does. The singular values of F⁻¹ K for Q = K Kᵀ lose no more than rounding moves
+the points themselves, some eps (κ_P + κ_Q). Where that is a distance of more than 0.01, there is an error.
 """
 
 import numpy as np
@@ -88,8 +87,8 @@ def log(base: ArrayLike, point: ArrayLike) -> Array:
     center = as_spd(base, "base")
     other = as_spd(point, "point", center.shape[-1])
     require_broadcast(base=center, point=other)
-    factor, _, values, vectors, _ = _whitened(center, other)
-    return congruence(factor, compose(np.log(values), vectors))
+    pair, _ = _factored(center, other)
+    return congruence(pair.start, compose(2.0 * np.log(pair.singular), pair.left))
 
 
 def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
@@ -115,10 +114,9 @@ def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
     step = as_symmetric(tangent, "tangent", center.shape[-1])
     require_broadcast(base=center, tangent=step)
     factor, inverse = cholesky(center)
-    values, vectors = eigh(congruence(inverse, step))
-    length = np.maximum(1.0, np.abs(values).max(axis=-1))
-    moved = _rounding(center, inverse) * length * _growth(values, 1.0)
-    return _point(factor, inverse, bounded(np.exp, "tangent")(values), vectors, moved)
+    logs, vectors = eigh(congruence(inverse, step))
+    moved = _rounding(center, inverse) * np.maximum(1.0, np.abs(logs).max(axis=-1)) * _growth(logs, 1.0)
+    return _point(factor, inverse, bounded(np.exp, "tangent")(logs), vectors, moved)
 
 
 def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
@@ -144,11 +142,11 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     end = as_spd(b, "b", start.shape[-1])
     exponent = as_finite(t, "t")[..., None]
     require_broadcast(a=start, b=end, t=exponent[..., None])
-    factor, inverse, values, vectors, moved = _whitened(start, end)
-    powers = bounded(lambda values: values**exponent, "t")(values)
-    beyond, logs = np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0], np.log(values)
+    pair, moved = _factored(start, end)
+    logs, beyond = 2.0 * np.log(pair.singular), np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0]
     moved = moved * np.maximum(1.0, _growth(logs, beyond) / _growth(logs, 1.0))
-    return _point(factor, inverse, powers, vectors, moved)
+    powers = bounded(lambda logs: np.exp(exponent * logs), "t")(logs)
+    return _point(pair.start, pair.start_inverse, powers, pair.left, moved)
 
 
 def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
@@ -193,19 +191,6 @@ def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
     values, vectors = eigh(congruence(inverse_root, points))
     _require_exact(_rounding_between(inverse_root, points, values))
     return values, vectors
-
-
-def _whitened(base: Array, point: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Return F, F⁻¹, eigenvalues and -vectors of F⁻¹ Q F⁻ᵀ for P = F Fᵀ, and how far rounding may move P and Q."""
-    factor, inverse = cholesky(base)
-    values, vectors = eigh(congruence(inverse, point))
-    moved = _rounding_between(inverse, point, values)
-    rough = ~(moved <= 1e-9)
-    if np.any(rough):
-        start, end = (np.broadcast_to(points, vectors.shape)[rough] for points in (base, point))
-        pair, moved[rough] = _factored(start, end)
-        values[rough], vectors[rough] = pair.singular**2, pair.left
-    return factor, inverse, values, vectors, moved
 
 
 def _factored(start: Array, end: Array) -> tuple[Pair, Array]:

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked, recentered
-from maniport.spd.kernels import Moments, compose, congruence, eigh, mandel_basis, moments
-from maniport.spd.matrix_functions import apply, roots
+from maniport.spd.kernels import compose, congruence, eigh, mandel_basis, mandel_indices
+from maniport.spd.matrix_functions import apply, from_vector, roots, to_vector
 from maniport.util.validation import (
     Array,
     as_choice,
@@ -21,8 +21,6 @@ from maniport.util.validation import (
     require_broadcast,
     require_shape,
 )
-
-ILL_CONDITIONED = "points are too ill-conditioned for their mean: rounding makes them indefinite about it"
 
 
 def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10, max_iter: int = 50) -> Array:
@@ -71,27 +69,23 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     w = as_weights(weights, len(data))
     tol = as_number(tol, "tol", above=0.0)
     limit = as_count(max_iter, "max_iter")
-    sample = _Sample(data, w, np.linalg.norm(data, axis=(-2, -1)))
-    start = moments(data, np.eye(data.shape[-1]), w, sample.sizes, curved=False)
-    if start is None:
-        raise NotSPDError(ILL_CONDITIONED)
-    now = _Iterate(apply(start.gradient, np.exp), sample)  # from the log-Euclidean mean
-    if not np.isfinite(now.cost):
-        raise NotSPDError(ILL_CONDITIONED)
+    state = _State.at(apply(np.einsum("n,nij->ij", w, apply(data, np.log)), np.exp), data, w)  # log-Euclidean mean
+    if state is None:
+        raise NotSPDError("points are too ill-conditioned for their mean: rounding makes them indefinite about it")
     steps, reason = 0, ""
-    while now.norm > tol and not reason:
-        following = _line_search(now) if steps < limit else None
+    while state.norm > tol and not reason:
+        following = _line_search(state, data, w) if steps < limit else None
         if following is not None:
-            now, steps = following, steps + 1
+            state, steps = following, steps + 1
         else:
             reason = f"after {limit} steps" if steps == limit else "because rounding allows no further progress"
-    if now.norm > max(tol, now.rounding):
+    if state.norm > max(tol, state.rounding):
         warnings.warn(
-            f"the mean of {len(data)} matrices stopped {reason} at gradient norm {now.norm:.3g}; wanted {tol:.3g}",
+            f"the mean of {len(data)} matrices stopped {reason} at gradient norm {state.norm:.3g}; wanted {tol:.3g}",
             ConvergenceWarning,
             stacklevel=2,
         )
-    return now.center
+    return state.center
 
 
 def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "mean") -> float:
@@ -167,63 +161,67 @@ def _recentered(points: ArrayLike, center: ArrayLike, root: int) -> Array:
     return recentered(roots(middle)[root], data)
 
 
-class _Sample(NamedTuple):
-    """Points (n, d, d), weights that sum to one and the points' norms, both (n,)."""
+class _State(NamedTuple):
+    """A candidate P for the mean."""
 
-    points: Array
-    weights: Array
-    sizes: Array
+    center: Array
+    root: Array  # P^½
+    values: Array  # eigenvalues (n, d) and -vectors (n, d, d) of Y_i = P^-½ X_i P^-½
+    vectors: Array
+    cost: float  # ½ Σ w d²(Y, I)
+    gradient: Array  # Σ w log Y, the negative Riemannian gradient of the cost
+    norm: float  # of the gradient
+    rounding: float  # size of the gradient that rounding may leave
 
-
-class _Iterate:
-    """A candidate for the mean."""
-
-    def __init__(self, center: Array, sample: _Sample, curved: bool = True) -> None:
-        """Compute the cost, its gradient and, when `curved`, its Hessian."""
-        self.center, self.sample = center, sample
-        values, vectors = eigh(center)
-        root = np.sqrt(np.abs(values))
-        self.root = compose(root, vectors)
-        terms = None
-        if values[0] > 0:
-            terms = moments(sample.points, compose(1.0 / root, vectors), sample.weights, sample.sizes, curved)
-        if terms is None:  # rounding made a point indefinite
-            terms = Moments(np.inf, np.inf, np.full(center.shape, np.inf), None)
-        self.moments, self.cost = terms, terms.cost
-        self.norm = float(np.linalg.norm(terms.gradient))
+    @classmethod
+    def at(cls, center: Array, data: Array, weights: Array) -> "_State | None":
+        """Compute it; None where rounding makes a matrix indefinite."""
+        spectrum, frame = eigh(center)
+        if not spectrum[0] > 0.0:
+            return None
+        root = np.sqrt(spectrum)
+        values, vectors = eigh(congruence(compose(1.0 / root, frame), data))
+        if not np.all(values > 0.0):
+            return None
+        logs = np.log(values)
+        gradient = compose(weights[:, None] * logs, vectors).sum(axis=0)
         # Whitening rounds by eps |X| |P⁻¹|; the logarithm divides that by the smallest eigenvalue. A larger gradient
         # than 1e-3 is not put down to rounding.
-        with np.errstate(divide="ignore"):
-            self.rounding = min(float(np.finfo(np.float64).eps / np.abs(values[0])) * terms.rounding, 1e-3)
+        size = float(weights @ (np.linalg.norm(data, axis=(-2, -1)) / values[:, 0]))
+        rounding = min(float(np.finfo(np.float64).eps) / spectrum[0] * size, 1e-3)
+        cost, norm = 0.5 * float(weights @ np.sum(logs**2, axis=-1)), float(np.linalg.norm(gradient))
+        return cls(center, compose(root, frame), values, vectors, cost, gradient, norm, rounding)
 
 
-def _line_search(now: _Iterate) -> _Iterate | None:
+def _line_search(now: _State, data: Array, weights: Array) -> _State | None:
     """Take the Newton step, or the largest half of a half … of it that makes progress; None when none does."""
-    if now.moments.hessian is None:  # shortened steps do without at first
-        now = _Iterate(now.center, now.sample)
-    direction = _newton_direction(now.moments.hessian, now.moments.gradient)
-    descent = float(np.sum(now.moments.gradient * direction))
-    length = 1.0
+    direction = _newton_direction(now, weights)
+    descent, length = float(np.sum(now.gradient * direction)), 1.0
     while length > 1e-8:
-        center = congruence(now.root, apply(length * direction, np.exp))
-        following = _Iterate(center, now.sample, curved=length == 1.0)
+        following = _State.at(congruence(now.root, apply(length * direction, np.exp)), data, weights)
         # near the solution the cost no longer resolves the step, but the gradient does
-        if following.norm < 0.5 * now.norm:
+        if following is not None and following.norm < 0.5 * now.norm:
             return following
         if now.norm <= now.rounding:
             return None
-        if following.cost <= now.cost - 1e-4 * length * descent:
+        if following is not None and following.cost <= now.cost - 1e-4 * length * descent:
             return following
         length /= 2
     return None
 
 
-def _newton_direction(hessian: Array | None, gradient: Array) -> Array:
-    """Solve Hessian · H = gradient over symmetric matrices."""
-    assert hessian is not None
-    basis = mandel_basis(gradient.shape[-1])
-    solution = np.linalg.solve(hessian, np.einsum("kij,ij->k", basis, gradient))
-    return np.asarray(np.einsum("k,kij->ij", solution, basis))
+def _newton_direction(now: _State, weights: Array, block: int = 4_000_000) -> Array:
+    """Solve Hessian · H = gradient over symmetric matrices, in the Mandel basis; `block` bounds the memory."""
+    d = len(now.center)
+    basis, (first, second) = mandel_basis(d), mandel_indices(d)
+    hessian, count = np.zeros((len(basis), len(basis))), max(1, block // (len(basis) * d * d))
+    for start in range(0, len(weights), count):
+        part = slice(start, start + count)
+        logs = np.log(now.values[part])
+        x = 0.5 * np.maximum(np.abs(logs[:, first] - logs[:, second]), 1e-9)
+        axes = to_vector(congruence(now.vectors[part, None], basis)).reshape(-1, len(basis))
+        hessian += (axes * (weights[part, None] * x / np.tanh(x)).reshape(-1, 1)).T @ axes
+    return from_vector(np.linalg.solve(hessian, to_vector(now.gradient)))
 
 
 def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Array:

@@ -1,12 +1,8 @@
-"""Making singular ellipsoids positive-definite: the same object for domains, profiles, placement and tracking.
+"""Damping, which makes singular ellipsoids positive-definite: the same for domains, profiles, placement and tracking.
 
 An outstretched arm cannot move along itself: one axis of its ellipsoid is zero, and the distance to every other
-ellipsoid infinite. Two remedies are offered, and which one was used belongs to the adapter:
-
-- damping ρ adds ε I with ε = ρ tr(mean of the domain) / d. It is smooth, has no unit, turns with the frame, and means
-  damped least squares; one ε holds for a whole domain.
-- a floor replaces eigenvalues below it (Reithmeir et al. 2022, footnote 1: 1e-4). It is not smooth, depends on units,
-  and lets the floor's logarithm dominate distances.
+ellipsoid infinite. Damping ρ adds ε I with ε = ρ tr(mean of the domain) / d, one ε for a whole domain. It is smooth,
+has no unit, turns with the frame, and means damped least squares.
 """
 
 from dataclasses import dataclass, replace
@@ -15,33 +11,24 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import InvalidInputError
+from maniport.spd.kernels import compose, eigh, power_congruence
+from maniport.spd.kernels.loops import KAPPA
 from maniport.spd.matrix_functions import apply
 from maniport.util.validation import SPD_TOLERANCE, Array, as_number, as_positive_semidefinite, as_spd
 
-HINT = (
-    "Singular ellipsoids need regularization: give damping=0.01 (adds 1 % of the domain's mean eigenvalue) "
-    "or eigenvalue_floor=1e-4 (lifts smaller eigenvalues)"
-)
+HINT = "Singular ellipsoids need regularization: give damping=0.01 (adds 1 % of the domain's mean eigenvalue)"
 
 
 @dataclass(frozen=True)
 class Regularization:
-    """What is done to singular ellipsoids before they are compared: nothing, damping, or a floor."""
+    """Damping of ellipsoids before they are compared, or none."""
 
     damping: float | None = None  # ρ, relative to the mean eigenvalue of a domain
-    eigenvalue_floor: float | None = None  # Smallest eigenvalue, in the unit of M
     epsilon: float = 0.0  # ε, what is added to all eigenvalues, in the unit of M
 
     def __post_init__(self) -> None:
-        if self.damping is not None and self.eigenvalue_floor is not None:
-            raise InvalidInputError(
-                f"damping and eigenvalue_floor exclude each other; found {self.damping!r} and {self.eigenvalue_floor!r}"
-            )
-        for name in ("damping", "eigenvalue_floor"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, as_number(value, name, above=0.0))
+        if self.damping is not None:
+            object.__setattr__(self, "damping", as_number(self.damping, "damping", above=0.0))
 
     @classmethod
     def absolute(cls, epsilon: float) -> Self:
@@ -57,10 +44,6 @@ class Regularization:
 
     def apply(self, points: ArrayLike, name: str = "points", dimension: int | None = None) -> Array:
         """Return SPD matrices, shape (..., d, d), or raise `NotSPDError` with advice when nothing is to be done."""
-        if self.eigenvalue_floor is not None:
-            lowest = self.eigenvalue_floor
-            matrices = as_positive_semidefinite(points, name, dimension)
-            return apply(matrices, lambda values: np.maximum(values, lowest))
         if self.damping is None and self.epsilon == 0.0:
             return as_spd(points, name, dimension, hint=HINT)
         damped = as_positive_semidefinite(points, name, dimension)  # an array of its own
@@ -73,6 +56,32 @@ class Regularization:
     def __str__(self) -> str:
         if self.damping is not None:
             return f"damping {self.damping:g}"
-        if self.eigenvalue_floor is not None:
-            return f"floor {self.eigenvalue_floor:g}"
         return f"damping of {self.epsilon:.3g}" if self.epsilon else "none"
+
+
+def released(points: Array, epsilon: float) -> Array:
+    """Take damping ε off SPD matrices (..., d, d): an eigenvalue becomes the y with y (y + ε) / (y + κ ε) equal to it.
+
+    Subtracting ε I would make images of a map indefinite where they are flatter than the damping.
+    """
+    unchanged = np.eye(points.shape[-1])
+    return power_congruence(unchanged, points, 1.0, unchanged, epsilon)
+
+
+def damped_again(points: Array, epsilon: float) -> Array:
+    """Undo `released`; eigenvalues of zero become ε."""
+    values, vectors = eigh(points)
+    flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
+    lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)
+    return compose(np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)), vectors)
+
+
+def without_damping(points: Array, damping: float) -> Array:
+    """Subtract ε I from each matrix (n, d, d) where a positive semidefinite one remains."""
+    if damping == 0.0:
+        return points
+    bare = points - damping * np.eye(points.shape[-1])
+    lowest = eigh(bare)[0][:, 0]
+    rounding = (lowest < 0) & (lowest >= -1e-9 * np.trace(points, axis1=-2, axis2=-1))
+    bare[rounding] = apply(bare[rounding], lambda values: np.maximum(values, 0.0))
+    return np.where((rounding | (lowest >= 0))[:, None, None], bare, points)

@@ -16,11 +16,9 @@ from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
-from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, logarithm, roots, to_vector
 from maniport.studies.paper import trajectories
 from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.transfer.length_field.field import KAPPA, released
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.optional import optimal_transport
 from maniport.util.progress import Progress, Step
@@ -46,7 +44,7 @@ CAPTION = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """A motion of a human arm."""
 
@@ -73,38 +71,27 @@ def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
 
 
 def study(
-    methods: Sequence[str] = (AUTO,),
+    method: str = AUTO,
     names: Iterable[str] | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
     rows: Sequence[str | DomainAdapter] = (*BASELINES, LOOKUP, *FITTED_METHODS),
-) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
-    """Evaluate methods on the motions, by (motion, method)."""
-    robot, shared = load_arm(ROBOT), {"damping": DAMPING, "base_rotation": np.eye(3)}
+) -> dict[Motion, Evaluation]:
+    """Evaluate a method on the motions, by motion, with other methods in further rows."""
+    robot = load_arm(ROBOT)
+    shared: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
     student, evaluated = sample_domain(robot, STUDENT_SAMPLES, random_state + 1), {}
     for motion in motions(names):
-        teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
-        for method in methods:
-            step = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
-            if method == AUTO:
-                options: dict[str, Any] = {"robot": robot, "random_state": random_state, **shared}
-                adapter, _ = select_method(teacher, student, motion.profile, **options)
-            else:
-                adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot).fit(
-                    teacher, student
-                )
-            evaluation = evaluate(
-                adapter,
-                teacher,
-                student,
-                motion.profile,
-                robot=robot,
-                person=motion.person,
-                rows=rows,
-                random_state=random_state,
-            )
-            evaluated[motion.name, method] = (motion, evaluation)
-            step.end(f"{evaluation.adapter.name} and {len(evaluation.rows) - 1} more")
+        step, teacher = Step(progress, motion.name), sample_domain(motion.person, TEACHER_SAMPLES, random_state)
+        options: dict[str, Any] = {"robot": robot, "random_state": random_state}
+        if method == AUTO:
+            adapter, _ = select_method(teacher, student, motion.profile, **options, **shared)
+        else:
+            adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot)
+            adapter.fit(teacher, student)
+        options |= {"person": motion.person, "rows": rows}
+        evaluated[motion] = evaluate(adapter, teacher, student, motion.profile, **options)
+        step.end(f"{evaluated[motion].adapter.name} and {len(evaluated[motion].rows) - 1} more")
     return evaluated
 
 
@@ -112,9 +99,9 @@ def compare_methods(
     rows: Sequence[str], random_state: int = 0, progress: Progress | None = None, names: Sequence[str] | None = None
 ) -> dict[str, Evaluation]:
     """Evaluate methods by motion; if every method is requested, the transport between Gaussians comes last."""
-    further = [GaussianTransport(DAMPING, None, np.eye(3))] if set(rows) >= set(METHODS) else []
-    evaluated = study((TRANSPORT,), names, random_state, progress, rows=(*rows, *further))
-    return {motion: evaluation for (motion, _), (_, evaluation) in evaluated.items()}
+    further = [GaussianTransport(DAMPING, np.eye(3))] if set(rows) >= set(METHODS) else []
+    evaluated = study(TRANSPORT, names, random_state, progress, rows=(*rows, *further))
+    return {motion.name: evaluation for motion, evaluation in evaluated.items()}
 
 
 def methods_report(evaluations: Mapping[str, Evaluation]) -> Report:
@@ -158,16 +145,10 @@ class GaussianTransport(DomainAdapter):
         start, goal = _log_vectors(teacher, self.teacher_mean_), _log_vectors(student, self.student_mean_)
         self._solver = optimal_transport().da.LinearTransport().fit(Xs=start, Xt=goal)
         self._set_closed_form("closed form")
-        self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_  # off an eigenvalue of ε
 
-    def _map(self, points: Array) -> tuple[Array, float]:
+    def _map(self, points: Array) -> Array:
         moved = self._solver.transform(Xs=_log_vectors(points, self.teacher_mean_))
-        images = congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp))
-        return images, self.released_damping_
-
-    def _images(self, points: Array) -> Array:
-        values, vectors = eigh(self._map(points)[0])
-        return compose(released(values, float(self.student_damping_)), vectors)
+        return congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp))
 
     def _map_back(self, points: Array) -> Array:
         raise NotInvertibleError(f"{type(self).__name__} has no inverse")

@@ -14,19 +14,16 @@ from maniport.errors import InvalidInputError
 from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
-from maniport.transfer.baselines import IdentityMap, MeanTransport, NearestNeighbor
+from maniport.transfer.baselines import IdentityMap, NearestNeighbor
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
     GeodesicCorrespondence,
-    LogEllipsoidCorrespondence,
     Matches,
-    OneToOneCorrespondence,
-    TransportCorrespondence,
 )
 from maniport.transfer.length_field_adapter import LengthField
-from maniport.transfer.parallel_transport import ParallelTransport
-from maniport.transfer.riemannian_icp import RiemannianICP, Search
+from maniport.transfer.riemannian_icp import RiemannianICP
+from maniport.transfer.rigid_adapter import MeanTransport, ParallelTransport
 from maniport.util.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {
@@ -126,15 +123,11 @@ __all__ = [
     "GeodesicCorrespondence",
     "IdentityMap",
     "LengthField",
-    "LogEllipsoidCorrespondence",
     "Matches",
     "MeanTransport",
     "NearestNeighbor",
-    "OneToOneCorrespondence",
     "ParallelTransport",
     "RiemannianICP",
-    "Search",
-    "TransportCorrespondence",
     "load_adapter",
     "method_of",
     "name_of",

@@ -1,7 +1,7 @@
 """The contract of transfer methods: fit, transform, inverse_transform, score, save.
 
-A method supplies `_fit`, `_map` and `_map_back`, and works on regularized ellipsoids in the student's frame.
-Checks, base rotation, regularization and files are here.
+A method supplies `_fit`, `_map` and `_map_back`, and works on damped ellipsoids in the student's frame. Checks, base
+rotation, damping and files are here.
 """
 
 import os
@@ -12,20 +12,25 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-import maniport.transfer.ellipsoids as ellipsoids
-from maniport.errors import InvalidInputError, NotFittedError
-from maniport.estimator import Estimator, clone
+from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
+from maniport.estimator import Estimator
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import congruence, eigh
 from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
-from maniport.spd.regularization import Regularization
+from maniport.spd.regularization import Regularization, damped_again, released, without_damping
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite
-
-RELEASED = 1.0 - 1e-6  # Share of the damping that is subtracted from images; the rest keeps them SPD
+from maniport.util.validation import (
+    SPD_TOLERANCE,
+    Array,
+    as_finite,
+    as_points,
+    as_positive_semidefinite,
+    as_rotation,
+    vouched,
+)
 
 
 class DomainAdapter(NotebookDisplay, Estimator, ABC):
@@ -40,9 +45,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
     dispersion_ratio_ : float
         s, the student's dispersion over the teacher's.
     teacher_mean_, student_mean_ : ndarray, shape (d, d)
-        Fréchet means of the regularized domains, in the student's base frame.
+        Fréchet means of the damped domains, in the student's base frame.
     teacher_dispersion_, student_dispersion_ : float
-        Dispersions of the regularized domains.
+        Dispersions of the damped domains.
     converged_, n_iter_, stop_reason_ : bool, int, str
         Convergence, number of iterations, and why the fit ended.
     cost_ : float
@@ -50,26 +55,14 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
     history_ : ndarray, shape (k + 1,)
         The cost at the start and after each of k iterations.
     teacher_damping_, student_damping_ : float
-        ε that was added to each domain, in the unit of M; zero without damping.
-    released_damping_ : float
-        Part of `student_damping_` that `transform` subtracts from the images, which leaves all of them
-        positive-definite. Constant, so that the map is smooth and invertible; the length field is an exception.
+        ε that was added to each domain, in the unit of M; zero without damping. `transform` takes the student's off
+        its images, see `maniport.spd.regularization.released`.
     """
 
-    schema: ClassVar[Schema] = SCHEMA  # attributes in files, with their shapes and checks
-    value_objects: ClassVar[dict[str, Any]] = {}  # further attributes, by the class that reads them
-    option_classes: ClassVar[tuple[type, ...]] = ()  # bases of the parameters that are objects
+    schema: ClassVar[Schema] = SCHEMA  # required attributes, with their shapes and checks
 
-    _silent = False
-
-    def __init__(
-        self,
-        damping: float | None = None,
-        eigenvalue_floor: float | None = None,
-        base_rotation: ArrayLike | None = None,
-    ):
+    def __init__(self, damping: float | None = None, base_rotation: ArrayLike | None = None):
         self.damping = damping
-        self.eigenvalue_floor = eigenvalue_floor
         self.base_rotation = base_rotation
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -77,73 +70,54 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         METHODS_BY_CLASS[cls.__name__] = cls
 
     def __repr__(self) -> str:
-        parameters = super().__repr__()
         if not is_fitted(self):
-            return parameters
+            return super().__repr__()
         angle = np.degrees(rotation_angle(np.eye(len(self.map_rotation_)), self.map_rotation_))
-        rotation = [self.identifiability_.in_words()] if hasattr(self, "identifiability_") else []
-        facts = [f"rotation {angle:.1f}°, s = {self.dispersion_ratio_:.3g}", self.stop_reason_, *rotation]
-        return f"{parameters}  # fitted: {'; '.join(facts)}"
+        fit = f"rotation {angle:.1f}°, s = {self.dispersion_ratio_:.3g}; {self.stop_reason_}"
+        return f"{super().__repr__()}  # fitted: {fit}"
 
     @abstractmethod
     def _fit(self, teacher: Array, student: Array) -> None:
-        """Set the fitted attributes from two regularized domains in one frame, shapes (n, d, d) and (m, d, d)."""
+        """Set the fitted attributes from two damped domains in one frame, shapes (n, d, d) and (m, d, d)."""
 
     @abstractmethod
-    def _map(self, points: Array) -> tuple[Array, float]:
-        """Map regularized teacher ellipsoids (n, d, d) in the student's frame; also return the damping to subtract."""
+    def _map(self, points: Array) -> Array:
+        """Map damped teacher ellipsoids (n, d, d) in the student's frame to damped student ellipsoids."""
 
     @abstractmethod
     def _map_back(self, points: Array) -> Array:
         """Map damped student ellipsoids (n, d, d) to damped teacher ellipsoids in the student's frame."""
 
-    def _images(self, points: Array) -> Array:
-        """Map as `_map` does, and subtract the damping."""
-        mapped, released = self._map(points)
-        diagonals = np.einsum("...ii->...i", mapped)
-        diagonals -= released
-        return mapped
-
-    def _damped_again(self, points: ArrayLike) -> Array:
-        """Check the student's ellipsoids (..., d, d) and add the damping that `_images` subtracted."""
-        return self._regularization(self.released_damping_).apply(points, "points", self._dimension())
+    def _settle(self) -> None:
+        """Prepare what the map needs from the fitted attributes, after a fit or the reading of a file."""
 
     def _map_rotation(self) -> Array:
         """Rotation of ellipsoids by the map in the student's frame, shape (d, d)."""
         return np.eye(self._dimension())
 
     def fit(self, teacher: ArrayLike, student: ArrayLike) -> Self:
-        """Learn the map from samples of both domains.
+        """Learn the map from samples of both domains; a failed fit changes nothing.
 
         Parameters
         ----------
-        teacher : array_like, shape (n, d, d)
-            Samples of the teacher's reachable ellipsoids.
-        student : array_like, shape (m, d, d)
-            Samples of the student's reachable ellipsoids; m may differ from n.
+        teacher, student : array_like, shapes (n, d, d) and (m, d, d)
+            Samples of the reachable ellipsoids of both; m may differ from n.
 
         Raises
         ------
         NotSPDError
-            When an ellipsoid is asymmetric, indefinite, or singular without regularization.
+            When an ellipsoid is asymmetric, indefinite, or singular without damping.
         InvalidInputError
             When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is invalid.
         """
-        return self._fit_or_restore(teacher, student, self._fit)
-
-    def fit_transform(self, teacher: ArrayLike, student: ArrayLike) -> Array:
-        """Learn the map as `fit` does, and return the teacher's samples mapped, shape (n, d, d)."""
-        return self.fit(teacher, student).transform(teacher)
-
-    def _fit_or_restore(self, teacher: ArrayLike, student: ArrayLike, learn: Callable[[Array, Array], None]) -> Self:
-        """Check, regularize and rotate both domains and `learn` from them; a failure changes nothing."""
-        cloud_t, damping_t = ellipsoids.regularized(self._regularization(), teacher, "teacher")
-        cloud_s, damping_s = ellipsoids.regularized(self._regularization(), student, "student", cloud_t.shape[-1])
-        base_rotation = ellipsoids.as_base_rotation(self.base_rotation, cloud_t.shape[-1])
+        cloud_t, damping_t = _damped_domain(self._damping(), teacher, "teacher")
+        cloud_s, damping_s = _damped_domain(self._damping(), student, "student", cloud_t.shape[-1])
+        base_rotation = as_base_rotation(self.base_rotation, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
             self.teacher_damping_, self.student_damping_, self.base_rotation_ = damping_t, damping_s, base_rotation
-            learn(self._in_student_frame(cloud_t), cloud_s)
+            self._fit(self._in_student_frame(cloud_t), cloud_s)
+            self._settle()
         except BaseException:  # a mixture of two fits would map wrongly
             self.__dict__.clear()
             self.__dict__.update(before)
@@ -156,7 +130,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         Parameters
         ----------
         points : array_like, shape (..., d, d)
-            The teacher's ellipsoids; they get the same regularization as the teacher's domain.
+            The teacher's ellipsoids; they get the same damping as the teacher's domain.
 
         Returns
         -------
@@ -172,8 +146,10 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         """
         d = self._dimension()
         seen = self.teacher_side(points, "points")
-        images = self._images(seen.reshape(-1, d, d)).reshape(seen.shape)
-        ellipsoids.require_positive(images)
+        images = self._map(seen.reshape(-1, d, d))
+        if self.student_damping_ > 0.0:
+            images = released(images, float(self.student_damping_))
+        _require_positive(images := images.reshape(seen.shape))
         return images
 
     def inverse_transform(self, points: ArrayLike) -> Array:
@@ -182,7 +158,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         Parameters
         ----------
         points : array_like, shape (..., d, d)
-            The student's ellipsoids. Singular ones are regularized as the domain was.
+            The student's ellipsoids. Singular ones get the damping of the domain.
 
         Returns
         -------
@@ -197,18 +173,13 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
             When the method has no inverse.
         """
         d = self._dimension()
-        if self.eigenvalue_floor is not None:  # only singular input is raised: images may lie below the floor
-            student = as_positive_semidefinite(points, "points", d)
-            regular = self.student_regularization.apply(student, "points", d)
-            lowest = eigh(student)[0][..., 0]
-            keep = lowest > SPD_TOLERANCE * np.trace(student, axis1=-2, axis2=-1)
-            regular = np.where(keep[..., None, None], student, regular)
-        else:
-            regular = self._damped_again(points)
+        regular = self.student_side(points)
+        if self.student_damping_ > 0.0:
+            regular = damped_again(as_positive_semidefinite(points, "points", d), float(self.student_damping_))
         back = self._map_back(regular.reshape(-1, d, d))
         if self.base_rotation_ is not None:
             back = congruence(self.base_rotation_.T, back)
-        return ellipsoids.without_damping(back, self.teacher_damping_).reshape(regular.shape)
+        return without_damping(back, float(self.teacher_damping_)).reshape(regular.shape)
 
     def compiled(self) -> Callable[[Array], Array]:
         """Return the map of one ellipsoid (d, d) at a time, as a callable: `maniport.transfer.control.CompiledMap`."""
@@ -218,45 +189,31 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
     def errors(self, points: ArrayLike, truth: ArrayLike) -> Array:
         """Distances, shape (n,), from the teacher's `points`, (n, d, d), adapted, to the true ones in the same order.
 
-        Measured between regularized ellipsoids, as in `fit`; those of other regularizations are not comparable.
+        Measured between damped ellipsoids, as in `fit`; those of other dampings are not comparable.
         """
         mapped, target = self._compared(points, truth)
         if len(mapped) != len(target):
             raise InvalidInputError(f"points and truth must be equally many; found {len(mapped)} and {len(target)}")
         return distance_unchecked(target, mapped)
 
-    def gaps(self, points: ArrayLike, cloud: ArrayLike) -> Array:
-        """Distance from each adapted ellipsoid to the nearest of a cloud of the student's, shape (n,).
-
-        Measured between regularized ellipsoids; gaps below the cloud's own spacing are noise.
-        """
-        mapped, student = self._compared(points, cloud)
-        return nearest(mapped, student)[1]
-
     def score(self, teacher: ArrayLike, student: ArrayLike) -> float:
-        """Minus the root mean squared gap (see `gaps`): larger is better, as in scikit-learn's model selection.
+        """Minus the root mean squared distance from mapped samples to the nearest of the student's: larger is better.
 
-        It cannot choose the damping: more damping makes all ellipsoids rounder and every gap smaller.
+        scikit-learn's model selection uses it. It cannot choose the damping: more damping makes every distance smaller.
         """
-        return -float(np.sqrt(np.mean(self.gaps(teacher, student) ** 2)))
-
-    def silent(self) -> Self:
-        """Return an unfitted clone that learns the same map, without `identifiability_`, reports and their warnings."""
-        copy: Self = clone(self)
-        copy._silent = True
-        return copy
+        return -float(np.sqrt(np.mean(nearest(*self._compared(teacher, student))[1] ** 2)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the fitted adapter to an ``.npz`` file; `load_adapter` reads it."""
         self._dimension()
         save_adapter(self, path)
 
-    def _describe(self, teacher: Array, student: Array, spread: str = "mean") -> None:
-        """Set means and dispersions of regularized domains, and the identity as the map."""
+    def _describe(self, teacher: Array, student: Array) -> None:
+        """Set means and dispersions of damped domains, and the identity as the map."""
         self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
-        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_, spread)
-        self.student_dispersion_ = dispersion(student, self.student_mean_, spread)
-        self.rotation_, self.dispersion_ratio_, self.released_damping_ = np.eye(teacher.shape[-1]), 1.0, 0.0
+        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
+        self.student_dispersion_ = dispersion(student, self.student_mean_)
+        self.rotation_, self.dispersion_ratio_ = np.eye(teacher.shape[-1]), 1.0
 
     def _set_closed_form(self, reason: str, cost: float = 0.0) -> None:
         """Set the convergence attributes of a fit without iterations."""
@@ -264,17 +221,17 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         self.converged_, self.n_iter_, self.stop_reason_ = True, 0, reason
 
     def _compared(self, teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
-        """Map the teacher's ellipsoids; return them and the student's, both with the student's regularization."""
+        """Map the teacher's ellipsoids; return them and the student's, both damped."""
         d = self._dimension()
-        mapped, _ = self._map(as_points(self.teacher_side(teacher, "points"), "points", d, 1))
+        mapped = self._map(as_points(self.teacher_side(teacher, "points"), "points", d, 1))
         return mapped, as_points(self.student_side(student, "student"), "student", d, 1)
 
     def teacher_side(self, points: ArrayLike, name: str = "points") -> Array:
-        """Return the teacher's ellipsoids as the fit saw them: regularized, in the student's frame; (..., d, d)."""
+        """Return the teacher's ellipsoids as the fit saw them: damped, in the student's frame; (..., d, d)."""
         return self._in_student_frame(self.teacher_regularization.apply(points, name, self._dimension()))
 
     def student_side(self, points: ArrayLike, name: str = "points") -> Array:
-        """Return the student's ellipsoids as the fit saw them: regularized, shape (..., d, d)."""
+        """Return the student's ellipsoids as the fit saw them: damped, shape (..., d, d)."""
         return self.student_regularization.apply(points, name, self._dimension())
 
     def _in_student_frame(self, points: Array) -> Array:
@@ -297,16 +254,17 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
     def teacher_regularization(self) -> Regularization:
         """Regularization of the teacher's ellipsoids in the fit."""
         self._dimension()
-        return self._regularization(self.teacher_damping_)
+        return Regularization(epsilon=float(self.teacher_damping_))
 
     @property
     def student_regularization(self) -> Regularization:
         """Regularization of the student's ellipsoids in the fit."""
         self._dimension()
-        return self._regularization(self.student_damping_)
+        return Regularization(epsilon=float(self.student_damping_))
 
-    def _regularization(self, epsilon: float = 0.0) -> Regularization:
-        return ellipsoids.regularization_of(self.damping, self.eigenvalue_floor, float(epsilon))
+    def _damping(self) -> Regularization:
+        """Return the requested damping of both domains."""
+        return Regularization(self.damping)
 
     def _dimension(self) -> int:
         if not hasattr(self, "teacher_mean_"):
@@ -315,5 +273,47 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
 
 def is_fitted(adapter: DomainAdapter) -> bool:
-    """Whether a fit has come to its end, by its last attribute."""
-    return hasattr(adapter, "released_damping_")
+    """Whether a fit has come to its end."""
+    return hasattr(adapter, "stop_reason_")
+
+
+def as_base_rotation(base_rotation: ArrayLike | None, d: int) -> Array | None:
+    """Check a base rotation and return it for ellipsoids of size d; None for equal frames."""
+    if base_rotation is None:
+        return None
+    if d == 6 and np.shape(base_rotation) == (3, 3):
+        rotation = np.asarray(np.kron(np.eye(2), as_rotation(base_rotation, "base_rotation", 3)), dtype=np.float64)
+    else:
+        rotation = as_rotation(base_rotation, "base_rotation", d)
+    return None if np.array_equal(rotation, np.eye(d)) else rotation
+
+
+def _damped_domain(
+    damping: Regularization, domain: ArrayLike, name: str, dimension: int | None = None
+) -> tuple[Array, float]:
+    """Return a domain's damped ellipsoids (n, d, d), which are not all equal, and the ε added to them."""
+    points = as_finite(domain, name)
+    if points.ndim != 3 or not points.size:
+        points = as_points(points, name)  # raises, with the reason
+    fitted = damping.fitted(points, name)
+    cloud = as_points(fitted.apply(points, name, dimension), name)
+    if np.abs(cloud - cloud[0]).max() <= 1e-12 * np.abs(cloud[0]).max():
+        raise InvalidInputError(
+            f"{name} has no dispersion: all {len(cloud)} ellipsoids are equal; a domain needs different ones"
+        )
+    return cloud, fitted.epsilon
+
+
+def _require_positive(images: Array) -> None:
+    """Raise when an image is singular up to `SPD_TOLERANCE`."""
+    if vouched(images, None, SPD_TOLERANCE, copy=False) is not None:
+        return
+    values, _ = eigh(images)
+    shares = values[..., 0] / values.sum(axis=-1)
+    if not np.all(shares > SPD_TOLERANCE):
+        index = np.unravel_index(np.argmin(shares), shares.shape)
+        place = f"[{', '.join(str(int(i)) for i in index)}]" if index else ""
+        raise NotSPDError(
+            f"points{place} has an image whose eigenvalues are too far apart for floating-point numbers: "
+            f"the largest is {values[index][-1]:.3g}, and the smallest is lost in its rounding"
+        )

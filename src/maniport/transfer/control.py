@@ -7,8 +7,7 @@ import numpy as np
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
-from maniport.spd.kernels.loops import diagonalize_one
-from maniport.spd.kernels.single import admit, compose, congruence, multiply
+from maniport.spd.kernels.loops import compose, congruence, damp, diagonalize_one, multiply, release
 from maniport.transfer.length_field.field import ROUNDED
 from maniport.util.jit import kernel, part
 from maniport.util.validation import SPD_TOLERANCE, Array
@@ -22,14 +21,13 @@ REASONS = {
 
 @kernel
 def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ − δ I, the eigenvalues of X first lifted to a floor."""
-    n, power = len(left), numbers[0]
+    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ, released from the student's damping."""
+    n, (power, epsilon, student) = len(left), numbers
     if point.shape != (n, n) or out.shape != (n, n):
         return 3
     a, b, v, x = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n)
-    failed = admit(point, a, v, x, numbers[1], numbers[2])
-    if failed != 0:
-        return failed
+    if not damp(point, a, epsilon):
+        return 1
     congruence(left, a, b)
     diagonalize_one(a, v)
     lowest, highest = MAX_EIGENVALUE, MIN_EIGENVALUE
@@ -42,10 +40,16 @@ def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-de
         return 2
     multiply(right, v, b)
     compose(x, b, a)
+    if student > 0.0:
+        diagonalize_one(a, v)
+        for i in range(n):
+            if not a[i, i] > 0.0:
+                return 2
+            x[i] = release(a[i, i], student)
+        compose(x, v, a)
     for i in range(n):
         for j in range(n):
             out[i, j] = a[i, j]
-        out[i, i] -= numbers[3]
     return 0
 
 
@@ -87,19 +91,18 @@ def _refuse(failed: int, shape: tuple[int, int], point: Array, out: Array) -> No
 
 
 @kernel
-def map_lengths(point, base_rotation, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
-    """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor.
+def map_lengths(point, base_rotation, numbers, parts, table, out):  # type: ignore[no-untyped-def]
+    """Fill `out` with the length field's map of R (X + ε I) Rᵀ, released from the student's damping.
 
     The terms are those of `LengthsMap.terms`; the return value is that of `map_rigidly`.
     """
     n = len(base_rotation)
     if point.shape != (n, n) or out.shape != (n, n):
         return 3
-    epsilon, floor, release, kappa, power, shift, level, inverse_square, soft = numbers
+    epsilon, student, power, shift, level, inverse_square, soft = numbers
     a, b, v, x, u = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n * (n + 1) // 2)
-    failed = admit(point, a, v, x, epsilon, floor)
-    if failed != 0:
-        return failed
+    if not damp(point, a, epsilon):
+        return 1
     congruence(base_rotation, a, b)
     diagonalize_one(a, v)
     trace = 0.0
@@ -113,10 +116,12 @@ def map_lengths(point, base_rotation, numbers, parts, centers, lengths, out):  #
     _fill_mandel(a, u)
     if len(parts) > 0:
         _fill_features(u, parts, soft)
-    first, second, third = _field(u, centers, lengths, inverse_square)
+    first, second, third = _field(u, table, inverse_square)
     for i in range(n):
         t = np.tanh(0.5 * x[i])
-        x[i] = _released(np.exp(x[i] + first + t * (second + t * third) + level), release, kappa)
+        x[i] = np.exp(x[i] + first + t * (second + t * third) + level)
+        if student > 0.0:
+            x[i] = release(x[i], student)
         if not MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE:
             return 2
     compose(x, v, a)
@@ -126,20 +131,22 @@ def map_lengths(point, base_rotation, numbers, parts, centers, lengths, out):  #
     return 0
 
 
-@part
-def _field(u, centers, lengths, inverse_square):  # type: ignore[no-untyped-def]
-    """Sum of kernel values at u times coefficients (m, 3)."""
-    first, second, third, square = 0.0, 0.0, 0.0, 0.0
-    for k in range(len(u)):
+@part(fastmath=True)
+def _field(u, table, inverse_square):  # type: ignore[no-untyped-def]
+    """Sum kernel values at u times coefficients; columns of the table: center / w², its exponent, and a_jr."""
+    size, square, near = len(u), 0.0, table[len(u)].copy()
+    for k in range(size):
         square += u[k] * u[k]
-    for j in range(len(centers)):
-        exponent = centers[j, len(u)] - 0.5 * inverse_square * square
-        for k in range(len(u)):
-            exponent += centers[j, k] * u[k]
-        near = np.exp(exponent)
-        first += lengths[j, 0] * near
-        second += lengths[j, 1] * near
-        third += lengths[j, 2] * near
+    for k in range(size):
+        for j in range(len(near)):
+            near[j] += table[k, j] * u[k]
+    first, second, third = 0.0, 0.0, 0.0
+    for j in range(len(near)):
+        near[j] = np.exp(near[j] - 0.5 * inverse_square * square)
+    for j in range(len(near)):
+        first += table[size + 1, j] * near[j]
+        second += table[size + 2, j] * near[j]
+        third += table[size + 3, j] * near[j]
     return first, second, third
 
 
@@ -167,13 +174,3 @@ def _fill_features(u, parts, soft):  # type: ignore[no-untyped-def]
     scale = 1.0 / (once * np.sqrt(both))
     u[0], u[1], u[2], u[3] = along, mean, once, twice
     u[4], u[5] = (squares * c + product * e) * scale, (product * c - squares * e) * scale
-
-
-@part
-def _released(value, epsilon, kappa):  # type: ignore[no-untyped-def]
-    """Return the y with y (y + ε) / (y + κ ε) = `value`; the value itself where ε is negative."""
-    if epsilon < 0.0:
-        return value
-    gap = value - epsilon
-    root = np.sqrt(gap * gap + (4.0 * kappa * epsilon) * value)
-    return 0.5 * (gap + root) if gap > 0.0 else 2.0 * kappa * epsilon * value / (root - gap)

@@ -1,6 +1,5 @@
 """The length field: rescale eigenvalues toward the student's feasible set and keep the teacher's axes."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -12,7 +11,7 @@ from maniport.spd.matrix_functions import to_vector
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import Attribute, Schema, positive
-from maniport.transfer.length_field.field import KAPPA, MAX_NEAR_SINGULAR, Inverse, LengthsMap, as_axis, damped
+from maniport.transfer.length_field.field import MAX_NEAR_SINGULAR, Inverse, LengthsMap, as_axis
 from maniport.transfer.length_field.fit import (
     TIE,
     FieldReport,
@@ -24,7 +23,7 @@ from maniport.transfer.length_field.fit import (
     reported,
 )
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_count, as_finite, as_flag, as_number, as_positive_semidefinite
+from maniport.util.validation import Array, as_count, as_finite, as_flag, as_number
 
 if TYPE_CHECKING:
     from maniport.transfer.control import CompiledMap
@@ -54,14 +53,13 @@ class LengthField(DomainAdapter):
     k Tˢ. The coefficients come in rounds: the projector finds the nearest feasible ellipsoids to the images, a weighted
     ridge regression moves the lengths toward them. See `docs/method/length_field.md`.
 
-    Where the map folds it has no inverse. `inverse_transform` refuses images that are found to come from several
-    ellipsoids, and all images of a map that folds at too many of its centers.
+    Where the map folds it has no inverse: `inverse_transform` refuses images there, and all images of a map that folds
+    at too many of its centers.
 
     Parameters
     ----------
-    damping, eigenvalue_floor, base_rotation
-        As in `ParallelTransport`; without damping and floor, the damping of the projector, if it has one. The damping
-        is taken off each eigenvalue: y is what `y (y + ε) / (y + κ ε)` damps, ε the student's and κ = 1e-4.
+    damping, base_rotation
+        As in `ParallelTransport`; the default damping is that of the projector, if it has one.
     projector : callable, optional
         Finds the nearest feasible ellipsoids: `maniport.FeasibleProjector` of an arm, or any function of ellipsoids
         with the student's damping, shape (n, d, d), that returns the nearest ones with the same damping; see
@@ -93,8 +91,6 @@ class LengthField(DomainAdapter):
         a_jr.
     axis_ : ndarray, shape (3,) or (0,)
         Axis of symmetry of the feasible set, a unit vector in the student's frame; empty where there is none.
-    released_damping_ : float
-        (1 − √κ) ε, the damping that is taken off an eigenvalue of ε; larger ones lose up to (1 − κ) ε.
     rotation_, dispersion_ratio_
         The identity, and s.
     """
@@ -104,14 +100,12 @@ class LengthField(DomainAdapter):
         "centers_": Attribute(("m", "D"), as_finite),
         "lengths_": Attribute(("m", 3), as_finite),
         "axis_": Attribute(("axis",), _as_unit_vector_or_empty),
-        "from_samples_": Attribute((), as_flag, optional=True),
+        "from_samples_": Attribute((), as_flag),
     }
-    value_objects: ClassVar[dict[str, Any]] = {"report_": FieldReport}
 
     def __init__(
         self,
         damping: float | None = None,
-        eigenvalue_floor: float | None = None,
         base_rotation: ArrayLike | None = None,
         projector: Any = None,
         n_samples: int = 2048,
@@ -120,7 +114,7 @@ class LengthField(DomainAdapter):
         ridge: float = 2e-4,
         n_rounds: int = 6,
     ):
-        super().__init__(damping, eigenvalue_floor, base_rotation)
+        super().__init__(damping, base_rotation)
         self.projector = projector
         self.n_samples = n_samples
         self.n_centers = n_centers
@@ -140,9 +134,9 @@ class LengthField(DomainAdapter):
                 )
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
         self.axis_ = as_axis(getattr(self.projector, "axis", None), "projector.axis", teacher.shape[-1])
-        damping = float(self.student_damping_ or self.eigenvalue_floor or 0.0)
+        damping = float(self.student_damping_)
         if getattr(self.projector, "needs_damping", False) and damping == 0.0:
-            raise InvalidInputError(f"LengthField needs damping or floor with the projector {self.projector!r}")
+            raise InvalidInputError(f"LengthField needs damping with the projector {self.projector!r}")
         projector = NearestSamples(student) if self.projector is None else as_projector(self.projector)
         self.width_, self.centers_, self.lengths_ = width * self.student_dispersion_, np.zeros((0, 1)), np.zeros((0, 3))
         seen, held_out = _split(self._field(), teacher, most)
@@ -153,10 +147,8 @@ class LengthField(DomainAdapter):
         self.lengths_, self.history_, self.cost_ = field.lengths, np.array(history), history[-1]
         self.converged_, self.n_iter_, self.from_samples_ = True, rounds, self.projector is None
         self.stop_reason_ = f"{rounds} rounds toward the {'nearest samples' if self.from_samples_ else 'feasible set'}"
-        self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_
-        if not self._silent:
-            points = held_out if len(held_out) else seen[:HELD_OUT]
-            self.report_ = reported(field, Samples(field, points, projector, damping), len(held_out))
+        points = held_out if len(held_out) else seen[:HELD_OUT]
+        self.report_ = reported(field, Samples(field, points, projector, damping), len(held_out))
 
     def _count(self, samples: int) -> int:
         """Return the number of centers."""
@@ -165,11 +157,12 @@ class LengthField(DomainAdapter):
             raise InvalidInputError(f"n_centers must be at most the number of samples, {samples}; found {count}")
         return count
 
-    def _regularization(self, epsilon: float = 0.0) -> Regularization:
-        own = super()._regularization(epsilon)
-        if own == Regularization():
-            return Regularization(getattr(self.projector, "damping", None))
-        return own
+    def _damping(self) -> Regularization:
+        return Regularization(getattr(self.projector, "damping", None) if self.damping is None else self.damping)
+
+    def _settle(self) -> None:
+        if not isinstance(report := getattr(self, "report_", {}), FieldReport):  # read from a file
+            self.report_ = FieldReport.read(report)
 
     def _field(self) -> LengthsMap:
         """Return the fitted map."""
@@ -186,23 +179,11 @@ class LengthField(DomainAdapter):
             axis=self.axis_,
         )
 
-    def _map(self, points: Array) -> tuple[Array, float]:
-        return self._field().apply(points), self.released_damping_
-
-    def _images(self, points: Array) -> Array:
-        return self._field().apply(points, self._released_epsilon())
-
-    def _released_epsilon(self) -> float | None:
-        return float(self.student_damping_) or None
-
-    def _damped_again(self, points: ArrayLike) -> Array:
-        epsilon = self._released_epsilon()
-        if epsilon is None:
-            return super()._damped_again(points)
-        return damped(as_positive_semidefinite(points, "points", self._dimension()), epsilon)
+    def _map(self, points: Array) -> Array:
+        return self._field().apply(points)
 
     def _map_back(self, points: Array) -> Array:
-        inverse = Inverse.of(self._field())
+        inverse = Inverse(self._field())
         if inverse.near_singular > MAX_NEAR_SINGULAR:
             raise NotInvertibleError(
                 "the map has no inverse: its derivative is nearly singular at "
@@ -212,46 +193,10 @@ class LengthField(DomainAdapter):
         lost = np.flatnonzero(np.isnan(back[:, 0, 0]))
         if len(lost):
             raise NotInvertibleError(
-                f"points[{lost[0]}] lies where the map folds or nearly so, and is the image of no single ellipsoid of "
-                f"the teacher; {len(lost)} of {len(points)} do"
+                f"points[{lost[0]}] lies where the map folds or nearly so, or is no image of an ellipsoid of the "
+                f"teacher; so do {len(lost)} of {len(points)}"
             )
         return back
-
-    def singular_values(self, points: ArrayLike) -> Array:
-        """Smallest singular values of the derivative of the image's logarithm by that of k Tˢ: where the map folds.
-
-        Parameters
-        ----------
-        points : array_like, shape (..., d, d)
-            Ellipsoids of the teacher.
-
-        Returns
-        -------
-        ndarray, shape (...)
-            1 where lengths are moved by equal amounts or not at all, near 0 where the map folds and has no inverse,
-            negative where it reverses orientation.
-        """
-        return self._at(points, LengthsMap.singular_values)
-
-    def novelty(self, points: ArrayLike) -> Array:
-        """Distance of ellipsoids of the teacher from the samples, as the field's kernel measures it.
-
-        Parameters
-        ----------
-        points : array_like, shape (..., d, d)
-
-        Returns
-        -------
-        ndarray, shape (...)
-            0 at a center, near 1 where no sample is near and the map is k Tˢ: the variance of a Gaussian process with
-            the field's kernel, given the centers, over that without them. It does not predict the gap.
-        """
-        return self._at(points, LengthsMap.novelty)
-
-    def _at(self, points: ArrayLike, function: Callable[[LengthsMap, Array], Array]) -> Array:
-        d = self._dimension()
-        seen = self.teacher_side(points, "points")
-        return function(self._field(), seen.reshape(-1, d, d)).reshape(seen.shape[:-2])
 
     def compiled(self) -> "CompiledMap":
         """Return the map as a callable for one ellipsoid at a time, for control loops.
@@ -263,9 +208,9 @@ class LengthField(DomainAdapter):
         from maniport.transfer.control import compiled_map, map_lengths
 
         base, *terms = self._field().terms()
-        release = self.teacher_damping_, self.eigenvalue_floor or 0.0, self._released_epsilon() or -1.0, KAPPA
+        numbers = [self.teacher_damping_, self.student_damping_, *base]
         base_rotation = np.eye(d) if self.base_rotation_ is None else self.base_rotation_
-        terms = [np.array(term, dtype=np.float64, order="C") for term in (base_rotation, [*release, *base], *terms)]
+        terms = [np.array(term, dtype=np.float64, order="C") for term in (base_rotation, numbers, *terms)]
         return compiled_map(map_lengths, d, *terms)
 
 

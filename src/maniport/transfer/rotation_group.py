@@ -1,9 +1,11 @@
-"""The group SO(d): its basis, exponential, distance, and the way back to it."""
+"""The group SO(d): its exponential, distance, and the way back to it."""
 
 import math
 from functools import cache
 
 import numpy as np
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
 
 from maniport.util.validation import Array
 
@@ -12,17 +14,6 @@ from maniport.util.validation import Array
 def rotation_planes(d: int) -> list[tuple[int, int]]:
     """Rows and columns j, k of the basis Ω_a = e_j e_kᵀ − e_k e_jᵀ of the skew matrices, d (d − 1) / 2 of them."""
     return [(2, 1), (0, 2), (1, 0)] if d == 3 else [(j, k) for j in range(d) for k in range(j)]
-
-
-@cache
-def rotation_basis(d: int) -> Array:
-    """Basis Ω_a of the skew matrices, shape (d (d − 1) / 2, d, d); for d = 3 that of the cross product."""
-    pairs = rotation_planes(d)
-    basis = np.zeros((len(pairs), d, d))
-    for element, (row, column) in zip(basis, pairs, strict=True):
-        element[row, column], element[column, row] = 1.0, -1.0
-    basis.flags.writeable = False
-    return basis
 
 
 def random_rotation(d: int, random: np.random.Generator) -> Array:
@@ -36,25 +27,12 @@ def random_rotation(d: int, random: np.random.Generator) -> Array:
 def rotation_from_vector(vector: Array) -> Array:
     """Return exp(Σ δ_a Ω_a), shape (d, d); for d = 3 the rotation by |δ| radians about δ."""
     if len(vector) == 3:
-        return _about_axis(*map(float, vector))
+        return np.asarray(Rotation.from_rotvec(vector).as_matrix())
     d = round((1 + math.sqrt(1 + 8 * len(vector))) / 2)
-    skew = np.einsum("a,aij->ij", vector, rotation_basis(d))
-    angles, planes = np.linalg.eigh(1j * skew)
-    return np.asarray(((planes * np.exp(-1j * angles)) @ planes.conj().T).real)
-
-
-def _about_axis(x: float, y: float, z: float) -> Array:
-    """Rodrigues' formula I + s [v] + c [v]², with s = sin θ / θ and c = (1 − cos θ) / θ², θ = |v|."""
-    angle = math.hypot(x, y, z)
-    s, half = (math.sin(angle) / angle, math.sin(0.5 * angle) / angle) if angle > 0.0 else (1.0, 0.5)
-    c = 2.0 * half * half
-    return np.array(
-        [
-            [1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
-            [c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x],
-            [c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)],
-        ]
-    )
+    skew = np.zeros((d, d))
+    for angle, (row, column) in zip(vector, rotation_planes(d), strict=True):
+        skew[row, column], skew[column, row] = angle, -angle
+    return np.asarray(expm(skew))
 
 
 def rotation_angle(rotation: Array, other: Array) -> float:

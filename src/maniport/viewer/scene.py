@@ -1,7 +1,6 @@
 """The scene of the page: a person's arms, a robot, ellipsoids; and where cameras look from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,24 +23,13 @@ SIZE = 0.25  # Length at which a semi-axis of 1 m/s per rad/s is drawn [m]
 Color = tuple[int, int, int]
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Size of the view, and the distance of person and robot from their places with one arm [m]."""
-
-    height: float
-    width: float
-    aside: float
-
-
-ONE_ARM, SEVERAL_ARMS = Layout(2.4, 2.9, 0.0), Layout(2.6, 4.2, 0.45)
-
-
-def camera_for(aspect: float, layout: Layout = ONE_ARM) -> tuple[Array, Array]:
+def camera_for(aspect: float, arms: int = 1) -> tuple[Array, Array]:
     """Where to look from and to, so that person and robot are in a view of that width over height [m].
 
     On phones the controls cover the lower part: the scene is moved up by 30 % of the height.
     """
-    height = max(layout.height, layout.width / max(aspect, 0.2))
+    height, width = (2.4, 2.9) if arms == 1 else (2.6, 4.2)
+    height = max(height, width / max(aspect, 0.2))
     distance = height / (2.0 * np.tan(np.radians(0.5 * FIELD_OF_VIEW)))
     to = np.array([0.0, -0.05, 1.15 - (0.3 * height if aspect < 0.7 else 0.0)])
     return to + distance * np.array([0.97, 0.0, 0.24]), to
@@ -65,27 +53,26 @@ def find_surfaces(robot: Arm | ArmGroup, tolerance: float = 0.01) -> tuple[list[
 
     Surfaces of one joint whose bounds differ by less than a tolerance [m] are the same.
     """
-
-    def bounds(surface: Surface) -> Array:
-        return np.stack([surface.points.min(axis=0), surface.points.max(axis=0)])
-
-    arms = as_group(robot).arms
-    none: list[tuple[Surface, ...]] = [() for _ in arms]
+    arms, by_arm = as_group(robot).arms, list[tuple[Surface, ...]]()
     try:
-        by_arm = [arm.surfaces() for arm in arms]
+        for arm in arms:
+            by_arm.append(arm.surfaces())
+            if not by_arm[-1]:
+                raise FileFormatError(f"the description of {arm.name} names no shapes")
     except FileFormatError as error:
-        return none, " ".join(str(error).split())
-    for arm, surfaces in zip(arms, by_arm, strict=True):
-        if not surfaces:
-            return none, f"the description of {arm.name} names no shapes"
+        return [() for _ in arms], " ".join(str(error).split())
     if isinstance(robot, ArmGroup) and len(arms) > 1:  # surfaces of one joint may be simplified differently
-        shared = {surface.joint: bounds(surface) for surface in by_arm[0] if surface.joint <= robot.common[0, 1]}
+        shared = {surface.joint: _bounds(surface) for surface in by_arm[0] if surface.joint <= robot.common[0, 1]}
         by_arm[1] = tuple(
             surface
             for surface in by_arm[1]
-            if surface.joint not in shared or np.abs(bounds(surface) - shared[surface.joint]).max() >= tolerance
+            if surface.joint not in shared or np.abs(_bounds(surface) - shared[surface.joint]).max() >= tolerance
         )
     return by_arm, ""
+
+
+def _bounds(surface: Surface) -> Array:
+    return np.stack([surface.points.min(axis=0), surface.points.max(axis=0)])
 
 
 def _edges(skeleton: Array) -> Array:
@@ -140,8 +127,7 @@ class Scene:
         bases: Sequence[Array] = (np.zeros(3),),
     ):
         persons, arms = [frame.teacher for frame in frames], as_group(robot).arms
-        self.layout = ONE_ARM if len(persons) == 1 else SEVERAL_ARMS
-        aside = np.array([0.0, self.layout.aside, 0.0])
+        aside = np.array([0.0, 0.0 if len(arms) == 1 else 0.45, 0.0])
         place = ROBOT_AT + aside
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
@@ -179,10 +165,7 @@ class Scene:
 
 
 class DrawnSide:
-    """An arm of the person and of the robot, with their ellipsoids; `name` is such as ``"/0"``, or empty.
-
-    The robot has its surface, or a skeleton where there is none; saturated joints glow.
-    """
+    """An arm of the person and of the robot, with their ellipsoids; `name` is such as ``"/0"``, or empty."""
 
     def __init__(self, scene: Any, name: str, frame: Frame, surfaces: tuple[Surface, ...], base: Array):
         person, robot = f"/person{name}", f"/robot{name}"
@@ -199,11 +182,6 @@ class DrawnSide:
         self._skeleton = None
         if not surfaces:
             self._skeleton = Skeleton(scene, f"{robot}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))
-        glow = {"radius": 0.1, "color": (230, 60, 120), "opacity": 0.5, "cast_shadow": False}
-        self._glows = {
-            joint.name: (scene.add_icosphere(f"{robot}/limits/{i}", **glow), i + 1)
-            for i, joint in enumerate(frame.student.chain.joints)
-        }
         self._demonstrated = Shell(scene, f"{person}/ellipsoid", PERSON.rgb, 0.4)
         # the achieved one first: browsers draw nothing behind the first of two translucent shells at one place
         self._achieved = Shell(scene, f"{robot}/achieved", ACHIEVED.rgb, 0.35)
@@ -214,13 +192,9 @@ class DrawnSide:
         """Draw a frame."""
         target, end_effector = frame.target, frame.student_skeleton[-1]
         self.teacher.draw(frame.teacher_skeleton)
-        for joint, (ball, link) in self._glows.items():
-            ball.visible = joint in frame.at_limit
-            if ball.visible:
-                ball.position = frame.student_links[link, :3, 3]
         if self._skeleton is not None:
             self._skeleton.draw(frame.student_skeleton)
-        poses = frame.student_links[self._joints]
+        poses = frame.student.link_poses(frame.student_joints)[self._joints]
         for mesh, turn, pose in zip(self.meshes, quaternion(poses[:, :3, :3]), poses, strict=True):
             mesh.wxyz, mesh.position = turn, pose[:3, 3]
         self._demonstrated.draw(target.demonstrated, frame.teacher_skeleton[-1])

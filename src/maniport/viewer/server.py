@@ -1,10 +1,13 @@
 """The pages: servers on this machine, the loop of the live view, and a page for `maniport.Live`."""
 
 import contextlib
+import http
 import io
+import logging
 import socket
 import threading
 import time as clock
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,41 +16,30 @@ from maniport.arms import Arm
 from maniport.errors import InvalidInputError
 from maniport.live import LiveState
 from maniport.util.optional import viser
-from maniport.util.ports import LOOPBACK, bound
+from maniport.util.ports import LOOPBACK, LOOPBACK_NAMES, bound
 from maniport.util.validation import Array
-from maniport.viewer.access_control import AccessControl
 from maniport.viewer.panel import Panel
-from maniport.viewer.scene import FIELD_OF_VIEW, ONE_ARM, Scene, camera_for, find_surfaces
+from maniport.viewer.scene import FIELD_OF_VIEW, Scene, camera_for, find_surfaces
 from maniport.viewer.state import Frame, Target, ViewState
 
 NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
 
 
 class Page:
-    """A server of viser behind access control; its address `url` has the token."""
+    """A server of viser that this machine alone can reach."""
 
-    def __init__(self, host: str, port: int):
+    def __init__(self, port: int):
         module = viser()
-        require_free(host, port)
-        from websockets.asyncio import server as connections
-
-        self._access = access = AccessControl(host)
-        with _silent(), access.guarding(connections):
-            self._server = server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
-
-        def log(loop: Any, context: dict[str, Any]) -> None:
-            """Log an error of a message in one line; the page goes on."""
-            access.refuse("a message was", f"{context.get('exception') or context.get('message')}")
-
-        server.get_event_loop().set_exception_handler(log)
-        # any page in the browser could request it, and would hand this one to strangers
-        server.request_share_url = lambda verbose=True: None
+        require_free(port)
+        with _silent(), _own_pages_only():
+            self._server = server = module.ViserServer(host=LOOPBACK, port=port, label="maniport", verbose=False)
+        server.request_share_url = lambda verbose=True: None  # a program could request it, and open this page to others
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(330)
-        server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, ONE_ARM))
+        server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0))
         server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
-        self.url = f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}/{access.token}/"
+        self.url = f"http://{LOOPBACK}:{server.get_port()}/"
 
     def stop(self) -> None:
         """End the server; browsers hold a reserve connection for which viser waits 6 s, others need not wait."""
@@ -57,9 +49,9 @@ class Page:
             stopping.join(1.5)
 
 
-def require_free(host: str, port: int) -> None:
+def require_free(port: int) -> None:
     """Raise unless something can listen there; viser would take another port, or wait for ever."""
-    bound(host, port, socket.SOCK_STREAM).close()
+    bound(LOOPBACK, port, socket.SOCK_STREAM).close()
 
 
 def _silent() -> contextlib.AbstractContextManager[Any]:
@@ -67,15 +59,54 @@ def _silent() -> contextlib.AbstractContextManager[Any]:
     return contextlib.redirect_stdout(io.StringIO())
 
 
+@contextlib.contextmanager
+def _own_pages_only() -> Iterator[None]:
+    """Let the server that viser starts in the context refuse other pages of the user's browser.
+
+    viser accepts every connection: any page could connect to this address, or to a host name of its own that leads
+    here, and move the controls. Requests must therefore name this machine, and come from the page itself.
+    """
+    from websockets.asyncio import server as connections
+
+    usual, guarded = connections.serve, []
+    log = logging.getLogger("maniport.viewer")
+    log.setLevel(logging.CRITICAL)  # connections that break off need no traceback
+
+    def serve(*args: Any, process_request: Any, **options: Any) -> Any:
+        guarded.append(True)
+
+        def answer(connection: Any, request: Any) -> Any:
+            host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
+            if (host.rpartition(":")[0] or host) not in LOOPBACK_NAMES or origin not in (None, f"http://{host}"):
+                return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: open its address itself\n")
+            request.headers.pop("Accept-Encoding", None)
+            response = process_request(connection, request)
+            if response is not None and b"<title>Viser</title>" in response.body:  # viser has no option for it
+                response.body = response.body.replace(b"<title>Viser</title>", b"<title>maniport view</title>", 1)
+                response.headers.pop("Content-Length")
+                response.headers["Content-Length"] = str(len(response.body))
+            return response
+
+        return usual(*args, process_request=answer, logger=log, **options)
+
+    connections.serve = serve  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        connections.serve = usual  # type: ignore[misc]
+    if not guarded:
+        raise InvalidInputError("this version of viser starts its server in a way that cannot be guarded")
+
+
 class LiveView(Page):
     """A page with a state and its controls; the camera of a browser sees the whole scene in its window."""
 
-    def __init__(self, state: ViewState, method: str, base_rotation: Array, host: str = LOOPBACK, port: int = 0):
-        super().__init__(host, port)
+    def __init__(self, state: ViewState, method: str, base_rotation: Array, port: int = 0):
+        super().__init__(port)
         self.state, self.rate, self.no_surface = state, 0.0, ""
         try:
             surfaces, self.no_surface = find_surfaces(state.robot)
-            self._panel = Panel(self._server.gui, state, method, base_rotation, self._access)
+            self._panel = Panel(self._server.gui, state, method, base_rotation)
             first = state.frames(self._panel.read(0.0), 0.0)
             self._scene = Scene(self._server.scene, first, state.robot, surfaces, [side.base for side in state.sides])
             self._panel.write(first)
@@ -86,8 +117,6 @@ class LiveView(Page):
 
     def run(self, stop: threading.Event, rate: float = 60.0) -> None:
         """Read the controls, let the robot follow and draw, at most so often [Hz], until `stop` is set."""
-        for side in self.state.sides:
-            side.maps.begin()
         before, numbers_at, count = clock.perf_counter(), 0.0, 0
         while not stop.is_set():
             started = clock.perf_counter()
@@ -106,14 +135,8 @@ class LiveView(Page):
                     self._panel.write(frames)
             stop.wait(max(0.0, 1.0 / rate - (clock.perf_counter() - started)))
 
-    def stop(self) -> None:
-        """End the server and the fits; a fit in progress continues in its daemon thread."""
-        for side in self.state.sides:
-            side.maps.close(0.0)
-        super().stop()
-
     def _frame(self, client: Any) -> None:
-        position, target = camera_for(client.camera.aspect, self._scene.layout)
+        position, target = camera_for(client.camera.aspect, len(self.state.sides))
         client.camera.position = position  # viser shifts the target along, so that it is set afterwards
         client.camera.look_at = target
 
@@ -121,8 +144,8 @@ class LiveView(Page):
 class Onlooker(Page):
     """A page that shows the states of `maniport.Live`, of one arm, without controls."""
 
-    def __init__(self, person: Arm, robot: Arm, host: str = LOOPBACK, port: int = 0):
-        super().__init__(host, port)
+    def __init__(self, person: Arm, robot: Arm, port: int = 0):
+        super().__init__(port)
         self._person, self._robot = person, robot
         self._scene: Scene | None = None
         self._text, self._written = self._server.gui.add_markdown("The person has not been seen yet."), 0.0

@@ -3,15 +3,19 @@
 One arm of person and robot, or both, which then move as one; the left one is first everywhere.
 """
 
-import contextlib
-from collections.abc import Sequence
+import threading
+import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup, as_group
-from maniport.errors import NotSPDError
+from maniport.arms import VELOCITY, Arm, ArmGroup, as_group
+from maniport.errors import ManiportWarning, NotSPDError
+from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
 from maniport.motion.limits import BrakingLimit
@@ -19,10 +23,84 @@ from maniport.motion.objective import FOLLOWING_WEIGHT
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
 from maniport.spd.affine_invariant import distance_unchecked
+from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
-from maniport.viewer.maps import Maps
+
+LOADED = "adapter file"  # Name of an adapter that was given fitted
+
+
+def in_background(work: Callable[..., Any], *args: Any) -> "Future[Any]":
+    """Call a function in a thread for which nothing waits when the program ends."""
+    future: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            future.set_result(work(*args))
+        except Exception as error:  # noqa: BLE001 - raised again by the result
+            future.set_exception(error)
+
+    threading.Thread(target=run, name="live view", daemon=True).start()
+    return future
+
+
+@dataclass(frozen=True, eq=False)
+class LiveMap:
+    """The map of a method at a base orientation, for one ellipsoid at a time."""
+
+    method: str
+    transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3); raises NotSPDError where it has no image
+    turn: Array  # rotation of ellipsoids and of the hand's path, shape (3, 3)
+    notes: tuple[str, ...] = ()  # Warnings of the fit
+
+
+class Maps:
+    """The maps of one arm by method and base orientation, each fitted when it is first requested."""
+
+    def __init__(
+        self,
+        teacher: Array,  # domain (n, 3, 3) of the person's arm
+        student: Array,  # domain (m, 3, 3) of the robot
+        damping: float | None = 0.01,
+        loaded: DomainAdapter | None = None,
+        robot: Arm | None = None,
+        bank: SeedBank | None = None,
+    ):
+        self._domains, self._robot, self._loaded = (teacher, student), (robot, VELOCITY, bank), loaded
+        self._options = {"damping": damping, "random_state": 0}
+        self.names = (*([] if loaded is None else [LOADED]), *METHODS)
+        self._fitted: dict[tuple[str, bytes], LiveMap] = {}
+        self._last: LiveMap | None = None
+        self._fit: tuple[tuple[str, bytes], Future[LiveMap]] | None = None
+
+    def fit(self, name: str, base_rotation: Array) -> LiveMap:
+        """Fit a method at a base orientation, shape (3, 3)."""
+        if name == LOADED and self._loaded is not None:
+            note = "it keeps the base orientation of its fit"
+            return LiveMap(name, self._loaded.compiled(), self._loaded.map_rotation_, (note,))
+        adapter = with_feasible_set(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ManiportWarning)
+            adapter.fit(*self._domains)
+        notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
+        return LiveMap(name, adapter.compiled(), adapter.map_rotation_, notes)
+
+    def get(self, name: str, base_rotation: Array) -> LiveMap:
+        """Return the map of a method at a base orientation; the last map until a thread has fitted it.
+
+        The first map is fitted at once.
+        """
+        key = name, base_rotation.tobytes()
+        if self._last is None:
+            self._fitted[key] = self._last = self.fit(name, base_rotation)
+        if self._fit is not None and self._fit[1].done():
+            self._fitted[self._fit[0]], self._fit = self._fit[1].result(), None
+        if key not in self._fitted:
+            self._fit = self._fit or (key, in_background(self.fit, name, base_rotation))
+            return self._last
+        self._last = self._fitted[key]
+        return self._last
 
 
 class Playback:
@@ -51,7 +129,7 @@ class Command:
     """The values of the controls."""
 
     joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
-    method: str  # One of the names of `maniport.viewer.maps.Maps`
+    method: str  # One of the names of `Maps`
     base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     follow_hand: bool = False  # Whether the robot's end effector follows the person's hand, too
 
@@ -65,7 +143,7 @@ class Target:
     ellipsoid: Array
     turn: Array  # Rotation of the hand's motion by the map, shape (3, 3)
     position: Array | None = None  # Position of the end effector [m]
-    note: str = ""  # Why the target is not new, or another method's
+    notes: tuple[str, ...] = ()  # Of the map, and why the target is not new, or another method's
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +170,6 @@ class Frame:
         """Polyline from base to end effector, shape (k, 3) [m]."""
         return self.student.skeleton(self.student_joints)
 
-    @cached_property
-    def student_links(self) -> Array:
-        """Poses of the robot's base and of what follows each joint, shape (joints + 1, 4, 4)."""
-        return self.student.link_poses(self.student_joints)
-
 
 class Side:
     """One arm of the person and one of the robot, and the maps between them."""
@@ -104,27 +177,24 @@ class Side:
     def __init__(self, teacher: Arm, student: Arm, maps: Maps, bank: SeedBank, base: Array | None = None):
         self.teacher, self.student, self.maps, self.bank = teacher, student, maps, bank
         self.base = np.zeros(3) if base is None else base  # of the person's arm, in the frame of both [m]
-        self.place: Placement | None = None
         self.objective = Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT)
         self._last: Array | None = None
 
     def target(self, joints: Array, method: str, base_rotation: Array) -> Target:
         """Map the person's arm; the end effector is free. Until a method is fitted another one's map is used."""
         joints = np.clip(joints, self.teacher.lower, self.teacher.upper)
-        self.maps.want(base_rotation, method)
-        fitted, note = self.maps.fitted, ""
-        chosen = fitted.get(method)
-        if chosen is None:
-            other, chosen = next(iter(fitted.items()))
-            note = f"{method} is being fitted; the target is that of {other} until then"
+        chosen = self.maps.get(method, base_rotation)
+        notes = chosen.notes
+        if chosen.method != method:
+            notes = (f"{method} is being fitted; the target is that of {chosen.method} until then",)
         demonstrated = self.teacher.manipulability(joints)
         try:
             self._last = chosen.transform(demonstrated)
         except NotSPDError as error:
             if self._last is None:
                 raise
-            note = f"no image of this ellipsoid, the last one stays: {error}"
-        return Target(joints, demonstrated, self._last, chosen.turn, note=note)
+            notes = (*notes, f"no image of this ellipsoid, the last one stays: {error}")
+        return Target(joints, demonstrated, self._last, chosen.turn, notes=notes)
 
     def best(self, target: Target) -> Array:
         """Return the best configuration that is found for a target, shape (dof,)."""
@@ -147,19 +217,6 @@ class Side:
             at_limit=tuple(name for name, near in zip(arm.joint_names, at_limit, strict=True) if near),
         )  # fmt: skip
 
-    def gaps(self, ellipsoid: Array) -> dict[str, float]:
-        """Return the feasibility gap of each method's image of an ellipsoid, as a search of 4 ms a method finds it."""
-        images: dict[str, Array] = {}
-        for name, chosen in self.maps.fitted.items():
-            with contextlib.suppress(NotSPDError):
-                images[name] = chosen.transform(ellipsoid)
-        if not images:
-            return {}
-        search = nearest_feasible(
-            self.student, np.array(list(images.values())), damping=self.bank.damping, bank=self.bank, n_starts=4
-        )
-        return dict(zip(images, search.distance.tolist(), strict=True))
-
 
 class ViewState:
     """A robot that follows a person's arms, each of which is a `Side`; `joints` is its configuration (dof,)."""
@@ -171,6 +228,7 @@ class ViewState:
         limits = robot.lower, robot.upper, speed_limits(robot, None), np.full(robot.dof, np.inf)
         self._controller = Controller(robot, BrakingLimit(*limits))
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
+        self.places: Future[list[Placement]] | None = None  # of the hands' paths, of each side
         self._jump = True
 
     def jump(self) -> None:
@@ -196,19 +254,17 @@ class ViewState:
         return tuple(side.frame(target, self.joints[columns], command.base_rotation)
                      for (side, target), columns in zip(pairs, self._columns, strict=True))  # fmt: skip
 
-    def find_place(self, motion: Sequence[Array], method: str, points: int = 32) -> None:
+    def find_places(self, motion: Sequence[Array], maps: Sequence[LiveMap], points: int = 32) -> list[Placement]:
         """Find one placement for the hands' paths, along joints (n, dof) of each of the person's arms."""
         rows = evenly_spaced(len(motion[0]), points)
-        maps, hands, targets = [side.maps.fitted[method] for side in self.sides], [], []
+        hands, targets = [], []
         for side, chosen, joints in zip(self.sides, maps, motion, strict=True):
             ellipsoids = side.teacher.manipulability(joints[rows])
             targets.append(np.array([chosen.transform(ellipsoid) for ellipsoid in ellipsoids]))
             hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
         turn, banks = _mean_turn([chosen.turn for chosen in maps]), [side.bank for side in self.sides]
         arms, damping = as_group(self.robot).arms, banks[0].damping
-        places = place_path(hands, targets, arms, turn=turn, yaw=0.0, damping=damping, bank=banks)
-        for side, place in zip(self.sides, places, strict=True):
-            side.place = place
+        return list(place_path(hands, targets, arms, turn=turn, yaw=0.0, damping=damping, bank=banks))
 
     def _targets(self, command: Command) -> list[Target]:
         """Return the target of each arm; the maps do not change the relation of the hands."""
@@ -217,14 +273,13 @@ class ViewState:
         targets = [side.target(own, command.method, command.base_rotation) for side, own in parts]
         if not command.follow_hand:
             return targets
+        if self.places is None or not self.places.done():
+            note = "a placement is searched for; the end effector is free until then"
+            return [replace(target, notes=(*target.notes, note)) for target in targets]
         turn = _mean_turn([target.turn for target in targets])
-        for k, (side, target) in enumerate(zip(self.sides, targets, strict=True)):
-            if side.place is None:
-                note = "a placement is searched for; the end effector is free until then"
-                targets[k] = replace(target, note=target.note or note)
-            else:  # the position of the hand, whose path is turned
-                hand = side.teacher.forward(target.joints)[:3, 3] + side.base
-                targets[k] = replace(target, position=replace(side.place, turn=turn).apply(hand))
+        for k, (side, target, place) in enumerate(zip(self.sides, targets, self.places.result(), strict=True)):
+            hand = side.teacher.forward(target.joints)[:3, 3] + side.base  # whose path is turned
+            targets[k] = replace(target, position=replace(place, turn=turn).apply(hand))
         return targets
 
     def _joined(self, configurations: Sequence[Array]) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup, CooperativeArm, as_group
+from maniport.arms.arm_group import ArmGroup, as_group
 from maniport.arms.collisions.hulls import Lowest
 from maniport.arms.collisions.obstacles import Box, as_boxes, disabled_pairs, read_boxes
 from maniport.arms.collisions.pairs import NO_PAIRS, SelectedPairs, select_pairs
@@ -221,12 +221,12 @@ def _blocks(count: int, most: int = 8192) -> Iterator[slice]:
     return (slice(first, min(first + most, count)) for first in range(0, count, most))
 
 
-def as_collisions(value: Any, arm: Arm | ArmGroup | CooperativeArm) -> Collisions | None:
+def as_collisions(value: Any, arm: Arm | ArmGroup) -> Collisions | None:
     """Convert the argument `collisions`: None and False to None, True to `Collisions.of(arm)`."""
     if value is None or value is False:
         return None
     if value is True:
-        return Collisions.of(arm.arms if isinstance(arm, CooperativeArm) else arm)
+        return Collisions.of(arm)
     if not isinstance(value, Collisions):
         raise InvalidInputError(
             f"collisions must be a Collisions object, True, False or None; found {type(value).__name__}"
@@ -240,9 +240,9 @@ def as_collisions(value: Any, arm: Arm | ArmGroup | CooperativeArm) -> Collision
 
 
 def free_configurations(
-    arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
+    arm: Arm | ArmGroup, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
 ) -> Array:
-    """Sample configurations as `maniport.arms.Arm.sample` does, of a pair, too; those that collide are replaced.
+    """Sample configurations as `maniport.arms.Arm.sample` does; those that collide are replaced.
 
     The sequence is continued until n are free, shape (n, dof): the same seed gives the same configurations. Fewer than
     one free sample in 64 is an `InvalidInputError`.

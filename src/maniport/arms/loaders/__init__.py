@@ -66,7 +66,6 @@ def load_arm(
     base: str | None = None,
     lock: Mapping[str, float] | None = None,
     side: str | None = None,
-    height: float | None = None,
 ) -> Arm:
     """Load an arm by name or from a file.
 
@@ -96,8 +95,6 @@ def load_arm(
         Positions of locked joints [rad] or [m].
     side : {"right", "left"}, optional
         Arm of a person, the right one by default.
-    height : float, optional
-        Body height of a person [m], which scales the segments; see `maniport.arms.human`.
 
     Returns
     -------
@@ -125,7 +122,7 @@ def load_arm(
     for folder in folders:
         if not folder.is_dir():
             raise InvalidInputError(f"mesh_folders: no folder {str(folder)!r}")
-    chain = read_arm(name_or_path, frame, joints, base, folders, side, height)
+    chain = read_arm(name_or_path, frame, joints, base, folders, side)
     chain = restrict(chain, frame, joints, base, lock)
     for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
         if not low > -inf or not high < inf:
@@ -143,7 +140,6 @@ def read_arm(
     base: str | None = None,
     mesh_folders: tuple[Path, ...] = (),
     side: str | None = None,
-    height: float | None = None,
 ) -> Chain:
     """Read the whole chain of an arm, before joints are locked or a base is chosen; see `load_arm`.
 
@@ -153,10 +149,9 @@ def read_arm(
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     text = os.fspath(name_or_path)
     if isinstance(name_or_path, str) and name_or_path in PERSONS:
-        return human_arm(name_or_path, RIGHT if side is None else side, height).chain
-    for name, value in (("side", side), ("height", height)):
-        if value is not None:
-            raise InvalidInputError(f"{argument(name)} is for persons ({', '.join(PERSONS)}); {text!r} is a robot")
+        return human_arm(name_or_path, RIGHT if side is None else side).chain
+    if side is not None:
+        raise InvalidInputError(f"{argument('side')} is for persons ({', '.join(PERSONS)}); {text!r} is a robot")
     if isinstance(name_or_path, str) and name_or_path in ROBOTS:
         return ROBOTS[name_or_path](frame)
     file = _robot_file(name_or_path)

@@ -71,7 +71,6 @@ def read(file: Path, options: ImportOptions) -> Recording:
         origin="as in the model of the arm",
         notes=notes,
         quality_warnings=quality_warnings,
-        measured=False,
     )
 
 

@@ -165,10 +165,10 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses:
     positions = np.concatenate([_joints(bones, angles[part, :66], root[part]) for part in parts])
     note = (
         "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
-        f"{body_height} m unless the arm is fitted with the person's height"
+        f"{body_height} m"
     )
     time, names = _time(arrays, count, options), ["pelvis", *bones]
-    return options.recording(file, names, positions, time, "m", "as in AMASS", notes=[note], measured=False)
+    return options.recording(file, names, positions, time, "m", "as in AMASS", notes=[note])
 
 
 def _bones(body_height: float) -> dict[str, tuple[str, Array]]:

@@ -43,6 +43,15 @@ class EllipsoidCost:
         values, _, singular, _ = self.spectrum(self.arm.ellipsoids(q, self.spec.bounded))
         return np.where(singular, np.inf, np.sqrt(np.sum(np.log(values) ** 2, axis=1)))
 
+    def square(self, velocity: Array) -> Array:
+        """Return |r|² (n,) at velocity ellipsoids (n, d, d); infinite where an ellipsoid is singular."""
+        values, vectors, singular, _ = self.spectrum(velocity)
+        square = np.sum(np.log(values) ** 2, axis=1)
+        if self.weights is not None:
+            residual = to_vector(compose(np.log(values), vectors))
+            square = np.einsum("ni,nij,nj->n", residual, self.weights, residual)
+        return np.where(singular, np.inf, square)
+
     def logarithms(self, q: Array) -> Array:
         """Log X, shape (n, d, d), where nothing is singular."""
         achieved = self.arm.ellipsoids(q, self.spec) + self.shift

@@ -10,9 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from maniport.arms import EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.motion.arm_model import require_trackable
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.optimizer import (
     CLEARANCE,
@@ -76,15 +74,6 @@ class ArmPlanner:
     reachability_map: ReachabilityMap  # of `limits.arm`
     bank: SeedBank
     collisions: Collisions | None = None
-
-    @classmethod
-    def of(
-        cls, limits: MotionLimits, spec: EllipsoidSpec, collisions: Collisions | None, random: np.random.Generator
-    ) -> "ArmPlanner":
-        """Sample the arm within its limits."""
-        require_trackable(limits.arm, spec)
-        reachability_map = ReachabilityMap(limits.arm, spec, random_state=random, collisions=collisions)
-        return cls(limits, reachability_map, SeedBank(limits.arm, random_state=random, spec=spec), collisions)
 
     def solve(
         self, problem: MotionProblem, settings: PlanSettings, random: np.random.Generator, progress: Part = nobody

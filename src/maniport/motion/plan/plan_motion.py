@@ -83,10 +83,6 @@ def plan_motion(
     **control
         Options of `maniport.motion.PlanSettings`; limits, collisions and the home configuration are for all joints.
 
-    Raises
-    ------
-    InvalidInputError, NotSPDError
-        When an argument has a wrong shape or value, or an ellipsoid is asymmetric or indefinite.
     """
     settings = PlanSettings(**control)
     if not isinstance(arms, Arm | ArmGroup):
@@ -137,16 +133,15 @@ def plan_motion(
     step = Step(progress, "Evaluate trajectory")
     if bests is None:
         bests = _pointwise_bests(planner, problem, vectors, q)
-    options: dict[str, Any] = {"coupled": coupled}
-    if relative:
-        options["relative"] = np.stack([cost.at(problem.time) for cost in vectors], axis=1)
-        options["relative_error"] = np.stack([cost.error(q, problem.time) for cost in vectors], axis=1)
-    result = RobotMotion.of(
+    motion = RobotMotion.of(
         group, schedules, trajectory, collisions, limits.velocity,
-        position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, **options,
+        position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, coupled=coupled,
     )  # fmt: skip
+    if relative:
+        wanted, error = zip(*((cost.at(problem.time), cost.error(q, problem.time)) for cost in vectors), strict=True)
+        motion = replace(motion, relative=np.stack(wanted, axis=1), relative_error=np.stack(error, axis=1))
     step.end()
-    return result
+    return motion
 
 
 def _checked_bests(arms: Arm | ArmGroup, pointwise_bests: Any, count: int) -> list[Array] | None:

@@ -53,11 +53,6 @@ class PlanSettings:
         Which axes of target orientations count: z, or all.
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
-
-    Raises
-    ------
-    InvalidInputError
-        When a value is out of its range.
     """
 
     position_tolerance: float = POSITION_TOLERANCE
@@ -78,16 +73,7 @@ class PlanSettings:
         as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
     def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanSettings":
-        """Look up limits and collisions of the arms, or take those of a planner; check the home configuration.
-
-        Raises
-        ------
-        FileFormatError
-            When a file of limits cannot be read or does not fit the arm.
-        InvalidInputError
-            When limits or collisions do not fit the arm, the joints cannot hold it against gravity in 5 % of its
-            configurations, or the home configuration is beyond limits or collides.
-        """
+        """Look up limits and collisions of the arms, or take those of a planner; check the home configuration."""
         limits = self.motion_limits if planner is None else planner.limits
         if not isinstance(limits, MotionLimits):
             limits = MotionLimits.of(arm, limits, self.joint_limit_margin)

@@ -10,7 +10,7 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.arm_model import require_compatible
+from maniport.motion.arm_model import require_compatible, require_trackable
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Targets
 from maniport.motion.plan.arm_planner import ArmPlanner, Coarse, time_parameterized
@@ -23,9 +23,11 @@ from maniport.motion.plan.optimizer import (
     optimize_to_tolerance,
 )
 from maniport.motion.plan.plan_settings import PlanSettings
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import shortest_path, stages_of
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
+from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
 from maniport.util.progress import Part, nobody, pieces
 from maniport.util.validation import Array, as_generator
@@ -56,22 +58,18 @@ class Planner:
     def of(
         cls, limits: MotionLimits, spec: EllipsoidSpec, collisions: Collisions | bool = True, random_state: Any = 0
     ) -> "Planner":
-        """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions.
-
-        Raises
-        ------
-        InvalidInputError
-            When an arm has too few joints, or coupled ones.
-        """
+        """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions."""
         group, model = as_group(limits.arm), as_collisions(collisions, limits.arm)
         alone = (None,) * len(group) if model is None else model.of_arms
-        generators = _copies(as_generator(random_state), len(group))
-        parts = zip(group.arms, group.columns, group.specs(spec), alone, generators, strict=True)
-        arms = tuple(
-            ArmPlanner.of(limits.of_joints(arm, columns), own, around, random)
-            for arm, columns, own, around, random in parts
-        )
-        return cls(limits, spec, arms, model)
+        generators, arms = _copies(as_generator(random_state), len(group)), []
+        for arm, columns, own, around, random in zip(
+            group.arms, group.columns, group.specs(spec), alone, generators, strict=True
+        ):
+            require_trackable(arm, own)
+            samples = ReachabilityMap(arm, own, random_state=random, collisions=around)
+            bank = SeedBank(arm, random_state=random, spec=own)
+            arms.append(ArmPlanner(limits.of_joints(arm, columns), samples, bank, around))
+        return cls(limits, spec, tuple(arms), model)
 
     @property
     def group(self) -> ArmGroup:
@@ -96,22 +94,8 @@ class Planner:
     ) -> tuple[Trajectory, bool]:
         """Plan a motion, as fast as limits allow and at most as fast as the demonstration.
 
-        Parameters
-        ----------
-        problem : MotionProblem
-        settings : PlanSettings
-        random_state : None, int or numpy.random.Generator
-        progress : callable
-            Called with the fraction done.
-        separate : sequence of Targets, optional
-            Targets of each arm while it is planned by itself. Default: those of the problem.
-
-        Returns
-        -------
-        trajectory : Trajectory
-            Passes the waypoints at its ``time``, and is sampled at the rate of the settings.
-        coupled : bool
-            Whether several arms were optimized together.
+        Return a trajectory that passes the waypoints at its ``time``, and whether several arms were optimized together.
+        `separate` are targets of each arm while it is planned by itself; default: those of the problem.
         """
         count, random = len(self.arms), as_generator(random_state)
         parts, shares = [], zip(self.arms, separate or problem.targets, _copies(random, count), strict=True)

@@ -76,20 +76,15 @@ class ReachabilityMap:
         return q
 
     @cached_property
-    def _located(self) -> tuple[cKDTree, Array]:
-        """Tree of the coordinates of `q`, and the rotations there (n,)."""
-        coordinates, angles = self.coordinates(np.ascontiguousarray(self.arm.forward(self.q)[:, :3, 3]))
-        return cKDTree(coordinates), angles
-
-    @cached_property
-    def _ellipsoids(self) -> Array:
-        """Ellipsoids at `q`, turned to angle 0, shape (n, d, d)."""
-        ellipsoids = self.arm.ellipsoids(self.q, self.spec.bounded)
+    def _located(self) -> tuple[cKDTree, Array, Array]:
+        """Tree of the coordinates of `q`, rotations there (n,), and ellipsoids there, turned to angle 0 (n, d, d)."""
+        poses, ellipsoids = self.arm.posed_ellipsoids(self.q, self.spec.bounded)
+        coordinates, angles = self.coordinates(np.ascontiguousarray(poses[:, :3, 3]))
         if self.spec.kind == "force":
             values, vectors = eigh(ellipsoids)
             singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)
             ellipsoids = compose(1.0 / np.maximum(values, singular), vectors)
-        return self._turned_back(ellipsoids, self._located[1])
+        return cKDTree(coordinates), angles, self._turned_back(ellipsoids, angles)
 
     @cached_property
     def _orientations(self) -> Array:
@@ -113,7 +108,7 @@ class ReachabilityMap:
 
         The gap is from a position to a sample that is turned there as far as the first joint's limits allow.
         """
-        (coordinates, angles), (tree, _) = self.coordinates(positions), self._located
+        (coordinates, angles), (tree, _, samples) = self.coordinates(positions), self._located
         damped = objective.damped(self._turned_back(ellipsoids, angles))
         result = np.empty(len(coordinates))
         for first in range(0, len(coordinates), BLOCK):
@@ -124,7 +119,7 @@ class ReachabilityMap:
                 turned = self._first_joint(rows, angles[part])
                 beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
                 gaps += (2.0 * coordinates[part, :1] * np.sin(0.5 * beyond)) ** 2
-            distance = distances(damped[part, None], objective.damped(self._ellipsoids[rows]))
+            distance = distances(damped[part, None], objective.damped(samples[rows]))
             result[part] = np.min(distance**2 + GAP_WEIGHT**2 * gaps, axis=1)
         return result
 
@@ -161,10 +156,11 @@ class ReachabilityMap:
         """Return samples next to each target's position, turned there (n, k, dof), and their distances (n, k)."""
         assert targets.positions is not None
         coordinates, angles = self.coordinates(targets.positions)
-        rows = self._located[0].query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
+        tree, _, samples = self._located
+        rows = tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
         own, q = targets.objective, self.q[rows]
         aligned = own.damped(self._turned_back(targets.ellipsoids, angles))
-        square = distances(aligned[:, None], own.damped(self._ellipsoids[rows])) ** 2
+        square = distances(aligned[:, None], own.damped(samples[rows])) ** 2
         allowed, rotations = np.ones(rows.shape, bool), np.eye(3)
         if self.axis is not None:
             lower, upper = self.arm.lower[0], self.arm.upper[0]

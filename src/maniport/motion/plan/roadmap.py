@@ -90,13 +90,14 @@ def moved_to_positions(arm: Arm, q: Array, positions: Array) -> tuple[Array, Arr
     """Bring end effectors to positions (n, 3) by Newton steps within the limits; return q and position errors (n,)."""
     q, rows, error = q.copy(), np.arange(len(q)), np.full(len(q), np.inf)
     for step in range(NEWTON_STEPS + 1):
-        offset = positions[rows] - arm.forward(q[rows])[:, :3, 3]
+        poses, jacobians = arm.motion(q[rows])
+        offset = positions[rows] - poses[:, :3, 3]
         error[rows] = np.linalg.norm(offset, axis=1)
         far = error[rows] > IN_PLACE
         if step == NEWTON_STEPS or not far.any():
             break
         rows, offset = rows[far], offset[far]
-        jacobian = arm.jacobian(q[rows])[:, :3]
+        jacobian = jacobians[far, :3]
         square = jacobian @ np.swapaxes(jacobian, 1, 2)
         square += 1e-6 * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
         change = np.swapaxes(jacobian, 1, 2) @ np.linalg.solve(square, offset[..., None])
@@ -108,7 +109,7 @@ def turned_to_rotations(targets: Targets, q: Array) -> Array:
     """Turn end effectors at q (n, dof) toward their target rotations, and bring them near their positions."""
     arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
     for _ in range(NEWTON_STEPS):
-        poses, jacobian = arm.forward(q), arm.jacobian(q)
+        poses, jacobian = arm.motion(q)
         residual = np.concatenate([cost.at(poses) for cost in targets.pose_costs], axis=1)
         slope = np.concatenate([cost.slopes(poses, jacobian) for cost in targets.pose_costs], axis=1)
         square = np.swapaxes(slope, 1, 2) @ slope + np.eye(arm.dof)  # a little weight on joint motion

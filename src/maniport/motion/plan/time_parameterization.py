@@ -28,14 +28,10 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     """Pass waypoints at the demonstrated times, or as soon as the limits allow where that is later.
 
     A cubic spline through the waypoints, with the demonstrated time as its parameter, is passed time-optimally within
-    the limits of velocity and acceleration [1]_ and with a parameter speed of at most 1. A moving average over the
-    samples then limits the jerk: of length T it keeps velocities and accelerations, makes jerks at most 2 a / T and
-    leaves the path by about a T² / 24, where a is the acceleration. T is as short as possible, about 0.2 s at most,
-    since the search uses no more acceleration than full jerk reaches in 0.1 s. Where samples exceed an acceleration
-    between the points of the search grid, the search is repeated with less of it there; a remaining excess slows down
-    the whole motion. Where masses are known, the same holds for the limits of torques, and of their rates, which the
-    average limits as well. A joint that gravity alone overloads along the path exceeds its torque limit in the result,
-    by at most 5 % more.
+    the limits of velocity, acceleration and torque [1]_. A moving average over the samples, of at most 0.2 s, then
+    limits the jerk and the torque rate. Where samples exceed a limit between the points of the search grid, the search
+    is repeated with less of it there; a remaining excess slows down the whole motion. A joint that gravity alone
+    overloads along the path exceeds its torque limit in the result, by at most 5 % more.
 
     Parameters
     ----------
@@ -84,8 +80,10 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     return Trajectory.of_positions(own.arm, waypoints, clock, samples, own)
 
 
-def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, share: float = 0.3) -> Trajectory:
+def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike) -> Trajectory:
     """Begin and end at a home configuration, with straight motions in joint space from rest to rest.
+
+    They use 30 % of the limits of velocity, acceleration and jerk.
 
     Parameters
     ----------
@@ -94,23 +92,15 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, 
     limits : MotionLimits
     home : array_like, shape (dof,)
         Within the position limits [rad] or [m].
-    share : float
-        Share of the limits of velocity, acceleration and jerk that is used.
 
     Returns
     -------
     Trajectory
         Longer; its waypoints are passed later.
-
-    Raises
-    ------
-    InvalidInputError
-        When the home configuration has another shape or is beyond the limits, or a motion takes more than 3 million
-        samples.
     """
     start = limits.arm.require_within_limits(home, "home", single=True)
     rate = (len(motion.control_time) - 1) / motion.control_time[-1]
-    slow = replace(limits, **{quantity: share * getattr(limits, quantity) for quantity in DERIVATIVES})
+    slow = replace(limits, **{quantity: 0.3 * getattr(limits, quantity) for quantity in DERIVATIVES})
 
     def straight(first: Array, last: Array) -> Array:
         duration = float((np.abs(last - first) / slow.velocity).max())  # with velocity limits alone
@@ -208,8 +198,7 @@ def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -
     if np.isfinite(limits.effort_rate).any() and limits.dynamics is not None:
         # the torques of averaged positions are nearly the averaged torques
         torques = np.ascontiguousarray((limits.torques(raw.T, rate) / limits.effort_rate).T)
-        still = np.zeros(raw.T.shape)
-        moving = torques - (limits.dynamics.torques(raw.T, still, still) / limits.effort_rate).T
+        moving = torques - (limits.dynamics.gravity(raw.T) / limits.effort_rate).T
         abrupt = max(abrupt, 2.2 * np.abs(moving).max())
     widest = max(0, int(np.ceil(0.5 * (abrupt * rate - 1.0))))
     require_few(len(clock) + 2.0 * widest)
@@ -240,8 +229,7 @@ def _torque_shares(limits: MotionLimits, samples: Array, rate: float) -> tuple[A
     """Shares of what gravity leaves of the torques, and of torque rates, shapes (m,) and (m - 1,); 0 where unknown."""
     if limits.dynamics is None or not (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any():
         return np.zeros(len(samples)), np.zeros(len(samples) - 1)
-    still = np.zeros(samples.shape)
-    torques, held = limits.torques(samples, rate), limits.dynamics.torques(samples, still, still)
+    torques, held = limits.torques(samples, rate), limits.dynamics.gravity(samples)
     left = np.maximum(limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6))
     rates = np.abs(np.diff(torques, axis=0)) * (rate / limits.effort_rate)
     return (np.abs(torques - held) / left).max(axis=1), rates.max(axis=1)

@@ -1,8 +1,8 @@
 """The feasible ellipsoids nearest to targets: searches over joint positions within their limits."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,35 +15,17 @@ from maniport.motion.search.descent import search_from_starts
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
-from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import Array, as_count, as_metres, as_number, as_points, require_shape
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FeasibleEllipsoids(NotebookDisplay):
-    """The nearest feasible ellipsoids to targets; made by `nearest_feasible`.
+class FeasibleEllipsoids(NamedTuple):
+    """The nearest feasible ellipsoids to targets; made by `nearest_feasible`."""
 
-    Attributes
-    ----------
-    joint_positions : ndarray, shape (n, dof)
-        Configurations with the nearest ellipsoids, within the limits [rad or m].
-    ellipsoids : ndarray, shape (n, d, d)
-        Ellipsoids there, without damping.
-    distance : ndarray, shape (n,)
-        Affine-invariant distances to the targets, with the damping.
-    position_error : ndarray, shape (n,), or None
-        Distances of the end effector from its target positions [m], where there are any.
-    """
-
-    joint_positions: Array
-    ellipsoids: Array
-    distance: Array
-    position_error: Array | None = None
-
-    def __repr__(self) -> str:
-        count, d, _ = self.ellipsoids.shape
-        return f"FeasibleEllipsoids({count} of {d}×{d} at a distance of {np.median(self.distance):.3g} (median))"
+    joint_positions: Array  # (n, dof), within the limits [rad or m]
+    ellipsoids: Array  # (n, d, d), there, without damping
+    distance: Array  # (n,), affine-invariant, to the targets, with the damping
+    position_error: Array | None = None  # (n,), of the end effector, where there are target positions [m]
 
 
 def nearest_feasible(
@@ -76,16 +58,16 @@ def nearest_feasible(
     n_starts : int
         Samples to search from for each ellipsoid. Arms with fewer joints need more: of a UR5's own ellipsoids 98 %
         score below 0.01 with 48, above 99 % with 96.
-    bank, random_state, progress
-        As in `maniport.motion.track`.
+    bank : SeedBank, optional
+        Seed configurations. Default: 16 384 new samples.
+    random_state, progress
+        As in `maniport.motion.plan_motion`.
 
     Raises
     ------
     NotSPDError
         When an ellipsoid is asymmetric or, with the damping, not positive-definite; when without damping the arm
         itself is singular at all starts.
-    InvalidInputError
-        When another argument has a wrong shape or value.
     """
     count, objective, tips = as_count(n_starts, "n_starts"), Objective.of(arm, spec, damping), None
     undamped = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
@@ -178,30 +160,11 @@ class FeasibleSearch:
         self.joint_positions: Array | None = None
 
     def nearest(self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
-        """Find the nearest feasible ellipsoids, and derivatives of the logarithm from the points to them.
+        """Find the nearest feasible ellipsoids M (n, d, d) to points A (n, d, d), all with the damping.
 
+        Also return the derivatives of log(A^-½ M A^-½) along each joint (n, dof, d, d), zero where one is at a limit.
         The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
-        from the last result of each, those of its neighbors and one sample.
-
-        Parameters
-        ----------
-        points : array_like, shape (n, d, d)
-            SPD, with the damping.
-        neighbors : ndarray of int, shape (n, k), optional
-            Indices of similar points, whose configurations are tried too.
-
-        Returns
-        -------
-        ellipsoids : ndarray, shape (n, d, d)
-            With the damping.
-        changes : ndarray, shape (n, dof, d, d)
-            Derivatives of log(A^-½ M A^-½), A the point and M the ellipsoid, along each joint; zero where a joint is at
-            a limit.
-
-        Raises
-        ------
-        NotSPDError, InvalidInputError
-            When `points` are not SPD, or their number changes.
+        from the last result of each, those of its `neighbors` (n, k) and one sample.
         """
         objective, before = self._objective, self.joint_positions
         damped, max_starts = as_points(points, "points", objective.spec.size, minimum=1), 12_288

@@ -1,4 +1,4 @@
-"""What figures draw: curves over time, ellipsoids in rows, arms in space, and domains on a map."""
+"""What figures draw: curves over time, ellipsoids in rows, and arms in space."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -7,28 +7,15 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike
 
-from maniport.errors import InvalidInputError
+from maniport.report.page.animation import semi_axis_panels
 from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Panel, is_gap
-from maniport.spd.diffusion_map import map_of
-from maniport.spd.ellipsoid import axes, lengths
+from maniport.spd.ellipsoid import axes
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import (
-    SPD_TOLERANCE,
-    Array,
-    as_choice,
-    as_count,
-    as_finite,
-    as_number,
-    as_points,
-    as_positive_semidefinite,
-    as_times,
-    require_shape,
-)
+from maniport.util.validation import Array
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
 UNIT = "m/s per rad/s"  # Unit of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints
@@ -42,34 +29,9 @@ VIEWS = {
 """Titles of the views of ellipsoids, and the coordinates to the right and up."""
 
 
-def curves(
-    time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT, roles: Mapping[str, str] | None = None
-) -> Figure:
-    """Draw the semi-axes of profiles (n, d, d) over time [s], and their condition number."""
-    times = as_times(time)
-    checked = _profiles(profiles, len(times))
-    figure, handles = column_figure(3.0), []
-    upper, lower = panels = list(figure.subplots(2, 1, sharex=True))
-    for color, (name, points) in zip(_colors(checked, roles), checked.items(), strict=True):
-        semi_axes = lengths(points)[:, ::-1]
-        flat = semi_axes[:, -1] ** 2 <= SPD_TOLERANCE * np.trace(points, axis1=1, axis2=2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            condition = np.where(flat, np.nan, (semi_axes[:, 0] / semi_axes[:, -1]) ** 2)
-        for column, style in zip(semi_axes.T, LINE_STYLES, strict=False):
-            upper.plot(*_with_breaks(times, column), color=color, ls=style, lw=1.0)
-        lower.plot(*_with_breaks(times, condition), color=color, lw=1.0)
-        handles.append(Line2D([], [], color=color, lw=1.0, label=name))
-    upper.set(ylim=(0.0, None))
-    upper.set_title(f"semi-axes [{unit}]", fontsize=TEXT, loc="left", pad=3)
-    lower.set_title("condition number, (longest / shortest)²", fontsize=TEXT, loc="left", pad=3)
-    _logarithmic(lower)
-    names = ("longest", "middle", "shortest") if semi_axes.shape[1] == 3 else ("longest", "shortest")
-    styles = [Line2D([], [], color="0.3", ls=s, lw=1.0, label=n) for s, n in zip(LINE_STYLES, names, strict=False)]
-    upper.legend(handles=styles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=TEXT,
-                 frameon=False, borderaxespad=0.0)  # fmt: skip
-    _over_time(panels)
-    _legend(figure, handles)
-    return laid_out(figure)
+def curves(time: ArrayLike, profiles: Mapping[str, Array], unit: str = UNIT) -> Figure:
+    """Draw the semi-axes of profiles (n, d, d) by role over time [s]."""
+    return panel_figure(np.asarray(time), semi_axis_panels(profiles, unit))
 
 
 def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figure:
@@ -101,21 +63,18 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
 
 def ellipsoids(
     time: ArrayLike,
-    profiles: Mapping[str, ArrayLike],
+    profiles: Mapping[str, Array],
     unit: str = UNIT,
     axis: str = "time [s]",
     roles: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw ellipsoids sampled along time, one row for each profile, seen from above and from the front."""
-    times = as_times(time)
-    checked = _profiles(profiles, len(times))
+    times = np.asarray(time)
     frames = evenly_spaced(len(times), 9)
-    points = [profile[frames] for profile in checked.values()]
+    points = [profile[frames] for profile in profiles.values()]
     reach = float(np.sqrt(max(np.diagonal(row, axis1=1, axis2=2).max() for row in points)))
-    if reach == 0:
-        raise InvalidInputError("there must be an ellipsoid of positive size to draw; all are zero")
     # rows differ in grey, too
-    looks = list(zip(_colors(checked, roles), np.linspace(0.45, 0.1, len(checked)).tolist(), strict=True))
+    looks = list(zip(_colors(profiles, roles), np.linspace(0.45, 0.1, len(profiles)).tolist(), strict=True))
     pitch, views = 2.15 * reach, VIEWS[points[0].shape[-1]]
     places = max(len(frames), 6)  # space for the title of a row of few ellipsoids
     figure = column_figure(0.55 + len(views) * (len(points) * 3.2 / places + 0.3))
@@ -144,13 +103,13 @@ def ellipsoids(
     text = f"{length:g} {unit}"
     panels[0].text(right - length - 0.1 * pitch, height[0], text, fontsize=TEXT, ha="right", va="center")
     _legend(figure, [Patch(facecolor=look, edgecolor=look[0], linewidth=0.9, label=name)
-                     for name, look in zip(checked, looks, strict=True)])  # fmt: skip
+                     for name, look in zip(profiles, looks, strict=True)])  # fmt: skip
     return laid_out(figure)
 
 
 def arms(
-    skeletons: Mapping[str, ArrayLike],
-    ellipsoids: Mapping[str, ArrayLike],
+    skeletons: Mapping[str, Array],
+    ellipsoids: Mapping[str, Array],
     count: int = 5,
     size: float = 0.25,
     unit: str = UNIT,
@@ -158,17 +117,10 @@ def arms(
     within: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw arms side by side, each in several configurations; those `within` the same name have one panel."""
-    as_number(size, "size", above=0.0)
-    most, drawn, extents = as_count(count, "count"), {}, dict[str, list[Array]]()
-    for name, lines in _names(skeletons, "skeletons").items():
-        corners = as_finite(lines, f"skeletons[{name!r}]")
-        require_shape(corners, f"skeletons[{name!r}]", ("n", "k", 3))
-        if name not in ellipsoids:
-            raise InvalidInputError(f"ellipsoids must have the names of skeletons; {name!r} is missing")
-        shells = as_positive_semidefinite(ellipsoids[name], f"ellipsoids[{name!r}]", 3)
-        require_shape(shells, f"ellipsoids[{name!r}]", (len(corners), 3, 3), ", one for each configuration")
-        chosen, title = evenly_spaced(len(corners), most), (within or {}).get(name, name)
-        corners, shells = corners[chosen], shells[chosen]
+    drawn, extents = dict[str, tuple[str, Array, Array]](), dict[str, list[Array]]()
+    for name, lines in skeletons.items():
+        chosen, title = evenly_spaced(len(lines), count), (within or {}).get(name, name)
+        corners, shells = lines[chosen], ellipsoids[name][chosen]
         halves = size * np.sqrt(np.diagonal(shells, axis1=1, axis2=2))
         drawn[name] = title, corners, shells
         extents.setdefault(title, []).extend([corners.reshape(-1, 3), corners[:, -1] - halves, corners[:, -1] + halves])
@@ -206,47 +158,6 @@ def arms(
     return figure
 
 
-def diffusion_map(domains: Mapping[str, ArrayLike], profiles: Mapping[str, ArrayLike]) -> Figure:
-    """Draw domains as clouds and profiles as lines in two diffusion coordinates."""
-    clouds, lines, d = dict[str, Array](), dict[str, Array](), None
-    for name, points in _names(domains, "domains").items():
-        clouds[name] = as_points(points, f"domains[{name!r}]", d, 2)
-        d = clouds[name].shape[-1]
-    for name, points in profiles.items():
-        lines[name] = as_points(points, f"profiles[{name!r}]", d, 1)
-    chart = map_of([*clouds.values(), *lines.values()])
-    placed, paths = ({name: chart.transform(item) for name, item in sets.items()} for sets in (clouds, lines))
-    return map_figure(placed, paths)
-
-
-def map_figure(
-    domains: Mapping[str, Array],
-    profiles: Mapping[str, Array],
-    time: Array | None = None,
-    roles: Mapping[str, str] | None = None,
-) -> Figure:
-    """Draw coordinates (n, 2) of domains as clouds and those of profiles as lines."""
-    figure, handles = column_figure(3.2), []
-    panel = figure.subplots()
-    for color, (name, points) in zip(_colors(domains, roles), domains.items(), strict=True):
-        panel.scatter(points[:, 0], points[:, 1], s=2, color=color, alpha=0.25, lw=0, rasterized=True)
-        handles.append(Line2D([], [], color=color, marker="o", alpha=0.5, ms=3, ls="", label=f"domain: {name}"))
-    styles = ("-", *LINE_STYLES, *LINE_STYLES)
-    for color, style, (name, path) in zip(_colors(profiles, roles), styles, profiles.items(), strict=False):
-        points = path if time is None else _with_breaks(time, path)[1]
-        panel.plot(*points.T, color="white", lw=1.8)
-        panel.plot(*points.T, color=color, lw=1.0, ls=style)
-        panel.plot(*path[0], "o", color=color, mec="white", mew=0.6, ms=5)
-        handles.append(Line2D([], [], color=color, lw=1.0, ls=style, label=f"profile: {name}"))
-    if profiles:
-        handles.append(Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="start of a profile"))
-    panel.set_xlabel("first diffusion coordinate", fontsize=TEXT)
-    panel.set_ylabel("second diffusion coordinate", fontsize=TEXT)
-    panel.tick_params(labelsize=TEXT)
-    _legend(figure, handles)
-    return laid_out(figure)
-
-
 def column_figure(height: float, columns: int = 1, layout: Any = "constrained") -> Figure:
     """Return an empty figure as wide as columns of a two-column paper; `height` in inches."""
     return Figure(figsize=(columns * 3.5, height), dpi=300, layout=layout)
@@ -261,7 +172,7 @@ def laid_out(figure: Figure) -> Figure:
 
 def _colors(names: Iterable[str], roles: Mapping[str, str] | None) -> list[str]:
     """Return the color of each name: of its role, else the next that no role has taken."""
-    taken = {name: ROLES[as_choice(role, "role", tuple(ROLES))].color for name, role in (roles or {}).items()}
+    taken = {name: ROLES[role].color for name, role in (roles or {}).items()}
     free = iter([color for color in COLORS if color not in taken.values()])
     return [taken[name] if name in taken else next(free) for name in names]
 
@@ -285,26 +196,6 @@ def _over_time(panels: Sequence[Axes]) -> None:
         panel.tick_params(labelsize=TEXT, length=2)
         panel.grid(alpha=0.25, lw=0.5)
         panel.margins(x=0.01)
-
-
-def _profiles(profiles: Mapping[str, ArrayLike], count: int) -> dict[str, Array]:
-    """Check named profiles (n, d, d) of equal length; d is 2 or 3, the same in all."""
-    checked: dict[str, Array] = {}
-    for name, profile in _names(profiles, "profiles").items():
-        checked[name] = as_positive_semidefinite(profile, where := f"profiles[{name!r}]")
-        require_shape(checked[name], where, (count, "d", "d"))
-        sizes = {points.shape[-1] for points in checked.values()}
-        if not sizes < {2, 3}:
-            raise InvalidInputError(f"profiles must all hold 2×2 or all 3×3 matrices; found sizes {sorted(sizes)}")
-    return checked
-
-
-def _names(sets: Mapping[str, ArrayLike], argument: str) -> Mapping[str, ArrayLike]:
-    """Require one to seven named arrays: there are seven colors."""
-    if not isinstance(sets, Mapping) or not 1 <= len(sets) <= len(COLORS):
-        text = len(sets) if isinstance(sets, Mapping) else type(sets).__name__
-        raise InvalidInputError(f"{argument} must be a mapping of 1 to {len(COLORS)} names to arrays; found {text}")
-    return sets
 
 
 def _with_breaks(time: Array, values: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Content of the page of a result: arms with their ellipsoids, curves over time, and the map of the domains."""
+"""Content of the page of a result: arms with their ellipsoids and curves over time."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -6,7 +6,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms import Arm, EllipsoidSpec, Surface
 from maniport.arms.human import middle_of
 from maniport.errors import FileFormatError
 from maniport.learning.agreement import axis_deviations
@@ -23,16 +23,12 @@ from maniport.report.page.content import (
     TARGET,
     Animation,
     Body,
-    Cloud,
-    DomainMap,
     Line,
     Panel,
     Part,
     Stage,
 )
-from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import lengths
-from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 TORSO = np.array([
@@ -45,7 +41,7 @@ TORSO = np.array([
 """Rods of head, neck, shoulders and trunk about the middle of the neck: start, end and radius [m]."""
 
 MEANINGS = {
-    "velocity": "An ellipsoid shows how fast the end effector {moves} in each direction at {speed}.",
+    "velocity": "An ellipsoid shows how fast the end effector {} in each direction at {}.",
     "force": "Drawn are the inverses of the force ellipsoids: they are long in directions in which the arm is weak.",
     "acceleration": "An ellipsoid shows how fast the end effector accelerates in each direction.",
 }
@@ -61,18 +57,13 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
     transfer = result if isinstance(result, TransferResult) else None
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     time = transfer.time if transfer is not None else moved[0].time
-    spec, notes = result.arms[0].spec, list[str]()
+    spec = result.arms[0].spec
+    moves = "translates" if spec.part == "translation" else "rotates"
+    speed = "unit joint speed" if spec.joint_weights is None else "the joint speeds of its weights"
+    notes = [MEANINGS[spec.kind].format(moves, speed), f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long."]
     if spec.part == "full":
-        notes.append("Ellipsoids of six dimensions cannot be drawn; their distances can.")
-    else:
-        notes.append(
-            MEANINGS[spec.kind].format(
-                moves="translates" if spec.part == "translation" else "rotates",
-                speed="unit joint speed" if spec.joint_weights is None else "the joint speeds of its weights",
-            )
-        )
-        notes.append(f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long.")
-    stages = [_person(transfer.arms, spec, notes)] if transfer is not None else []
+        notes = ["Ellipsoids of six dimensions cannot be drawn; their distances can."]
+    stages = [_person(transfer.arms, spec)] if transfer is not None else []
     if moved:
         stages.append(_robot(result, spec, notes))
     else:
@@ -86,25 +77,21 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         time,
         tuple(stages),
         {topic: _alternated(panels, names) for topic, panels in topics.items()},
-        _map(transfer.arms[0], spec, transfer.base_rotation) if transfer is not None and len(names) == 1 else None,
         unit=spec.bounded.unit,
         clocks={"robot": moved[0].time} if transfer is not None and moved else {},
-        legend={role: ROLES[role].about for role in _profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
+        legend={role: ROLES[role].about for role in _profiles_of(result.arms[0], spec)},
         note=" ".join(notes),
         states=tuple(max(worst, key=order.index) for worst in zip(*(item.status for item in moved), strict=True)),
     )
 
 
-def _person(arms: Sequence[ArmTransfer], spec: EllipsoidSpec, notes: list[str]) -> Stage:
+def _person(arms: Sequence[ArmTransfer], spec: EllipsoidSpec) -> Stage:
     """Return the arms of the person, about the middle of the neck."""
     bodies = []
     for arm in arms:
-        drawn = {PERSON.name: _profiles_of(arm, spec)[PERSON.name]} if spec.part != "full" else {}
-        body = _body(arm.fit.arm, arm.fit.joint_angles, drawn, name="Person", notes=notes)
-        shift = np.eye(4)
-        shift[1, 3] = -middle_of(arm.fit.arm)
-        parts = tuple(replace(part, poses=shift @ part.poses) for part in body.parts)
-        bodies.append(replace(body, skeleton=body.skeleton + shift[:3, 3], parts=parts))
+        middle = np.array([0.0, middle_of(arm.fit.arm), 0.0])
+        drawn = {role: points for role, points in _profiles_of(arm, spec).items() if role == PERSON.name}
+        bodies.append(Body("Person", arm.fit.arm.skeleton(arm.fit.joint_angles) - middle, drawn))
     return Stage("Person", tuple(bodies), torso=TORSO)
 
 
@@ -113,11 +100,20 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     bodies: list[Body] = []
     for arm in result.arms:
         assert arm.motion is not None
-        drawn = {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved} if spec.part != "full" else {}
-        body = _body(arm.robot, arm.motion.joint_positions, drawn, arm.motion.path, notes=notes)
-        others = [part for other in bodies for part in other.parts]
-        own = tuple(part for part in body.parts if not any(_is_same(part, other) for other in others))
-        bodies.append(replace(body, parts=own))
+        robot, joints, parts = arm.robot, arm.motion.joint_positions, list[Part]()
+        poses, surfaces = robot.link_poses(joints), list[Surface]()
+        try:
+            surfaces += robot.surfaces()
+        except FileFormatError as error:  # the page is useful without surfaces
+            notes.append(f"{robot.name} is drawn as a skeleton: {error}")
+        for surface in surfaces:  # each point once, so that the script of the page finds triangles that meet
+            corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
+            points, places = np.unique(corners, axis=0, return_inverse=True)
+            part = Part(points, places.reshape(-1, 3), poses[:, surface.joint])
+            if not any(_is_same(part, other) for body in bodies for other in body.parts):
+                parts.append(part)
+        drawn = {role: own for role, own in _profiles_of(arm, spec).items() if role != PERSON.name}
+        bodies.append(Body(robot.name, robot.skeleton(joints), drawn, arm.motion.path, tuple(parts)))
     rotation = None
     if isinstance(result, TransferResult):
         placement = result.arms[0].placement
@@ -131,51 +127,10 @@ def _is_same(part: Part, other: Part) -> bool:
     return np.allclose(part.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
 
 
-def _body(
-    arm: Arm, joint_positions: Array, ellipsoids: Mapping[str, Array], path: Array | None = None, name: str = "",
-    *, notes: list[str],
-) -> Body:  # fmt: skip
-    """Return an arm at each time with ellipsoids at its end effector; a note is added if it has no surfaces."""
-    body, parts = Body(name or arm.name, arm.skeleton(joint_positions), ellipsoids, path), []
-    try:
-        surfaces = arm.surfaces()
-    except FileFormatError as error:  # the page is useful without surfaces
-        notes.append(f"{body.name} is drawn as a skeleton: {error}")
-        return body
-    poses = arm.link_poses(joint_positions)
-    for surface in surfaces:  # each point once, so that the script of the page finds triangles that meet
-        corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
-        points, places = np.unique(corners, axis=0, return_inverse=True)
-        parts.append(Part(points, places.reshape(-1, 3), poses[:, surface.joint]))
-    return replace(body, parts=tuple(parts))
-
-
-def _map(arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array, fitted: int = 40, dots: int = 300) -> DomainMap:
-    """Return the map of the domains, regularized as in the fit, in the robot's base frame; fitted to few points."""
-    rotation, student = spec.rotation(base_rotation), arm.adapter.student_side
-    human, robot = (item[evenly_spaced(len(item), dots)] for item in (arm.teacher_domain, arm.student_domain))
-    human, demonstrated = (
-        rotation @ arm.adapter.teacher_side(points) @ rotation.T for points in (human, arm.demonstrated_profile)
-    )
-    domains = {PERSON.name: human, ACHIEVED.name: student(robot)}
-    profiles = {PERSON.name: demonstrated, TARGET.name: student(arm.target_profile)}
-    chart = map_of([*domains.values(), *profiles.values()], fitted)
-    if arm.motion is not None and spec.kind == "velocity":
-        placed = np.eye(3) if arm.placement is None else arm.placement.rotation
-        back = spec.rotation(placed.T)  # the domain is that of the base before the path was placed
-        moved = {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
-        profiles |= {role: student(back @ points @ back.T, role) for role, points in moved.items()}
-    names = {PERSON.name: "person", TARGET.name: "target", ACHIEVED.name: arm.robot.name}
-    clouds, lines = (
-        tuple(Cloud(names[role], role, chart.transform(points), points if points.shape[-1] <= 3 else None)
-              for role, points in sets.items())
-        for sets in (domains, profiles)
-    )  # fmt: skip
-    return DomainMap(clouds, lines, "Ellipsoids are regularized as in the fit.")
-
-
 def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:
-    """Return velocity ellipsoids of an arm by role; those of force ellipsoids are the inverses."""
+    """Return velocity ellipsoids of an arm by role, none of six dimensions; those of force are the inverses."""
+    if spec.part == "full":
+        return {}
     profiles = {PERSON.name: arm.demonstrated_profile} if isinstance(arm, ArmTransfer) else {}
     if isinstance(arm, ArmTransfer) and arm.motion is None:
         profiles[TARGET.name] = arm.target_profile
@@ -200,8 +155,8 @@ def _panels_of(
             line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))  # the axis is logarithmic
             panels.append(Panel(error.label, error.unit, (line,), error.description, logarithmic=True))
         yield "Distance and position error", panels
-    if spec.part != "full":
-        panels = semi_axis_panels(_profiles_of(arm, spec), spec.bounded.unit)
+    if profiles := _profiles_of(arm, spec):
+        panels = semi_axis_panels(profiles, spec.bounded.unit)
         if motion is not None:
             angle = Line("longest axis", np.degrees(motion.major_axis_angle))
             meaning = "Between target and achieved. The line breaks where two axes have one length."

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.errors import InvalidInputError
 from maniport.motion import status
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_times
+from maniport.util.validation import Array
 
 
 @dataclass(frozen=True)
@@ -79,10 +78,6 @@ class Body:
     path: Array | None = None  # (n, 3) target positions of the end effector [m]
     parts: tuple[Part, ...] = ()  # surfaces, which replace the skeleton
 
-    def __post_init__(self) -> None:
-        for role in self.ellipsoids:
-            as_choice(role, "role", tuple(ROLES))
-
 
 @dataclass(frozen=True, eq=False)
 class Stage:
@@ -94,14 +89,6 @@ class Stage:
     torso: Array | None = None  # (k, 7) rods of a torso: start, end, radius [m]
 
 
-@dataclass(frozen=True)
-class Image:
-    """A PNG image with a description."""
-
-    png: bytes
-    description: str
-
-
 @dataclass(frozen=True, eq=False)
 class Line:
     """Values over time, nan where there are none; `style` 0 to 2: solid, dashed, dotted; `wide` lines are pale."""
@@ -111,9 +98,6 @@ class Line:
     role: str = "achieved"
     style: int = 0
     wide: bool = False
-
-    def __post_init__(self) -> None:
-        as_choice(self.role, "role", tuple(ROLES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,32 +115,12 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
-    """Ellipsoids on a map."""
-
-    name: str
-    role: str
-    coordinates: Array  # (n, 2)
-    ellipsoids: Array | None  # (n, d, d), d ≤ 3
-
-
-@dataclass(frozen=True, eq=False)
-class DomainMap:
-    """Domains as clouds, and profiles as lines with a point for each time of an animation."""
-
-    domains: tuple[Cloud, ...]
-    profiles: tuple[Cloud, ...] = ()
-    note: str = ""
-
-
-@dataclass(frozen=True, eq=False)
 class Animation:
-    """Moving arms, curves and a map with one time."""
+    """Moving arms and curves with one time."""
 
     time: Array  # (n,) ascending [s]
     stages: tuple[Stage, ...]  # side by side, with one scale
     panels: Mapping[str, tuple[Panel, ...]] = field(default_factory=dict)  # by topic
-    map: DomainMap | None = None
     unit: str = ""  # of semi-axes
     size: float = 0.25  # length of a semi-axis of one `unit` [m]
     clocks: Mapping[str, Array] = field(default_factory=dict)  # (n,) further times by name [s]
@@ -164,20 +128,10 @@ class Animation:
     note: str = ""
     states: tuple[str, ...] = ()  # a key of STATES for each time
 
-    def __post_init__(self) -> None:
-        count = len(as_times(self.time))
-        arrays = {f"the skeleton of {body.name!r}": body.skeleton for stage in self.stages for body in stage.bodies}
-        arrays |= {f"the line {line.name!r} of {panel.title!r}": line.values
-                   for panels in self.panels.values() for panel in panels for line in panel.lines}  # fmt: skip
-        arrays |= {f"the profile {part.name!r}": part.coordinates for part in (self.map.profiles if self.map else ())}
-        for name, array in arrays.items():
-            if len(array) != count:
-                raise InvalidInputError(f"{name} must have {count} entries, one for each time; found {len(array)}")
 
-
-def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
+def as_json(animation: Animation, frames: int) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
-    kept, chart, names = evenly_spaced(len(animation.time), frames), animation.map, list(STATES)
+    kept, names = evenly_spaced(len(animation.time), frames), list(STATES)
     time, states = animation.time[kept], [names.index(animation.states[k]) for k in kept if animation.states]
     data = vars(animation) | {
         "start": float(time[0]),
@@ -192,7 +146,7 @@ def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
                         "skeleton": packed(body.skeleton[kept]),
                         "ellipsoids": {role: _six(points[kept]) for role, points in body.ellipsoids.items()},
                         "path": None if body.path is None else packed(body.path[kept]),
-                        "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
+                        "parts": [_part(part, kept) for part in body.parts],
                     } for body in stage.bodies
                 ],
             } for stage in animation.stages
@@ -201,10 +155,6 @@ def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
             topic: [vars(panel) | {"lines": [vars(line) | {"values": packed(line.values[kept])}
                                              for line in panel.lines]} for panel in panels]
             for topic, panels in animation.panels.items()
-        },
-        "map": None if chart is None else vars(chart) | {
-            "domains": [_cloud(cloud) for cloud in chart.domains],
-            "profiles": [_cloud(cloud, kept) for cloud in chart.profiles],
         },
         "clocks": {name: packed(times[kept]) for name, times in animation.clocks.items()},
         "states": {"names": names, "values": packed(states, "u16")} if states else None,
@@ -258,8 +208,3 @@ def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
         "triangles": packed(part.triangles, "u16" if part.triangles.max(initial=0) < 2**16 else "u32"),
         "poses": packed(np.concatenate([poses[:, :3, 3], rotations], axis=1)),
     }
-
-
-def _cloud(cloud: Cloud, kept: NDArray[np.intp] | slice = slice(None)) -> dict[str, Any]:
-    ellipsoids = None if cloud.ellipsoids is None else _six(cloud.ellipsoids[kept])
-    return vars(cloud) | {"coordinates": packed(cloud.coordinates[kept]), "ellipsoids": ellipsoids}

@@ -21,7 +21,6 @@ from maniport.spd.kernels.loops import (
     congruence_loop,
     distance_loop,
     eigh_loop,
-    hessian_loop,
     power_congruence_loop,
 )
 from maniport.util.validation import Array
@@ -29,15 +28,6 @@ from maniport.util.validation import Array
 MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150  # Range of the eigenvalues that an exponential or power may produce
 
 ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
-
-
-class Moments(NamedTuple):
-    """Terms of a step toward the Fréchet mean, from whitened points Y_i with weights w_i."""
-
-    cost: float  # ½ Σ w d²(Y, I)
-    rounding: float  # Σ w size / λ_min(Y), which grows with the rounding of the gradient
-    gradient: Array  # (d, d): Σ w log Y, the negative Riemannian gradient of the cost
-    hessian: Array | None  # of the cost, in the Mandel basis
 
 
 class Pair(NamedTuple):
@@ -95,41 +85,23 @@ def distances(a: Array, b: Array) -> Array:
     return results
 
 
-def power_congruence(left: Array, points: Array, exponent: float, right: Array, name: str = "points") -> Array:
-    """Build R (L X Lᵀ)^s Rᵀ for matrices X (..., d, d), exactly symmetric: recenter, dilate, rotate and move."""
-    flat, outer, invalid = _flat(points), (_writable(left), _writable(right)), list[float]()
+def power_congruence(left: Array, points: Array, exponent: float, right: Array, epsilon: float = 0.0) -> Array:
+    """Build R (L X Lᵀ)^s Rᵀ for matrices X (..., d, d), exactly symmetric; the powers are released from ε > 0."""
+    flat, outer, invalid = _flat(points), (_flat(left), _writable(right)), list[float]()
     results = np.empty(flat.shape)
 
     def fill(first: int, last: int) -> None:
         part = results[first:last]
         bounds = MIN_EIGENVALUE, MAX_EIGENVALUE
-        if not power_congruence_loop(outer[0], flat[first:last], exponent, outer[1], *bounds, part):
+        if not power_congruence_loop(outer[0], flat[first:last], exponent, outer[1], epsilon, *bounds, part):
             invalid.append(float(part[0, 0, 0]))
 
     in_parts(fill, len(flat), flat.shape[-1])
     if invalid:
         if min(invalid) < 0.0:
-            raise NotSPDError(
-                f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentered"
-            )
-        require_in_range(np.array(invalid), name)
+            raise NotSPDError("points are too ill-conditioned: rounding makes them indefinite when they are recentered")
+        require_in_range(np.array(invalid), "points")
     return results.reshape(points.shape)
-
-
-def moments(points: Array, whitening: Array, weights: Array, sizes: Array, curved: bool) -> Moments | None:
-    """Cost, gradient and (when `curved`) Hessian of the Fréchet mean, over points (n, d, d) whitened to W X W."""
-    values, vectors = eigh(congruence(whitening, points))
-    if not np.all(values[:, 0] > 0.0):
-        return None
-    logs = np.log(values)
-    cost, rounding = 0.5 * float(weights @ np.sum(logs**2, axis=-1)), float(weights @ (sizes / values[:, 0]))
-    gradient = compose(weights[:, None] * logs, vectors).sum(axis=0)
-    if not curved:
-        return Moments(cost, rounding, gradient, None)
-    size = len(mandel_indices(points.shape[-1])[0])
-    hessian = np.zeros((size, size))
-    hessian_loop(values, logs, vectors, _writable(weights), hessian)
-    return Moments(cost, rounding, gradient, hessian)
 
 
 def in_parts(work: Callable[[int, int], None], count: int, d: int) -> None:

@@ -1,8 +1,7 @@
 """Compiled loops over batches of small symmetric matrices.
 
 Matrices are diagonalized in blocks of shape (n, n, width): the innermost loops run over the matrices of a block, which
-lie side by side in memory, so that the compiler makes vector instructions of them. Nothing depends on the other
-matrices of a block: a matrix gets the same bits alone and in any batch.
+lie side by side in memory, so that they become vector instructions. A matrix gets the same bits alone and in any batch.
 
 All arrays are C-contiguous float64; results are written to the last arguments.
 """
@@ -10,10 +9,11 @@ All arrays are C-contiguous float64; results are written to the last arguments.
 import numpy as np
 
 from maniport.util.jit import kernel, part
+from maniport.util.validation import SYMMETRY_TOLERANCE
 
-WIDTH = 64
-"""Matrices of a block: with 32 a decomposition takes 15 % longer, with more, 6×6 matrices leave the fastest cache."""
+WIDTH = 64  # Matrices of a block: 32 take 15 % longer, and of more, 6×6 matrices leave the fastest cache
 EPS2 = float(np.finfo(np.float64).eps) ** 2  # Square of the relative size of off-diagonal entries that count as zero
+KAPPA = 1e-4  # κ: a transferred ellipsoid as flat as the damping keeps √κ of it, a round one loses all but κ of it
 APART = 1e-9  # Least ratio of the eigenvalues of A⁻¹B up to which a distance is computed from them
 
 
@@ -42,13 +42,6 @@ def diagonalize(a, v, turns):  # type: ignore[no-untyped-def]  # Numba infers th
                         _rotate(v, k, p, k, q, turns)
         if turned == 0:
             break
-
-
-@part
-def diagonalize_one(a, v):  # type: ignore[no-untyped-def]
-    """Turn one matrix (n, n) into diag(A) and eigenvectors V, unsorted."""
-    n = len(a)
-    diagonalize(a.reshape(n, n, 1), v.reshape(n, n, 1), np.empty((2, 1)))
 
 
 @part
@@ -126,92 +119,61 @@ def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def hessian_loop(values, logs, vectors, weights, hessian):  # type: ignore[no-untyped-def]
-    """Sum the Hessians of half the squared distance to I, in the Mandel basis (m, m), over weighted Y = V diag Vᵀ."""
-    count, n = values.shape
-    tangent = np.empty(len(hessian))
-    for row in range(count):
-        v = vectors[row]
-        for p in range(n):
-            for q in range(p, n):
-                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0  # x coth x
-                if abs(x) < 1e-3:
-                    stretch += x * x / 3.0
-                else:
-                    stretch = x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
-                entry = n
-                for i in range(n):
-                    tangent[i] = v[i, p] * v[i, q]
-                    for j in range(i + 1, n):
-                        tangent[entry] = np.sqrt(0.5) * (v[i, p] * v[j, q] + v[j, p] * v[i, q])
-                        entry += 1
-                scale = weights[row] * stretch * (1.0 if p == q else 2.0)
-                for i in range(len(tangent)):
-                    for j in range(i + 1):
-                        hessian[i, j] += scale * tangent[i] * tangent[j]
-    for i in range(len(hessian)):
-        for j in range(i):
-            hessian[j, i] = hessian[i, j]
-
-
-@kernel
 def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
     """Write L M Lᵀ; one L or one M serves all results."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
-    a, b, product, total = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width)), np.empty(width)
+    factor, a, b = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
     for start in range(0, count, width):
         if start == 0 or len(left) > 1:
-            _fill(a, left, start)
-        _fill(b, matrices, start)
-        for i in range(n):
-            for j in range(n):
-                for w in range(width):
-                    product[i, j, w] = a[i, 0, w] * b[0, j, w]
-                for k in range(1, n):
-                    for w in range(width):
-                        product[i, j, w] += a[i, k, w] * b[k, j, w]
+            _fill(factor, left, start)
+        _fill(a, matrices, start)
+        _transform(factor, a, b)
         for i in range(n):
             for j in range(i, n):
-                for w in range(width):
-                    total[w] = product[i, 0, w] * a[j, 0, w]
-                for k in range(1, n):
-                    for w in range(width):
-                        total[w] += product[i, k, w] * a[j, k, w]
                 for w in range(min(width, count - start)):
-                    results[start + w, i, j] = results[start + w, j, i] = total[w]
+                    results[start + w, i, j] = results[start + w, j, i] = a[i, j, w]
+
+
+@part
+def _transform(left, a, b):  # type: ignore[no-untyped-def]
+    """Set A ← L A Lᵀ, its upper triangle; overwrite B."""
+    n, width = a.shape[1:]
+    for i in range(n):
+        for j in range(n):
+            for w in range(width):
+                b[i, j, w] = left[i, 0, w] * a[0, j, w]
+            for k in range(1, n):
+                for w in range(width):
+                    b[i, j, w] += left[i, k, w] * a[k, j, w]
+    for i in range(n):
+        for j in range(i, n):
+            for w in range(width):
+                a[i, j, w] = b[i, 0, w] * left[j, 0, w]
+            for k in range(1, n):
+                for w in range(width):
+                    a[i, j, w] += b[i, k, w] * left[j, k, w]
 
 
 @kernel
-def power_congruence_loop(left, matrices, exponent, right, low, high, results):  # type: ignore[no-untyped-def]
-    """Write R (L M Lᵀ)^s Rᵀ; return whether all eigenvalues of L M Lᵀ, and their powers, are within the bounds.
+def power_congruence_loop(left, matrices, exponent, right, epsilon, low, high, results):  # type: ignore[no-untyped-def]
+    """Write R (L M Lᵀ)^s Rᵀ, whose powers are released from ε > 0; return whether all are within the bounds.
 
     If not, the first entry of the results is the power that is out of bounds, or -1.
     """
     count, n = results.shape[:2]
     width = min(WIDTH, count)
-    a, b, v = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
+    factor, a, v = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
     turns, x, y = np.empty((2, width)), np.empty(n), np.empty((n, n))
+    _fill(factor, left, 0)
     for start in range(0, count, width):
         _fill(a, matrices, start)
-        for i in range(n):
-            for j in range(n):
-                for w in range(width):
-                    b[i, j, w] = left[i, 0] * a[0, j, w]
-                for k in range(1, n):
-                    for w in range(width):
-                        b[i, j, w] += left[i, k] * a[k, j, w]
-        for i in range(n):
-            for j in range(i, n):
-                for w in range(width):
-                    a[i, j, w] = b[i, 0, w] * left[j, 0]
-                for k in range(1, n):
-                    for w in range(width):
-                        a[i, j, w] += b[i, k, w] * left[j, k]
+        _transform(factor, a, v)
         diagonalize(a, v, turns)
         for w in range(min(width, count - start)):
             for k in range(n):
                 x[k] = a[k, k, w] ** exponent if a[k, k, w] > 0.0 else 0.0
+                x[k] = release(x[k], epsilon) if epsilon > 0.0 else x[k]
                 if not low <= x[k] <= high:
                     results[0, 0, 0] = x[k] if a[k, k, w] > 0.0 else -1.0
                     return False
@@ -286,3 +248,71 @@ def _whiten(factor, b):  # type: ignore[no-untyped-def]
                     b[i, j, w] -= b[min(i, k), max(i, k), w] * factor[j, k, w]
             for w in range(width):
                 b[i, j, w] *= factor[j, j, w]
+
+
+@part
+def release(value, epsilon):  # type: ignore[no-untyped-def]
+    """Return the y with y (y + ε) / (y + κ ε) = `value`."""
+    gap = value - epsilon
+    root = np.sqrt(gap * gap + (4.0 * KAPPA * epsilon) * value)
+    return 0.5 * (gap + root) if gap > 0.0 else 2.0 * KAPPA * epsilon * value / (root - gap)
+
+
+@part
+def diagonalize_one(a, v):  # type: ignore[no-untyped-def]
+    """Turn one matrix into diag(A) and eigenvectors V, unsorted."""
+    n = len(a)
+    diagonalize(a.reshape(n, n, 1), v.reshape(n, n, 1), np.empty((2, 1)))
+
+
+@part
+def damp(point, a, added):  # type: ignore[no-untyped-def]
+    """Set A ← P + added I; return whether P is symmetric and finite."""
+    n, largest = len(point), 0.0
+    for i in range(n):
+        for j in range(n):
+            largest = max(largest, abs(point[i, j]))
+    for i in range(n):
+        for j in range(n):
+            if not abs(point[i, j] - point[j, i]) <= SYMMETRY_TOLERANCE * largest:  # also true for nan
+                return False
+            a[i, j] = 0.5 * (point[i, j] + point[j, i])
+        a[i, i] += added
+    return True
+
+
+@part
+def compose(x, v, a):  # type: ignore[no-untyped-def]
+    """Set A ← V diag(x) Vᵀ."""
+    n = len(x)
+    for i in range(n):
+        for j in range(i, n):
+            total = 0.0
+            for k in range(n):
+                total += v[i, k] * x[k] * v[j, k]
+            a[i, j] = a[j, i] = total
+
+
+@part
+def multiply(left, v, b):  # type: ignore[no-untyped-def]
+    """B ← L V."""
+    n = len(v)
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for k in range(n):
+                total += left[i, k] * v[k, j]
+            b[i, j] = total
+
+
+@part
+def congruence(left, a, b):  # type: ignore[no-untyped-def]
+    """Set A ← L A Lᵀ; overwrite B."""
+    n = len(a)
+    multiply(left, a, b)
+    for i in range(n):
+        for j in range(i, n):
+            total = 0.0
+            for k in range(n):
+                total += b[i, k] * left[j, k]
+            a[i, j] = a[j, i] = total

@@ -1,19 +1,15 @@
 """Tables of the paper's experiments next to its numbers, and how many of these are matched."""
 
-import csv
-import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 from maniport.evaluation import Evaluation
-from maniport.report.metrics import describe
-from maniport.report.results import software
-from maniport.report.values import Metric, Report, Section, Table, warning
+from maniport.report.values import Metric, Report, Section, Table, describe, software, warning
 from maniport.studies.methods import methods_section
-from maniport.studies.paper.outcome import Experiment, Line
-from maniport.studies.paper.tables import AUTHORS, OURS, PAPER
+from maniport.studies.paper.experiments import Experiment, Line
+from maniport.studies.paper.tables import OURS, PAPER
 from maniport.util.notebook import NotebookDisplay
 
 FORMS = {"per_dispersion": "÷ c", "per_squared_dispersion": "÷ c²"}
@@ -95,7 +91,7 @@ def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[d
 def experiment_section(experiment: Experiment) -> Section:
     """Return the paper's rows with our numbers below each, and rows that the paper does not have."""
     lines = list(experiment.lines)
-    metrics = [Metric(name, _number(value), key=name, value=value) for name, value in experiment.facts.items()]
+    metrics = []
     for settings in dict.fromkeys(line["settings"] for line in lines):
         own = [line for line in lines if line["settings"] == settings]
         fits = {(line["row"], line["data"], line["samples"], line["method"]): line for line in own}.values()
@@ -107,22 +103,6 @@ def experiment_section(experiment: Experiment) -> Section:
     if further:
         tables.append(_pivot(further, f"Rows that the paper does not have, {FORMS['per_dispersion']}:"))
     return Section(experiment.title, tuple(metrics), tuple(tables), experiment.name, "\n".join(experiment.notes))
-
-
-def experiment_report(experiment: Experiment, figures: Iterable[str] = ()) -> Report:
-    """Return the report of one experiment alone, with its figures by name."""
-    links = "\n".join(f"![{name}]({name}.png)\nVector graphics: [{name}.svg]({name}.svg)" for name in figures)
-    sections = [experiment_section(experiment), *([Section("Figures", text=links)] if links else [])]
-    return Report(experiment.title, "", tuple(sections))
-
-
-def as_csv(experiment: Experiment) -> str:
-    """Return the lines of an experiment."""
-    stream = io.StringIO()
-    table = csv.DictWriter(stream, list(experiment.lines[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(experiment.lines)
-    return stream.getvalue()
 
 
 def _pivot(lines: list[Line], caption: str, key: str = "", value: Any = None) -> Table:
@@ -137,7 +117,7 @@ def _pivot(lines: list[Line], caption: str, key: str = "", value: Any = None) ->
         if line["table"] is not None:
             cells = block.setdefault("paper", {"iterations": _number(line["paper_iterations"])})
             cells[line["evaluation"]] = _number(line["paper_rmse"])
-        compared = line["table"] is not None and line["settings"] in (PAPER, AUTHORS)
+        compared = line["table"] is not None and line["settings"] == PAPER
         for form, head in list(FORMS.items())[: 2 if compared else 1]:
             origin = line["settings"] if line["table"] is None else f"{line['settings']} {head}"
             cells = block.setdefault(origin, {"iterations": f"{line['iterations']:.3g}"})

@@ -7,18 +7,14 @@ import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any
 
 from numpy.typing import ArrayLike
 
-from maniport.transfer import DomainAdapter, EllipsoidCorrespondence, ParallelTransport, RiemannianICP, Search
+from maniport.transfer import DomainAdapter, EllipsoidCorrespondence, ParallelTransport, RiemannianICP
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import as_choice
 
-PAPER, AUTHORS, OURS = "ours, paper's settings", "ours, authors' baseline", "ours, defaults"
-"""How a row is fitted and measured: the paper's settings, the same against the authors' baseline, our defaults."""
-
-FLOOR = 1e-4  # Smallest eigenvalue (footnote 1 of the paper); maniport's own defaults have `DAMPING` instead
+PAPER, OURS = "ours, paper's settings", "ours, defaults"  # How a row is fitted and measured
 
 TRAJECTORIES, RANDOM = "trajectories", "random"
 
@@ -75,18 +71,15 @@ def paper_table(number: str) -> tuple[PaperRow, ...]:
     )
 
 
-def paper_adapter(row: PaperRow, eigenvalue_floor: float | None = FLOOR) -> DomainAdapter:
+def paper_adapter(row: PaperRow) -> DomainAdapter:
     """Return the adapter that a row of the paper was made with, by the paper's text."""
-    rigid: dict[str, Any] = {"scale": True, "dispersion": "mean"}  # no base_rotation is known
-    rigid |= {"damping": None, "base_rotation": None, "eigenvalue_floor": eigenvalue_floor}
     if row.exponent is None:
-        return ParallelTransport(**rigid)
-    # the cheapest of several starts, at most 100 iterations; start and weights differ by row
-    search: dict[str, Any] = {"n_starts": 8, "require_improvement": False, "max_iter": 100, "tol": 1e-8}
+        return ParallelTransport()
     return RiemannianICP(
-        **rigid,
-        correspondence=EllipsoidCorrespondence(exponent=row.exponent),
-        search=Search(start=row.start, most_singular=row.most_singular, **search),
+        correspondence=EllipsoidCorrespondence(row.exponent),
+        start=row.start,
+        require_improvement=False,
+        most_singular=row.most_singular,
     )
 
 
@@ -95,6 +88,5 @@ def our_adapter(
 ) -> DomainAdapter:
     """Return the same method with the library's defaults and, where it is known, the base_rotation of the student."""
     if row.exponent is None:
-        return ParallelTransport(damping=damping, base_rotation=base_rotation)
-    search = Search(most_singular=row.most_singular)
-    return RiemannianICP(damping=damping, base_rotation=base_rotation, search=search)
+        return ParallelTransport(damping, base_rotation)
+    return RiemannianICP(damping, base_rotation, most_singular=row.most_singular)

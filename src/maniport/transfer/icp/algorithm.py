@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maniport.transfer.icp.correspondence import Correspondence, Matches
+from maniport.transfer.icp.correspondence import Correspondence
 from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.sampling import evenly_spaced
@@ -25,37 +25,22 @@ from maniport.util.validation import Array
 
 @dataclass(frozen=True)
 class Registration:
-    """Result of ICP from one initial rotation; rotation, cost and matches are those of its best iterate."""
+    """Result of ICP from one initial rotation; rotation and cost are those of its best iterate."""
 
     start: Array
     rotation: Array
     cost: float  # weighted root mean squared distance of the matched pairs
-    matches: Matches
     history: list[float]  # cost at the start and after each iteration
     reason: str
     converged: bool
 
 
 class ICP:
-    """Step 3 for two recentered clouds, shapes (n, d, d) and (m, d, d), and known pairs, both (k, d, d)."""
+    """Step 3 for two recentered clouds, shapes (n, d, d) and (m, d, d)."""
 
-    def __init__(
-        self,
-        teacher: Array,
-        student: Array,
-        correspondence: Correspondence,
-        tol: float = 1e-8,
-        pairs: tuple[Array, Array] | None = None,
-    ):
+    def __init__(self, teacher: Array, student: Array, correspondence: Correspondence, tol: float = 1e-8):
         self.teacher, self.student, self.correspondence = teacher, student, correspondence
-        self._match, self._tol, self._pairs = correspondence.between(teacher, student), tol, pairs
-        self._pair_matches: Matches | None = None
-        if pairs is not None:  # appended to the clouds
-            index = np.arange(len(pairs[0]))
-            weight = np.full(len(index), 1.0 / len(index))
-            self._pair_matches = Matches(len(teacher) + index, len(student) + index, weight)
-            teacher, student = (np.concatenate(both) for both in zip((teacher, student), pairs, strict=True))
-        self._sources, self._factors = teacher, cholesky_factors(student)
+        self._match, self._factors, self._tol = correspondence.between(teacher, student), cholesky_factors(student), tol
 
     def subsampled(self, limit: int) -> "ICP":
         """Return the same with at most `limit` ellipsoids of the smaller cloud, evenly chosen."""
@@ -66,22 +51,21 @@ class ICP:
             teacher = teacher[evenly_spaced(len(teacher), limit)]
         else:
             student = student[evenly_spaced(len(student), limit)]
-        return ICP(teacher, student, self.correspondence, self._tol, self._pairs)
+        return ICP(teacher, student, self.correspondence, self._tol)
 
-    def problem(self, rotation: Array) -> tuple[RotationProblem, Matches]:
-        """Match under `rotation` (eq. 18); return the rotation problem (eq. 15) and the matches."""
+    def problem(self, rotation: Array) -> RotationProblem:
+        """Match under `rotation` (eq. 18) and return the rotation problem (eq. 15)."""
         matches = self._match(rotation)
-        pairs = matches if self._pair_matches is None else matches.joined(self._pair_matches)
-        factors = np.take(self._factors, pairs.student, axis=1)
-        return RotationProblem(factors, self._sources[pairs.teacher], pairs.weight), matches
+        factors = np.take(self._factors, matches.student, axis=1)
+        return RotationProblem(factors, self.teacher[matches.teacher], matches.weight)
 
     def run(self, start: Array, max_iter: int, gradient_tol: float = 1e-9, patience: int = 5) -> Registration:
         """Alternate eqs. 18 and 15 until the rotation converges or `patience` iterations do not lower the cost."""
-        rotation, history, iterates = start, list[float](), list[tuple[Array, Matches]]()
+        rotation, history, rotations = start, list[float](), list[Array]()
         reason, converged = f"{max_iter} iterations without convergence", False
         for iteration in range(max_iter + 1):
-            problem, matches = self.problem(rotation)
-            iterates.append((rotation, matches))
+            problem = self.problem(rotation)
+            rotations.append(rotation)
             if iteration == max_iter:  # the last rotation is measured, not improved
                 history.append(float(np.sqrt(problem.cost(rotation))))
                 break
@@ -96,11 +80,11 @@ class ICP:
                 break
             rotation = step.rotation
         best = int(np.argmin(history))
-        return Registration(start, iterates[best][0], history[best], iterates[best][1], history, reason, converged)
+        return Registration(start, rotations[best], history[best], history, reason, converged)
 
 
 def best_registration(
-    icp: ICP, first: Array, others: Sequence[Array], count: int, max_iter: int, margin: float, limit: int = 400
+    icp: ICP, first: Array, others: Sequence[Array], count: int, margin: float, max_iter: int = 100, limit: int = 400
 ) -> tuple[Registration, Registration]:
     """Return the registration from `first`, and the one of the lowest cost; another's is lower by a share `margin`.
 
@@ -111,7 +95,7 @@ def best_registration(
     if not others:
         return start, start
     coarse, medium = icp.subsampled(limit // 2), icp.subsampled(limit)
-    costs = [coarse.problem(rotation)[0].cost(rotation) for rotation in others]
+    costs = [coarse.problem(rotation).cost(rotation) for rotation in others]
     chosen = [others[i] for i in np.argsort(costs, kind="stable")[:count]]
     ahead = min((medium.run(other, min(2, max_iter), 1e-3) for other in chosen), key=lambda run: run.cost)
     # a part of the cloud may mislead: the best has to beat the first rotation on all of it

@@ -7,8 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from maniport.spd.kernels import eigh
-from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
-from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
+from maniport.transfer.rotation_group import orthonormal, random_rotation
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
@@ -76,31 +75,3 @@ def signed_permutations(d: int) -> tuple[Array, ...]:
             if np.linalg.det(matrix) > 0 and (d % 2 or signs[0] > 0):
                 rotations.append(matrix)
     return tuple(rotations[:64])
-
-
-def rotations_of_pairs(
-    teacher: Array,
-    student: Array,
-    near: Array,
-    random: np.random.Generator,
-    equal: float = 1e-6,
-    distinct: float = 0.01,
-) -> list[Array]:
-    """Rotations that turn known pairs (k, d, d) onto each other best, equally well; the nearest to `near` first.
-
-    Costs that differ by less than `equal`, relative to the size of the pairs, are equal; rotations less than `distinct`
-    [rad] apart are the same.
-    """
-    count = len(teacher)
-    problem = RotationProblem(cholesky_factors(student), teacher, np.full(count, 1.0 / count))
-    ends = [problem.minimize(start, tol=1e-12) for start in [near, *aligned_frames(teacher, student, random)]]
-    size = np.sum(np.log(np.linalg.eigvalsh(np.concatenate([teacher, student]))) ** 2) / count
-    highest = min(end.cost for end in ends) + equal * (1.0 + float(size))
-    rotations = list[Array]()
-    # the one that was reached from `near` is the nearest of a continuum
-    for rotation in sorted(
-        (end.rotation for end in ends if end.cost <= highest), key=lambda r: rotation_angle(r, near)
-    ):
-        if all(rotation_angle(rotation, other) > distinct for other in rotations):
-            rotations.append(rotation)
-    return rotations

@@ -9,8 +9,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cho_factor, cho_solve
-from scipy.spatial.distance import cdist
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, compose, congruence, eigh, mandel_basis
@@ -20,12 +18,10 @@ from maniport.util.validation import SPD_TOLERANCE, Array, as_numbers
 ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 ILL_CONDITIONED = "points, or their images, are too ill-conditioned for floating-point numbers"
 
-KAPPA = 1e-4  # κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it
-
 NEAR_SINGULAR = 0.02
 MAX_NEAR_SINGULAR = 0.02
 """Smallest singular value of the derivative below which no inverse is returned, and the share of the centers where it
-may be as small; above, whole regions have several origins, and a search may miss a second one."""
+may be as small; above, whole regions have several origins."""
 
 
 @dataclass(frozen=True)
@@ -44,20 +40,20 @@ class LengthsMap:
         """Return the map without its field."""
         return replace(self, lengths=0.0 * self.lengths)
 
-    def terms(self) -> tuple[Array, Array, Array, Array]:
-        """Terms for `maniport.transfer.control`: base, harmonics, centers and their squares, lengths."""
+    def terms(self) -> tuple[Array, Array, Array]:
+        """Terms for `maniport.transfer.control`: base, harmonics, and centers, their squares and lengths in columns."""
         base = np.array([self.power, self.shift, self.level, self.width**-2, self._softening**2])
         centers = self._center_features
         weighed = np.column_stack([centers, -0.5 * np.sum(centers**2, axis=1)]) / self.width**2
-        return base, harmonics(self.axis), weighed, np.ascontiguousarray(self.lengths)
+        return base, harmonics(self.axis), np.ascontiguousarray(np.column_stack([weighed, self.lengths]).T)
 
     @property
     def _softening(self) -> float:
         """Distance from the axis below which features no longer change at once, so that they are smooth there."""
         return 0.5 * self.width
 
-    def apply(self, points: Array, epsilon: float | None = None) -> Array:
-        """Map SPD matrices (n, d, d); with ε the images are released from that damping, as `damped` adds it."""
+    def apply(self, points: Array) -> Array:
+        """Map SPD matrices (n, d, d)."""
         results = np.empty(points.shape)
         for first in range(0, len(points), 512):  # kernel values of so many stay in the processor's cache
             part = slice(first, first + 512)
@@ -68,7 +64,6 @@ class LengthsMap:
             field = self.kernel(to_vector(compose(values, vectors))) @ self.lengths
             with np.errstate(over="ignore"):
                 images = np.exp(values + axiswise(field, powers(values)) + self.level)
-                images = images if epsilon is None else released(images, epsilon)
             if not np.all((images >= MIN_EIGENVALUE) & (images <= MAX_EIGENVALUE)):
                 raise NotSPDError(ILL_CONDITIONED)
             results[part] = compose(images, vectors)
@@ -127,50 +122,20 @@ class LengthsMap:
         """Smallest singular values (n,) of `slopes` at SPD matrices; negative where the determinant is."""
         return least_singular(self.slopes(*self.base(points)))
 
-    def novelty(self, points: Array, jitter: float = 1e-6) -> Array:
-        """1 − kᵀ K⁻¹ k of the kernel values at SPD matrices (n, d, d), from 0 to 1; `jitter` keeps K regular."""
-        near = self.kernel(to_vector(compose(*self.base(points))))
-        among = self.kernel(self.centers) + jitter * np.eye(len(self.centers))
-        explained = np.einsum("nm,mn->n", near, cho_solve(cho_factor(among), near.T))
-        return np.asarray(np.clip(1.0 - explained, 0.0, 1.0))
 
-
-@dataclass(frozen=True)
 class Inverse:
-    """Finds the origins of images by Newton's method from several starts."""
+    """Finds the origins of images by Newton's method."""
 
-    field: LengthsMap
-    near_singular: float  # share of the centers where the map folds, or nearly so
-    starts: Array  # (k, D): vectors where it nearly folds
-    images: Array  # (k, D): vec log f there
-
-    @classmethod
-    def of(cls, field: LengthsMap, scattered: int = 1200, nearly: float = 0.15) -> "Inverse":
-        """Prepare the inverse; starts are centers and `scattered` others with a singular value below `nearly`."""
-        centers = field.centers
-        often = -(-scattered // len(centers))
-        around = field.width * np.random.default_rng(0).standard_normal((often, *centers.shape))
-        places = np.concatenate([centers, (centers + around).reshape(-1, centers.shape[1])])
-        values, vectors = eigh(from_vector(places))
-        singular = least_singular(field.slopes(values, vectors))
-        near = singular < nearly
-        images = to_vector(field.logarithms(values[near], vectors[near]))
-        return cls(field, float(np.mean(singular[: len(centers)] < NEAR_SINGULAR)), places[near], images)
+    def __init__(self, field: LengthsMap):
+        self.field = field
+        singular = least_singular(field.slopes(*eigh(from_vector(field.centers))))
+        self.near_singular = float(np.mean(singular < NEAR_SINGULAR))  # share of the centers where the map folds
 
     def __call__(self, points: Array) -> Array:
         """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where it folds."""
-        blocks = [self._inverted(points[first : first + 64]) for first in range(0, len(points), 64)]
-        return np.concatenate([points[:0], *blocks])
-
-    def _inverted(self, points: Array, starts: int = 24, same: float = 1e-6) -> Array:
         field = self.field
         wanted = to_vector(apply(points, np.log) - field.level * np.eye(points.shape[-1]))
         x = self._newton(wanted, wanted)
-        order = np.argsort(cdist(wanted, self.images), axis=1)[:, :starts]
-        rows = np.repeat(np.arange(len(x)), order.shape[1])
-        other = self._newton(wanted[rows], self.starts[order.ravel()])
-        apart = np.linalg.norm(other - x[rows], axis=1) > same * (1.0 + np.linalg.norm(other, axis=1))
-        x[rows[apart]] = np.nan
         solved = np.flatnonzero(np.isfinite(x[:, 0]))
         values, vectors = eigh(from_vector(x[solved]))
         fair = least_singular(field.slopes(values, vectors)) > NEAR_SINGULAR
@@ -230,21 +195,6 @@ def powers_changing(values: Array) -> Array:
 def axiswise(field: Array, t: Array) -> Array:
     """Σ_r t_ir g_r, shape (n, d), of what a point has for each r, (n, 3), and each axis, (n, d, 3)."""
     return np.asarray(np.einsum("nr,nir->ni", field, t))
-
-
-def damped(points: Array, epsilon: float) -> Array:
-    """Build y (y + ε) / (y + κ ε) of the eigenvalues y of matrices (..., d, d), which releasing the damping undoes."""
-    values, vectors = eigh(points)
-    flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
-    lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)
-    return compose(np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)), vectors)
-
-
-def released(values: Array, epsilon: float) -> Array:
-    """Solve y (y + ε) / (y + κ ε) = value for y; the inverse of `damped` on eigenvalues."""
-    gap = values - epsilon
-    root = np.sqrt(gap**2 + 4.0 * KAPPA * epsilon * values)
-    return np.where(gap > 0.0, 0.5 * (gap + root), 2.0 * KAPPA * epsilon * values / (root - np.minimum(gap, 0.0)))
 
 
 def as_axis(axis: ArrayLike | None, name: str, size: int) -> Array:

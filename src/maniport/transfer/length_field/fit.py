@@ -207,7 +207,6 @@ class FieldReport:
     moved: float  # mean distance from the images of the map without a field
     step: float  # median distance between the images of two neighbors over that between the two
     rank_correlation: float  # rank correlation of all distances between images and between the samples
-    turn: float  # median angle from the image's longest axis to the nearest axis of the sample [degrees]
     singular_value: float  # smallest of the map's derivative, see `LengthField.singular_values`
     near_singular: float  # fraction of the samples where the map folds, or nearly so
     moved_axes: float  # fraction whose longest axis is more than 10° from the image's; 0 where none is distinct
@@ -239,8 +238,8 @@ class FieldReport:
         folds = "folds at none" if self.invertible else f"folds at {100 * self.near_singular:.1f} %"
         return (
             f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), lengths moved by {self.moved:.3f}, steps "
-            f"{self.step:.2f} of their own, rank correlation {self.rank_correlation:.3f}, longest axis rotated by "
-            f"{self.turn:.1f}° (median) and moved by more than {AXIS_MOVED:g}° at {100 * self.moved_axes:.0f} %, "
+            f"{self.step:.2f} of their own, rank correlation {self.rank_correlation:.3f}, longest axis moved by more "
+            f"than {AXIS_MOVED:g}° at {100 * self.moved_axes:.0f} %, "
             f"orientation-reversing at {100 * self.reversing:.0f} %, own-axis slope not positive at "
             f"{100 * self.nonmonotone:.0f} %, least singular value {self.singular_value:.2f} ({folds})"
         )
@@ -277,7 +276,6 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
         moved=float(distance_unchecked(rigid, images).mean()),
         step=float(np.median(apart[near] / np.maximum(own[near], 1e-12))),
         rank_correlation=rank_correlation(apart, own) if varied else 1.0,
-        turn=0.0,  # a field of lengths keeps all axes
         singular_value=float(singular.min()),
         near_singular=float(np.mean(singular <= NEAR_SINGULAR)),
         moved_axes=float(np.mean(moved > AXIS_MOVED)) if len(moved) else 0.0,

@@ -127,12 +127,7 @@ class Chart {
     const title = make("h4", {}, [panel.title]), alone = this.lines.length === 1;
     if (panel.unit) title.append(make("span", { class: "unit" }, [` [${panel.unit}]`]));
     this.when = make("output", { class: "when" });
-    const saves = [["SVG", asSVG, "image/svg+xml"], ["CSV", asCSV, "text/csv"]].map(([name, write, type]) => {
-      const button = make("button", { type: "button", title: `Save what is shown as ${name}`, "aria-label": `Save ${panel.title} as ${name}` }, [name]);
-      button.addEventListener("click", () => save(`${panel.title}.${name.toLowerCase()}`, type, write(this)));
-      return button;
-    });
-    const head = make("div", { class: "head" }, [title, ...(alone ? [this.readouts[0]] : []), make("span", { class: "saves" }, saves)]);
+    const head = make("div", { class: "head" }, [title, ...(alone ? [this.readouts[0]] : [])]);
     const plot = make("div", { class: "plot", tabindex: 0, role: "group", "aria-label": `${panel.title}: ${this.inWords()}. Arrow keys move the time.` }, [svg, this.when]);
     const note = panel.meaning ? [make("p", { class: "meaning" }, [panel.meaning])] : [];
     return make("figure", { class: "chart" }, [head, ...note, make("div", { class: "axes" }, [labels, plot, times]), ...(alone ? [] : [this.key()])]);

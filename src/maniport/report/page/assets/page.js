@@ -1,4 +1,4 @@
-// Start the motions of the page; the keyboard moves the one that was touched last.
+// Start the motion of the page, which the keyboard moves.
 
 const page = document.documentElement;
 const fail = (error) => {
@@ -8,22 +8,17 @@ const fail = (error) => {
 };
 window.addEventListener("error", (event) => fail(event.error || event.message));
 
-const players = [...document.querySelectorAll(".motion")].map((host) => {
-  const data = JSON.parse(document.getElementById(host.dataset.source).textContent);
-  return new Player(host, data);
-});
-let active = players[0];
-for (const player of players)
-  for (const touch of ["pointerdown", "focusin"]) player.host.addEventListener(touch, () => { active = player; });
+const host = document.querySelector(".motion");
+const player = host && new Player(host, JSON.parse(document.getElementById("motion").textContent));
 
 document.addEventListener("keydown", (event) => {
-  if (!active || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (!player || event.ctrlKey || event.metaKey || event.altKey) return;
   const control = event.target.closest("input, select, summary, textarea, a, button");
   const frames = { ArrowLeft: -1, ArrowRight: 1, PageUp: -30, PageDown: 30 }[event.key] * (event.shiftKey ? 10 : 1);
-  if (event.key === " " && !(control && control !== active.slider && control !== active.button)) active.play(!active.playing);
-  else if (frames && event.key.startsWith("Arrow") && (!control || control === active.slider || control === active.button)) active.step(frames);
-  else if (event.key === "Home" && (!control || control === active.slider)) active.seek(0);
-  else if (event.key === "End" && (!control || control === active.slider)) active.seek(active.motion.duration);
+  if (event.key === " " && !(control && control !== player.slider && control !== player.button)) player.play(!player.playing);
+  else if (frames && event.key.startsWith("Arrow") && (!control || control === player.slider || control === player.button)) player.step(frames);
+  else if (event.key === "Home" && (!control || control === player.slider)) player.seek(0);
+  else if (event.key === "End" && (!control || control === player.slider)) player.seek(player.motion.duration);
   else return;
   event.preventDefault();
 });
@@ -31,25 +26,25 @@ document.addEventListener("keydown", (event) => {
 // report.html#t=12.5 opens at that time, report.html#play plays; links to moments do so without leaving the place.
 function wished() {
   const wish = new URLSearchParams(location.hash.slice(1));
-  if (active && wish.has("t")) active.seek(Number(wish.get("t")) - active.motion.start || 0);
-  if (active && wish.has("play") && !matchMedia("(prefers-reduced-motion: reduce)").matches) active.play(true);
+  if (player && wish.has("t")) player.seek(Number(wish.get("t")) - player.motion.start || 0);
+  if (player && wish.has("play") && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play(true);
 }
 wished();
 window.addEventListener("hashchange", wished);
 document.addEventListener("click", (event) => {
   const link = event.target.closest('a[href^="#t="]');
-  if (!link || !active) return;
+  if (!link || !player) return;
   event.preventDefault();
-  active.play(false);
+  player.play(false);
   history.replaceState(null, "", link.hash);
   wished();
-  const box = active.host.getBoundingClientRect();
-  if (box.top > innerHeight * 0.6 || box.bottom < innerHeight * 0.4) active.host.scrollIntoView();
+  const box = player.host.getBoundingClientRect();
+  if (box.top > innerHeight * 0.6 || box.bottom < innerHeight * 0.4) player.host.scrollIntoView();
 });
 // A link to what is folded opens it.
 const unfold = () => { const found = location.hash.length > 1 && document.getElementById(location.hash.slice(1)); if (found?.matches?.("details")) found.open = true; };
 window.addEventListener("hashchange", unfold);
 unfold();
 
-window.maniport = { players, principalAxes, smoothed, poseAt, asCSV, asSVG }; // for those who open the console
+window.maniport = { player }; // for those who open the console
 page.dataset.ready = "true";

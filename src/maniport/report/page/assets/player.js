@@ -1,4 +1,4 @@
-// A motion with its clock: stages, curves and the map follow one slider.
+// A motion with its clock: stages and curves follow one slider.
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const TRAIL = 2; // so many seconds of the path behind the hand are drawn strongly
@@ -35,7 +35,7 @@ class Player {
     Object.assign(this, { host, motion, now: 0, playing: false, speed: 1, hidden: new Set(), stages: [], charts: [] });
     this.camera = new Camera(() => this.request());
     this.build();
-    const redraw = () => { this.chart?.draw(); this.request(); };
+    const redraw = () => this.request();
     new ResizeObserver(redraw).observe(host);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colors.known.clear(); redraw(); });
     this.seek(0);
@@ -56,16 +56,11 @@ class Player {
       const strips = `charts${panels.every((panel) => panel.strip) ? " strips" : ""}${several ? " sided" : ""}`;
       this.group(k, group, [make("div", { class: strips }, charts.map((chart) => chart.node))]);
     });
-    if (motion.map) {
-      this.chart = new DomainChart(motion.map, motion, seek, colors);
-      const hint = make("p", { class: "meaning" }, [`${this.chart.hint} ${motion.map.note}`]);
-      this.group(Object.keys(motion.panels).length, "Domains and profiles", [hint, this.chart.key(), this.chart.node]);
-    }
   }
 
   // A titled group of charts; the first two are open.
   group(k, title, nodes) {
-    const id = `${this.host.dataset.source}-${k}`, heading = make("h3", k < 2 ? { id } : {}, [title]);
+    const id = `motion-${k}`, heading = make("h3", k < 2 ? { id } : {}, [title]);
     if (k < 2) this.host.append(heading, ...nodes);
     else this.host.append(make("details", { class: "folded", id }, [make("summary", {}, [heading]), ...nodes]));
   }
@@ -221,7 +216,6 @@ class Player {
     this.strip?.show(motion.duration ? now / motion.duration : 0);
     for (const stage of this.stages) this.draw(stage, index, weight);
     for (const chart of this.charts) chart.show(nearest, motion.duration ? now / motion.duration : 0);
-    this.chart?.show(nearest);
   }
 
   draw({ stage, view, axes }, index, weight) {

@@ -5,27 +5,22 @@ const restored = [];
 function printed(on) {
   if (on) page.dataset.print = "true"; else delete page.dataset.print;
   colors.known.clear();
-  for (const player of players) {
-    player.show();
-    player.chart?.draw();
-  }
+  player?.show();
 }
 
 function readyForPrint() {
   printed(true);
-  for (const details of document.querySelectorAll("details.folded:not([open]), details.mind:not([open])")) {
+  for (const details of document.querySelectorAll("details.folded:not([open])")) {
     details.open = true;
     restored.push(() => { details.open = false; });
   }
-  for (const player of players) {
-    player.show(); // what is drawn can be taken until the page is shown again
-    for (const { stage } of player.stages) {
-      if (!stage.gl || stage.gl.isContextLost() || !stage.canvas.width) continue;
-      const picture = make("img", { alt: stage.canvas.getAttribute("aria-label"), src: stage.canvas.toDataURL() });
-      stage.canvas.before(picture); // a canvas of WebGL is empty once it was shown
-      stage.canvas.hidden = true;
-      restored.push(() => { picture.remove(); stage.canvas.hidden = false; });
-    }
+  player?.show(); // what is drawn can be taken until the page is shown again
+  for (const { stage } of player?.stages ?? []) {
+    if (!stage.gl || stage.gl.isContextLost() || !stage.canvas.width) continue;
+    const picture = make("img", { alt: stage.canvas.getAttribute("aria-label"), src: stage.canvas.toDataURL() });
+    stage.canvas.before(picture); // a canvas of WebGL is empty once it was shown
+    stage.canvas.hidden = true;
+    restored.push(() => { picture.remove(); stage.canvas.hidden = false; });
   }
 }
 

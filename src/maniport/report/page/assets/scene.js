@@ -135,7 +135,6 @@ class Stage {
 
   gridLines() {
     const step = this.radius > 1.2 ? 0.5 : 0.2, reach = step * Math.ceil(this.radius / step), lines = [];
-    if (this.ground === null) return new Float32Array(0);
     for (let x = -reach; x < reach + 1e-9; x += step)
       lines.push(x, -reach, this.ground, x, reach, this.ground, -reach, x, this.ground, reach, x, this.ground);
     this.step = step;

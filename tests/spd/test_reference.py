@@ -1,10 +1,11 @@
-"""The same numbers as pyRiemann, an independent implementation, to what both can compute."""
+"""The same numbers as pyRiemann and SciPy, independent implementations."""
 
 import os
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+import scipy.linalg
+from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
 
@@ -47,3 +48,18 @@ def test_mean(d, pairs):
     points, weights = pairs[0], np.arange(1.0, 9.0)
     expected = mean.mean_riemann(points, tol=1e-12, maxiter=200, sample_weight=weights)
     assert_allclose(spd.mean(points, weights), expected, atol=1e-9)
+
+
+def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
+    """SciPy's general algorithms for logm, expm, sqrtm and powers give the same matrices; results are symmetric."""
+    rng = np.random.default_rng(4)
+    x, tangent = random_spd(rng, (), d), random_symmetric(rng, (), d)
+    for result, expected in (
+        (spd.logm(x), scipy.linalg.logm(x)),
+        (spd.expm(tangent), scipy.linalg.expm(tangent)),
+        (spd.sqrtm(x), scipy.linalg.sqrtm(x)),
+        (spd.invsqrtm(x), scipy.linalg.inv(scipy.linalg.sqrtm(x))),
+        (spd.powm(x, 0.37), scipy.linalg.fractional_matrix_power(x, 0.37)),
+    ):
+        assert_allclose(result, expected, rtol=1e-11, atol=1e-10)
+        assert_array_equal(result, result.T)
