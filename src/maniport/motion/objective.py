@@ -124,6 +124,7 @@ class Linearization(NamedTuple):
     gradient: Array  # (n, dof): half the gradient of f
     hessian: Array  # (n, dof, dof): Gauss-Newton Hessian of f
     poses: Array  # (n, 4, 4) of the end effector
+    jacobian: Array  # (n, 6, dof) of the end effector
 
 
 @dataclass(frozen=True)
@@ -198,7 +199,7 @@ class Targets:
             residual = cost.at(poses)
             add_residual(residual, cost.slopes(poses, jacobian), gradient, hessian)
             pose_square += np.sum(residual**2, axis=1)
-        return Linearization(square, pose_square, gradient, hessian, poses)
+        return Linearization(square, pose_square, gradient, hessian, poses, jacobian)
 
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,)."""

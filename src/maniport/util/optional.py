@@ -31,5 +31,5 @@ pyarrow = partial(optional_package, "pyarrow", "parquet", "the format 'parquet'"
 parquet_writer = partial(optional_package, "pyarrow.parquet", "parquet", "the format 'parquet'")
 rerun = partial(optional_package, "rerun", "rerun", "the format 'rerun'")
 distributed = partial(optional_package, "distributed", "dask", "work on a Dask cluster")
-mujoco = partial(optional_package, "mujoco", "tasks", "the task study")
+mujoco = partial(optional_package, "mujoco", "simulate", "the simulation of a robot")
 ray = partial(optional_package, "ray", "ray", "work on Ray")
