@@ -1,6 +1,6 @@
 """How well a robot follows a person at the person's pace: position error, ellipsoid distance and use of limits.
 
-    python -m benchmarks.live_following [CASE ...] [--options scale=0.3 ...] [--cache FOLDER]
+    python -m benchmarks.live_following [CASE ...] [--options real_time=false ...] [--cache FOLDER]
 
 Each case transfers a recording, and plays it (or another one of the same motion) to `maniport.Live` in simulated time.
 Webcam cases have 30 frames a second, Gaussian noise of 12 mm (7 mm in each direction) and missing frames and points.
@@ -10,7 +10,7 @@ With a cache, calibrations are read from a folder where they are there; delete i
 import argparse
 import pickle
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from maniport.mocap import Recording, shipped_recording
 from .inputs import Array
 
 NOISE, FRAME_RATE = 0.012, 30.0  # [m], [Hz]
-FAST: dict[str, Any] = {"method": "parallel-transport", "n_teacher": 1024, "n_student": 2048}
+OPTIONS: dict[str, Any] = {"real_time": True, "method": "parallel-transport", "n_teacher": 1024, "n_student": 2048}
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def webcam(recording: Recording, seed: int) -> Recording:
     positions[random.random(positions.shape[:2]) < 0.02] = np.nan
     for first in np.flatnonzero(random.random(len(time)) < 0.007):
         positions[first : first + random.integers(1, 6)] = np.nan
-    return Recording(recording.names, positions, time, recording.up, f"{recording.source} seed {seed}")
+    return replace(recording, positions=positions, time=time, source=f"{recording.source} seed {seed}")
 
 
 def transferred(case: Case, options: dict[str, Any], cache: Path | None) -> tuple[Recording, Recording, Any]:
@@ -84,7 +84,7 @@ def transferred(case: Case, options: dict[str, Any], cache: Path | None) -> tupl
     file = None if cache is None else cache / f"{case!r}.pickle"
     if file is not None and file.exists():
         return followed, clean, pickle.loads(file.read_bytes())
-    result = mp.transfer_recording(calibration, **{**FAST, **options})
+    result = mp.transfer_recording(calibration, **{**OPTIONS, **options})
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(pickle.dumps(result))

@@ -180,7 +180,7 @@ BOTH = ("both-arms", "--side", "both")
         ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
         ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
         ((*BOTH, *PANDAS, "--hand-targets", "absolute"), "unknown --hand-targets 'absolute'"),
-        ((*BOTH, *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"), "is named twice"),
+        ((*BOTH, *PANDAS, "--lock", "panda_joint1=10"), "unknown joint"),
         (BOTH, "must have two arms"),
         ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
         (("both-arms", "--hand-targets", "relative"), "needs several arms"),

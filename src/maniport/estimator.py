@@ -25,13 +25,7 @@ class Estimator:
         return {name: parameters[name].default for name in sorted(parameters)}
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the parameters by name.
-
-        Parameters
-        ----------
-        deep : bool
-            Whether those of parameters that have some are there as well, as ``name__inner``.
-        """
+        """Return the parameters by name; `deep`: also those of parameters, as ``name__inner``."""
         values = {}
         for name in self._parameters():
             value = getattr(self, name)
@@ -41,13 +35,7 @@ class Estimator:
         return values
 
     def set_params(self, **parameters: Any) -> Self:
-        """Set parameters by name, those of a parameter as ``name__inner``; they are checked when it is fitted.
-
-        Raises
-        ------
-        InvalidInputError
-            When there is no parameter of that name.
-        """
+        """Set parameters by name, those of a parameter as ``name__inner``; they are checked when it is fitted."""
         own = self._parameters()
         for path, value in parameters.items():
             name, _, inner = path.partition("__")
@@ -71,13 +59,7 @@ class Estimator:
         from sklearn.utils import Tags, TargetTags, TransformerTags
 
         transforms = TransformerTags() if hasattr(self, "transform") else None
-        return Tags(
-            estimator_type=None,
-            target_tags=TargetTags(required=False),
-            transformer_tags=transforms,
-            classifier_tags=None,
-            regressor_tags=None,
-        )
+        return Tags(estimator_type=None, target_tags=TargetTags(required=False), transformer_tags=transforms)
 
 
 def clone(estimator: E) -> E:

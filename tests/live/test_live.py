@@ -11,6 +11,7 @@ import maniport as mp
 from maniport.errors import InvalidInputError
 from maniport.live.state import FAR, FOLLOWING, HOLDING, LAGGING, NEAR, REACHING, RECOVERING, STATES
 from maniport.mocap import shipped_recording
+from sizes import SMALL, little_search
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +87,20 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
     assert np.median([state.position_error for state in states]) < 1e-3
     assert (states[0].state, states[-1].state) == (REACHING, FOLLOWING)
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
+
+
+def test_robot_keeps_the_pace_of_the_person(second):
+    """Placed for real time, the end effector stays near its path at the person's speed, within limits."""
+    with little_search(candidates=256):
+        result = mp.transfer_recording(second, real_time=True, **SMALL)
+    live = mp.Live.of(result, clock=None)
+    points = np.stack([second.point(name) for name in live.points], axis=1)
+    states = played(live, points, second.time)
+    errors = [state.position_error for state in states]
+    assert 0.2 <= result.arm.placement.scale <= 1.0
+    assert np.percentile(errors, 95.0) < 0.03
+    assert max(errors) < 0.08
+    require_safe(result.arm.motion, result.arm.collisions, second.time, states)
 
 
 def test_both_arms_lead_two_robots(two_arm_result):

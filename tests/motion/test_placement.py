@@ -12,7 +12,8 @@ from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import Objective, ReachabilityMap, SeedBank, place_path
+from maniport.motion import MotionLimits, Objective, ReachabilityMap, SeedBank, place_path
+from maniport.motion.demands import demands_of
 from maniport.motion.placement.place_path import as_workspace, fixed_place
 from maniport.motion.placement.problem import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost
@@ -148,18 +149,20 @@ def test_candidates_are_ranked(panda, common, motion):
             place_path(*motion, panda, scale=0.7, rank=rank, **common)
 
 
-def problem_of(spec=VELOCITY, **fixed):
+def problem_of(spec=VELOCITY, demands=(), **fixed):
     """A placement problem of a small arm in which all is free that is not fixed."""
     profile, path = FOUR.ellipsoids(FOUR.sample(COUNT, 1), spec), np.random.default_rng(0).normal(size=(COUNT, 3))
     place = fixed_place(*(fixed.get(name) for name in ("scale", "yaw", "tilt", "offset")))
-    arm = ArmPath(Objective.of(FOUR, spec, 0.05, 200.0), 0.1 * path, profile, None)
+    arm = ArmPath(Objective.of(FOUR, spec, 0.05, 200.0), 0.1 * path, profile, None, demands)
     return PlacementProblem((arm,), arm.path, np.arange(COUNT) * 0.3, *place, as_workspace(None))
 
 
 @pytest.mark.parametrize("kind", ["velocity", "force"])
 def test_slopes_are_those_of_the_cost(kind):
     """Half the gradient in placement and joints agrees with central differences, of two arms on a leaning base."""
-    problem, q, step = problem_of(EllipsoidSpec(kind), tilt="free"), FOUR.sample(COUNT, 3), 1e-6
+    vectors = np.random.default_rng(2).normal(size=(COUNT, 3))
+    demands = (EllipsoidSpec(joint_weights=np.full(4, 2.0)), vectors[::-1]), (EllipsoidSpec(), vectors)
+    problem, q, step = problem_of(EllipsoidSpec(kind), demands, tilt="free"), FOUR.sample(COUNT, 3), 1e-6
     (arm,) = problem.arms
     both = PlacementTrajectoryCost(replace(problem, arms=(arm, replace(arm, path=arm.path[::-1]))), [TERMS, TERMS])
     _, slopes = both.evaluate((PLACE, (q, q)))
@@ -168,6 +171,38 @@ def test_slopes_are_those_of_the_cost(kind):
         ends = [both.evaluate((PLACE + side * change, (q, q))) for side in (1.0, -1.0)]
         assert (ends[0][0] - ends[1][0]) / (4.0 * step) == pytest.approx(place_gradient[k], rel=1e-5, abs=1e-4)
     assert np.linalg.eigvalsh(place_hessian).min() > -1e-9 * np.trace(place_hessian)
+    change = step * np.random.default_rng(5).normal(size=q.shape)
+    ends = [both.evaluate((PLACE, (q + side * change, q)))[0] for side in (1.0, -1.0)]
+    assert (ends[0] - ends[1]) / 4.0 == pytest.approx(np.sum(slopes[0].gradient * change), rel=1e-3)
+
+
+def test_demands_make_the_path_smaller(panda, common, motion):
+    """Demands that the limits allow change nothing; large ones shrink the path, unless its scale is fixed."""
+    path, profile = motion
+    acceleration = np.gradient(np.gradient(path, TIME, axis=0), TIME, axis=0)
+    spec, options = EllipsoidSpec(joint_weights=MotionLimits.of(panda).acceleration), common | {"scale": (0.2, 1.0)}
+    free, slow, fast = (
+        place_path(path, profile, panda, **options, demands=[(spec, factor * acceleration)])
+        for factor in (0.0, 1e-3, 30.0)
+    )
+    assert_array_equal(slow.path, free.path)
+    assert fast.scale < 0.7 * free.scale
+    fixed = place_path(path, profile, panda, **common | {"scale": 0.8}, demands=[(spec, 30.0 * acceleration)])
+    assert fixed.scale == pytest.approx(0.8)
+    with pytest.raises(InvalidInputError, match="demands must have shape"):
+        place_path(path, profile, panda, **common, demands=[(spec, acceleration[1:])])
+
+
+def test_demands_of_a_circle(panda):
+    """A circle at constant speed has constant demands; a jump of a frame does not exceed the rest by much."""
+    time, rows, limits = np.arange(0.0, 4.0, 0.01), np.arange(0, 400, 40), MotionLimits.of(panda)
+    path = 0.2 * np.stack([np.cos(3.0 * time), np.sin(3.0 * time), 0.0 * time], axis=1)
+    (_, velocity), (_, acceleration) = demands_of(limits, time, path, rows)
+    assert_allclose(np.linalg.norm(velocity, axis=1), 0.6, rtol=0.05)
+    assert_allclose(np.linalg.norm(acceleration, axis=1)[1:-1], 1.8, rtol=0.05)
+    path[200, 2] = 0.1
+    (_, velocity), _ = demands_of(limits, time, path, rows, smoothing=1e-3)
+    assert np.linalg.norm(velocity, axis=1).max() < 0.65
 
 
 @pytest.mark.parametrize("fixed", [{}, {"tilt": "free"}, {"scale": 0.9, "offset": (None, 0.1, None)}])

@@ -55,6 +55,12 @@ def test_forces_without_gravity_are_said_to_be_so():
         sample_robot(settings)
 
 
+def test_a_payload_of_an_arm_is_refused():
+    """It would be missing in the file that repeats the run."""
+    with pytest.raises(InvalidInputError, match="no payload of its own; use payload="):
+        transfer_recording("no recording", robot=load_arm("panda").with_payload(1.0))
+
+
 def test_a_payload_is_carried():
     config = Config().changed(payload=2.0, payload_center=(0.0, 0.0, 0.1))
     robot, empty = settings_of(config).robot, load_arm("panda")

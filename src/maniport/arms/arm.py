@@ -192,8 +192,8 @@ class Arm(JointSpace):
     def posed_ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
         """Return the results of `forward` and `ellipsoids`."""
         poses, jacobians, _ = self._motions(q)
-        weights = weighting(spec, *self._weighted(q, spec)).shaped(poses.shape[:-2])
-        return poses, manipulability(weights.rows(jacobians, spec)[1], spec.kind)
+        rows = weighting(spec, *self._weighted(q, spec)).rows(jacobians.reshape(-1, 6, self.dof), spec)[1]
+        return poses, manipulability(rows.reshape(*poses.shape[:-2], *rows.shape[1:]), spec.kind)
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
         """Return the results of `forward`, `jacobian` and `ellipsoids`, and derivatives of the latter.

@@ -118,12 +118,6 @@ class Weighting(NamedTuple):
     inertia: Array | None = None  # H, (n, dof, dof)
     inertia_changes: Array | None = None  # ∂H/∂q_k, (n, dof, dof, dof), k first
 
-    def shaped(self, shape: tuple[int, ...]) -> "Weighting":
-        """Return scale and inertia with leading axes `shape` instead of n."""
-        scale, inertia = (own if own is None or own.ndim < 2 else own.reshape(*shape, *own.shape[1:])
-                          for own in (self.scale, self.inertia))  # fmt: skip
-        return Weighting(scale, None, inertia)
-
     def rows(self, jacobian: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
         """Return J H⁻¹ and J W, shapes (..., d, dof), of the rows that count."""
         rows = jacobian[..., spec.rows, :]

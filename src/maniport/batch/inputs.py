@@ -6,7 +6,6 @@ import inspect
 import itertools
 import os
 import pickle
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path, PurePosixPath
@@ -110,25 +109,13 @@ def _name(path: Path, folder: Path | None = None) -> str:
 
 
 def _unique(sources: dict[Path, str]) -> dict[Path, str]:
-    """Put folders before names until none is another's, nor a folder of another's."""
-    names = dict(sources)
-    while clashing := _clashing(list(names.values())):
-        for path, name in names.items():
-            if name in clashing:
-                parts = [path.drive.rstrip(":"), *path.parts[1:]] if path.drive else path.parts[1:]
-                names[path] = as_text("/".join(parts[-name.count("/") - 2 :]))
-    return names
-
-
-def _clashing(names: Sequence[str]) -> set[str]:
-    """Names that occur twice, or are a folder of another name, and these others."""
-    counts = Counter(names)
-    clashing = {name for name, count in counts.items() if count > 1}
-    for name in names:
-        for parent in map(str, PurePosixPath(name).parents):
-            if parent in counts:
-                clashing |= {parent, name}
-    return clashing
+    """Put folders before all names where one is another's, or a folder of another's."""
+    names = list(sources.values())
+    parents = {str(parent) for name in names for parent in PurePosixPath(name).parents}
+    if len(set(names)) == len(names) and parents.isdisjoint(names):
+        return sources
+    common = os.path.commonpath([path.parent for path in sources])
+    return {path: as_text(path.relative_to(common).as_posix()) for path in sources}
 
 
 def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Collection[str]) -> list[Robot]:

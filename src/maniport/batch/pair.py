@@ -27,7 +27,7 @@ from maniport.report.write import RUN_FILES, export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole
 
-PAIR = "pair.json"  # file with the settings of a pair, the sizes of its files, and its row of the table
+PAIR = "pair.json"  # file with the settings of a pair and its row of the table
 ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person share
 
 Warnings = tuple[str, ...]
@@ -63,46 +63,35 @@ class Pair:
         return {**self.robot.settings, "recording": self.content}
 
     def kept_row(self) -> dict[str, Any] | None:
-        """Return the row of the pair, under its present names, if its result has these settings and is unchanged."""
+        """Return the row of the pair, under its present names, if its result has these settings."""
         saved = self._saved()
-        if saved is None or saved["settings"] != self.settings or saved["files"] != _sizes(self.folder):
+        if saved is None or saved["settings"] != self.settings:
             return None
         recording, robot = self.names
         folder = self.folder.relative_to(self.output).as_posix()
         return {**saved["row"], "recording": recording, "robot": robot, "folder": folder}
 
     def difference(self, most: int = 3, width: int = 60) -> str:
-        """Return why the folder holds a result that must not be replaced: other settings, the first ones by name."""
-        if not (self.folder / PAIR).exists():
-            return ""
+        """Return in which settings, the first ones by name, the folder holds another result."""
         saved = self._saved()
         if saved is None:
-            return f"{PAIR} was changed since"
+            return f"{PAIR} was changed" if (self.folder / PAIR).exists() else ""
         texts = []
         for name in {**self.settings, **saved["settings"]}:
             earlier, now = (values.get(name, "not set") for values in (saved["settings"], self.settings))
             if earlier != now:
                 earlier, now = (text if len(text) <= width else f"{text[:width]}…" for text in (earlier, now))
                 texts.append(f"{name} {earlier}, now {now}")
-        if texts:
-            return "made with " + "; ".join(texts[:most]) + (f"; and {len(texts) - most} more" if texts[most:] else "")
-        changed = [name for name, size in _sizes(self.folder).items() if saved["files"].get(name) != size]
-        return f"{', '.join(changed[:most])} changed since" if changed else ""
+        return "made with " + "; ".join(texts[:most]) + (f"; and {len(texts) - most} more" if texts[most:] else "")
 
     def _saved(self) -> dict[str, Any] | None:
         """Read the file of the pair; None where it is missing or was changed."""
         try:
             saved: dict[str, Any] = json.loads((self.folder / PAIR).read_text(encoding="utf-8"))
             texts = all(isinstance(value, str) for value in saved["settings"].values())
-            return saved if texts and isinstance(saved["files"], dict) and is_row(saved["row"]) else None
+            return saved if texts and is_row(saved["row"]) else None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
-
-
-def _sizes(folder: Path) -> dict[str, int]:
-    """Files of a pair with their bytes."""
-    files = (file for file in sorted(folder.rglob("*")) if file.is_file() and file.name != PAIR)
-    return {file.relative_to(folder).as_posix(): file.stat().st_size for file in files}
 
 
 def content_of(source: Source) -> str:
@@ -186,7 +175,7 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float, most_robo
         write_run(result, report, export_files(job.config.motion.export), staging, job.config.batch.pages)
         replace(job.config, recording=(str(pair.source.path),), verb="batch").save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
-        about = {"settings": pair.settings, "files": _sizes(staging), "row": row}
+        about = {"settings": pair.settings, "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")
     return row
 
@@ -215,5 +204,5 @@ def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[
         fitted.adapter.save(file)
     if file not in _maps:
         own = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
-        _maps[file] = FittedMap(load_adapter(file), stages.sample_teacher(person, job), 0.0), own
+        _maps[file] = FittedMap(load_adapter(file), stages.sample_teacher(person, job)), own
     return _maps[file]

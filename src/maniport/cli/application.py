@@ -218,11 +218,8 @@ def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
         chain = read_arm(options.robot[0], frame, options.joints or None, options.base)
         return dict(zip(chain.coordinates, zip(chain.units, chain.lower, chain.upper, strict=True), strict=True))
     group = replace(options, lock=None).load(both)
-    return {
-        name: (unit, low, high)
-        for arm in (*group.arms, group)  # a name that several robots have is that of all these joints
-        for name, unit, low, high in zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, strict=True)
-    }
+    limits = zip(group.joint_units, group.lower, group.upper, strict=True)
+    return dict(zip(group.joint_names, limits, strict=True))
 
 
 def _position(
@@ -239,13 +236,11 @@ def _position(
     return min(max(radians(value) if turns else value, float(low)), float(high))
 
 
-def optional_robot(config: Config, both: bool = False) -> Any:
-    """Load the arm of the robot, or both, if it was named."""
-    if config.robot.robot:
-        return config.robot.load(True) if both else config.robot.load_arm()
-    if config.robot != NO_ROBOT.robot:
-        raise InvalidInputError("options of a robot need --robot")
-    return None
+def names_robot(config: Config) -> bool:
+    """Whether a robot was named; raise where its options are without one."""
+    if not config.robot.robot and (config.robot != NO_ROBOT.robot or config.motion.export):
+        raise InvalidInputError("options of a robot, and --export, need --robot")
+    return bool(config.robot.robot)
 
 
 def require_suffix(output: Path, *suffixes: str) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robot, require_suffix
+from maniport.cli.application import NO_ROBOT, Overwrite, command, names_robot, require_suffix
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
@@ -70,7 +70,7 @@ def fit(
     require_suffix(output, ".npz")
     if (transfer := config.transfer).method == AUTO:
         raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
-    arm, seed = optional_robot(config), config.seed
+    arm, seed = config.robot.load_arm() if names_robot(config) else None, config.seed
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     rotation = None if unknown_base_rotation else transfer.rotation
     adapter = method_of(transfer.method, damping=transfer.damping or None, base_rotation=rotation, random_state=seed)
@@ -127,7 +127,7 @@ def evaluate(
 
     if output is not None:
         require_suffix(output, ".md", ".json")
-    arm, fitted = optional_robot(config), load_adapter(adapter)
+    arm, fitted = config.robot.load_arm() if names_robot(config) else None, load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
     with console.progress() as progress:
         evaluation = evaluate(
@@ -144,14 +144,38 @@ def evaluate(
 def reproduce(
     config: Config,
     console: Console,
-    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-paper"),
+    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot, all, or tasks.")] = "all",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     methods: Methods = None,
     overwrite: Overwrite = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Of tasks, four recordings on the Panda.")] = False,
+    robots: Annotated[str | None, typer.Option("--robots", help="Of tasks, robots, separated by commas.")] = None,
+    recordings: Annotated[Path | None, typer.Option("--recordings", help="Of tasks, folder of more BVH files.")] = None,
+    score: Annotated[Path | None, typer.Option("--score", help="Of tasks, joint positions to score, .csv.")] = None,
+    task: Annotated[Path | None, typer.Option("--task", help="Task of the joint positions, .json.")] = None,
 ) -> None:
-    """Repeat the paper's experiments."""
+    """Repeat the paper's experiments, or run the task study."""
+    if which == "tasks":
+        if methods is not None or overwrite:
+            raise InvalidInputError("tasks takes no --methods or --overwrite")
+        if (score is None) != (task is None):
+            raise InvalidInputError("--score and --task: expected both or neither")
+        from maniport.studies.tasks.run import score_file, study_tasks
+
+        if score is not None and task is not None:
+            console.print_report(score_file(score, task))
+            return
+        folder = output or Path("maniport-tasks")
+        with console.progress() as progress:
+            names = [name.strip() for name in robots.split(",")] if robots else ()
+            study = study_tasks(folder, config.seed, progress, quick=quick, robots=names, recordings=recordings)
+        console.print_report(report_of(study), output=str(folder))
+        return
+    if quick or robots or recordings or score or task:
+        raise InvalidInputError("--quick, --robots, --recordings, --score and --task are options of tasks")
     from maniport.studies.paper.run import reproduce
 
+    output = output or Path("maniport-paper")
     with console.progress() as progress:
         result = reproduce(which, output, config.seed, progress, methods=_rows(methods), overwrite=overwrite)
     console.print_report(report_of(result), output=str(output))

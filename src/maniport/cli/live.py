@@ -14,11 +14,10 @@ import typer
 
 from maniport.cli.application import RECORDING, command
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import Config
+from maniport.pipeline.config import LIVE, Config
 from maniport.report.console import Console
 from maniport.util.optional import how_to_install
-from maniport.util.ports import LOOPBACK, is_loopback
-from maniport.util.signals import ending_in_order
+from maniport.util.process import LOOPBACK, ending_in_order, is_loopback
 
 if TYPE_CHECKING:
     from maniport.arms import Arm
@@ -32,7 +31,7 @@ def _transport(help: str, *flags: str) -> Any:
 
 
 @command(
-    "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"),
+    "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"), defaults=LIVE,
     example="maniport live freeform --simulate;  maniport live walk.bvh --robot ur5.urdf --udp 9000",
 )  # fmt: skip
 def live(
@@ -73,6 +72,8 @@ def live(
             console.warn(text)
         result = transfer_recording(motion, settings)
         follower = Live.of(result, progress=progress, clock=None if transport is None else monotonic)
+    if (placement := result.arms[0].placement) is not None:
+        console.print(f"Scale {placement.scale:.2f} of the person's motion")
     if transport is None:
         _simulate(console, follower, result.arms[0].fit.arm, motion)
         return

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import NO_ROBOT, RECORDING, Output, Overwrite, command, optional_robot
+from maniport.cli.application import NO_ROBOT, RECORDING, Output, Overwrite, command, names_robot
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
@@ -18,7 +18,8 @@ HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 
 
-@command("transfer", "motion", "seed", example="maniport demo;  maniport demo ladder -o on-the-ladder")
+@command("transfer", "motion", "payload", "payload_center", "seed",
+         example="maniport demo;  maniport demo ladder -o on-the-ladder")  # fmt: skip
 def demo(
     config: Config,
     console: Console,
@@ -87,7 +88,7 @@ def batch(
     """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
     from maniport.batch.table import PAGE, failures
-    from maniport.util.signals import ending_in_order, interrupt
+    from maniport.util.process import ending_in_order, interrupt
 
     config = config.changed(recording=recordings) if recordings else config
     options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}
@@ -123,15 +124,18 @@ def learn(
 
     With --robot, a robot follows the profile (folder OUTPUT-robot).
     """
-    from maniport.pipeline import transfer_recording
+    from maniport.pipeline.transfer import settings_of, transfer_recording
     from maniport.report.renderings import as_numbers
-    from maniport.report.write import LEARNED_FILES, write_results
+    from maniport.report.write import LEARNED_FILES, RUN_FILES, export_files, write_results
     from maniport.util.atomic_io import require_free
 
     require_free(output, LEARNED_FILES, overwrite)
     config = config.changed(recording=recordings) if recordings else config
-    folder, exports, followed = Path(f"{output}-robot"), config.motion.export, None
-    settings = _settings_of_robot(config, folder, overwrite)
+    folder, exports, followed, settings = Path(f"{output}-robot"), config.motion.export, None, None
+    if names_robot(config):  # its options are checked before the long work
+        require_free(folder, RUN_FILES, overwrite)
+        export_files(exports)
+        settings = settings_of(config)
     with console.progress() as progress:
         learned = _learned(config, progress)
         report = write_results(learned, output, progress, overwrite=overwrite)
@@ -142,21 +146,6 @@ def learn(
     console.print_report(report, output=str(output), **robot)
     if followed is not None and not console.as_json:
         console.print_report(followed, output=str(folder))
-
-
-def _settings_of_robot(config: Config, folder: Path, overwrite: bool) -> Any:
-    """Check the options of the robot that follows the profile before the long work; None where there is none."""
-    from maniport.pipeline.transfer import settings_of
-    from maniport.report.write import RUN_FILES, export_files
-    from maniport.util.atomic_io import require_free
-
-    if optional_robot(config, config.human.side == BOTH) is None:
-        if config.motion.export:
-            raise InvalidInputError("--export needs --robot")
-        return None
-    require_free(folder, RUN_FILES, overwrite)
-    export_files(config.motion.export)
-    return settings_of(config)
 
 
 def _learned(config: Config, progress: Any) -> Any:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
-from maniport.evaluation.metrics import STILL, distance_preservation, identity_test, rmse, smoothness
+from maniport.evaluation.metrics import STILL, distance_preservation, rmse, smoothness
 from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT, Evaluation, Gaps, Row
 from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked
@@ -79,7 +79,6 @@ def evaluate(
     bank: SeedBank | None = None,
     n_starts: int = 48,
     n_domain: int = 128,
-    n_identity: int = 4096,
     random_state: Any = 0,
     progress: Progress | None = None,
 ) -> Evaluation:
@@ -95,7 +94,7 @@ def evaluate(
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
     robot, person : Arm, optional
         The student and the teacher. With the student: the distance to the feasible set, of at most 64 ellipsoids of
-        the profile, and fresh samples instead of parts of its domain.
+        the profile. With the teacher: fresh samples instead of parts of its domain.
     truth : array_like, shape (n, d, d), optional
         Ground truth of the mapped profile.
     spec : EllipsoidSpec
@@ -104,9 +103,8 @@ def evaluate(
         clones are fitted.
     bank, n_starts
         As in `maniport.motion.nearest_feasible`, for the gap search.
-    n_domain, n_identity : int
-        Ellipsoids of the teacher's domain for a second gap search; samples of each set of the identity test. 0 skips
-        it.
+    n_domain : int
+        Ellipsoids of the teacher's domain for a second gap search; 0 skips it.
     random_state, progress
         Random seed; called with each step and the fraction done.
 
@@ -122,7 +120,7 @@ def evaluate(
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
     if truth is not None and np.shape(truth) != np.shape(profile):
         raise InvalidInputError(f"truth must have the shape of profile, {np.shape(profile)}; found {np.shape(truth)}")
-    as_count(n_domain, "n_domain", minimum=0), as_count(n_identity, "n_identity", minimum=0)
+    as_count(n_domain, "n_domain", minimum=0)
     teacher, student = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     if robot is not None:
         require_shape(student, "student_domain", ("m", spec.size, spec.size), f" for {robot.name!r}")
@@ -131,7 +129,6 @@ def evaluate(
     original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
     wanted = None if truth is None else adapter.student_side(truth, "truth")
     probes = _sampled(person, teacher, n_domain, spec, random)
-    same = _identity_sets(robot, student, n_identity, spec, random)
 
     step = Step(progress, "Evaluate baselines")
     methods = {name_of(adapter): adapter, **baselines_for(adapter, rows)}
@@ -152,7 +149,6 @@ def evaluate(
                 rmse=None if wanted is None else rmse(wanted, mapped),
                 smoothness=smoothness(mapped, original) if moves else None,
                 preservation=distance_preservation(mapped, original) if moves else None,
-                identity=identity_test(method, *same) if same else None,
                 failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
             )
         measured.append(replace(result, warnings=tuple(dict.fromkeys(str(warning.message) for warning in caught))))
@@ -168,7 +164,6 @@ def evaluate(
         "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
         "regularization": str(Regularization(adapter.damping)),
         "further samples": f"{len(probes)}, {held_out}",
-        "identity test": f"{' and '.join(str(len(samples)) for samples in same)} ellipsoids" if same else "none",
         "seed": random_state if isinstance(random_state, int) else "none",
     }
     return Evaluation(tuple(measured), settings)
@@ -234,7 +229,7 @@ def select_method(
         adapter = method_of(TRANSPORT, **shared).fit(*domains)
     evaluation = evaluate(
         adapter, *domains, profile, robot=robot, spec=spec, bank=bank, random_state=random_state,
-        n_starts=16, n_domain=0, n_identity=0,  # with 48 starts the mean gaps are at most 3 % less
+        n_starts=16, n_domain=0,  # with 48 starts the mean gaps are at most 3 % less
     )  # fmt: skip
     rejected = (Row(FIELD, f"rejected: {'; '.join(failures)}"),) if failures else ()
     report(step, 1.0, name_of(adapter))
@@ -262,16 +257,3 @@ def _sampled(arm: Arm | None, domain: Array, n: int, spec: EllipsoidSpec, random
     if arm is None or not n:
         return domain[np.sort(random.permutation(len(domain))[:n])]
     return sample_domain(arm, n, random, spec=spec)
-
-
-def _identity_sets(
-    robot: Arm | None, domain: Array, n: int, spec: EllipsoidSpec, random: np.random.Generator
-) -> list[Array]:
-    """Draw two disjoint sets of samples of the student."""
-    if not n:
-        return []
-    if robot is not None:
-        return [_sampled(robot, domain, min(n, len(domain)), spec, random) for _ in range(2)]
-    if len(domain) < 8:
-        raise InvalidInputError(f"student_domain must hold at least 8 ellipsoids; found {len(domain)}")
-    return [domain[np.sort(part)] for part in np.array_split(random.permutation(len(domain)), 2)]

@@ -20,7 +20,7 @@ from maniport.util.validation import Array
 IDENTITY, MEAN_TRANSPORT, TRANSPORT, LOOKUP = "identity", "mean-transport", "parallel-transport", "nearest-neighbor"
 BASELINES = (IDENTITY, MEAN_TRANSPORT, TRANSPORT)  # The default baselines, cheapest first
 RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to count as better
-MAX_STEP_RATIO, MAX_IDENTITY_TEST = 1.5, 0.15
+MAX_STEP_RATIO = 1.5
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,6 @@ class Row:
     smoothness : Smoothness or None
     preservation : DistancePreservation or None
         None where the teacher's ellipsoids do not change.
-    identity : float or None
-        Identity test: RMSE undivided, truth 0.
     failures : tuple of str
         Checks that the fit of a length field fails, see `FieldReport.failures`.
     warnings : tuple of str
@@ -79,7 +77,6 @@ class Row:
     domain_feasibility_gap: Gaps | None = None
     smoothness: Smoothness | None = None
     preservation: DistancePreservation | None = None
-    identity: float | None = None
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -88,18 +85,16 @@ class Row:
         """Metrics beyond their limits, whatever the gaps.
 
         They are "large_step" (largest step over the teacher's), "plateau" (median step where the teacher moves),
-        "rank_correlation" (of distances), "rotated_axes" (of the longest axes [degrees]) and "identity_test".
+        "rank_correlation" (of distances) and "rotated_axes" (of the longest axes [degrees]).
         """
         steps, kept = self.smoothness, self.preservation
         ratio, median = (0.0, np.inf) if steps is None else (steps.largest_ratio, steps.median)
         rank, angle = (1.0, 0.0) if kept is None else (kept.rank_correlation, kept.major_axis_angle or 0.0)
-        identity = self.identity or 0.0
         metrics = {
             "large_step": (ratio, ratio > MAX_STEP_RATIO),
             "plateau": (median, median <= STILL),
             "rank_correlation": (rank, rank < MIN_RANK_CORRELATION),
             "rotated_axes": (angle, angle > AXIS_MOVED),
-            "identity_test": (identity, identity > MAX_IDENTITY_TEST),
         }
         return {name: value for name, (value, weak) in metrics.items() if weak}
 

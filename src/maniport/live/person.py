@@ -27,8 +27,7 @@ from maniport.mocap.arm_path import (
 )
 from maniport.mocap.cleaning import MIN_JUMP
 from maniport.mocap.data_quality import MEASUREMENT_ERROR, PRIOR
-from maniport.mocap.directions import Directions
-from maniport.mocap.observation import vectors_of
+from maniport.mocap.directions import Directions, vectors_of
 from maniport.mocap.path_solver import LEAST_GAIN
 from maniport.mocap.roles import SHORTEST, Basis, across_role, direction, points_of
 from maniport.util.validation import Array

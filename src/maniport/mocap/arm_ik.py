@@ -19,9 +19,8 @@ from maniport.mocap.data_quality import (
     model_differences,
     observability,
 )
-from maniport.mocap.directions import require_human
+from maniport.mocap.directions import Observation, observe, require_human, segment_lengths
 from maniport.mocap.marker_sets import ARM, TRUNK
-from maniport.mocap.observation import Observation, observe, segment_lengths
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import assign_roles, role_position
 from maniport.util.defaults import AUTO, BOTH

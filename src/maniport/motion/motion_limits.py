@@ -108,13 +108,16 @@ class MotionLimits:
         limits, sources, assumed = dict[str, Array](), dict[str, str](), {"position": tuple(free)}
         described = {"velocity": arm.velocity_limits, "effort": arm.effort_limits}
         for quantity in LIMITS:
-            values, chosen, known = np.full(arm.dof, np.inf), [""] * arm.dof, described.get(quantity)
+            values, chosen, nominal = np.full(arm.dof, np.inf), [""] * arm.dof, described.get(quantity)
             for i, (_, numbers, own) in enumerate(pairs):
                 candidates = [
                     (numbers.get(quantity), where),
                     (default.get(quantity), f"{where} (default)"),
                     (PANDA.get(own, {}).get(quantity), "Franka's limits of the Panda (FER)"),
-                    (known[i] if known is not None and np.isfinite(known[i]) else None, "the robot's description"),
+                    (
+                        nominal[i] if nominal is not None and np.isfinite(nominal[i]) else None,
+                        "the robot's description",
+                    ),
                 ]
                 if quantity in DERIVATIVES:
                     lower = {key: magnitudes[i] for key, magnitudes in limits.items()}

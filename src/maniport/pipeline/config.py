@@ -176,3 +176,6 @@ BATCH = Config(
     verb="batch",
 )
 """Defaults of a batch."""
+
+LIVE = Config(motion=MotionOptions(real_time=True), verb="live")
+"""Defaults of live control."""

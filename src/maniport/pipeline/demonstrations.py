@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -244,19 +243,12 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments 
         if part is None or part == AUTO:
             parts[index] = part or [None]
             continue
-        if isinstance(part, str):
-            raise InvalidInputError(f"{argument('segments')} must be {AUTO!r} or (start, stop) [s]; found {part!r}")
-        times = [tuple(map(float, as_numbers(pair, "a segment (start, stop) [s]", 2))) for pair in part]
-        for start, stop in times:
-            if not start < stop:
-                raise InvalidInputError(f"a segment must begin before it ends; found {start:g} to {stop:g} s")
-        for (_, before), (after, _) in pairwise(sorted(times)):
-            if after < before:
-                raise InvalidInputError(
-                    f"segments must not overlap, or they agree by themselves; found one up to {before:g} s "
-                    f"and one from {after:g} s"
-                )
-        parts[index] = times
+        parts[index] = [tuple(as_numbers(pair, "a segment (start, stop) [s]", 2).tolist()) for pair in part]
+        times = [time for pair in sorted(parts[index]) for time in pair]
+        if any(after <= before for before, after in zip(times[::2], times[1::2], strict=True)):
+            raise InvalidInputError(f"a segment must begin before it ends; found {part!r}")
+        if times != sorted(times):
+            raise InvalidInputError(f"segments must not overlap, or they agree by themselves; found {part!r}")
     if AUTO not in parts:
         _require_two(sum(map(len, parts)))
     return parts
@@ -289,14 +281,15 @@ def _demonstrations(
         texts = tuple(f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings))
         for segment in motion.repetitions() if segments == AUTO else segments:
             start, stop = segment or (first, last)
-            frames = int(np.sum((motion.time >= start) & (motion.time <= stop)))
+            kept = (motion.time >= start) & (motion.time <= stop)
+            frames = int(kept.sum())
             if frames < MIN_FRAMES:
                 raise InvalidInputError(
                     f"{name} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is fully observed; "
                     f"a demonstration needs at least {MIN_FRAMES}"
                 )
             title = name if segment is None else f"{name} {start:.4g}–{stop:.4g} s"
-            demonstrations.append(Demonstration(title, recording, motion.crop(start, stop), texts))
+            demonstrations.append(Demonstration(title, recording, motion.only(kept), texts))
     _require_two(len(demonstrations))
     step.end(f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}")
     again = Counter(demonstration.name for demonstration in demonstrations)

@@ -121,9 +121,13 @@ class RobotOptions(Options):
         return arm.with_payload(self.payload, self.payload_center)
 
     def _load(self, both: bool, side: str) -> Any:
-        from maniport.arms import Arm, ArmGroup, load_arm, load_arms
+        from maniport.arms import Arm, ArmGroup, as_group, load_arm, load_arms
 
         if isinstance(robot := self.robot[0], Arm | ArmGroup):
+            if any(arm.chain.payload for arm in as_group(robot).arms):  # run.yaml would lose it
+                raise InvalidInputError(
+                    f"{argument('robot')} must have no payload of its own; use {argument('payload')}"
+                )
             return robot
         options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folders}
         if not (both or self.several):
@@ -215,6 +219,7 @@ class MotionOptions(Options):
         None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", unchecked=True
     )
     scale: float | None = option(None, "Scale of the path; searched by default", above=0.0, common=True)
+    real_time: bool = option(False, "Placement that the robot can follow at the person's speed")
     workspace: tuple[float, ...] | None = option(
         None, "Box for the path in the base frame [m]; inf is open", metavar="X0,X1,Y0,Y1,Z0,Z1", count=6,
         unchecked=True,

@@ -116,7 +116,6 @@ class ArmTransfer(ArmResult):
     teacher_domain: Array  # (N, d, d), sampled domain of the person's arm
     student_domain: Array  # (M, d, d), of the robot's
     capabilities: tuple[Capability, ...] = ()  # force and speed of the motion, where limits are known
-    seconds_to_fit: float  # duration of the fit, or of the selection with its evaluation
 
     files: ClassVar[tuple[str, ...]] = TRANSFER_FILES
 

@@ -5,7 +5,6 @@
 One arm is a group of one: values that belong to an arm are tuples over the arms, for two arms of a person left first.
 """
 
-import time as clock
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,6 +29,7 @@ from maniport.motion import (
     plan_motion,
 )  # fmt: skip
 from maniport.motion.arm_model import require_trackable
+from maniport.motion.demands import demands_of
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
@@ -37,6 +37,8 @@ from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, MotionTargets
 from maniport.transfer import LengthField, method_of, name_of
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
+
+REAL_TIME_SCALES = (0.2, 1.0)  # Range of scales at the person's speed; smaller motions are of little use
 
 
 def load(recording: Recording | str | Path, settings: Settings) -> Recording:
@@ -93,7 +95,7 @@ def sample_robot(settings: Settings) -> SampledRobot:
     settings.progress(step, 0.0)
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
     domains = sample_domain(settings.robot, count, seed, **options)
-    settings.progress(step, 1.0, f"{count} ellipsoids of {settings.robot.name}")
+    settings.progress(step, 1.0)
     return SampledRobot(planner, tuple(domains) if domains.ndim == 4 else (domains,), generator)
 
 
@@ -120,7 +122,7 @@ def fit_transfer(human: Human, robot: SampledRobot, settings: Settings) -> tuple
 def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: Settings, arm: int = 0) -> FittedMap:
     """Fit the map from a person's arm to an arm of the robot; a selection needs the demonstrated profile (n, d, d)."""
     teacher, student, spec = sample_teacher(person, settings), robot.domains[arm], settings.specs[arm]
-    bank, started, progress = robot.bank(arm, spec), clock.perf_counter(), settings.progress
+    bank, progress = robot.bank(arm, spec), settings.progress
     seed, options = settings.config.seed, settings.config.transfer
     if settings.adapter is None:
         assert profile is not None
@@ -128,7 +130,7 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
             teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank,
             random_state=seed, progress=progress, base_rotation=options.rotation, damping=options.damping or None,
         )  # fmt: skip
-        return FittedMap(adapter, teacher, clock.perf_counter() - started, evaluation)
+        return FittedMap(adapter, teacher, evaluation)
     progress("Fit transfer", 0.0)
     adapter = with_feasible_set(method_of(settings.adapter), settings.arms[arm], spec, bank, seed)
     adapter.fit(teacher, student)
@@ -136,7 +138,7 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
         text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
         warnings.warn(text, ManiportWarning, stacklevel=2)
     progress("Fit transfer", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
-    return FittedMap(adapter, teacher, clock.perf_counter() - started)
+    return FittedMap(adapter, teacher)
 
 
 def sample_teacher(person: Arm, settings: Settings) -> Array:
@@ -144,7 +146,7 @@ def sample_teacher(person: Arm, settings: Settings) -> Array:
     step, count = "Sample human ellipsoids", settings.config.transfer.n_teacher
     settings.progress(step, 0.0)
     domain = sample_domain(person, count, settings.config.seed, spec=settings.spec)
-    settings.progress(step, 1.0, f"{count} ellipsoids of {person.name}")
+    settings.progress(step, 1.0)
     return domain
 
 
@@ -153,11 +155,16 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
     assert targets.paths is not None
     assert settings.control is not None
     assert robot.planner is not None
-    rows, arms = targets.placement_rows(), robot.planner.arms
+    arms, options, rows, demands = robot.planner.arms, settings.config.motion, targets.placement_rows(), None
+    scale: Any = options.scale
+    if options.real_time:
+        scale = REAL_TIME_SCALES if scale is None else scale
+        pairs = zip(arms, targets.paths, strict=True)
+        demands = [demands_of(own.limits, targets.time, path, rows) for own, path in pairs]
     return place_path(
         [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms], time=targets.time[rows], turn=targets.turn,
-        scale=settings.config.motion.scale, workspace=settings.config.motion.bounds.T,
+        demands=demands, scale=scale, workspace=options.bounds.T,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
         random_state=robot.random, progress=settings.progress,
@@ -251,7 +258,7 @@ def evaluate(
                 fit=human.fits[i], person_base=human.motion.bases[i], time=human.fits[i].time,
                 method=name_of(own.adapter), adapter=own.adapter, evaluation=evaluation,
                 demonstrated_profile=profile, target_profile=own.adapter.transform(profile),
-                teacher_domain=own.teacher, student_domain=robot.domains[i], seconds_to_fit=own.seconds,
+                teacher_domain=own.teacher, student_domain=robot.domains[i],
                 capabilities=_capabilities(human.fits[i], part, own, settings),
             )
         )  # fmt: skip

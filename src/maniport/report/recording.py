@@ -12,7 +12,6 @@ import numpy as np
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import FRACTIONS
 from maniport.errors import RecordingError, argument, nearest_first
-from maniport.learning.mixture import points_each
 from maniport.mocap import ArmFit, HumanMotion, Recording
 from maniport.mocap.marker_sets import DIRECTIONS, ROLES
 from maniport.mocap.roles import (
@@ -207,11 +206,9 @@ def learned_report(learned: LearnedProfile) -> Report:
     agreement, names, k = learned.agreement, learned.names, len(learned.demonstrations)
     outlier, held = "" if agreement.outlier is None else names[agreement.outlier], agreement.held_out
     grade = next(words for words, bound in AGREEMENT.items() if agreement.share <= bound)
-    equal = [f"{names[i]} and {names[j]}" for i, j in np.argwhere(np.triu(agreement.apart < 1e-6, 1))]
     texts = ["the demonstrations differ: their mean is a motion that nobody performed"] if grade != "agree" else []
     texts += [f"{outlier} differs from the other demonstrations"] if outlier else []
     warned = (
-        *(warning("equal-demonstrations", f"{text} are the same: their agreement has no meaning") for text in equal),
         *warnings_of(RECORDING, [text for part in learned.demonstrations for text in part.quality_warnings]),
         *warnings_of("demonstrations-differ", texts),
     )
@@ -219,18 +216,17 @@ def learned_report(learned: LearnedProfile) -> Report:
         f"{k} demonstrations, aligned to the {np.ptp(learned.time):.1f} s of {learned.reference.name}. Each of "
         f"{len(learned.time)} times has a mean ellipsoid, its covariance, and a position of the hand."
     )
-    before, after, movement = agreement.before, agreement.after, agreement.movement
+    before, after = agreement.before, agreement.after
     cause = f"The mean distance to the mean ellipsoid of the same time is {after:.2f} ({in_axes(after)})."
     held_out = {} if held is None else {"learned": held.learned, "plain_mean": held.mean, "nearest_other": held.nearest,
                                         "one_for_all_times": held.constant}  # fmt: skip
     means = {name: float(np.mean(distances)) for name, distances in held_out.items()}
-    advice, components = "", 2 * learned.model.n_components_
-    _, n, d, _ = learned.alignment.ellipsoids.shape
+    advice = ""
     if outlier:
         cause += f" {outlier} is an outlier."
         advice = f"Leave out {outlier}, or give it a profile of its own."
-    elif means and k * n >= components * points_each(d) and means["learned"] > means["plain_mean"]:
-        advice = f"More Gaussians may predict better: {argument('components', components)}."
+    elif means and means["learned"] > means["plain_mean"]:
+        advice = f"More Gaussians may predict better: {argument('components', 2 * learned.model.n_components_)}."
     text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in means.items())
     profile = [
         info("Dispersion", "dispersion", {"before": before, "after": after},
@@ -240,7 +236,6 @@ def learned_report(learned: LearnedProfile) -> Report:
              "Share of all variance.", main=True),
         *([info("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)]
           if means else []),
-        info("Movement", "movement", movement, f"{movement:.2f}", "Mean distance of the profile from its mean."),
         info("Gaussians", "gaussians", learned.model.n_components_),
         *numbers(ellipsoids=len(learned.time), duration_s=round(float(np.ptp(learned.time)), 3)),
     ]  # fmt: skip

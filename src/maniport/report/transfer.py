@@ -96,7 +96,6 @@ WEAKNESSES = {
     "plateau": "at least half of the successive distances are zero where the teacher moves",
     "rank_correlation": "rank correlation of distances {:.2f}",
     "rotated_axes": "longest axes rotated by {:.0f}° (median)",
-    "identity_test": "changes the student's own ellipsoids by {:.3f}",
 }
 """Weaknesses of a method by code; a lost order of distances is a warning."""
 

@@ -39,8 +39,7 @@ EVALUATIONS = {
 CAPTION = (
     "Feasibility gap: mean over the motions / worst of the motions' 95 %. Held out: the same at samples of the persons "
     "that no fit has seen. Step: mean over the motions of the median step over the teacher's own; 1 keeps it. "
-    "Rank correlation: least, of pairwise distances. Turn: largest median angle of the longest axes. "
-    "Identity test: from one draw of the Panda's domain to another, where nothing should change."
+    "Rank correlation: least, of pairwise distances. Turn: largest median angle of the longest axes."
 )
 
 
@@ -129,11 +128,10 @@ def methods_section(evaluations: Mapping[str, Evaluation]) -> Section:
             "step": float(np.mean([row.smoothness.median_ratio for row in rows if row.smoothness is not None])),
             "rank_correlation": min(own.rank_correlation for own in kept),
             "turn_deg": max(own.major_axis_angle or 0.0 for own in kept),
-            "identity": float(np.mean([row.identity for row in rows if row.identity is not None])),
         }
         form = "{gap:.3f} / {gap_p95:.3f}|{held_out:.3f} / {held_out_p95:.3f}|{step:.2f}|{rank_correlation:.3f}"
-        cells.append((name, *f"{form}|{{turn_deg:.1f}}°|{{identity:.3f}}".format(**own).split("|")))
-    columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn", "identity test")
+        cells.append((name, *f"{form}|{{turn_deg:.1f}}°".format(**own).split("|")))
+    columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn")
     return Section("Metrics", (), (Table(columns, tuple(cells), CAPTION, "rows", values),), "methods")
 
 

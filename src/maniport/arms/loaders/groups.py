@@ -44,10 +44,10 @@ def load_arms(
         Bases of the robots in the world frame, in which all results are expressed: x, y, z [m] and optionally the yaw
         [rad], or a pose of shape (4, 4); x points forward, y to the left. By default all in the origin.
     joints : sequence of str, optional
-        Names of the joints that move, of all arms; the others are locked as by `maniport.load_arm`.
+        Names of the joints that move, of all arms, as of the whole group: with the name of an arm as a prefix, such as
+        ``left_``, where several robots have joints of the same names. The others are locked as by `maniport.load_arm`.
     lock : mapping of str to float, optional
-        Positions of locked joints [rad] or [m]. A name that several robots have locks all these joints; the name of an
-        arm as a prefix, such as ``left_``, selects one.
+        Positions of locked joints [rad] or [m], by such names.
     mesh_folders
         As for `maniport.load_arm`.
 
@@ -72,28 +72,21 @@ def load_arms(
     if one_robot and None in tips:
         tips = _ends(robots[0], tips)
     arms = [load_arm(name, tip, mesh_folders=mesh_folders) for name, tip in zip(robots, tips, strict=True)]
+    if not one_robot:
+        arms = [Arm(standing(arm.chain, place)) for arm, place in zip(arms, places, strict=True)]
+    group = ArmGroup(*arms, names=names)
     wanted, held = None if joints is None else check_names(joints, "joints"), check_lock(lock, None)
-    titles = [  # names of joints, which may have those of arms as prefixes
-        {title: name for name in arm.joint_names for title in (name, f"{side}_{name}")[: 1 if one_robot else 2]}
-        for side, arm in zip(names, arms, strict=True)
-    ]
     for name in (*(wanted or ()), *held):
-        if not any(name in own for own in titles):
-            raise unknown_name("joint", name, set[str]().union(*titles), f"on the arms of {arms[0].name!r}")
-    for i, (side, own) in enumerate(zip(names, titles, strict=True)):
-        fixed: dict[str, float] = {}
-        for title in own.keys() & held.keys():
-            if fixed.setdefault(own[title], held[title]) != held[title]:
-                raise InvalidInputError(
-                    f"lock: {own[title]!r} of {side} is named twice, at {held[title]!r} and {fixed[own[title]]!r}"
-                )
-        moving = None if wanted is None else list(dict.fromkeys(own[name] for name in wanted if name in own))
+        if name not in group.joint_names:
+            raise unknown_name("joint", name, group.joint_names, f"on the arms of {group.name!r}")
+    for i, columns in enumerate(group.columns):
+        own = {group.joint_names[column]: name for column, name in zip(columns, arms[i].joint_names, strict=True)}
+        moving = None if wanted is None else [own[name] for name in wanted if name in own]
         if moving == []:
             listed = ", ".join(wanted or ())
-            raise InvalidInputError(f"joints: none of {listed} moves the {side} arm, which has {', '.join(own)}")
-        arms[i] = arms[i].restricted(joints=moving, lock=fixed)
-        arms[i] = arms[i] if one_robot else Arm(standing(arms[i].chain, places[i]))
-    return ArmGroup(*arms, names=names)
+            raise InvalidInputError(f"joints: none of {listed} moves the {names[i]} arm, which has {', '.join(own)}")
+        arms[i] = arms[i].restricted(joints=moving, lock={own[name]: at for name, at in held.items() if name in own})
+    return ArmGroup(*arms, names=names) if wanted or held else group
 
 
 def _several(name: str, value: Any, count: int | None = None) -> list[Any]:

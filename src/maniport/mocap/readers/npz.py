@@ -10,7 +10,6 @@ directions only; in the mean body of the model they are within a few degrees of 
 "Biomechanics and Motor Control of Human Movement", 4th edition, 2009, figure 4.1.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
-from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.marker_sets import arm_error, load_names
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
@@ -113,20 +111,11 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Re
 
 
 def _names_beside(file: Path) -> Sequence[str] | None:
-    """Return names from a file next to the recording: one a line, or a JSON list."""
-    lines, listed = (file.with_suffix(ending) for ending in (".names.txt", ".names.json"))
-    if lines.exists():
-        text = decoded(read_whole(lines, (), SETTINGS_BYTES))
-        return [line.strip() for line in text.splitlines() if line.strip()]
-    if not listed.exists():
+    """Return names from a file next to the recording, one a line."""
+    if not (names := file.with_suffix(".names.txt")).exists():
         return None
-    try:
-        names = json.loads(decoded(read_whole(listed, (), SETTINGS_BYTES)))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{listed}: not readable as JSON: {error}") from None
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise FileFormatError(f"{listed}: must hold a list of names")
-    return names
+    text = decoded(read_whole(names, (), SETTINGS_BYTES))
+    return [line.strip() for line in text.splitlines() if line.strip()]
 
 
 def _time(arrays: Mapping[str, Any], count: int, options: ImportOptions) -> Any:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_compatible
+from maniport.motion.demands import Demand
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.placement.placement import Placement
 from maniport.motion.placement.problem import (
@@ -37,6 +38,7 @@ from maniport.util.validation import (
     Array,
     as_choice,
     as_count,
+    as_finite,
     as_generator,
     as_metres,
     as_number,
@@ -62,6 +64,7 @@ def place_path(  # type: ignore[misc]
     arm: Any,
     *,
     time: ArrayLike | None = None,
+    demands: Any = None,
     turn: ArrayLike | None = None,
     scale: float | tuple[float, float] | None = None,
     yaw: float | None = None,
@@ -95,10 +98,13 @@ def place_path(  # type: ignore[misc]
     profile : array_like, shape (n, d, d)
         Target ellipsoids of the arm, one for each waypoint, as an adapter returns them.
     arm : Arm, ArmGroup or sequence of Arm
-        With several arms `path`, `profile`, `collisions`, `reachability_map` and `bank` are sequences with one value
-        for each arm.
+        With several arms `path`, `profile`, `demands`, `collisions`, `reachability_map` and `bank` are
+        sequences with one value for each arm.
     time : array_like, shape (n,), optional
         Times of the waypoints [s], which weigh them. Default: equal weights.
+    demands : sequence of (EllipsoidSpec, ndarray of shape (n, 3)), optional
+        Vectors that are turned and scaled with the path, which the arm's ellipsoids should contain, such as those of
+        `maniport.motion.demands.demands_of`, for a robot that follows at the person's speed. Default: none.
     turn : array_like, shape (3, 3), optional
         Rotation that the adapter turned the ellipsoids by, and the path is yet to be turned by. Default: the identity.
     scale : float or (float, float), optional
@@ -138,8 +144,9 @@ def place_path(  # type: ignore[misc]
     arms: Sequence[Arm] = tuple(getattr(arm, "arms", arm)) if several else (arm,)
     arguments = {
         "path": path, "profile": profile, "collisions": collisions, "reachability_map": reachability_map, "bank": bank,
+        "demands": demands,
     }  # fmt: skip
-    paths, profiles, models, maps, banks = (
+    paths, profiles, models, maps, banks, demanded = (
         of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
     )
     fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
@@ -165,8 +172,8 @@ def place_path(  # type: ignore[misc]
     center = np.concatenate(positions).mean(axis=0)
     rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
     members = tuple(
-        ArmPath(objective, (points - center) @ rotation.T, ellipsoids, samples)
-        for objective, points, ellipsoids, samples in zip(objectives, positions, targets, maps, strict=True)
+        ArmPath(objectives[i], (positions[i] - center) @ rotation.T, targets[i], maps[i], turned)
+        for i, turned in enumerate(_turned(needed, rotation, len(targets[0])) for needed in demanded)
     )
     outline = np.concatenate([member.path for member in members])
     problem = PlacementProblem(members, outline, times, fixed, lower, upper, bounds)
@@ -182,9 +189,8 @@ def place_path(  # type: ignore[misc]
         error = np.asarray(aims.position_error(q))
         placed.append(Placement(
             **vars(named(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
-            profile=ellipsoids, spec=spec, center=center,
-            mount=base_rotations(best.place[None])[0], turn=rotation, position_error=error, reachable=error <= 1e-3,
-            joint_positions=q,
+            profile=ellipsoids, spec=spec, center=center, mount=base_rotations(best.place[None])[0], turn=rotation,
+            position_error=error, reachable=error <= 1e-3, joint_positions=q,
             candidates=tuple(named(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)
@@ -270,3 +276,13 @@ def _times(time: ArrayLike | None, paths: Sequence[Array], speed: float = 0.1) -
         return times
     length = max(np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths)
     return np.asarray((times - times[0]) * max(length / speed, 1.0) / (times[-1] - times[0]))
+
+
+def _turned(demands: Any, rotation: Array, count: int) -> tuple[Demand, ...]:
+    """Turn demands with a vector for each of `count` waypoints; none where there are none."""
+    turned = []
+    for spec, vectors in demands or ():
+        values = as_finite(vectors, "demands")
+        require_shape(values, "demands", (count, 3), ", a vector for each waypoint")
+        turned.append((spec, values @ rotation.T))
+    return tuple(turned)

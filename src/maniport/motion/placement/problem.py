@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from maniport.motion.demands import Demand
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.placement.placement import Place
 from maniport.motion.plan.reachability_map import ReachabilityMap
@@ -62,6 +63,7 @@ class ArmPath:
     path: Array  # (n, 3), relative to the center [m], turned as the ellipsoids were
     profile: Array  # (n, d, d), target ellipsoids of a path that is not turned, without damping
     reachability_map: ReachabilityMap
+    demanded: tuple[Demand, ...] = ()  # of a path that is not turned or scaled
 
     def placed(self, places: Array) -> tuple[Array, Array]:
         """Positions (k, n, 3) and ellipsoids (k, n, d, d) at placements (k, 7)."""
@@ -70,13 +72,26 @@ class ArmPath:
         positions = scale * self.path @ np.swapaxes(rotations, 1, 2) + places[:, None, OFFSET]
         return positions, congruence(spec.rotation(rotations)[:, None], self.profile)
 
+    def demands(self, places: Array) -> list[Demand]:
+        """Demands with vectors (k, n, 3) at placements (k, 7)."""
+        turns = np.exp(places[:, SCALE])[:, None, None] * np.swapaxes(path_rotations(places), 1, 2)
+        return [(spec, vectors @ turns) for spec, vectors in self.demanded]
+
+    def thinned(self, rows: NDArray[np.intp]) -> "ArmPath":
+        """Return the path with some of its waypoints."""
+        demanded = tuple((spec, vectors[rows]) for spec, vectors in self.demanded)
+        return replace(self, path=self.path[rows], profile=self.profile[rows], demanded=demanded)
+
     def targets(self, place: Array) -> Targets:
         """Targets of the arm at a placement (7,)."""
         positions, profile = self.placed(place[None])
         return self.objective.targets(profile[0], positions[0])
 
-    def derivatives(self, place: Array) -> tuple[Array, Array]:
-        """Return derivatives of positions in a placement (n, 3, 7), and generators of rotations (7, d, d)."""
+    def derivatives(self, place: Array) -> tuple[Array, Array, Array]:
+        """Return derivatives of positions in a placement (n, 3, 7), and generators of rotations.
+
+        The generators are those of ellipsoids (7, d, d) and of vectors (7, 3, 3).
+        """
         rotation = path_rotations(place[None])[0]
         positions, vertical = np.exp(place[SCALE]) * self.path @ rotation.T, rotation[:, 2]
         axes = np.zeros((SIZE, 3))
@@ -86,7 +101,8 @@ class ArmPath:
         shifts = np.cross(axes, positions[:, None]).swapaxes(1, 2)
         shifts[:, :, SCALE] = positions
         shifts[:, :, OFFSET] = np.eye(3)
-        return shifts, self.objective.spec.rotation(np.cross(np.eye(3), axes[:, None]))
+        turns = np.cross(np.eye(3), axes[:, None])
+        return shifts, self.objective.spec.rotation(turns), turns
 
 
 @dataclass(frozen=True)
@@ -109,7 +125,7 @@ class PlacementProblem:
     def thinned(self, count: int) -> "PlacementProblem":
         """Return the same with `count` evenly spaced waypoints of each path."""
         rows = evenly_spaced(len(self.time), count)
-        arms = tuple(replace(arm, path=arm.path[rows], profile=arm.profile[rows]) for arm in self.arms)
+        arms = tuple(arm.thinned(rows) for arm in self.arms)
         return replace(self, arms=arms, time=self.time[rows])
 
     def costs(self, places: Array, samples: int) -> Array:
@@ -118,7 +134,8 @@ class PlacementProblem:
         for arm in self.arms:
             positions, profiles = arm.placed(places)
             flat = profiles.reshape(-1, *profiles.shape[2:])
-            costs = arm.reachability_map.costs(arm.objective, flat, positions.reshape(-1, 3), samples)
+            demands = [(spec, vectors.reshape(-1, 3)) for spec, vectors in arm.demands(places)]
+            costs = arm.reachability_map.costs(arm.objective, flat, positions.reshape(-1, 3), samples, demands)
             total += costs.reshape(positions.shape[:2]).mean(axis=1)
         return total
 

@@ -17,7 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.motion.demands import EXCESS_WEIGHT, inverses
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.placement.problem import HEADING, SCALE, SIZE, TILT, ArmPath, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt, optimize, time_weights
@@ -76,7 +78,8 @@ def _search(
     problem: PlacementProblem, budget: SearchBudget, seed: np.random.Generator, progress: Part, waypoints: int = 64
 ) -> list[PlannedPlacement]:
     """Plan trajectories through some waypoints for the best placements, and improve both."""
-    coarse, free = problem.thinned(waypoints), bool(problem.free.any())
+    coarse = problem.thinned(len(problem.time) if problem.arms[0].demanded else waypoints)
+    free = bool(problem.free.any())
     places = _shortlist(problem, seed, budget) if free else problem.inside(problem.fixed[None])
     time, duration, weights = coarse.time, 1.0, np.ones(1)
     if len(time) > 1:
@@ -247,7 +250,8 @@ class MovingPathCost:
     def move(self, place: Array) -> None:
         """Move the path to a placement (7,)."""
         self.targets = self.arm.targets(place)
-        self._shifts, self._generators = self.arm.derivatives(place)
+        self._shifts, self._generators, self._turns = self.arm.derivatives(place)
+        self._demands = [(spec, vectors[0]) for spec, vectors in self.arm.demands(place[None])]
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
@@ -266,4 +270,24 @@ class MovingPathCost:
         add_log_residual(values, vectors, targets.whitening, changes, square, self.gradient, self.hessian)
         add_residual(error, error_slopes, self.gradient, self.hessian)
         square += np.sum(error**2, axis=1)
+        for demand in self._demands:
+            square += self._add_excess(q, *demand)
         return np.sqrt(np.where(singular, np.inf, square)), self.gradient[:, :dof], self.hessian[:, :dof, :dof]
+
+    def _add_excess(self, q: Array, spec: EllipsoidSpec, vectors: Array) -> Array:
+        """Add the derivatives of the cost of vectors (n, 3) that exceed ellipsoids; return the cost (n,)."""
+        _, _, ellipsoids, changes = self.arm.objective.arm.posed_differentials(q, spec)
+        needed = (inverses(ellipsoids) @ vectors[..., None])[..., 0]
+        share = np.sqrt(np.maximum(np.sum(vectors * needed, axis=1), 1e-12))
+        excess = EXCESS_WEIGHT * np.maximum(share - 1.0, 0.0)
+        slopes = np.concatenate(
+            [
+                -0.5 * np.einsum("ni,nkij,nj->nk", needed, changes, needed),
+                np.einsum("ni,kij,nj->nk", needed, self._turns, vectors),
+            ],
+            axis=1,
+        )
+        slopes[:, q.shape[1] + SCALE] = share**2
+        slopes *= EXCESS_WEIGHT * ((share > 1.0) / share)[:, None]
+        add_residual(excess[:, None], slopes[:, None], self.gradient, self.hessian)
+        return np.asarray(excess**2)

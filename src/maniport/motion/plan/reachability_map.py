@@ -6,6 +6,7 @@ them: the distance from the axis and the position along it. Joints without effec
 in the middle of their range.
 """
 
+from collections.abc import Sequence
 from copy import deepcopy
 from functools import cached_property
 from typing import Any
@@ -17,6 +18,7 @@ from scipy.spatial import cKDTree
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions, free_configurations
 from maniport.motion.arm_model import Axis
+from maniport.motion.demands import EXCESS_WEIGHT, Demand, inverses
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
 from maniport.spd.kernels import compose, congruence, distances, eigh
@@ -59,6 +61,7 @@ class ReachabilityMap:
         turns = np.abs(np.cross(jacobian[:, 3:, :, None], poses[:, :3, None, :3], axis=1)).max(axis=(0, 1))
         self._idle_turns = self.idle[:, None] & (turns > negligible)  # which idle joints turn which axes (dof, 3)
         generator = as_generator(random_state)
+        self._allowed: dict[EllipsoidSpec, Array] = {}
         self._count, self._generator = SAMPLES if n is None else as_count(n, "n"), deepcopy(generator)
         arm.sample(1, generator)  # samples are drawn on first use, from a copy; the caller's generator moves on
 
@@ -103,10 +106,13 @@ class ReachabilityMap:
         """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""
         return (points, np.zeros(points.shape[:-1])) if self.axis is None else self.axis.cylindrical(points)
 
-    def costs(self, objective: Objective, ellipsoids: Array, positions: Array, count: int) -> Array:
+    def costs(
+        self, objective: Objective, ellipsoids: Array, positions: Array, count: int, demands: Sequence[Demand] = ()
+    ) -> Array:
         """Least d² + (`GAP_WEIGHT` · gap)² of the samples next to positions (n, 3), for ellipsoids (n, d, d); (n,).
 
-        The gap is from a position to a sample that is turned there as far as the first joint's limits allow.
+        The gap is from a position to a sample that is turned there as far as the first joint's limits allow. Demands
+        that exceed what a sample allows add to its cost.
         """
         (coordinates, angles), (tree, _, samples) = self.coordinates(positions), self._located
         damped = objective.damped(self._turned_back(ellipsoids, angles))
@@ -120,8 +126,20 @@ class ReachabilityMap:
                 beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
                 gaps += (2.0 * coordinates[part, :1] * np.sin(0.5 * beyond)) ** 2
             distance = distances(damped[part, None], objective.damped(samples[rows]))
-            result[part] = np.min(distance**2 + GAP_WEIGHT**2 * gaps, axis=1)
+            cost = distance**2 + GAP_WEIGHT**2 * gaps
+            for spec, vectors in demands:
+                turned = (self._turns_back(angles[part]) @ vectors[part, :, None])[..., 0]
+                shares = np.sqrt(np.einsum("ni,nkij,nj->nk", turned, self._inverses(spec)[rows], turned))
+                cost += (EXCESS_WEIGHT * np.maximum(shares - 1.0, 0.0)) ** 2
+            result[part] = np.min(cost, axis=1)
         return result
+
+    def _inverses(self, spec: EllipsoidSpec) -> Array:
+        """Inverses of translational ellipsoids at `q`, turned to angle 0, shape (n, 3, 3)."""
+        if spec not in self._allowed:
+            turns = self._turns_back(self._located[1])
+            self._allowed[spec] = congruence(turns, inverses(self.arm.ellipsoids(self.q, spec)))
+        return self._allowed[spec]
 
     def nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Roadmap:
         """At most `count` configurations for each target, with the end effector at its position.
@@ -196,6 +214,8 @@ class ReachabilityMap:
 
     def _turned_back(self, ellipsoids: Array, angles: Array) -> Array:
         """Ellipsoids (n, d, d) after the arm has turned back by angles (n,)."""
-        if self.axis is None:
-            return ellipsoids
-        return congruence(self.spec.rotation(self.axis.rotations(-angles)), ellipsoids)
+        return ellipsoids if self.axis is None else congruence(self.spec.rotation(self._turns_back(angles)), ellipsoids)
+
+    def _turns_back(self, angles: Array) -> Array:
+        """Rotations (n, 3, 3) of the arm back by angles (n,)."""
+        return np.tile(np.eye(3), (len(angles), 1, 1)) if self.axis is None else self.axis.rotations(-angles)

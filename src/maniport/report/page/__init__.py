@@ -81,8 +81,8 @@ def templates() -> jinja2.Environment:
 
 
 def _linked(text: str, moves: bool) -> Markup:
-    """Escape a text; its times become links where the page has a motion."""
-    safe = str(escape(text))
+    """Escape a text, "84 %" in one line; its times become links where the page has a motion."""
+    safe = str(escape(re.sub(r"(?<=\d) (?=%)", "\xa0", text)))
     return Markup(re.sub(r"\bat (-?\d+\.\d) s\b", r'<a href="#t=\1">\g<0></a>', safe) if moves else safe)
 
 

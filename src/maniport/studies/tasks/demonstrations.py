@@ -1,0 +1,134 @@
+"""Motions and robots of the study, and the placement of a path that all methods share."""
+
+import os
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from maniport.arms import Arm, load_arm
+from maniport.arms.human import myoarm
+from maniport.errors import InvalidInputError, ManiportWarning, unknown_name
+from maniport.mocap import ArmFit, fit_arms, read_recording
+from maniport.motion.plan.roadmap import IN_PLACE, moved_to_positions
+from maniport.studies.paper.trajectories import human_arm, human_evaluation
+from maniport.util.sampling import evenly_spaced
+from maniport.util.validation import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """A motion of a human arm whose base frame is the trunk."""
+
+    name: str
+    arm: Arm
+    time: Array  # (n,) from 0 [s]
+    joint_angles: Array  # (n, 7)
+    held_out: bool = False
+
+
+@dataclass(frozen=True)
+class StudyRobot:
+    """A robot of the study, with the joints at which its chain has shoulder and elbow."""
+
+    name: str
+    ready: tuple[float, ...]  # usual configuration [rad]
+    elbow: int
+    shoulder: int = 2
+    held_out: bool = False
+
+
+ROBOTS = (
+    StudyRobot("panda", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 4),
+    StudyRobot("xarm7", (0.0, -0.247, 0.0, 0.909, 0.0, 1.156, 0.0), 4),
+    StudyRobot("ur5", (0.0, -1.571, 1.571, -1.571, -1.571, 0.0), 3),
+    StudyRobot("g1_right_arm", (0.2, -0.2, 0.0, 1.28, 0.0, 0.0, 0.0), 4, held_out=True),
+)
+"""The first configurations are those of Franka's MoveIt, and of MuJoCo Menagerie with the UR5 turned to the front."""
+
+HELD_OUT = ("ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 8")
+"""Motions that were never used while methods were tuned."""
+
+
+def demonstrations() -> Iterator[Demonstration]:
+    """Yield the motions that ship with the package or that it generates."""
+    for name, file, side in (("freeform", "freeform", "right"), ("left arm", "both-arms", "left"),
+                             ("ladder", "ladder", "right")):  # fmt: skip
+        yield from clips(name, recorded(file, side))
+    person = human_arm()
+    for name, path in human_evaluation().items():
+        path[:, 3] = np.maximum(path[:, 3], np.radians(5.0))  # force ellipsoids of a straight arm are unbounded
+        yield _demonstration(name, person, np.linspace(0.0, 5.0, len(path)), path)
+    person = myoarm()
+    for i in range(8):
+        yield _demonstration(f"reach {i + 1}", person, *reach(person, i))
+
+
+def recorded(file: str | os.PathLike[str], side: str = "auto") -> ArmFit:
+    """Fit an arm to a recording; differences of model and person are no matter here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ManiportWarning)
+        return fit_arms(read_recording(file), side=side).arms[0]
+
+
+def of_folder(folder: str | os.PathLike[str]) -> Iterator[Demonstration]:
+    """Yield the clips of all BVH recordings in a folder, one after the other by name."""
+    files = sorted(Path(folder).rglob("*.bvh"))
+    if not files:
+        raise InvalidInputError(f"recordings: {str(folder)!r} holds no file .bvh")
+    for file in files:
+        yield from clips(file.stem, recorded(file))
+
+
+def clips(name: str, fit: ArmFit, longest: float = 8.0) -> Iterator[Demonstration]:
+    """Cut a recording into equal clips of at most `longest` [s]."""
+    count = int(np.ceil((fit.time[-1] - fit.time[0]) / longest))
+    for i, rows in enumerate(np.array_split(np.arange(len(fit)), count), 1):
+        yield _demonstration(f"{name} {i}", fit.arm, fit.time[rows], fit.joint_angles[rows])
+
+
+def reach(arm: Arm, seed: int, duration: float = 6.0) -> tuple[Array, Array]:
+    """Generate times and angles of a motion through four random configurations with minimum jerk between them."""
+    generator = np.random.default_rng(1000 + seed)
+    middle, half = 0.5 * (arm.upper + arm.lower), 0.5 * (arm.upper - arm.lower)
+    points = middle + half * generator.uniform(-0.7, 0.7, (4, arm.dof))
+    time = np.linspace(0.0, duration, 121)
+    share, first = np.modf(np.minimum(3.0 * time / duration, 3.0 - 1e-9))
+    blend = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    i = first.astype(int)
+    return time, points[i] + blend[:, None] * (points[i + 1] - points[i])
+
+
+def _demonstration(name: str, arm: Arm, time: Array, joint_angles: Array, rate: float = 10.0) -> Demonstration:
+    """Resample a motion at a rate [Hz]."""
+    at = np.arange(0.0, time[-1] - time[0] + 1e-9, 1.0 / rate)
+    q = np.stack([np.interp(at, time - time[0], column) for column in joint_angles.T], axis=1)
+    return Demonstration(name, arm, at, q, name in HELD_OUT)
+
+
+def robot_of(name: str) -> StudyRobot:
+    """Return a robot of the study by name."""
+    by_name = {robot.name: robot for robot in ROBOTS}
+    if name not in by_name:
+        raise unknown_name("robot", name, by_name)
+    return by_name[name]
+
+
+def place(robot: StudyRobot, hand: Array, samples: Array) -> Array:
+    """Place the path of a hand (n, 3) in front of a robot, without regard to ellipsoids.
+
+    Trunk and base are parallel, the middle of the path is at the end effector of the ready configuration. The scale is
+    the largest of 1, 0.9, 0.81, ... at which configurations from `samples` (m, dof) reach all of the path.
+    """
+    arm, middle = load_arm(robot.name), 0.5 * (hand.min(axis=0) + hand.max(axis=0))
+    center, positions = arm.forward(np.array(robot.ready))[:3, 3], arm.forward(samples)[:, :3, 3]
+    for scale in 0.9 ** np.arange(30):
+        path = center + scale * (hand - middle)
+        rows = path[evenly_spaced(len(path), 24)]
+        near = np.argsort(np.linalg.norm(positions - rows[:, None], axis=2), axis=1)[:, :40]
+        _, error = moved_to_positions(arm, samples[near.ravel()], np.repeat(rows, 40, axis=0))
+        if np.all((error <= IN_PLACE).reshape(-1, 40).sum(axis=1) >= 20):
+            return np.asarray(path)
+    raise InvalidInputError(f"{robot.name!r} does not reach the path at any scale")
