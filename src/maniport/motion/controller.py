@@ -177,7 +177,8 @@ class Controller:
         gradient, damping = weight * (q - problem.posture.reference), np.full(dof, weight)  # of the posture
         hessian, later = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
         for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
-            parts = targets.linearize(q[None, columns], problem.differentials and problem.differentials[i])
+            differentials = None if problem.differentials is None else problem.differentials[i]
+            parts = targets.linearize(q[None, columns], differentials)
             block = (slice(None), slice(None)) if self._whole else (columns[:, None], columns)
             hessian[block] += parts.hessian[0]
             gradient[block[1]] += parts.gradient[0]
