@@ -39,7 +39,7 @@ def main(folder):
 
     fits = {
         "parallel transport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
-        "ICP": mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student),
+        "ICP": mp.RiemannianICP(damping=0.01).fit(teacher, student),
         "base_rotation known": mp.ParallelTransport(damping=0.01, base_rotation=WALL).fit(teacher, student),
     }
     for name, adapter in fits.items():

@@ -18,7 +18,7 @@ import numpy as np
 import maniport as mp
 factors = np.random.default_rng(0).normal(size=(60, 3, 5))
 clouds = factors @ np.swapaxes(factors, 1, 2)
-mp.RiemannianICP(random_state=0).fit(clouds, 2.0 * clouds).transform(clouds)
+mp.RiemannianICP().fit(clouds, 2.0 * clouds).transform(clouds)
 print([name for name in ("sklearn", "scipy.stats") if name in sys.modules])
 """
 
@@ -33,7 +33,7 @@ class Nested(Estimator):
     "estimator",
     [
         mp.ParallelTransport(base_rotation=np.eye(3), damping=0.1),
-        mp.RiemannianICP(random_state=3),
+        mp.RiemannianICP(),
         mp.ProfileGMM(n_components=2),
         Nested([Nested(), {"a": Nested(count=7)}], 4),
     ],

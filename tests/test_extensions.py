@@ -103,7 +103,7 @@ def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, 
 
 def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
     """ICP takes a correspondence as an object; one that looks at lengths alone finds the turn between copies."""
-    method = mp.RiemannianICP(damping=0.01, correspondence=SpectrumCorrespondence(), random_state=0)
+    method = mp.RiemannianICP(damping=0.01, correspondence=SpectrumCorrespondence())
     mp.transfer_recording(moment, method=method, move=False, **SMALL)
     robot = mp.load_arm("panda")
     student = mp.sample_domain(robot, 200, random_state=0)

@@ -1,6 +1,7 @@
 """What the project says of itself in several files is the same: versions, dependencies, systems."""
 
 import re
+import runpy
 import tomllib
 from importlib.metadata import metadata
 from pathlib import Path
@@ -68,3 +69,9 @@ def test_the_lock_is_up_to_date():
     files = [file for package in lock["package"] for file in (package.get("sdist"), *package.get("wheels", ())) if file]
     assert {urlsplit(file["url"]).netloc for file in files} == {"files.pythonhosted.org"}
     assert all(file["hash"].startswith("sha256:") for file in files)
+
+
+def test_no_file_and_no_function_is_too_long():
+    """Files of the package have at most 320 lines, functions at most 80 without docstring."""
+    count = runpy.run_path(str(ROOT / "scripts" / "count_lines.py"))
+    assert list(count["too_long"](count["PACKAGE"])) == []

@@ -65,19 +65,6 @@ def test_terms_agree_with_pinocchio(arm):
     assert np.abs(other.gravity_torques(other.sample(3, 0)) - arm.gravity_torques(arm.sample(3, 0))).max() > 1.0
 
 
-def test_changes_are_finite_differences(arm):
-    """Derivatives of both terms agree with central differences, and shapes with those of configurations."""
-    q, step = arm.sample(6, 0), 1e-5
-    terms = arm._kinematics.dynamics(q, changes=True)
-    for k, shift in enumerate(step * np.eye(arm.dof)):
-        ahead, behind = arm._kinematics.dynamics(q + shift), arm._kinematics.dynamics(q - shift)
-        scale = np.abs(terms.inertia).max()
-        gravity, inertia = ((a - b) / (2 * step) for a, b in zip(ahead[::2], behind[::2], strict=True))
-        assert_allclose(terms.gravity_changes[:, :, k], gravity, atol=1e-7 * scale)
-        assert_allclose(terms.inertia_changes[:, k], inertia, atol=1e-7 * scale)
-    assert arm.gravity_torques(q.reshape(2, 3, -1)).shape == (2, 3, arm.dof)
-
-
 def test_restricted_chains_keep_their_masses():
     """Locked joints, another end effector and another base leave the torques of a robot at rest as they are."""
     arm = heavy(load_arm("panda"))

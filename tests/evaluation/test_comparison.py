@@ -29,7 +29,7 @@ def problem(make_cloud, turn_about):
 def evaluation(problem):
     """The comparison of an ICP that can find the truth."""
     teacher, student, profile, truth = problem
-    adapter = RiemannianICP(random_state=0).fit(teacher, student)
+    adapter = RiemannianICP().fit(teacher, student)
     return evaluate(adapter, teacher, student, profile, truth=truth)
 
 

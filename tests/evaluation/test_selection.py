@@ -48,7 +48,7 @@ def test_a_bad_length_field_is_not_chosen(chosen):
 )
 def test_every_check_can_fail(worse):
     """Each measure beyond its limit fails by itself."""
-    good = FieldReport(100, 0.0, 0.0, 0.0, 1.0, 0.8, 1.0, 0.0, moved_axes=0.05, reversing=0.1, nonmonotone=0.03)
+    good = FieldReport(100, 0.0, 0.0, 0.8, 0.0, moved_axes=0.05, reversing=0.1, nonmonotone=0.03)
     assert good.failures() == ()
     assert len(replace(good, **worse).failures()) == 1
 

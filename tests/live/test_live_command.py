@@ -58,6 +58,7 @@ def test_every_line_is_answered(live, recorded, small_result):
     assert rest[-1]["state"] == "holding"
     assert f"{len(time)} frames answered, 0 skipped (newer frames available), 1 invalid" in err
     assert "99.9 %" in err
+    assert "of the person's motion" in err
     code, (_, answer, *_), err = live(path, lines=lines)
     assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)
     assert "--no-drop" in err

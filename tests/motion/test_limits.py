@@ -1,5 +1,7 @@
 """Hard limits of a control step: braking and collisions."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -51,9 +53,11 @@ def clearance_of(collisions, q):
 class NoTargets:
     """Targets of an arm without a cost."""
 
-    def linearize(self, q):
+    def linearize(self, q, differentials=None):
         """No cost."""
-        return Linearization(np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None])
+        return Linearization(
+            np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None], np.zeros((1, 6, 7))
+        )
 
 
 def moved(arm, limit, start, goal, acceleration=10.0):
@@ -61,7 +65,7 @@ def moved(arm, limit, start, goal, acceleration=10.0):
     braking = BrakingLimit(arm.lower, arm.upper, 0.5 * arm.velocity_limits, np.full(7, acceleration))
     driver, state, path = Controller(arm, braking, limit), ControlState.at_rest(start), []
     for _ in range(150):
-        state = driver.step(ControlProblem((NoTargets(),), (None,), PostureCost(goal, 1.0)), state, 0.02)
+        state = driver.step(ControlProblem((NoTargets(),), PostureCost(goal, 1.0)), state, 0.02)
         path.append(state.q)
     return np.array(path)
 
@@ -97,3 +101,65 @@ def test_wrong_arguments_of_collision_limits_are_errors(hand):
     ):
         with pytest.raises(InvalidInputError, match=words):
             CollisionLimit(model, **options)
+
+
+class OneAxis:
+    """Target positions of the end effector that is moved along x by the first joint, as in `Targets`."""
+
+    positions, objective = np.array([[1.0, 0.0, 0.0]]), SimpleNamespace(position_weight=200.0)
+
+    def linearize(self, q, differentials=None):
+        """Cost (200 (q₀ − 1))² of the first joint, which moves the end effector by 1 m/rad."""
+        jacobian, offset = np.zeros((1, 6, 7)), q[:, 0] - 1.0
+        jacobian[0, 0, 0] = 1.0
+        slope = 200.0 * jacobian[:, 0]
+        square, gradient = (200.0 * offset) ** 2, 200.0 * offset * slope
+        return Linearization(
+            np.zeros(1), square, gradient, slope[:, :, None] @ slope[:, None], np.eye(4)[None], jacobian
+        )
+
+
+def approached(horizon, limits=(), steps=150):
+    """Velocity and position of a joint that accelerates by at most 2/s² and goes from 0 to 1 by steps of 0.01 s."""
+    braking = BrakingLimit(np.full(7, -9.0), np.full(7, 9.0), np.full(7, 5.0), np.full(7, 2.0))
+    driver, state, states = Controller(load_arm("panda"), braking, limits=limits), ControlState.at_rest(np.zeros(7)), []
+    later = np.repeat(OneAxis.positions, len(horizon), axis=0)
+    for _ in range(steps):
+        problem = ControlProblem((OneAxis(),), PostureCost(np.zeros(7), 1e-3), 0.0, None, horizon, (later,))
+        states.append(state := driver.step(problem, state, 0.01))
+    return states
+
+
+def test_a_horizon_brakes_before_the_target():
+    """Without a horizon the end effector passes the target at full speed, with a long one hardly at all."""
+    without, short, long = (
+        np.array([state.q[0] for state in approached(horizon, steps=300)])
+        for horizon in ((), (0.05, 0.1), (0.1, 0.2, 0.4))
+    )
+    assert without.max() > 1.5
+    assert 1.0 < short.max() < without.max() - 0.3
+    assert long.max() < 1.1
+    for q in (short, long):
+        assert np.abs(np.diff(q, 2)).max() <= 2.0 * 0.01**2 + 1e-12
+
+
+def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
+    """A wall that appears before a moving arm: it brakes as its accelerations allow, and each such step is reported."""
+
+    class Wall:
+        at = np.inf
+
+        def inequalities(self, q, dt):
+            return np.eye(7)[:1], np.minimum([self.at - q[0]], 1e6)
+
+    wall = Wall()
+    states = approached((0.05, 0.1), (wall,), steps=60)
+    assert all(state.solved for state in states)
+    braking = BrakingLimit(np.full(7, -9.0), np.full(7, 9.0), np.full(7, 5.0), np.full(7, 2.0))
+    driver, state, wall.at = Controller(load_arm("panda"), braking, limits=(wall,)), states[-1], states[-1].q[0] + 0.01
+    later = np.repeat(OneAxis.positions, 2, axis=0)
+    problem = ControlProblem((OneAxis(),), PostureCost(np.zeros(7), 1e-3), 0.0, None, (0.05, 0.1), (later,))
+    for _ in range(20):
+        last, state = state, driver.step(problem, state, 0.01)
+        assert not state.solved
+        assert state.velocity[0] == pytest.approx(last.velocity[0] - 0.02)

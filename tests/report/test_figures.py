@@ -37,6 +37,8 @@ def test_curves_are_the_numbers_of_the_profile(motion):
     np.testing.assert_allclose(values[np.isfinite(values)], lengths(profile)[:, -1])
     assert np.flatnonzero(np.isnan(values)).tolist() == [len(time) // 2]
     assert figure.axes[0].get_title(loc="left") == "Longest semi-axis [N]"
+    with pytest.raises(InvalidInputError):
+        figures.curves(time, {"robot": profile})
 
 
 def test_arms_have_one_scale_and_share_a_panel(motion):

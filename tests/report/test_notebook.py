@@ -36,7 +36,7 @@ def test_texts_are_escaped():
 
 
 def test_the_prompt_of_an_adapter_makes_it_again():
-    icp = mp.RiemannianICP(damping=0.01, random_state=0, n_starts=2)
+    icp = mp.RiemannianICP(damping=0.01, n_starts=2)
     again = eval(repr(icp), {"RiemannianICP": mp.RiemannianICP})
     assert again.get_params() == icp.get_params()
     assert repr(again) == repr(clone(icp))

@@ -251,9 +251,9 @@ def test_wrong_arguments_are_refused_before_work(tmp_path, monkeypatch):
         run.study_tasks(tmp_path / "x", robots=["toaster"])
     with pytest.raises(InvalidInputError):
         list(of_folder(tmp_path))
-    for options in (["tasks", "--score", "a.csv"], ["toy", "--quick"], ["tasks", "--figures"]):
+    for options in (["tasks", "--score", "a.csv"], ["toy", "--quick"]):
         assert CliRunner().invoke(app, ["reproduce", *options]).exit_code != 0
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
-    with pytest.raises(MissingPackageError, match=r"maniport\[tasks\]"):
+    with pytest.raises(MissingPackageError, match=r"maniport\[simulate\]"):
         run.study_tasks(tmp_path / "x")
     assert not (tmp_path / "x").exists()

@@ -19,7 +19,7 @@ TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 ADAPTERS = [
     mp.ParallelTransport(),
     mp.ParallelTransport(damping=0.01, base_rotation=TURN),
-    mp.RiemannianICP(damping=np.float64(0.1), random_state=np.int64(7), n_starts=0, most_singular=8),
+    mp.RiemannianICP(damping=np.float64(0.1), n_starts=0, most_singular=8),
     *(mp.RiemannianICP(correspondence=name, require_improvement=False) for name in CORRESPONDENCES),
     mp.LengthField(n_rounds=2),
     mp.NearestNeighbor(damping=0.05, n_samples=9),

@@ -39,7 +39,7 @@ def test_exact_map_is_recovered(kind, random_map):
     ellipsoids = panda.manipulability(panda.sample(70, rng, sequence="uniform"))
     teacher, new = ellipsoids[:60], ellipsoids[60:]
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(random_state=0, correspondence=kind)
+    adapter = mp.RiemannianICP(correspondence=kind)
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert np.all(spd.distance(adapter.transform(new), truth.apply(new)) < 1e-6)
     assert adapter.converged_

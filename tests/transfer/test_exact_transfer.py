@@ -23,7 +23,7 @@ def test_toy_of_the_paper(d, seed, most_singular, random_spd, random_map):
         ellipsoids = panda.manipulability(panda.sample(110, rng, sequence="uniform"))
     teacher, new = ellipsoids[:100], ellipsoids[100:]
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(random_state=seed, most_singular=most_singular)
+    adapter = mp.RiemannianICP(most_singular=most_singular)
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert np.sqrt(np.mean(spd.distance(adapter.transform(new), truth.apply(new)) ** 2)) < 1e-6
     assert adapter.converged_
@@ -40,11 +40,10 @@ def unequal(random_spd):
 def test_best_iterate_is_kept(unequal):
     """The cost is the lowest of the history, and never above the one at parallel transport's start."""
     start = mp.RiemannianICP(n_starts=0, require_improvement=False).fit(*unequal)
-    for seed in range(5):
-        adapter = mp.RiemannianICP(random_state=seed, require_improvement=False).fit(*unequal)
-        assert adapter.cost_ == adapter.history_.min()
-        assert adapter.cost_ <= start.cost_ <= start.history_[0]
-        assert adapter.stop_reason_
+    adapter = mp.RiemannianICP(require_improvement=False).fit(*unequal)
+    assert adapter.cost_ == adapter.history_.min()
+    assert adapter.cost_ <= start.cost_ <= start.history_[0]
+    assert adapter.stop_reason_
 
 
 def test_start_is_respected(unequal, random_rotation):

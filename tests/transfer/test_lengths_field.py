@@ -155,15 +155,13 @@ def test_a_projector_that_searches_is_told_the_damping_and_asked_for_ways(domain
     assert free.cost_ < adapter.cost_ < 0.5 * adapter.history_[0]
 
 
-def test_the_report_says_what_the_field_does(fitted, random_spd):
-    """Gap, what lengths are moved by and the singular value are those of the images."""
+def test_the_report_has_the_gaps_of_the_images(fitted, random_spd):
+    """Their mean and 95th percentile are distances to the feasible set."""
     points = random_spd(np.random.default_rng(13), 40, 3, 30.0)
-    field, images = fitted[3]._field(), fitted[3].transform(points)
-    report = reported(field, Samples(field, points, bounded, 0.0), 0)
+    images = fitted[3].transform(points)
+    report = reported(fitted[3]._field(), Samples(fitted[3]._field(), points, bounded, 0.0), 0)
     gaps = spd.distance(images, bounded(images))
     assert_allclose([report.gap, report.gap_p95], [gaps.mean(), np.percentile(gaps, 95)], rtol=1e-6)
-    assert report.moved == pytest.approx(spd.distance(field.unscaled().apply(points), images).mean())
-    assert report.singular_value == pytest.approx(singular_values(fitted[3], points).min())
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_copies_are_found_and_taken(n, m, shared, noise, seeds, random_rotation)
     """With half or more of the smaller cloud shared, the fit ends at the rotation of the copies, whoever starts it."""
     for seed in range(seeds):
         teacher, student, turn = copies(seed, n, m, shared, noise, random_rotation)
-        adapter = mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student)
+        adapter = mp.RiemannianICP(damping=0.01).fit(teacher, student)
         assert not adapter.start_kept_
         assert np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 8.0  # the means differ, each having its strangers
 
@@ -43,8 +43,8 @@ def test_full_copies_with_noise_are_called_determined(random_rotation):
     teacher, student, turn = copies(0, 3000, 3000, 3000, 0.03, random_rotation)
     with warnings.catch_warnings():
         warnings.simplefilter("error", IdentifiabilityWarning)
-        adapter = mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student)
-    assert np.sqrt(np.mean(adapter.errors(teacher, turn @ teacher @ turn.T) ** 2)) < 0.05
+        adapter = mp.RiemannianICP(damping=0.01).fit(teacher, student)
+    assert np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 3.0
 
 
 def test_independent_draws_of_such_clouds_are_called_open(random_rotation):
@@ -52,5 +52,5 @@ def test_independent_draws_of_such_clouds_are_called_open(random_rotation):
     for seed in range(4):
         teacher, student, _ = copies(seed, 300, 300, 0, 0.0, random_rotation)
         with pytest.warns(IdentifiabilityWarning, match="about any axis"):
-            adapter = mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student)
+            adapter = mp.RiemannianICP(damping=0.01).fit(teacher, student)
         assert adapter.start_kept_

@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport import spd
+from maniport.spd.kernels import release
 from maniport.spd.kernels.loops import KAPPA
-from maniport.spd.regularization import damped_again, released
+from maniport.spd.regularization import damped_again
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
@@ -102,7 +103,7 @@ def test_released_damping_is_added_again(seed, random_singular):
 def test_nearly_all_damping_is_released(epsilon):
     """Of what carries the damping nearly all of it comes off."""
     values = epsilon * np.logspace(0.001, 6, 25)
-    images = released(np.eye(3) * values[:, None, None], epsilon)
+    images = release(np.eye(3) * values[:, None, None], epsilon)
     assert_allclose(damped_again(images, epsilon)[:, 0, 0], values, rtol=3e-14)
     lost = (values - images[:, 0, 0]) / epsilon
     assert np.all((lost > 1.0 - np.sqrt(KAPPA)) & (lost < 1.0 - KAPPA + 1e-9))

@@ -31,7 +31,6 @@ BROKEN[1, 2, 2] = np.nan
         ("icp", {"most_singular": 1}, "most_singular"),
         ("icp", lambda: {"correspondence": EllipsoidCorrespondence(exponent="large")}, "exponent"),
         ("icp", lambda: {"correspondence": EllipsoidCorrespondence(exponent=-1)}, "exponent"),
-        ("icp", {"random_state": "today"}, "random_state"),
         ("length-field", {"n_samples": 1}, "^n_samples must be .*; found 1"),
         ("length-field", {"n_centers": 0}, "^n_centers must be .*; found 0"),
         ("length-field", {"n_centers": 500}, "^n_centers must be at most the number of samples, .*; found 500"),

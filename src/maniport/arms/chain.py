@@ -6,7 +6,6 @@ offset``. That covers the shoulder girdle of the human arm, the mimic joints of 
 """
 
 import json
-import zipfile
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -18,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.errors import FileFormatError, InvalidInputError
+from maniport.errors import InvalidInputError
 from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers, as_rotation
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
@@ -269,14 +268,11 @@ def read_embedded(name: str, without: Collection[str] = ()) -> Chain:
 
 def read_shapes(path: Path, links: Collection[str]) -> list[Shape]:
     """Read the shapes of some links; points are stored on a grid of 65 536 steps."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            shapes = []
-            for i, link in enumerate(data["links"].tolist()):
-                if link in links:
-                    *corner, step = data[f"grid_{i}"]
-                    points = np.array(corner) + step * data[f"points_{i}"]
-                    shapes.append(Shape(link, (points, data[f"triangles_{i}"].astype(np.int32))))
-            return shapes
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"{path}: has no shapes of links: {error}") from None
+    shapes = []
+    with np.load(path, allow_pickle=False) as data:
+        for i, link in enumerate(data["links"].tolist()):
+            if link in links:
+                *corner, step = data[f"grid_{i}"]
+                points = np.array(corner) + step * data[f"points_{i}"]
+                shapes.append(Shape(link, (points, data[f"triangles_{i}"].astype(np.int32))))
+    return shapes

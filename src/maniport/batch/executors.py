@@ -17,7 +17,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from maniport.errors import ManiportError
 from maniport.util.optional import distributed, ray
-from maniport.util.signals import end_with_parent
+from maniport.util.process import end_with_parent
 
 T = TypeVar("T")
 Work = Callable[[Any], Any]

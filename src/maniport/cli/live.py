@@ -7,6 +7,7 @@ import socket
 import sys
 import threading
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,11 +16,14 @@ from maniport.cli.application import RECORDING, command
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import LIVE, Config
 from maniport.report.console import Console
-from maniport.util.ports import LOOPBACK, is_loopback
-from maniport.util.signals import ending_in_order
+from maniport.util.optional import how_to_install
+from maniport.util.process import LOOPBACK, ending_in_order, is_loopback
 
 if TYPE_CHECKING:
+    from maniport.arms import Arm
+    from maniport.live import Live
     from maniport.live.transport import Datagrams, Pipe
+    from maniport.mocap import Recording
 
 
 def _transport(help: str, *flags: str) -> Any:
@@ -40,6 +44,7 @@ def live(
     no_drop: Annotated[
         bool, _transport("Process every frame in order; otherwise skip to the newest.", "--no-drop")
     ] = False,
+    simulate: Annotated[bool, _transport("Play the recording to a simulated robot.", "--simulate")] = False,
 ) -> None:
     """Follow a moving person: points in, joint positions out.
 
@@ -53,16 +58,23 @@ def live(
     from maniport.live.serving import Server
     from maniport.pipeline.transfer import settings_of, transfer_recording
 
+    if simulate and (no_drop or (udp, host, send) != (None, LOOPBACK, None)):
+        raise InvalidInputError("--simulate takes the frames of the recording; leave out all options of the transport")
     with console.progress() as progress:
         settings = settings_of(config, progress)
-        transport = _opened(udp, host, send)  # ports that cannot be opened are reported before any long work
+        transport = (
+            None if simulate else _opened(udp, host, send)
+        )  # ports that cannot be opened are reported before any long work
         motion = config.human.read(recording)
         for text in motion.quality_warnings:
             console.warn(text)
         result = transfer_recording(motion, settings)
-        follower = Live.of(result, progress=progress)
+        follower = Live.of(result, progress=progress, clock=None if transport is None else monotonic)
     if (placement := result.arms[0].placement) is not None:
         console.print(f"Scale {placement.scale:.2f} of the person's motion")
+    if transport is None:
+        _simulate(console, follower, result.arms[0].fit.arm, motion)
+        return
     if udp is not None and not is_loopback(host):
         console.warn("the port accepts frames from other machines, which can move the robot")
     stop, signal = socket.socketpair()
@@ -76,6 +88,40 @@ def live(
     console.print(str(summary))
     if udp is None and summary.skipped > summary.answered:
         console.warn("most frames were skipped, since they arrived faster than recorded; --no-drop processes all")
+
+
+def _simulate(console: Console, live: "Live", person: "Arm", recording: "Recording") -> None:
+    """Play a recording to a simulated robot: again and again in the 3D view until Ctrl-C, or once without it."""
+    from importlib.util import find_spec
+
+    from maniport.arms import as_group
+    from maniport.live.simulation import Simulation
+
+    simulation, frames, page = Simulation(live), recording.select(live.points), None
+    if find_spec("viser") is None or len(as_group(live.robot)) > 1:
+        console.warn("the 3D view needs " + ("robots of one arm" if find_spec("viser") else how_to_install("view")))
+    else:
+        from maniport.viewer.server import Onlooker
+
+        page = Onlooker(person, live.robot)
+        console.print(f"{page.url}  (Ctrl-C ends it)")
+    stop, begin, pause = threading.Event(), monotonic(), 1.0
+    try:
+        with ending_in_order(stop.set):
+            while True:
+                for points, t in zip(frames.positions, frames.time - frames.time[0], strict=True):
+                    if stop.wait(0.0 if page is None else max(begin + t - monotonic(), 0.0)):
+                        break
+                    state = simulation.step(points, begin + t)
+                    if page is not None:
+                        page.show(state)
+                console.print(str(simulation))
+                if page is None or stop.wait(pause):
+                    return
+                begin += frames.duration + pause
+    finally:
+        if page is not None:
+            page.stop()
 
 
 def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":

@@ -18,7 +18,8 @@ HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 
 
-@command("transfer", "motion", "seed", example="maniport demo;  maniport demo ladder -o on-the-ladder")
+@command("transfer", "motion", "payload", "payload_center", "seed",
+         example="maniport demo;  maniport demo ladder -o on-the-ladder")  # fmt: skip
 def demo(
     config: Config,
     console: Console,
@@ -87,7 +88,7 @@ def batch(
     """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
     from maniport.batch.table import PAGE, failures
-    from maniport.util.signals import ending_in_order, interrupt
+    from maniport.util.process import ending_in_order, interrupt
 
     config = config.changed(recording=recordings) if recordings else config
     options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}

@@ -16,7 +16,6 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
 from maniport.transfer import DomainAdapter
-from maniport.transfer.length_field.fit import AXIS_MOVED
 from maniport.util.sampling import evenly_spaced, rank_correlation
 from maniport.util.validation import Array, as_count, as_finite, as_points
 
@@ -79,13 +78,10 @@ class DistancePreservation:
         Rank correlation of the pairwise distances; zero where all are mapped to one ellipsoid.
     major_axis_angle : float or None
         Median angle between the longest axes of both [degrees]. None where no axis is distinct.
-    major_axis_moved : float or None
-        Fraction of the ellipsoids with distinct longest axes in which that angle exceeds 10°.
     """
 
     rank_correlation: float
     major_axis_angle: float | None = None
-    major_axis_moved: float | None = None
 
 
 def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
@@ -160,9 +156,7 @@ def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: i
         )
     angles, varied = axis_angles(images, own, -1), np.ptp(mapped_distances) > STILL
     rank = rank_correlation(mapped_distances, original_distances) if varied else 0.0
-    if not len(angles):
-        return DistancePreservation(rank)
-    return DistancePreservation(rank, float(np.median(angles)), float(np.mean(angles > AXIS_MOVED)))
+    return DistancePreservation(rank, float(np.median(angles)) if len(angles) else None)
 
 
 def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -> float:

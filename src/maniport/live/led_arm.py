@@ -17,6 +17,7 @@ class Target(NamedTuple):
 
     ellipsoid: Array  # (d, d)
     position: Array | None  # (3,), of the end effector [m]
+    velocity: Array | None = None  # (3,), of the position between the last two frames [m/s]
 
 
 class LedArm:
@@ -48,7 +49,7 @@ class LedArm:
 
     def update(self, positions: Array, now: float, hold_after: float, resting: bool) -> bool:
         """Update estimate and target with a frame; False where the arm is not seen in it, or jumps."""
-        directions, before = self.person.directions(positions[self._rows]), self.estimate
+        directions, before, last = self.person.directions(positions[self._rows]), self.estimate, self.target
         dt = now - self._last_seen
         if directions is None or (before is not None and self.person.jumps(before, directions, dt)):
             return False
@@ -59,10 +60,13 @@ class LedArm:
             if self.person.is_too_fast(before, estimate, dt):
                 return False
         try:
-            self.demonstrated, self.target = self.target_of(estimate.q)
+            self.demonstrated, target = self.target_of(estimate.q)
         except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
             return False
         self.estimate, self._last_seen = estimate, now
+        if last is not None and last.position is not None and target.position is not None and dt <= hold_after:
+            target = target._replace(velocity=(target.position - last.position) / dt)
+        self.target = target
         return True
 
     def target_of(self, angles: Array) -> tuple[Array, Target]:

@@ -274,10 +274,10 @@ class Live:
         achieved, position = self._robot.achieved[index], self._robot.positions[index]
         if arm.estimate is None or arm.target is None:
             return LiveArm(achieved, position)
-        target, wanted = arm.target
+        target, wanted, _ = arm.target
         error = None if wanted is None else math.dist(position, wanted)
         distance = self._robot.distance(index, target)
-        return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, distance, error)
+        return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, wanted, distance, error)
 
 
 def _of_each(name: str, value: Any, kind: Any, count: int) -> tuple[Any, ...]:

@@ -34,10 +34,12 @@ class LiveArm:
     demonstrated, target : ndarray, shape (d, d), or None
         The person's ellipsoid in the trunk frame, and the target in the robot's base frame; that of velocity also where
         forces were transferred.
+    target_position : ndarray, shape (3,), or None
+        Target of the end effector in the base frame [m]; None without a path.
     distance : float or None
         Affine-invariant distance of target and achieved ellipsoid, with the damping.
     position_error : float or None
-        Distance of the end effector from the target of the path [m]; None without a path.
+        Distance of the end effector from that target [m]; None without a path.
     """
 
     achieved: Array
@@ -45,6 +47,7 @@ class LiveArm:
     person: Array | None = None
     demonstrated: Array | None = None
     target: Array | None = None
+    target_position: Array | None = None
     distance: float | None = None
     position_error: float | None = None
 

@@ -8,7 +8,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from maniport.errors import InvalidInputError, OutputError
 from maniport.util.input_limits import FRAME_BYTES
-from maniport.util.ports import LAST_PORT, LOOPBACK, bound
+from maniport.util.process import LAST_PORT, LOOPBACK, bound
 from maniport.util.validation import as_count
 
 

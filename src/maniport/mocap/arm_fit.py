@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from maniport.arms import Arm
-from maniport.mocap.recording import Bools, frames_between
+from maniport.mocap.recording import Bools
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 
@@ -88,18 +88,8 @@ class ArmFit(NotebookDisplay):
     def __repr__(self) -> str:
         return f"ArmFit({self.arm.name!r}, {self.summary})"
 
-    def crop(self, start: float | None = None, stop: float | None = None) -> "ArmFit":
-        """Keep the frames with start ≤ time ≤ stop [s]; statistics over all frames are not computed again.
-
-        Raises
-        ------
-        InvalidInputError
-            When no frame lies in that interval.
-        """
-        return self.only(frames_between(self.time, start, stop))
-
     def only(self, keep: NDArray[Any]) -> "ArmFit":
-        """Keep some of the frames, by a mask or by their indices; otherwise as `crop`."""
+        """Keep some of the frames, by a mask or by their indices; statistics over all frames are not computed again."""
         twists = {segment: twist[keep] for segment, twist in self.twist_residual.items()}
         per_frame = ("joint_angles", "time", "frames", "residual", "beyond_limit")
         return replace(self, twist_residual=twists, **{name: getattr(self, name)[keep] for name in per_frame})
@@ -233,9 +223,9 @@ class HumanMotion(NotebookDisplay):
         lengths = np.linalg.norm(np.diff(self.hands, axis=1), axis=-1).sum(axis=1)
         return self.arms[int(np.argmax(lengths))].repetitions()
 
-    def crop(self, start: float | None = None, stop: float | None = None) -> "HumanMotion":
-        """Keep the frames with start ≤ time ≤ stop [s] of all arms; see `ArmFit.crop`."""
-        return replace(self, arms=tuple(fit.crop(start, stop) for fit in self.arms))
+    def only(self, keep: NDArray[Any]) -> "HumanMotion":
+        """Keep some of the frames of all arms, by a mask or by their indices; see `ArmFit.only`."""
+        return replace(self, arms=tuple(fit.only(keep) for fit in self.arms))
 
 
 def _along(hand: Array) -> Array:

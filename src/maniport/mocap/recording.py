@@ -123,7 +123,14 @@ class Recording(NotebookDisplay):
         InvalidInputError
             When no frame lies in that interval.
         """
-        keep = frames_between(self.time, start, stop)
+        low = self.time[0] if start is None else as_number(start, "start")
+        high = self.time[-1] if stop is None else as_number(stop, "stop")
+        keep = (self.time >= low) & (self.time <= high)
+        if not keep.any():
+            raise InvalidInputError(
+                f"start, stop: no frame lies between {low:g} and {high:g} s; "
+                f"the recording runs from {self.time[0]:g} to {self.time[-1]:g} s"
+            )
         quality_warnings = self.quality_warnings
         tolerance = 1.5 / self.rate if len(self) > 1 else 0.0  # the end of the last frame, or its rounding
         if stop is not None and stop > self.time[-1] + tolerance:
@@ -136,7 +143,7 @@ class Recording(NotebookDisplay):
     def fill_gaps(self, longest: float = LONGEST_GAP) -> "Recording":
         """Interpolate gaps up to `longest` seconds (Akima's spline); longer ones and both ends stay missing.
 
-        A gap lasts from the last frame before it to the first frame after it; `notes` reports all gaps.
+        A gap lasts from the last frame before it to the first frame after it.
         """
         longest = as_number(longest, "longest [s]", minimum=0.0)
         positions = self.positions.copy()
@@ -145,12 +152,10 @@ class Recording(NotebookDisplay):
             missing = np.isnan(positions[:, index, 0])
             if missing.all():
                 continue
-            short: list[tuple[int, int]] = []
-            long: list[tuple[int, int]] = []
-            for start, stop in runs_of(missing):
-                inside = start > 0 and stop < len(self)
-                is_short = inside and self.time[stop] - self.time[start - 1] <= longest * (1 + 1e-9)
-                (short if is_short else long).append((start, stop))
+            short = [
+                (start, stop) for start, stop in runs_of(missing) if start > 0 and stop < len(self)
+                and self.time[stop] - self.time[start - 1] <= longest * (1 + 1e-9)
+            ]  # fmt: skip
             if short:
                 times, values = self.time[~missing], positions[~missing, index]
                 # Akima's spline needs more than two points.
@@ -160,24 +165,8 @@ class Recording(NotebookDisplay):
                 for start, stop in short:
                     positions[start:stop, index] = spline(self.time[start:stop])
                 frames = sum(stop - start for start, stop in short)
-                notes.append(f"{name}: {_count(short)} of up to {longest:g} s interpolated ({frames} frames)")
-            if long:
-                where = ", ".join(f"{self.time[a]:.2f}–{self.time[b - 1]:.2f} s" for a, b in long)
-                notes.append(f"{name}: {_count(long)} left missing ({where})")
+                notes.append(f"{name}: gaps of up to {longest:g} s interpolated ({frames} frames)")
         return replace(self, positions=positions, notes=(*self.notes, *notes))
-
-
-def frames_between(time: Array, start: float | None, stop: float | None) -> Bools:
-    """Mark times from `start` to `stop` [s], or to the ends; `InvalidInputError` where there are none."""
-    low = time[0] if start is None else as_number(start, "start")
-    high = time[-1] if stop is None else as_number(stop, "stop")
-    keep = (time >= low) & (time <= high)
-    if not keep.any():
-        raise InvalidInputError(
-            f"start, stop: no frame lies between {low:g} and {high:g} s; "
-            f"the recording runs from {time[0]:g} to {time[-1]:g} s"
-        )
-    return np.asarray(keep)
 
 
 def runs_of(flags: Bools) -> list[tuple[int, int]]:
@@ -224,7 +213,3 @@ def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
         raise InvalidInputError(f"positions must be within ±{MAX_POSITION:g} m; found {farthest:g} m from the origin")
     positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
     return positions
-
-
-def _count(runs: list[tuple[int, int]]) -> str:
-    return f"{len(runs)} gap{'s' if len(runs) > 1 else ''}"

@@ -7,6 +7,10 @@ With the costs f(q) = Σ |r(q)|² linearized at the present configuration, the d
 within the limits. d is the distance of an arm's ellipsoid to its target and λ the Levenberg-Marquardt damping. An arm
 whose path is out of reach moves calmly by the damping μ = w_p² R e, with the weight w_p of position errors, the reach R
 of the arm, and the distance e of the end effector from its previous target.
+
+With a horizon, velocities are planned in further intervals, too: the cost is the mean of those at the ends of all
+intervals, with the same linearization, and limits of velocity and acceleration hold throughout. So an arm whose
+accelerations are limited brakes in time. Only the velocities of the first interval are used.
 """
 
 import math
@@ -38,7 +42,8 @@ class ControlState:
     dt : float, optional
         Duration of the last step [s]; None before the first step.
     solved : bool
-        False if the last step had no collision-free solution and the arm braked.
+        False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were
+        violated as little as possible, or the arm braked if this would have led to a collision.
     """
 
     q: Array
@@ -60,18 +65,27 @@ class ControlProblem:
     ----------
     targets : tuple of Targets
         Targets of each arm, one row.
-    previous_positions : tuple of ndarray, shape (3,), or None
-        Target positions of each arm in the last step [m].
     posture : PostureCost
         Reference configuration.
     time : float
         Time of further costs [s].
+    previous_positions : tuple of ndarray, shape (3,), or None
+        Target positions of each arm in the last step [m]; None for no damping by the position error.
+    horizon : tuple of float
+        Durations of h intervals after the step for which velocities are planned, too [s].
+    predicted_positions : tuple of ndarray, shape (h, 3), or None
+        Target positions of each arm at the ends of these intervals [m].
+    differentials : tuple, optional
+        `Objective.differentials` of each arm at the present configuration. Default: computed.
     """
 
     targets: tuple[Targets, ...]
-    previous_positions: tuple[Array | None, ...]
     posture: PostureCost
     time: float = 0.0
+    previous_positions: tuple[Array | None, ...] | None = None
+    horizon: tuple[float, ...] = ()
+    predicted_positions: tuple[Array | None, ...] = ()
+    differentials: tuple[tuple[Array, Array, Array, Array], ...] | None = None
 
 
 class Controller:
@@ -104,24 +118,26 @@ class Controller:
         self.braking, self.collisions, self.lm_damping = braking, collisions, lm_damping
         self._costs, self._limits = tuple(costs), (*limits, *(() if collisions is None else (collisions,)))
         self.columns = group.columns
+        self._whole = len(group.arms) == 1  # hessians of an arm need no indexing, which is slow
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
+        self._no_limits = np.empty((0, group.dof)), np.empty(0)
         self.reaches = tuple(float(np.linalg.norm(tips, axis=1).max()) for tips in samples)  # from the base [m]
         for i, limit in enumerate(limits):
             _require_fitting(limit, f"limits[{i}]", group)
 
     def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
-        """Move for dt [s], or brake where the quadratic program has no solution or the solution collides.
+        """Move for dt [s], or brake if the quadratic program has no solution or the solution collides.
 
         `speed_share` is the share of the velocity limits that may be used.
         """
         bounds = self._bounds(state, dt, speed_share)
-        velocity = self._solve(problem, state.q, bounds, dt)
+        velocity, solved = self._solve(problem, state.q, bounds, dt, speed_share)
         if velocity is None:
             return self.brake(state, dt)
         velocity, configurations = self.braking.move(state.q, velocity, bounds, dt)
         if self.collisions is not None and self.collisions.collisions.collides(configurations).any():
             return self.brake(state, dt)
-        return ControlState(configurations[0], velocity, dt)
+        return ControlState(configurations[0], velocity, dt, solved)
 
     def brake(self, state: ControlState, dt: float) -> ControlState:
         """Come to rest as soon as accelerations allow."""
@@ -133,46 +149,57 @@ class Controller:
         last_dt = dt if state.dt is None else state.dt
         return self.braking.bounds(state.q, state.velocity, last_dt, dt, speed_share)
 
-    def _solve(self, problem: ControlProblem, q: Array, bounds: Array, dt: float) -> Array | None:
-        """Return the best velocities within all limits, shape (dof,), or None."""
-        hessian, gradient = self._objective(problem, q)
-        if not math.isfinite(hessian.sum() + gradient.sum()):  # an ellipsoid is singular
-            return None
-        rows, upper = [np.empty((0, len(q)))], [dt * bounds[1]]
-        for limit in self._limits:
-            matrix, bound = limit.inequalities(q, dt)
-            rows.append(matrix)
-            upper.append(bound)
-        above = np.concatenate(upper)
-        below = np.full(len(above), -1e30)  # no lower bound
-        below[: len(q)] = dt * bounds[0]
-        sense = np.zeros(len(above), dtype=np.int32)
-        step, _, exit_flag, _ = daqp.solve(hessian, gradient, np.concatenate(rows), above, below, sense)
-        return step / dt if exit_flag > 0 and np.isfinite(step).all() else None
+    def _solve(
+        self, problem: ControlProblem, q: Array, bounds: Array, dt: float, speed_share: float
+    ) -> tuple[Array | None, bool]:
+        """Return the best velocities (dof,), or None, and whether they satisfy all inequalities."""
+        hessian, gradients = self._objective(problem, q)
+        if not math.isfinite(hessian.sum() + gradients.sum()):  # an ellipsoid is singular
+            return None, False
+        rows, allowed = self._no_limits
+        if self._limits:
+            pairs = [limit.inequalities(q, dt) for limit in self._limits]
+            rows, allowed = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+        durations = np.array((dt, *problem.horizon))
+        for relaxed in (False, True) if len(rows) else (False,):
+            program = self.braking.program(hessian, gradients, durations, bounds, speed_share, rows, allowed, relaxed)
+            step, _, exit_flag, _ = daqp.solve(*program)
+            if exit_flag > 0 and np.isfinite(step).all():
+                return step[: len(q)] / dt, not relaxed
+        return None, False
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
-        """Return the Gauss-Newton Hessian (dof, dof) and half the gradient (dof,) of all costs, with dampings."""
+        """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradients.
+
+        The gradients (1 + h, dof) are those of the targets at the end of the step, and of the horizon's intervals.
+        """
         dof, time, weight = len(q), np.array([problem.time]), problem.posture.weight**2
         gradient, damping = weight * (q - problem.posture.reference), np.full(dof, weight)  # of the posture
-        hessian = np.zeros((dof, dof))
+        hessian, later = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
         for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
-            parts = targets.linearize(q[None, columns])
-            hessian[columns[:, None], columns] += parts.hessian[0]
-            gradient[columns] += parts.gradient[0]
+            differentials = None if problem.differentials is None else problem.differentials[i]
+            parts = targets.linearize(q[None, columns], differentials)
+            block = (slice(None), slice(None)) if self._whole else (columns[:, None], columns)
+            hessian[block] += parts.hessian[0]
+            gradient[block[1]] += parts.gradient[0]
             amount = self.lm_damping * parts.ellipsoid_square[0]
-            previous = problem.previous_positions[i]
+            previous = None if problem.previous_positions is None else problem.previous_positions[i]
             if previous is not None:
                 offset = parts.poses[0, :3, 3] - previous
                 distance = math.sqrt(offset @ offset)
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += targets.objective.position_weight**2 * self.reaches[i] * lag
-            damping[columns] += amount
+            damping[block[1]] += amount
+            predicted = problem.predicted_positions[i] if problem.horizon else None
+            if predicted is not None and targets.positions is not None:
+                moved = targets.positions - predicted
+                later[1:, block[1]] += targets.objective.position_weight**2 * moved @ parts.jacobian[0, :3]
         for cost in self._costs:
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
         hessian.flat[:: dof + 1] += damping + 1e-12  # the diagonal
-        return hessian, gradient
+        return hessian, gradient + later
 
 
 def _require_fitting(limit: Limit, name: str, group: ArmGroup) -> None:

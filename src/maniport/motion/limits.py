@@ -3,6 +3,7 @@
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
@@ -64,6 +65,27 @@ class BrakingLimit:
         _fill_step(q, velocity, bounds, self._limits, dt, achieved, configurations)
         return achieved, configurations
 
+    def program(
+        self,
+        hessian: Array,
+        gradients: Array,
+        durations: Array,
+        bounds: Array,
+        speed_share: float,
+        rows: Array,
+        allowed: Array,
+        relaxed: bool,
+    ) -> tuple[Array, Array, Array, Array, Array, NDArray[np.int32]]:
+        """Return the quadratic program of the velocities in m intervals, times the first duration, for `daqp.solve`.
+
+        The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is
+        the same and whose halved gradients (m, dof) are those at the present configuration. `bounds` and the
+        inequalities rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the
+        share of the limits that may be used, and reached within the limits of acceleration. `relaxed` weakens each
+        inequality that no velocity within the bounds satisfies, as little as possible.
+        """
+        return _program(hessian, gradients, durations, bounds, self._limits, speed_share, rows, allowed, relaxed)  # type: ignore[no-any-return]
+
 
 @kernel
 def _fill_bounds(q, velocity, limits, last_dt, dt, speed_share, bounds):  # type: ignore[no-untyped-def]
@@ -83,6 +105,39 @@ def _fill_step(q, velocity, bounds, limits, dt, achieved, configurations):  # ty
         configurations[0, i] = min(max(q[i] + dt * achieved[i], limits[0, i]), limits[1, i])
         slower = max(abs(achieved[i]) - 0.5 * limits[3, i] * dt, 0.0)
         configurations[1, i] = configurations[0, i] + np.sign(achieved[i]) * slower**2 / (2.0 * limits[3, i])
+
+
+@kernel
+def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
+    stages, dof = gradients.shape
+    size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
+    quadratic, linear = np.zeros((size, size)), np.zeros(size)
+    matrix = np.zeros((count + size - dof, size))
+    above = np.full(size + len(matrix), unlimited)
+    below = -above
+    for k in range(stages):
+        for a in range((k + 1) * dof):
+            weight = durations[k] / durations.sum() * durations[a // dof] / dt
+            linear[a] += weight * gradients[k, a % dof]
+            for b in range((k + 1) * dof):
+                quadratic[a, b] += weight * durations[b // dof] / dt * hessian[a % dof, b % dof]
+    for i in range(dof):
+        above[i], below[i] = min(dt * bounds[1, i], unlimited), max(dt * bounds[0, i], -unlimited)
+    for i in range(dof, size):
+        fastest = min(dt * speed_share * limits[2, i % dof], unlimited)
+        above[i], below[i] = max(fastest, above[i - dof]), min(-fastest, below[i - dof])
+        row, k = count + i - dof, i // dof
+        matrix[row, i], matrix[row, i - dof] = 1.0, -1.0
+        change = min(0.5 * (durations[k - 1] + durations[k]) * limits[3, i % dof] * dt, unlimited)
+        above[size + row], below[size + row] = change, -change
+    matrix[:count, :dof] = rows
+    above[size : size + count] = allowed
+    for k in range(count if relaxed else 0):
+        least = 0.0
+        for i in range(dof):
+            least += min(rows[k, i] * below[i], rows[k, i] * above[i])
+        above[size + k] = max(allowed[k], least + 1e-9 * abs(least))
+    return quadratic, linear, matrix, above, below, np.zeros(len(above), np.int32)
 
 
 @part

@@ -189,9 +189,9 @@ def follow(
         for i in range(1, len(times)):
             problem = ControlProblem(
                 tuple(own[i : i + 1] for own in targets),
-                tuple(None if own.positions is None else own.positions[i - 1] for own in schedules),
                 PostureCost(references[i], posture_weight),
                 float(times[i]),
+                tuple(None if own.positions is None else own.positions[i - 1] for own in schedules),
             )
             state = controller.step(problem, state, dt)
             joints[i], held[i] = state.q, not state.solved

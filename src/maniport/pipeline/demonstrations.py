@@ -281,14 +281,15 @@ def _demonstrations(
         texts = tuple(f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings))
         for segment in motion.repetitions() if segments == AUTO else segments:
             start, stop = segment or (first, last)
-            frames = int(np.sum((motion.time >= start) & (motion.time <= stop)))
+            kept = (motion.time >= start) & (motion.time <= stop)
+            frames = int(kept.sum())
             if frames < MIN_FRAMES:
                 raise InvalidInputError(
                     f"{name} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is fully observed; "
                     f"a demonstration needs at least {MIN_FRAMES}"
                 )
             title = name if segment is None else f"{name} {start:.4g}–{stop:.4g} s"
-            demonstrations.append(Demonstration(title, recording, motion.crop(start, stop), texts))
+            demonstrations.append(Demonstration(title, recording, motion.only(kept), texts))
     _require_two(len(demonstrations))
     step.end(f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}")
     again = Counter(demonstration.name for demonstration in demonstrations)

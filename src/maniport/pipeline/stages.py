@@ -95,7 +95,7 @@ def sample_robot(settings: Settings) -> SampledRobot:
     settings.progress(step, 0.0)
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
     domains = sample_domain(settings.robot, count, seed, **options)
-    settings.progress(step, 1.0, f"{count} ellipsoids of {settings.robot.name}")
+    settings.progress(step, 1.0)
     return SampledRobot(planner, tuple(domains) if domains.ndim == 4 else (domains,), generator)
 
 
@@ -106,8 +106,7 @@ def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     assert isinstance(limits, MotionLimits)
     settings.progress("Sample robot", 0.0)
     planner = Planner.of(limits, settings.spec.bounded, settings.control.collisions, generator)
-    text = " and ".join(f"{len(own.reachability_map)} configurations" for own in planner.arms)
-    settings.progress("Sample robot", 1.0, text)
+    settings.progress("Sample robot", 1.0)
     return planner
 
 
@@ -146,7 +145,7 @@ def sample_teacher(person: Arm, settings: Settings) -> Array:
     step, count = "Sample human ellipsoids", settings.config.transfer.n_teacher
     settings.progress(step, 0.0)
     domain = sample_domain(person, count, settings.config.seed, spec=settings.spec)
-    settings.progress(step, 1.0, f"{count} ellipsoids of {person.name}")
+    settings.progress(step, 1.0)
     return domain
 
 

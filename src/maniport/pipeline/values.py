@@ -78,7 +78,7 @@ class Human:
         rows = evenly_spaced(len(self.motion), count)
         return replace(
             self,
-            motion=replace(self.motion, arms=tuple(fit.only(rows) for fit in self.fits)),
+            motion=self.motion.only(rows),
             profiles=tuple(profile[rows] for profile in self.profiles),
             hands=tuple(hand[rows] for hand in self.hands),
         )

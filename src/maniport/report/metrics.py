@@ -70,7 +70,7 @@ METRICS = {
         text="{robot:.1f} s (human {person:.1f} s)"),
     **{
         key: Definition(
-            label, description, main=True, text="{_text}",
+            label, description, main=key == "limits", text="{_text}",
             level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
             warning_key=f"{key}-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}")
         for key, label, description in (

@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.arms import PERSONS, Arm
+from maniport.arms import Arm
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
-from maniport.arms.loaders import ROBOTS
 from maniport.arms.loaders.limbs import Limb
-from maniport.arms.loaders.packages import arm_names, packages_with
+from maniport.arms.loaders.packages import arm_names
 from maniport.errors import argument
 from maniport.motion import Placement
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
@@ -110,16 +109,13 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
     table = Table(("--frame", "joints", "from … to", "--base"), rows, key="ends", value=value)
     title, text = "Other ends" if arm else "Ends", "Fingers are omitted. With --base the chain begins at a branch."
     ends = [Section(title, (), (table,), text=text)] if others else []
-    places = () if name in (*ROBOTS, *PERSONS) else packages_with(name)
-    files = info("From", "from", list(places), description="The first one is used." if places[1:] else "")
     if arm is None:
         arms = " or ".join(arm_names(name))
         lead = f"Several limbs are of equal length: choose one with --frame{f', or name {arms}' if arms else ''}."
-        return Report(name, lead, (Section("", (files,)), *ends))
+        return Report(name, lead, tuple(ends))
     own, *more = arm_report(arm).sections
     unchecked = [] if arm.side else collision_warnings(Collisions.of(arm))
-    metrics = (*([files] if places else []), *own.metrics, *unchecked)
-    return Report(arm.name, "", (replace(own, metrics=metrics), *more, *ends))
+    return Report(arm.name, "", (replace(own, metrics=(*own.metrics, *unchecked)), *more, *ends))
 
 
 @describe.register

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked, recentered
-from maniport.spd.kernels import compose, congruence, eigh, mandel_basis, mandel_indices
+from maniport.spd.kernels import compose, congruence, eigh
+from maniport.spd.kernels.loops import hessian_loop
 from maniport.spd.matrix_functions import apply, from_vector, roots, to_vector
 from maniport.util.validation import (
     Array,
@@ -210,18 +211,12 @@ def _line_search(now: _State, data: Array, weights: Array) -> _State | None:
     return None
 
 
-def _newton_direction(now: _State, weights: Array, block: int = 4_000_000) -> Array:
-    """Solve Hessian · H = gradient over symmetric matrices, in the Mandel basis; `block` bounds the memory."""
-    d = len(now.center)
-    basis, (first, second) = mandel_basis(d), mandel_indices(d)
-    hessian, count = np.zeros((len(basis), len(basis))), max(1, block // (len(basis) * d * d))
-    for start in range(0, len(weights), count):
-        part = slice(start, start + count)
-        logs = np.log(now.values[part])
-        x = 0.5 * np.maximum(np.abs(logs[:, first] - logs[:, second]), 1e-9)
-        axes = to_vector(congruence(now.vectors[part, None], basis)).reshape(-1, len(basis))
-        hessian += (axes * (weights[part, None] * x / np.tanh(x)).reshape(-1, 1)).T @ axes
-    return from_vector(np.linalg.solve(hessian, to_vector(now.gradient)))
+def _newton_direction(now: _State, weights: Array) -> Array:
+    """Solve Hessian · H = gradient over symmetric matrices, in the Mandel basis."""
+    gradient = to_vector(now.gradient)
+    hessian = np.zeros((len(gradient), len(gradient)))
+    hessian_loop(now.values, np.log(now.values), now.vectors, weights, hessian)
+    return from_vector(np.linalg.solve(hessian, gradient))
 
 
 def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Array:

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.spd.kernels import compose, eigh, power_congruence
+from maniport.spd.kernels import compose, eigh
 from maniport.spd.kernels.loops import KAPPA
 from maniport.spd.matrix_functions import apply
 from maniport.util.validation import SPD_TOLERANCE, Array, as_number, as_positive_semidefinite, as_spd
@@ -59,17 +59,8 @@ class Regularization:
         return f"damping of {self.epsilon:.3g}" if self.epsilon else "none"
 
 
-def released(points: Array, epsilon: float) -> Array:
-    """Take damping ε off SPD matrices (..., d, d): an eigenvalue becomes the y with y (y + ε) / (y + κ ε) equal to it.
-
-    Subtracting ε I would make images of a map indefinite where they are flatter than the damping.
-    """
-    unchanged = np.eye(points.shape[-1])
-    return power_congruence(unchanged, points, 1.0, unchanged, epsilon)
-
-
 def damped_again(points: Array, epsilon: float) -> Array:
-    """Undo `released`; eigenvalues of zero become ε."""
+    """Undo `maniport.spd.kernels.release`; eigenvalues of zero become ε."""
     values, vectors = eigh(points)
     flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
     lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 from maniport.estimator import Estimator
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.kernels import congruence, eigh
+from maniport.spd.kernels import congruence, eigh, release
 from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
-from maniport.spd.regularization import Regularization, damped_again, released, without_damping
+from maniport.spd.regularization import Regularization, damped_again, without_damping
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.notebook import NotebookDisplay
@@ -56,7 +56,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         The cost at the start and after each of k iterations.
     teacher_damping_, student_damping_ : float
         ε that was added to each domain, in the unit of M; zero without damping. `transform` takes the student's off
-        its images, see `maniport.spd.regularization.released`.
+        its images, see `maniport.spd.kernels.release`.
     """
 
     schema: ClassVar[Schema] = SCHEMA  # required attributes, with their shapes and checks
@@ -148,7 +148,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         seen = self.teacher_side(points, "points")
         images = self._map(seen.reshape(-1, d, d))
         if self.student_damping_ > 0.0:
-            images = released(images, float(self.student_damping_))
+            images = release(images, float(self.student_damping_))
         _require_positive(images := images.reshape(seen.shape))
         return images
 

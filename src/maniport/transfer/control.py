@@ -7,10 +7,10 @@ import numpy as np
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
-from maniport.spd.kernels.loops import compose, congruence, damp, diagonalize_one, multiply, release
+from maniport.spd.kernels.loops import diagonalize, release
 from maniport.transfer.length_field.field import ROUNDED
 from maniport.util.jit import kernel, part
-from maniport.util.validation import SPD_TOLERANCE, Array
+from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
 
 OTHER_ARRAYS = 3
 REASONS = {
@@ -174,3 +174,63 @@ def _fill_features(u, parts, soft):  # type: ignore[no-untyped-def]
     scale = 1.0 / (once * np.sqrt(both))
     u[0], u[1], u[2], u[3] = along, mean, once, twice
     u[4], u[5] = (squares * c + product * e) * scale, (product * c - squares * e) * scale
+
+
+@part
+def diagonalize_one(a, v):  # type: ignore[no-untyped-def]
+    """Turn one matrix into diag(A) and eigenvectors V, unsorted."""
+    n = len(a)
+    diagonalize(a.reshape(n, n, 1), v.reshape(n, n, 1), np.empty((2, 1)))
+
+
+@part
+def damp(point, a, added):  # type: ignore[no-untyped-def]
+    """Set A ← P + added I; return whether P is symmetric and finite."""
+    n, largest = len(point), 0.0
+    for i in range(n):
+        for j in range(n):
+            largest = max(largest, abs(point[i, j]))
+    for i in range(n):
+        for j in range(n):
+            if not abs(point[i, j] - point[j, i]) <= SYMMETRY_TOLERANCE * largest:  # also true for nan
+                return False
+            a[i, j] = 0.5 * (point[i, j] + point[j, i])
+        a[i, i] += added
+    return True
+
+
+@part
+def compose(x, v, a):  # type: ignore[no-untyped-def]
+    """Set A ← V diag(x) Vᵀ."""
+    n = len(x)
+    for i in range(n):
+        for j in range(i, n):
+            total = 0.0
+            for k in range(n):
+                total += v[i, k] * x[k] * v[j, k]
+            a[i, j] = a[j, i] = total
+
+
+@part
+def multiply(left, v, b):  # type: ignore[no-untyped-def]
+    """B ← L V."""
+    n = len(v)
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for k in range(n):
+                total += left[i, k] * v[k, j]
+            b[i, j] = total
+
+
+@part
+def congruence(left, a, b):  # type: ignore[no-untyped-def]
+    """Set A ← L A Lᵀ; overwrite B."""
+    n = len(a)
+    multiply(left, a, b)
+    for i in range(n):
+        for j in range(i, n):
+            total = 0.0
+            for k in range(n):
+                total += b[i, k] * left[j, k]
+            a[i, j] = a[j, i] = total

@@ -1,7 +1,6 @@
 """The adapter that fits its rotation by manifold-aware ICP."""
 
 import warnings
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,11 +9,11 @@ from maniport.errors import IdentifiabilityWarning
 from maniport.spd.kernels import eigh
 from maniport.transfer.icp.algorithm import ICP, best_registration
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
-from maniport.transfer.icp.initialization import aligned_frames, rotations_by_voting
+from maniport.transfer.icp.initialization import rotations_by_voting
 from maniport.transfer.identifiability import ADVICE, CloudPair, describe_free_axes, free_axes
 from maniport.transfer.rigid_adapter import RigidAdapter, recenter
 from maniport.transfer.rotation_group import rotation_angle
-from maniport.util.validation import Array, as_choice, as_count, as_flag, as_generator
+from maniport.util.validation import Array, as_choice, as_count, as_flag
 
 
 class RiemannianICP(RigidAdapter):
@@ -34,15 +33,13 @@ class RiemannianICP(RigidAdapter):
     start : {"parallel-transport", "identity"}
         First rotation of recentered ellipsoids.
     n_starts : int
-        Number of further initial rotations that are followed when no base_rotation is given: those that align the
-        frames of the two clouds, and those that ellipsoids with equal eigenvalues vote for. Zero follows `start` alone.
+        Largest number of further initial rotations when no base_rotation is given: those that ellipsoids with nearly
+        equal eigenvalues vote for. Zero follows `start` alone.
     require_improvement : bool
         Keep the first rotation unless the result clearly brings the clouds nearer; see
         `maniport.transfer.identifiability`. False takes the rotation of lowest cost, as the paper does.
     most_singular : int, optional
         Match only this many ellipsoids of each domain, those with the largest condition number after recentering.
-    random_state : None, int or numpy.random.Generator
-        For random initial rotations, which are only used where the frames of the clouds are ill-defined.
 
     Attributes
     ----------
@@ -68,10 +65,9 @@ class RiemannianICP(RigidAdapter):
         base_rotation: ArrayLike | None = None,
         correspondence: str | Correspondence = "ellipsoid",
         start: str = "parallel-transport",
-        n_starts: int = 8,
+        n_starts: int = 4,
         require_improvement: bool = True,
         most_singular: int | None = None,
-        random_state: Any = None,
     ):
         super().__init__(damping, base_rotation)
         self.correspondence = correspondence
@@ -79,7 +75,6 @@ class RiemannianICP(RigidAdapter):
         self.n_starts = n_starts
         self.require_improvement = require_improvement
         self.most_singular = most_singular
-        self.random_state = random_state
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         transport = as_choice(self.start, "start", ("parallel-transport", "identity")) == "parallel-transport"
@@ -94,11 +89,11 @@ class RiemannianICP(RigidAdapter):
             matched = _most_singular(clouds[0], limit), _most_singular(clouds[1], limit)
         first, others, d = self.rotation_ if transport else np.eye(teacher.shape[-1]), list[Array](), teacher.shape[-1]
         if self.base_rotation is None and count > 0 and d <= 6:  # beyond, m × m derivatives in each step take minutes
-            others = rotations_by_voting(*matched) + aligned_frames(*matched, as_generator(self.random_state))
+            others = rotations_by_voting(*matched, count)
         icp = ICP(*matched, correspondence_of(self.correspondence))
         # Clouds of arms are nearly symmetric: between two draws of the Panda's own domain, a rotation with a cost 1.2 %
         # lower was off by 180°.
-        start, best = best_registration(icp, first, others, count, margin=0.05 if selective else 0.0)
+        start, best = best_registration(icp, first, others, margin=0.05 if selective else 0.0)
         pair, run, self.stop_reason_ = CloudPair(*clouds), best, best.reason
         self.found_rotation_, self.start_kept_ = best.rotation, False
         self.rotation_, self.cost_ = best.rotation, best.cost

@@ -16,7 +16,7 @@ from maniport.arms import Arm
 from maniport.errors import InvalidInputError
 from maniport.live import LiveState
 from maniport.util.optional import viser
-from maniport.util.ports import LOOPBACK, LOOPBACK_NAMES, bound
+from maniport.util.process import LOOPBACK, LOOPBACK_NAMES, bound
 from maniport.util.validation import Array
 from maniport.viewer.panel import Panel
 from maniport.viewer.scene import FIELD_OF_VIEW, Scene, camera_for, find_surfaces

@@ -155,14 +155,8 @@ class Collisions(NotebookDisplay):
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _blocks(len(flat)):
             near = self._solids.maybe_near(flat[part], self._pairs, 0.0)  # Coal decides about these
-            left = np.flatnonzero(near.any(axis=1))
-            while len(left):  # one pair of each configuration at a time, since one suffices
-                first = near[left].argmax(axis=1)
-                mask = np.arange(len(self._pairs)) == first[:, None]
-                distances = self._solids.distances(flat[part][left], self._pairs, mask, depths=False)[0]
-                hit[part.start + left[distances <= 0.0]] = True
-                near[left] &= ~mask
-                left = left[near[left].any(axis=1) & ~hit[part.start + left]]
+            distances = self._solids.distances(flat[part], self._pairs, near, depths=False)[0]
+            hit[part.start + np.nonzero(near)[0][distances <= 0.0]] = True
         return hit.reshape(shape)
 
     def clearance(self, q: ArrayLike) -> Array:

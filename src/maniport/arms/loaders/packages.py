@@ -125,18 +125,6 @@ def known_names() -> tuple[set[str], str]:
     return {name for package in PACKAGES.values() for name in package.names}, how
 
 
-def packages_with(name: str) -> tuple[str, ...]:
-    """Return ``package/name`` for each installed package with a robot, the selected one first."""
-    title, _, robot = name.rpartition("/")
-    stem, side = _side(robot)
-    matches = []
-    for key, package in PACKAGES.items():
-        files = package.installed()
-        if robot in files or (side and stem in files and stem not in package.arms):
-            matches.append(f"{key}/{robot}")
-    return tuple(sorted(matches, key=lambda match: match != f"{title}/{robot}"))
-
-
 def arm_names(name: str) -> tuple[str, ...]:
     """Return the names of the two arms of a robot in a package; none for other robots."""
     robots = {robot for package in PACKAGES.values() for robot in package.pairs}

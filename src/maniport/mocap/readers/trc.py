@@ -32,15 +32,12 @@ def read(file: Path, options: ImportOptions) -> Recording:
             time = even  # the column differs by rounding only
     elif not complete:
         time = None
-    notes: list[str] = []
     warnings: list[str] = []
-    for key, what, count in (("NumFrames", "frames", len(table)), ("NumMarkers", "points", len(names))):
-        declared = header.get(key, "").strip()[:15]
-        if declared.isdecimal() and int(declared) != count:
-            cut = what == "frames" and int(declared) > count + 1
-            text = f"the header declares {declared} {what}; the file holds {count}, and all were read"
-            (warnings if cut else notes).append(f"{text}; the end of the file may be missing" if cut else text)
+    declared = header.get("NumFrames", "").strip()[:15]
+    if declared.isdecimal() and int(declared) > len(table) + 1:
+        text = f"the header declares {declared} frames, and there are {len(table)}: the end of the file may be missing"
+        warnings.append(text)
     if separator != "\t":
         warnings.append(f"the fields of this TRC file are separated by {separator!r}, not by tabs: check the points")
     positions, unit = table[:, 2:].reshape(len(table), -1, 3), header.get("Units", "")
-    return options.recording(file, names, positions, time, unit, notes=notes, quality_warnings=warnings)
+    return options.recording(file, names, positions, time, unit, quality_warnings=warnings)

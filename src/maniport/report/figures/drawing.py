@@ -15,7 +15,7 @@ from maniport.report.page.animation import semi_axis_panels
 from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Panel, is_gap
 from maniport.spd.ellipsoid import axes
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array
+from maniport.util.validation import Array, as_choice
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
 UNIT = "m/s per rad/s"  # Unit of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints
@@ -31,6 +31,8 @@ VIEWS = {
 
 def curves(time: ArrayLike, profiles: Mapping[str, Array], unit: str = UNIT) -> Figure:
     """Draw the semi-axes of profiles (n, d, d) by role over time [s]."""
+    for role in profiles:
+        as_choice(role, "role", tuple(ROLES))
     return panel_figure(np.asarray(time), semi_axis_panels(profiles, unit))
 
 

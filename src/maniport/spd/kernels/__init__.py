@@ -22,6 +22,7 @@ from maniport.spd.kernels.loops import (
     distance_loop,
     eigh_loop,
     power_congruence_loop,
+    release_loop,
 )
 from maniport.util.validation import Array
 
@@ -85,18 +86,18 @@ def distances(a: Array, b: Array) -> Array:
     return results
 
 
-def power_congruence(left: Array, points: Array, exponent: float, right: Array, epsilon: float = 0.0) -> Array:
-    """Build R (L X Lᵀ)^s Rᵀ for matrices X (..., d, d), exactly symmetric; the powers are released from ε > 0."""
-    flat, outer, invalid = _flat(points), (_flat(left), _writable(right)), list[float]()
+def power_congruence(left: Array, points: Array, exponent: float, right: Array) -> Array:
+    """Build R (L X Lᵀ)^s Rᵀ for matrices X (..., d, d), exactly symmetric: recenter, dilate, rotate and move."""
+    flat, factors, invalid = _flat(points), (_flat(left), _writable(right)), list[float]()
     results = np.empty(flat.shape)
 
-    def fill(first: int, last: int) -> None:
-        part = results[first:last]
+    def fill(part: slice) -> None:
         bounds = MIN_EIGENVALUE, MAX_EIGENVALUE
-        if not power_congruence_loop(outer[0], flat[first:last], exponent, outer[1], epsilon, *bounds, part):
-            invalid.append(float(part[0, 0, 0]))
+        value = power_congruence_loop(factors[0], flat[part], exponent, factors[1], *bounds, results[part])
+        if not np.isnan(value):
+            invalid.append(value)
 
-    in_parts(fill, len(flat), flat.shape[-1])
+    _run(fill, len(flat), flat.shape[-1])
     if invalid:
         if min(invalid) < 0.0:
             raise NotSPDError("points are too ill-conditioned: rounding makes them indefinite when they are recentered")
@@ -104,24 +105,15 @@ def power_congruence(left: Array, points: Array, exponent: float, right: Array, 
     return results.reshape(points.shape)
 
 
-def in_parts(work: Callable[[int, int], None], count: int, d: int) -> None:
-    """Call work(first, last) on parts of a batch of `count` d×d matrices, by several threads where that pays."""
-    size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # parts of some 0.1 ms, which stay in the processor's cache
-    if 0 < count <= size:
-        work(0, count)
-        return
-    starts = range(0, count, size)
-    threads = min(int(config.NUMBA_NUM_THREADS), len(starts) // 8)
+def release(points: Array, epsilon: float) -> Array:
+    """Take damping ε off SPD matrices (..., d, d): an eigenvalue becomes the y with y (y + ε) / (y + κ ε) equal to it.
 
-    def take(several: Sequence[int]) -> None:
-        for first in several:
-            work(first, min(first + size, count))
-
-    if threads < 2:
-        take(starts)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(take, [starts[i::threads] for i in range(threads)]))
+    Subtracting ε I would make images of a map indefinite where they are flatter than the damping.
+    """
+    flat = _flat(points)
+    results = np.empty(flat.shape)
+    _run(lambda part: release_loop(flat[part], epsilon, results[part]), *flat.shape[:2])
+    return results.reshape(points.shape)
 
 
 def require_in_range(eigenvalues: Array, name: str) -> None:
@@ -172,8 +164,20 @@ def mandel_basis(d: int) -> Array:
 
 
 def _run(work: Callable[[slice], None], count: int, d: int) -> None:
-    """Call work(part) on slices of a flat batch, see `in_parts`."""
-    in_parts(lambda first, last: work(slice(first, last)), count, d)
+    """Call work(part) on slices of a batch of `count` d×d matrices, by several threads where that pays."""
+    size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # parts of some 0.1 ms, which stay in the processor's cache
+    parts = [slice(first, min(first + size, count)) for first in range(0, count, size)]
+    threads = min(int(config.NUMBA_NUM_THREADS), len(parts) // 8)
+
+    def take(several: Sequence[slice]) -> None:
+        for part in several:
+            work(part)
+
+    if threads < 2:
+        take(parts)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(take, [parts[i::threads] for i in range(threads)]))
 
 
 def _pairs(a: Array, b: Array) -> tuple[tuple[int, ...], Array, Array]:

@@ -9,7 +9,6 @@ All arrays are C-contiguous float64; results are written to the last arguments.
 import numpy as np
 
 from maniport.util.jit import kernel, part
-from maniport.util.validation import SYMMETRY_TOLERANCE
 
 WIDTH = 64  # Matrices of a block: 32 take 15 % longer, and of more, 6×6 matrices leave the fastest cache
 EPS2 = float(np.finfo(np.float64).eps) ** 2  # Square of the relative size of off-diagonal entries that count as zero
@@ -119,6 +118,35 @@ def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def hessian_loop(values, logs, vectors, weights, hessian):  # type: ignore[no-untyped-def]
+    """Sum the Hessians of half the squared distance to I, in the Mandel basis (m, m), over weighted Y = V diag Vᵀ."""
+    count, n = values.shape
+    tangent = np.empty(len(hessian))
+    for row in range(count):
+        v = vectors[row]
+        for p in range(n):
+            for q in range(p, n):
+                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0  # x coth x
+                if abs(x) < 1e-3:
+                    stretch += x * x / 3.0
+                else:
+                    stretch = x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
+                entry = n
+                for i in range(n):
+                    tangent[i] = v[i, p] * v[i, q]
+                    for j in range(i + 1, n):
+                        tangent[entry] = np.sqrt(0.5) * (v[i, p] * v[j, q] + v[j, p] * v[i, q])
+                        entry += 1
+                scale = weights[row] * stretch * (1.0 if p == q else 2.0)
+                for i in range(len(tangent)):
+                    for j in range(i + 1):
+                        hessian[i, j] += scale * tangent[i] * tangent[j]
+    for i in range(len(hessian)):
+        for j in range(i):
+            hessian[j, i] = hessian[i, j]
+
+
+@kernel
 def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
     """Write L M Lᵀ; one L or one M serves all results."""
     count, n = results.shape[:2]
@@ -156,39 +184,61 @@ def _transform(left, a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def power_congruence_loop(left, matrices, exponent, right, epsilon, low, high, results):  # type: ignore[no-untyped-def]
-    """Write R (L M Lᵀ)^s Rᵀ, whose powers are released from ε > 0; return whether all are within the bounds.
-
-    If not, the first entry of the results is the power that is out of bounds, or -1.
-    """
+def power_congruence_loop(left, matrices, exponent, right, low, high, results):  # type: ignore[no-untyped-def]
+    """Write R (L M Lᵀ)^s Rᵀ; return the first power that is out of bounds, -1 where L M Lᵀ is indefinite, else nan."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
-    factor, a, v = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
-    turns, x, y = np.empty((2, width)), np.empty(n), np.empty((n, n))
+    factor, a, b, v = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
+    turns = np.empty((2, width))
     _fill(factor, left, 0)
     for start in range(0, count, width):
         _fill(a, matrices, start)
-        _transform(factor, a, v)
+        _transform(factor, a, b)
         diagonalize(a, v, turns)
-        for w in range(min(width, count - start)):
+        for k in range(n):
+            for w in range(width):
+                value = a[k, k, w]
+                a[k, k, w] = value**exponent if value > 0.0 else 0.0
+                if not low <= a[k, k, w] <= high:
+                    return a[k, k, w] if value > 0.0 else -1.0
+        for i in range(n):
             for k in range(n):
-                x[k] = a[k, k, w] ** exponent if a[k, k, w] > 0.0 else 0.0
-                x[k] = release(x[k], epsilon) if epsilon > 0.0 else x[k]
-                if not low <= x[k] <= high:
-                    results[0, 0, 0] = x[k] if a[k, k, w] > 0.0 else -1.0
-                    return False
-                for i in range(n):
-                    total = 0.0
-                    for j in range(n):
-                        total += right[i, j] * v[j, k, w]
-                    y[i, k] = total
-            for i in range(n):
-                for j in range(i, n):
-                    total = 0.0
-                    for k in range(n):
-                        total += y[i, k] * x[k] * y[j, k]
-                    results[start + w, i, j] = results[start + w, j, i] = total
-    return True
+                for w in range(width):
+                    b[i, k, w] = right[i, 0] * v[0, k, w]
+                for j in range(1, n):
+                    for w in range(width):
+                        b[i, k, w] += right[i, j] * v[j, k, w]
+        _compose_block(a, b, turns[0], results, start)
+    return np.nan
+
+
+@kernel
+def release_loop(matrices, epsilon, results):  # type: ignore[no-untyped-def]
+    """Write matrices with released eigenvalues."""
+    count, n = results.shape[:2]
+    width = min(WIDTH, count)
+    a, v, turns = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((2, width))
+    for start in range(0, count, width):
+        _fill(a, matrices, start)
+        diagonalize(a, v, turns)
+        for k in range(n):
+            for w in range(width):
+                a[k, k, w] = release(a[k, k, w], epsilon)
+        _compose_block(a, v, turns[0], results, start)
+
+
+@part
+def _compose_block(a, v, total, results, start):  # type: ignore[no-untyped-def]
+    """Write V diag(A) Vᵀ of a block to the results from `start` on."""
+    n, width = a.shape[1:]
+    for i in range(n):
+        for j in range(i, n):
+            total[:] = 0.0
+            for k in range(n):
+                for w in range(width):
+                    total[w] += v[i, k, w] * a[k, k, w] * v[j, k, w]
+            for w in range(min(width, len(results) - start)):
+                results[start + w, i, j] = results[start + w, j, i] = total[w]
 
 
 @kernel
@@ -256,63 +306,3 @@ def release(value, epsilon):  # type: ignore[no-untyped-def]
     gap = value - epsilon
     root = np.sqrt(gap * gap + (4.0 * KAPPA * epsilon) * value)
     return 0.5 * (gap + root) if gap > 0.0 else 2.0 * KAPPA * epsilon * value / (root - gap)
-
-
-@part
-def diagonalize_one(a, v):  # type: ignore[no-untyped-def]
-    """Turn one matrix into diag(A) and eigenvectors V, unsorted."""
-    n = len(a)
-    diagonalize(a.reshape(n, n, 1), v.reshape(n, n, 1), np.empty((2, 1)))
-
-
-@part
-def damp(point, a, added):  # type: ignore[no-untyped-def]
-    """Set A ← P + added I; return whether P is symmetric and finite."""
-    n, largest = len(point), 0.0
-    for i in range(n):
-        for j in range(n):
-            largest = max(largest, abs(point[i, j]))
-    for i in range(n):
-        for j in range(n):
-            if not abs(point[i, j] - point[j, i]) <= SYMMETRY_TOLERANCE * largest:  # also true for nan
-                return False
-            a[i, j] = 0.5 * (point[i, j] + point[j, i])
-        a[i, i] += added
-    return True
-
-
-@part
-def compose(x, v, a):  # type: ignore[no-untyped-def]
-    """Set A ← V diag(x) Vᵀ."""
-    n = len(x)
-    for i in range(n):
-        for j in range(i, n):
-            total = 0.0
-            for k in range(n):
-                total += v[i, k] * x[k] * v[j, k]
-            a[i, j] = a[j, i] = total
-
-
-@part
-def multiply(left, v, b):  # type: ignore[no-untyped-def]
-    """B ← L V."""
-    n = len(v)
-    for i in range(n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += left[i, k] * v[k, j]
-            b[i, j] = total
-
-
-@part
-def congruence(left, a, b):  # type: ignore[no-untyped-def]
-    """Set A ← L A Lᵀ; overwrite B."""
-    n = len(a)
-    multiply(left, a, b)
-    for i in range(n):
-        for j in range(i, n):
-            total = 0.0
-            for k in range(n):
-                total += b[i, k] * left[j, k]
-            a[i, j] = a[j, i] = total

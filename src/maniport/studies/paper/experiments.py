@@ -211,8 +211,6 @@ def measure(
     iterations, seconds, warned = [], [], 0
     for draw in draws:
         fitted = clone(adapter)
-        if "random_state" in fitted.get_params():
-            fitted.set_params(random_state=draw.seed)
         started = clock.perf_counter()
         warned += fit_quietly(fitted, draw)
         seconds.append(clock.perf_counter() - started)

@@ -84,20 +84,18 @@ class ICP:
 
 
 def best_registration(
-    icp: ICP, first: Array, others: Sequence[Array], count: int, margin: float, max_iter: int = 100, limit: int = 400
+    icp: ICP, first: Array, others: Sequence[Array], margin: float, max_iter: int = 100, limit: int = 400
 ) -> tuple[Registration, Registration]:
     """Return the registration from `first`, and the one of the lowest cost; another's is lower by a share `margin`.
 
-    The `count` most promising of the others are followed for two iterations, and the best of them to its end: at first
-    on at most `limit` ellipsoids of the smaller cloud, and chosen on half as many.
+    The others are followed for two iterations, on at most `limit` ellipsoids of the smaller cloud, and the best of them
+    to its end.
     """
     start = icp.run(first, max_iter)
     if not others:
         return start, start
-    coarse, medium = icp.subsampled(limit // 2), icp.subsampled(limit)
-    costs = [coarse.problem(rotation).cost(rotation) for rotation in others]
-    chosen = [others[i] for i in np.argsort(costs, kind="stable")[:count]]
-    ahead = min((medium.run(other, min(2, max_iter), 1e-3) for other in chosen), key=lambda run: run.cost)
+    part = icp.subsampled(limit)
+    ahead = min((part.run(other, 2, 1e-3) for other in others), key=lambda run: run.cost)
     # a part of the cloud may mislead: the best has to beat the first rotation on all of it
     best = replace(icp.run(ahead.rotation, max_iter), start=ahead.start)
     return start, best if best.cost < start.cost * (1.0 - margin) - 1e-6 else start

@@ -4,7 +4,7 @@ A student whose first joint goes round can turn every ellipsoid about that joint
 features that no such turn changes, so that it needs to see each ellipsoid only once.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -35,10 +35,6 @@ class LengthsMap:
     centers: Array  # c_j, (m, D), D = d (d + 1) / 2
     lengths: Array  # a_jr, (m, 3)
     axis: Array  # unit vector (3,), or (0,) where there is none
-
-    def unscaled(self) -> "LengthsMap":
-        """Return the map without its field."""
-        return replace(self, lengths=0.0 * self.lengths)
 
     def terms(self) -> tuple[Array, Array, Array]:
         """Terms for `maniport.transfer.control`: base, harmonics, and centers, their squares and lengths in columns."""

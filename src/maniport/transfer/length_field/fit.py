@@ -204,10 +204,7 @@ class FieldReport:
     held_out: int  # number of samples held out; zero where the values are those at samples of the fit
     gap: float  # distance from their images to the nearest feasible ellipsoids, mean
     gap_p95: float  # and 95th percentile
-    moved: float  # mean distance from the images of the map without a field
-    step: float  # median distance between the images of two neighbors over that between the two
     rank_correlation: float  # rank correlation of all distances between images and between the samples
-    singular_value: float  # smallest of the map's derivative, see `LengthField.singular_values`
     near_singular: float  # fraction of the samples where the map folds, or nearly so
     moved_axes: float  # fraction whose longest axis is more than 10° from the image's; 0 where none is distinct
     reversing: float  # fraction where the determinant of the map's derivative is negative
@@ -237,11 +234,10 @@ class FieldReport:
         where = f"at {self.held_out} held-out samples" if self.held_out else "at the samples of the fit"
         folds = "folds at none" if self.invertible else f"folds at {100 * self.near_singular:.1f} %"
         return (
-            f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), lengths moved by {self.moved:.3f}, steps "
-            f"{self.step:.2f} of their own, rank correlation {self.rank_correlation:.3f}, longest axis moved by more "
-            f"than {AXIS_MOVED:g}° at {100 * self.moved_axes:.0f} %, "
-            f"orientation-reversing at {100 * self.reversing:.0f} %, own-axis slope not positive at "
-            f"{100 * self.nonmonotone:.0f} %, least singular value {self.singular_value:.2f} ({folds})"
+            f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), rank correlation "
+            f"{self.rank_correlation:.3f}, longest axis moved by more than {AXIS_MOVED:g}° at "
+            f"{100 * self.moved_axes:.0f} %, orientation-reversing at {100 * self.reversing:.0f} %, own-axis slope not "
+            f"positive at {100 * self.nonmonotone:.0f} %, {folds}"
         )
 
     def __repr__(self) -> str:
@@ -260,10 +256,9 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
     points, images = samples.points, field.apply(samples.points)
     for _ in range(2):  # the second search also starts from what was found for neighbors
         nearest, _ = samples.projected(images)
-    gaps, rigid = distance_unchecked(images, nearest), field.unscaled().apply(points)
+    gaps = distance_unchecked(images, nearest)
     first, other = np.triu_indices(len(points), 1)
     apart, own = (distance_unchecked(x[first], x[other]) for x in (images, points))
-    near = own <= np.percentile(own, 1.0)
     varied = min(np.ptp(apart), np.ptp(own)) > 0.0
     values, vectors = field.base(points)
     slopes = field.slopes(values, vectors)
@@ -273,10 +268,7 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
         held_out=held_out,
         gap=float(gaps.mean()),
         gap_p95=float(np.percentile(gaps, 95)),
-        moved=float(distance_unchecked(rigid, images).mean()),
-        step=float(np.median(apart[near] / np.maximum(own[near], 1e-12))),
         rank_correlation=rank_correlation(apart, own) if varied else 1.0,
-        singular_value=float(singular.min()),
         near_singular=float(np.mean(singular <= NEAR_SINGULAR)),
         moved_axes=float(np.mean(moved > AXIS_MOVED)) if len(moved) else 0.0,
         reversing=float(np.mean(singular < 0.0)),
