@@ -38,7 +38,7 @@ def main(folder):
     target, damping = adapter.transform(profile), adapter.student_regularization
 
     # 3. Place the path where the robot reaches the target ellipsoids best; it rotates with the ellipsoids.
-    placed = place_path(hand, target, robot, turn=adapter.map_rotation_, scale=(0.5, 1.0), damping=damping)
+    placed = place_path(hand, target, robot, map_rotation=adapter.map_rotation_, scale=(0.5, 1.0), damping=damping)
     print(placed)
 
     # 4. Plan the trajectory: position within the tolerance, smallest ellipsoid distance, within the Panda's limits.

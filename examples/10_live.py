@@ -30,7 +30,7 @@ def calibrate(recording, robot, clock):
     adapter.fit(mp.sample_domain(person.arm, 2048, 0), mp.sample_domain(robot, 8192, 1))
     joints = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(joints))
-    path = place_path(person.arm.forward(joints)[:, :3, 3], target, robot, turn=adapter.map_rotation_)
+    path = place_path(person.arm.forward(joints)[:, :3, 3], target, robot, map_rotation=adapter.map_rotation_)
     return person, mp.Live(person, adapter, robot, path=path, clock=clock)
 
 

@@ -58,7 +58,7 @@ def test_the_hands_keep_their_relation(moved):
     np.testing.assert_array_equal(left.rotation, right.rotation)
     hands = hands_of(moved)[1] - hands_of(moved)[0]
     paths = moved.arms[1].motion.path - moved.arms[0].motion.path
-    np.testing.assert_allclose(paths, left.scale * hands @ (left.rotation @ left.turn).T, atol=1e-9)
+    np.testing.assert_allclose(paths, left.scale * hands @ (left.rotation @ left.map_rotation).T, atol=1e-9)
 
 
 def test_both_arms_share_one_safe_motion(moved, arms):

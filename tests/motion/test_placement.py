@@ -112,10 +112,10 @@ def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
     placed = place_path(path, profile, panda, tilt=0.6, scale=0.8, yaw=0.2, offset=(None, None, 0.5), **common)
     assert (placed.scale, placed.yaw, placed.offset[2]) == pytest.approx((0.8, 0.2, 0.5), abs=1e-12)
     lean = [np.sin(0.6) * np.cos(placed.heading), np.sin(0.6) * np.sin(placed.heading), np.cos(0.6)]
-    assert_allclose(placed.mount @ [0, 0, 1], lean, atol=1e-12)
-    world, yaw = (placed.path - placed.offset) @ placed.mount.T, rotation_about(2, 0.2)
+    assert_allclose(placed.base_orientation @ [0, 0, 1], lean, atol=1e-12)
+    world, yaw = (placed.path - placed.offset) @ placed.base_orientation.T, rotation_about(2, 0.2)
     assert_allclose(world, 0.8 * (path - path.mean(axis=0)) @ yaw.T, atol=1e-12)
-    assert_allclose(congruence(placed.mount, placed.profile), congruence(yaw, profile), atol=1e-12)
+    assert_allclose(congruence(placed.base_orientation, placed.profile), congruence(yaw, profile), atol=1e-12)
     assert_allclose(placed.turned(profile), placed.profile, atol=1e-12)
     assert "tilted by 34.4°" in repr(placed)
 
@@ -225,7 +225,7 @@ def test_placement_and_motion_improve_together(fixed):
     [
         ({"path": np.zeros((3, 3))}, "path must have shape"),
         ({"profile": np.tile(np.eye(2), (12, 1, 1))}, "profile must hold 3×3"),
-        ({"turn": -np.eye(3)}, "turn must be a rotation"),
+        ({"map_rotation": -np.eye(3)}, "map_rotation must be a rotation"),
         ({"scale": 0.0}, "scale must be a number above 0"),
         ({"scale": (1.0, 0.5)}, "scale.1. must be a number above 1"),
         ({"yaw": "left"}, "yaw must be"),

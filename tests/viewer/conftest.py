@@ -36,7 +36,14 @@ def place():
     point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "pointwise_best": np.zeros(1), "spec": VELOCITY}
     point |= {"planned_distance": np.zeros(1)}
     point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
-    point |= {"scale": 0.5, "yaw": 0.0, "tilt": 0.0, "heading": 0.0, "mount": np.eye(3), "turn": np.eye(3)}
+    point |= {
+        "scale": 0.5,
+        "yaw": 0.0,
+        "tilt": 0.0,
+        "heading": 0.0,
+        "base_orientation": np.eye(3),
+        "map_rotation": np.eye(3),
+    }
     return Placement(**point, offset=np.array([0.4, 0.0, 0.4]), center=np.zeros(3))
 
 

@@ -26,7 +26,7 @@ from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_li
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import DAMPING
-from maniport.util.progress import Part, Progress, Step, between, nobody
+from maniport.util.progress import Part, Progress, Step, between, ignore_fraction
 from maniport.util.validation import Array, as_choice, as_generator, as_number
 
 
@@ -167,7 +167,7 @@ def track(
 
 
 def follow(
-    controller: Controller, start: Array, schedules: Sequence[Schedule], progress: Part = nobody
+    controller: Controller, start: Array, schedules: Sequence[Schedule], progress: Part = ignore_fraction
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Follow the targets of each arm, whose m times are the same and evenly spaced, from rest at `start` (dof,).
 

@@ -162,7 +162,7 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
         demands = [demands_of(own.limits, targets.time, path, rows) for own, path in pairs]
     return place_path(
         [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
-        [own.limits.arm for own in arms], time=targets.time[rows], turn=targets.turn,
+        [own.limits.arm for own in arms], time=targets.time[rows], map_rotation=targets.map_rotation,
         demands=demands, scale=scale, workspace=options.bounds.T,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
@@ -273,7 +273,7 @@ def _capabilities(fit: ArmFit, part: ArmResult, own: FittedMap, settings: Settin
     if part.motion is None or settings.spec.part == "rotation":
         return ()
     place = part.placement
-    rotation = own.adapter.map_rotation_[:3, :3] if place is None else place.rotation @ place.turn
+    rotation = own.adapter.map_rotation_[:3, :3] if place is None else place.rotation @ place.map_rotation
     return compare_capabilities(fit.arm, fit.joint_angles, part.robot, part.motion.joint_positions, fit.time, rotation)
 
 

@@ -123,7 +123,7 @@ class MotionTargets:
     paths: tuple[Array, ...] | None
     spec: EllipsoidSpec
     damping: Damping
-    turn: Array | None = None  # rotation of the paths before the placement (3, 3)
+    map_rotation: Array | None = None  # rotation of the ellipsoids by the maps, and of the paths (3, 3)
     rotations: tuple[Array, ...] | None = None
     direction: Array | None = None  # z axis of the end effectors in the base frame (3,), instead of rotations
     pointwise_bests: tuple[Array, ...] | None = None  # distances of the pointwise optima (n,), once placed
@@ -139,7 +139,7 @@ class MotionTargets:
         rows, count, rotations = self.placement_rows(), len(self.time), self.rotations
         if rotations is not None:
             pairs = zip(placements, rotations, strict=True)
-            rotations = tuple(np.asarray(own.rotation @ own.turn @ rotation) for own, rotation in pairs)
+            rotations = tuple(np.asarray(own.rotation @ own.map_rotation @ rotation) for own, rotation in pairs)
         return replace(
             self,
             profiles=tuple(own.turned(profile) for own, profile in zip(placements, self.profiles, strict=True)),

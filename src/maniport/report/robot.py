@@ -142,6 +142,7 @@ def placement_report(placed: Placement) -> Report:
 def placement_section(placed: Placement) -> Section:
     """Describe the placement of a path and whether the robot reaches it."""
     yaw, tilt, heading = np.degrees([placed.yaw, placed.tilt, placed.heading]).tolist()
+    base = {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.base_orientation.tolist()}
     offset, out = placed.offset.tolist(), int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
@@ -150,8 +151,8 @@ def placement_section(placed: Placement) -> Section:
     metrics = (
         *([warning("path-out-of-reach", text)] if out else []),
         Metric("Path", path, "The target ellipsoids are rotated with the path."),
-        info("Base", "base_orientation", {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()},
-             f"tilted by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
+        info("Base", "base_orientation", base,
+             f"tilted by {tilt:.1f}° toward {heading:.1f}° from its x axis to its y axis" if tilt else "",
              "Rotation from the upright base about a horizontal axis."),
         *numbers(scale=float(placed.scale), yaw_deg=yaw, offset_m=offset, points_out_of_reach=out,
                  farthest_out_of_reach_mm=far),

@@ -37,7 +37,7 @@ def no_progress(step: str, fraction: float, result: str = "") -> None:
     """Ignore progress."""
 
 
-def nobody(fraction: float) -> None:
+def ignore_fraction(fraction: float) -> None:
     """Ignore a fraction."""
 
 

@@ -51,7 +51,7 @@ class LiveMap:
 
     method: str
     transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3); raises NotSPDError where it has no image
-    turn: Array  # rotation of ellipsoids and of the hand's path, shape (3, 3)
+    map_rotation: Array  # rotation of ellipsoids and of the hand's path, shape (3, 3)
     notes: tuple[str, ...] = ()  # Warnings of the fit
 
 
@@ -141,7 +141,7 @@ class Target:
     joints: Array  # Of the person's arm, within its limits [rad]
     demonstrated: Array  # The person's ellipsoid, shape (3, 3)
     ellipsoid: Array
-    turn: Array  # Rotation of the hand's motion by the map, shape (3, 3)
+    map_rotation: Array  # Rotation of the hand's motion by the map, shape (3, 3)
     position: Array | None = None  # Position of the end effector [m]
     notes: tuple[str, ...] = ()  # Of the map, and why the target is not new, or another method's
 
@@ -194,7 +194,7 @@ class Side:
             if self._last is None:
                 raise
             notes = (*notes, f"no image of this ellipsoid, the last one stays: {error}")
-        return Target(joints, demonstrated, self._last, chosen.turn, notes=notes)
+        return Target(joints, demonstrated, self._last, chosen.map_rotation, notes=notes)
 
     def best(self, target: Target) -> Array:
         """Return the best configuration that is found for a target, shape (dof,)."""
@@ -262,9 +262,9 @@ class ViewState:
             ellipsoids = side.teacher.manipulability(joints[rows])
             targets.append(np.array([chosen.transform(ellipsoid) for ellipsoid in ellipsoids]))
             hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
-        turn, banks = _mean_turn([chosen.turn for chosen in maps]), [side.bank for side in self.sides]
+        rotation, banks = _mean_rotation([chosen.map_rotation for chosen in maps]), [side.bank for side in self.sides]
         arms, damping = as_group(self.robot).arms, banks[0].damping
-        return list(place_path(hands, targets, arms, turn=turn, yaw=0.0, damping=damping, bank=banks))
+        return list(place_path(hands, targets, arms, map_rotation=rotation, yaw=0.0, damping=damping, bank=banks))
 
     def _targets(self, command: Command) -> list[Target]:
         """Return the target of each arm; the maps do not change the relation of the hands."""
@@ -276,10 +276,10 @@ class ViewState:
         if self.places is None or not self.places.done():
             note = "a placement is searched for; the end effector is free until then"
             return [replace(target, notes=(*target.notes, note)) for target in targets]
-        turn = _mean_turn([target.turn for target in targets])
+        rotation = _mean_rotation([target.map_rotation for target in targets])
         for k, (side, target, place) in enumerate(zip(self.sides, targets, self.places.result(), strict=True)):
             hand = side.teacher.forward(target.joints)[:3, 3] + side.base  # whose path is turned
-            targets[k] = replace(target, position=replace(place, turn=turn).apply(hand))
+            targets[k] = replace(target, position=replace(place, map_rotation=rotation).apply(hand))
         return targets
 
     def _joined(self, configurations: Sequence[Array]) -> Array:
@@ -291,6 +291,6 @@ class ViewState:
         return np.asarray(total / count)
 
 
-def _mean_turn(turns: Sequence[Array]) -> Array:
+def _mean_rotation(turns: Sequence[Array]) -> Array:
     """Return the mean rotation of all arms, as `maniport.transfer_recording` rotates their paths."""
     return turns[0] if len(turns) == 1 else orthonormal(np.sum(turns, axis=0))

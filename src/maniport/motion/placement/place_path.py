@@ -65,7 +65,7 @@ def place_path(  # type: ignore[misc]
     *,
     time: ArrayLike | None = None,
     demands: Any = None,
-    turn: ArrayLike | None = None,
+    map_rotation: ArrayLike | None = None,
     scale: float | tuple[float, float] | None = None,
     yaw: float | None = None,
     tilt: float | str | None = None,
@@ -84,8 +84,7 @@ def place_path(  # type: ignore[misc]
 
     Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
     for the best ones trajectories are planned through some waypoints of the path, and placement and trajectory are
-    improved together. The ellipsoids turn with the path, as if the whole task were done in another direction in front
-    of the robot.
+    improved together. The ellipsoids rotate with the path.
 
     The paths of several arms, such as those of both hands, keep their relation: they are scaled, rotated and moved
     together, about the mean of all their waypoints. The costs of the arms are summed; collisions between them are not
@@ -103,9 +102,9 @@ def place_path(  # type: ignore[misc]
     time : array_like, shape (n,), optional
         Times of the waypoints [s], which weigh them. Default: equal weights.
     demands : sequence of (EllipsoidSpec, ndarray of shape (n, 3)), optional
-        Vectors that are turned and scaled with the path, which the arm's ellipsoids should contain, such as those of
+        Vectors that are rotated and scaled with the path, which the arm's ellipsoids should contain, such as those of
         `maniport.motion.demands.demands_of`, for a robot that follows at the person's speed. Default: none.
-    turn : array_like, shape (3, 3), optional
+    map_rotation : array_like, shape (3, 3), optional
         Rotation of the ellipsoids by the adapter, to be applied to the path. Default: the identity.
     scale : float or (float, float), optional
         Factor of the path's size, or the range to search. Default: from 0.5 to 2.
@@ -170,7 +169,7 @@ def place_path(  # type: ignore[misc]
         require_shape(positions[i], f"path{index}", count, ", one point for each ellipsoid of the profile")
     times = _times(time, positions)
     center = np.concatenate(positions).mean(axis=0)
-    rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
+    rotation = np.eye(3) if map_rotation is None else as_rotation(map_rotation, "map_rotation", 3)
     members = tuple(
         ArmPath(objectives[i], (positions[i] - center) @ rotation.T, targets[i], maps[i], turned)
         for i, turned in enumerate(_turned(needed, rotation, len(targets[0])) for needed in demanded)
@@ -189,8 +188,9 @@ def place_path(  # type: ignore[misc]
         error = np.asarray(aims.position_error(q))
         placed.append(Placement(
             **vars(named(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
-            profile=ellipsoids, spec=spec, center=center, mount=base_rotations(best.place[None])[0], turn=rotation,
-            position_error=error, reachable=error <= 1e-3, joint_positions=q,
+            profile=ellipsoids, spec=spec, center=center, map_rotation=rotation,
+            base_orientation=base_rotations(best.place[None])[0], position_error=error,
+            reachable=error <= 1e-3, joint_positions=q,
             candidates=tuple(named(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)

@@ -50,9 +50,9 @@ class Place:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Placement(Place, NotebookDisplay):
-    """A path in a robot's workspace, with the ellipsoids that turn with it; made by `place_path`.
+    """A placed path in a robot's workspace, with its ellipsoids; made by `place_path`.
 
-    p_robot = scale · rotation · turn · (p − center) + offset, with rotation = mountᵀ · Rz(yaw).
+    p_robot = scale · rotation · map_rotation · (p − center) + offset, with rotation = base_orientationᵀ · Rz(yaw).
 
     Attributes
     ----------
@@ -64,15 +64,15 @@ class Placement(Place, NotebookDisplay):
     path : ndarray, shape (n, 3)
         Target positions of the end effector in the robot's base frame [m].
     profile : ndarray, shape (n, d, d)
-        Target ellipsoids there: the given ones, turned by the rotation.
+        Target ellipsoids, rotated by `rotation`.
     spec : EllipsoidSpec
-        Which ellipsoids.
-    mount : ndarray, shape (3, 3)
-        Rotation of the base in a world whose z axis is up; the identity where nothing leans.
+        Kind, part and joint weights of the ellipsoids.
+    base_orientation : ndarray, shape (3, 3)
+        Rotation of the base in a world whose z axis is up; the identity without tilt.
     center : ndarray, shape (3,)
-        Mean of the given path's waypoints [m].
-    turn : ndarray, shape (3, 3)
-        As given.
+        Mean of the waypoints of the path before the placement [m].
+    map_rotation : ndarray, shape (3, 3)
+        Rotation of the ellipsoids by the adapter, which also rotates the path.
     position_error : ndarray, shape (n,)
         Distance of the end effector from the waypoint there [m].
     reachable : ndarray of bool, shape (n,)
@@ -86,9 +86,9 @@ class Placement(Place, NotebookDisplay):
     path: Array
     profile: Array
     spec: EllipsoidSpec
-    mount: Array
+    base_orientation: Array
     center: Array
-    turn: Array
+    map_rotation: Array
     position_error: Array
     reachable: NDArray[np.bool_]
     pointwise_best: Array
@@ -97,19 +97,19 @@ class Placement(Place, NotebookDisplay):
 
     @property
     def rotation(self) -> Array:
-        """By how much path and ellipsoids are turned in the base frame, shape (3, 3)."""
-        return np.asarray(self.mount.T @ rotation_about(2, self.yaw))
+        """Rotation of path and ellipsoids in the base frame, shape (3, 3)."""
+        return np.asarray(self.base_orientation.T @ rotation_about(2, self.yaw))
 
     def apply(self, points: ArrayLike) -> Array:
         """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
         positions = as_finite(points, "points")
         if positions.ndim < 1 or positions.shape[-1] != 3:
             raise InvalidInputError(f"points must have shape (..., 3); found {positions.shape}")
-        rotation = self.rotation @ self.turn
+        rotation = self.rotation @ self.map_rotation
         return np.asarray(self.scale * (positions - self.center) @ rotation.T + self.offset)
 
     def turned(self, profile: ArrayLike) -> Array:
-        """Turn other ellipsoids of the same motion, shape (n, d, d), such as those of a denser path."""
+        """Rotate other ellipsoids of the same motion, shape (n, d, d), such as those of a denser path."""
         ellipsoids, size = as_finite(profile, "profile"), self.spec.size
         require_shape(ellipsoids, "profile", ("n", size, size))
         return congruence(self.spec.rotation(self.rotation), ellipsoids)

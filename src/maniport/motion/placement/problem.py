@@ -1,8 +1,8 @@
-"""Placement problem: paths with their ellipsoids that may be put anywhere before their arms.
+"""Placement problem: hand paths and ellipsoids with one placement relative to the arms.
 
-A placement is a row of seven numbers: log scale, yaw, tilt and heading of the base [rad], and the position of the
-path's center [m]. The path is turned about the vertical by the yaw; the base leans by the tilt towards the heading, so
-that the vertical turns by the inverse in its frame.
+A placement has seven components: log scale, yaw, tilt and heading of the base [rad], and the position of the path's
+center [m]. The path is rotated by the yaw about the vertical. The base is tilted toward the heading, so the vertical is
+rotated by the inverse in its frame.
 """
 
 from dataclasses import dataclass, replace
@@ -60,10 +60,10 @@ class ArmPath:
     """A path around the common center with its ellipsoids, and the arm that follows it."""
 
     objective: Objective
-    path: Array  # (n, 3), relative to the center [m], turned as the ellipsoids were
-    profile: Array  # (n, d, d), target ellipsoids of a path that is not turned, without damping
+    path: Array  # (n, 3), relative to the center [m], rotated as the ellipsoids
+    profile: Array  # (n, d, d), target ellipsoids before the placement, without damping
     reachability_map: ReachabilityMap
-    demanded: tuple[Demand, ...] = ()  # of a path that is not turned or scaled
+    demanded: tuple[Demand, ...] = ()  # before the placement
 
     def placed(self, places: Array) -> tuple[Array, Array]:
         """Positions (k, n, 3) and ellipsoids (k, n, d, d) at placements (k, 7)."""
@@ -112,14 +112,14 @@ class PlacementProblem:
     arms: tuple[ArmPath, ...]
     outline: Array  # (m, 3), all waypoints of all arms, which stay in the workspace
     time: Array  # (n,) [s]
-    fixed: Array  # (7,), the fixed numbers of the placement; nan where it is free
+    fixed: Array  # (7,), the fixed components of the placement; nan where free
     lower: Array  # (7,), bounds of placements
     upper: Array  # (7,)
     workspace: Array  # (2, 3), lower and upper bounds of the paths [m]
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Which numbers of a placement are searched, shape (7,)."""
+        """Free components of a placement, shape (7,)."""
         return np.isnan(self.fixed)
 
     def thinned(self, count: int) -> "PlacementProblem":

@@ -1,8 +1,8 @@
 """Placement search: placements are compared by samples, then by planned trajectories, and improved together with them.
 
-The improvement is a banded Gauss-Newton descent with the placement as a border. The numbers of a placement act like
-joints: a path that turns is an arm that turns the other way. The normal equations of trajectory q and placement p, of
-several arms with a q for each, whose costs are summed,
+The improvement is a banded Gauss-Newton descent over trajectory q and placement p. Rotating the path equals rotating
+the arm the other way, so the components of p act like joints. With several arms, each has its own q, and the costs
+are summed. The normal equations
 
     [A  B] [q]     [g]
     [Bᵀ C] [p] = − [h],
@@ -26,7 +26,7 @@ from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, leve
 from maniport.motion.plan.plan_settings import SearchBudget
 from maniport.motion.plan.roadmap import shortest_path
 from maniport.spd.kernels import compose
-from maniport.util.progress import Part, nobody, pieces
+from maniport.util.progress import Part, ignore_fraction, pieces
 from maniport.util.sampling import sobol
 from maniport.util.validation import Array
 
@@ -53,11 +53,11 @@ class PlannedPlacement:
 
 
 def best_placements(
-    problem: PlacementProblem, seed: np.random.Generator, budget: SearchBudget, progress: Part = nobody
+    problem: PlacementProblem, seed: np.random.Generator, budget: SearchBudget, progress: Part = ignore_fraction
 ) -> list[PlannedPlacement]:
-    """Search over the free numbers; the placements for which trajectories were planned, the best first."""
+    """Search the free components; return the placements with planned trajectories, best first."""
     searches = [(problem, budget)]
-    if problem.free[TILT]:  # upright placements may fit into the workspace where leaning ones do not
+    if problem.free[TILT]:  # upright placements may fit into the workspace where tilted ones do not
         fixed = problem.fixed.copy()
         fixed[[TILT, HEADING]] = 0.0
         more = replace(budget, candidates=4 * budget.candidates)

@@ -28,7 +28,7 @@ from maniport.motion.problem import MotionProblem
 from maniport.motion.search.descent import PathCost
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
-from maniport.util.progress import Part, nobody
+from maniport.util.progress import Part, ignore_fraction
 from maniport.util.validation import Array
 
 PLANNING_TIME_SCALE = 4.0
@@ -76,7 +76,11 @@ class ArmPlanner:
     collisions: Collisions | None = None
 
     def solve(
-        self, problem: MotionProblem, settings: PlanSettings, random: np.random.Generator, progress: Part = nobody
+        self,
+        problem: MotionProblem,
+        settings: PlanSettings,
+        random: np.random.Generator,
+        progress: Part = ignore_fraction,
     ) -> tuple[Array, Trajectory]:
         """Plan a motion; return the configurations at the waypoints (n, dof), and the timed motion."""
         time, terms, joint_motion_weight = Coarse.of(problem, settings)

@@ -29,7 +29,7 @@ from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
-from maniport.util.progress import Part, nobody, pieces
+from maniport.util.progress import Part, ignore_fraction, pieces
 from maniport.util.validation import Array, as_generator
 
 
@@ -89,7 +89,7 @@ class Planner:
         problem: MotionProblem,
         settings: PlanSettings,
         random_state: Any = 0,
-        progress: Part = nobody,
+        progress: Part = ignore_fraction,
         separate: Sequence[Targets] | None = None,
     ) -> tuple[Trajectory, bool]:
         """Plan a motion, as fast as limits allow and at most as fast as the demonstration.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from maniport.motion.kernels import step_within_limits
 from maniport.motion.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets
 from maniport.motion.problem import MotionProblem
-from maniport.util.progress import Part, counted, nobody, pieces
+from maniport.util.progress import Part, counted, ignore_fraction, pieces
 from maniport.util.validation import Array
 
 TOLERANCE = 1e-6
@@ -24,7 +24,13 @@ PathCost = Targets | MotionProblem  # with a row for each target
 
 
 def search_from_starts(
-    target: PathCost, starts: Array, *, max_iter: int = 100, block: int = 64, halving: int = 4, progress: Part = nobody
+    target: PathCost,
+    starts: Array,
+    *,
+    max_iter: int = 100,
+    block: int = 64,
+    halving: int = 4,
+    progress: Part = ignore_fraction,
 ) -> Array:
     """Search for each target from starts (n, k, dof); return the best joint positions (n, dof).
 
@@ -83,7 +89,7 @@ def _descend(target: PathCost, starts: Array, max_iter: int, halving: int) -> Ar
     return np.asarray(q[np.arange(count) * n_starts + np.argmin(length.reshape(count, n_starts), axis=1)])
 
 
-def pointwise_best(targets: PathCost, starts: Array, motion: Array, progress: Part = nobody) -> Array:
+def pointwise_best(targets: PathCost, starts: Array, motion: Array, progress: Part = ignore_fraction) -> Array:
     """Return the best configuration for each target by itself, with the end effector in place, shape (n, dof).
 
     The search starts from (n, k, dof), then from the results of the neighbors and from a motion (n, dof). The result is
