@@ -62,17 +62,17 @@ class BodyHulls:
         links_with_bodies = {0}
         for arm, links in zip(group.arms, tree.links, strict=True):
             links_with_bodies |= {links[frame.joint] for frame in arm.chain.frames.values()}
-        above = [0]  # the link with a body that each link hangs on
+        parent_body = [0]  # nearest link with a body above each link
         for parent in tree.parents.tolist():
-            above.append(parent if parent in links_with_bodies else above[parent])
+            parent_body.append(parent if parent in links_with_bodies else parent_body[parent])
         joints, on_chain = np.array([hull.joint for hull in hulls]), np.array([part.own for part in parts])
         paths, moves = tree.moves[joints], tree.coupling != 0
         between = np.array([((paths != path).astype(np.intp) @ moves > 0).sum(axis=1) for path in paths])
-        near = (np.array(above)[joints][:, None] == joints) & on_chain[:, None] & on_chain
-        near &= joints[:, None] > joints
-        of_hulls = robots[sides]
-        joined = (near | near.T | (between == 0)) & (of_hulls[:, None] == of_hulls)
-        return cls(tuple(hulls), tuple(parts), joined, between, np.array(owners), of_hulls, frozenset(last))
+        adjacent = (np.array(parent_body)[joints][:, None] == joints) & on_chain[:, None] & on_chain
+        adjacent &= joints[:, None] > joints
+        hull_robots = robots[sides]
+        joined = (adjacent | adjacent.T | (between == 0)) & (hull_robots[:, None] == hull_robots)
+        return cls(tuple(hulls), tuple(parts), joined, between, np.array(owners), hull_robots, frozenset(last))
 
 
 def _robots(group: ArmGroup) -> NDArray[np.intp]:
