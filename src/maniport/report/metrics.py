@@ -84,7 +84,7 @@ METRICS = {
         warning="the robot collides {_when}: {_pair}"),
     **{
         key: Definition(
-            label, "Along the direction in which the person has most; resemblance over all directions.", unit,
+            label, "Median along the direction of the person's largest value.", unit,
             main=True, text="{_text}")
         for key, label, unit in (("force", "Force", "N"), ("velocity", "Speed", "m/s"))
     },
@@ -275,7 +275,7 @@ def _of_capability(own: Capability, by_speed: bool) -> list[Metric]:
     }  # fmt: skip
     at = float(own.time[least])
     texts = [f"{name.replace('_', ' ')} {numbers['median']:.3g}" for name, numbers in value.items()]
-    texts[0] += f" (least {value['robot']['min']:.3g})"
+    texts[0] += f" (min {value['robot']['min']:.3g})"
     text = f"{listed(texts)} {unit}"
     value |= {"min_at_s": at, "resemblance": own.resemblance}
     value |= {"position_only_resemblance": own.position_only_resemblance}

@@ -307,5 +307,7 @@ def in_axes(distance: float) -> str:
     """Write a distance between ellipsoids as the error of one axis that has the same distance."""
     ratio = float(np.exp(0.5 * distance))
     return (
-        f"one axis {ratio:.1f} times as long" if ratio >= 1.95 else f"one axis {100.0 * (ratio - 1.0):.0f} % too long"
+        f"like one semi-axis {ratio:.1f} times as long"
+        if ratio >= 1.95
+        else f"like one semi-axis {100.0 * (ratio - 1.0):.0f} % too long"
     )
