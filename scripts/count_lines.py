@@ -1,4 +1,4 @@
-"""Count lines, files and constants of the package, and list violations of the limits of CONTRIBUTING.md.
+"""Count lines, files and constants of the package, lines of tests and words of pages; list what is over the limits.
 
 Usage: python scripts/count_lines.py [FOLDER]
 """
@@ -9,7 +9,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-PACKAGE = Path(__file__).parent.parent / "src" / "maniport"
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "src" / "maniport"
 
 LONGEST_FILE = 320
 """Largest number of lines of a file."""
@@ -47,6 +48,11 @@ def constants(folder: Path) -> tuple[int, int]:
     return alone, several
 
 
+def words(*pages: Path) -> int:
+    """Count words: what has a letter or a digit, so no lines of tables."""
+    return sum(any(map(str.isalnum, word)) for page in pages for word in page.read_text(encoding="utf-8").split())
+
+
 def main(folder: Path) -> int:
     """Print the counts of each package; 1 when something is over a limit."""
     counts = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in folder.rglob("*.py")}
@@ -59,6 +65,9 @@ def main(folder: Path) -> int:
         f"{sum(counts.values()):6d} lines {len(counts):4d} files, median {statistics.median(counts.values()):g} lines"
     )
     print("{:6d} module constants, {} more in assignments of several".format(*constants(folder)))
+    tests = sum(len(file.read_text(encoding="utf-8").splitlines()) for file in (ROOT / "tests").rglob("*.py"))
+    print(f"{tests:6d} lines of tests")
+    print(f"{words(ROOT / 'README.md'):6d} words of README.md, {words(*(ROOT / 'docs').rglob('*.md'))} of docs")
     exceeded = list(too_long(folder))
     print("\n".join(["over the limits:", *exceeded]) if exceeded else "nothing is over the limits")
     return int(bool(exceeded))

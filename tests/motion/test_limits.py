@@ -49,7 +49,7 @@ def clearance_of(collisions, q):
 
 
 class NoTargets:
-    def linearize(self, q):
+    def linearize(self, q, differentials=None):
         return Linearization(
             np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None], np.zeros((1, 6, 7))
         )
@@ -98,7 +98,7 @@ class OneAxis:
 
     positions, objective = np.array([[1.0, 0.0, 0.0]]), SimpleNamespace(position_weight=200.0)
 
-    def linearize(self, q):
+    def linearize(self, q, differentials=None):
         """Cost (200 (q₀ − 1))² of the first joint, which moves the end effector by 1 m/rad."""
         jacobian, offset = np.zeros((1, 6, 7)), q[:, 0] - 1.0
         jacobian[0, 0, 0] = 1.0

@@ -16,7 +16,7 @@ IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio",
 IMPORT_NAMES |= {"rerun-sdk": "rerun"}
 DEPENDENCIES_OF_OTHERS = {"coal", "contourpy", "PIL", "llvmlite", "markupsafe", "msgspec", "websockets"}
 WITH_FALLBACK = {"IPython"}
-CHECKED_BEFORE = {"matplotlib", "sklearn", "pink", "mujoco"}  # figures; what only these packages call
+CHECKED_BEFORE = {"matplotlib", "mujoco", "sklearn", "pink"}  # figures, tasks; what scikit-learn and Pink call
 IMPORTERS = {name: importer.args for name, importer in vars(optional).items() if isinstance(importer, partial)}
 
 

@@ -32,7 +32,7 @@ def _transport(help: str, *flags: str) -> Any:
 
 @command(
     "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"), defaults=LIVE,
-    example="maniport live freeform --simulate;  maniport live walk.bvh --robot ur5.urdf --udp 9000",
+    example="maniport live walk.bvh --robot ur5.urdf --udp 9000",
 )  # fmt: skip
 def live(
     config: Config,
@@ -44,9 +44,7 @@ def live(
     no_drop: Annotated[
         bool, _transport("Process every frame in order; otherwise skip to the newest.", "--no-drop")
     ] = False,
-    simulate: Annotated[
-        bool, _transport("Play the recording to a simulated robot, in the 3D view if installed.", "--simulate")
-    ] = False,
+    simulate: Annotated[bool, _transport("Play the recording to a simulated robot.", "--simulate")] = False,
 ) -> None:
     """Follow a moving person: points in, joint positions out.
 

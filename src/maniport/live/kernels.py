@@ -130,6 +130,16 @@ def trunk_directions(positions, linear, forward, shortest):  # type: ignore[no-u
     return targets
 
 
+@kernel
+def turned_farther(before, after, angle, least):  # type: ignore[no-untyped-def]
+    """Return whether one of the first unit vectors (k, 3) turned farther than `angle` and than its own of `least`."""
+    for i in range(len(least)):
+        chord = np.sqrt(((after[i] - before[i]) ** 2).sum())
+        if 2.0 * np.arcsin(min(0.5 * chord, 1.0)) > max(angle, least[i]):
+            return True
+    return False
+
+
 @part
 def scaled(vector, shortest):  # type: ignore[no-untyped-def]
     """Scale a vector to length one; nan where it is no longer than `shortest`."""

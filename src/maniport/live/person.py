@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maniport.arms import EllipsoidSpec
-from maniport.live.kernels import follow, search, trunk_directions, updated
+from maniport.live.kernels import follow, search, trunk_directions, turned_farther, updated
 from maniport.mocap import ArmFit
 from maniport.mocap.arm_path import (
     FASTEST_JOINT,
@@ -80,10 +80,7 @@ class Person:
 
     def jumps(self, before: ArmEstimate, targets: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
-        count = len(self._least_jump)
-        chords = np.sqrt(np.sum((targets[:count] - before.targets[:count]) ** 2, axis=1))
-        angles = 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
-        return bool((angles > np.maximum(MAX_SPEED * dt, self._least_jump)).any())
+        return bool(turned_farther(before.targets, targets, MAX_SPEED * dt, self._least_jump))
 
     def is_too_fast(self, before: ArmEstimate, estimate: ArmEstimate, dt: float) -> bool:
         """Whether a joint is faster than joints are."""

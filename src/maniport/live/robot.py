@@ -45,10 +45,9 @@ class Robot:
         group = as_group(limits.arm)
         for arm in group.arms:
             require_trackable(arm, spec)
-        self._specs = group.specs(spec)
         self._objectives = [
             Objective.of(arm, own, damping, FOLLOWING_WEIGHT, positive=True)
-            for arm, own in zip(group.arms, self._specs, strict=True)
+            for arm, own in zip(group.arms, group.specs(spec), strict=True)
         ]
         self._candidates = None  # configurations to stay near, and the damped ellipsoids and positions of each arm
         if reference is not None:
@@ -72,11 +71,10 @@ class Robot:
 
     def _set(self, state: ControlState) -> None:
         self.q, self.velocity, self._state = state.q, state.velocity, state  # (dof,)
-        self.positions, self.achieved = [], []  # (3,) and (d, d) of each arm
-        for objective, spec, columns in zip(self._objectives, self._specs, self._controller.columns, strict=True):
-            pose, ellipsoid = objective.arm.posed_ellipsoids(state.q[columns], spec)
-            self.positions.append(pose[:3, 3])
-            self.achieved.append(ellipsoid)
+        parts = zip(self._objectives, self._controller.columns, strict=True)
+        self._differentials = tuple(own.differentials(state.q[None, columns]) for own, columns in parts)
+        self.positions = [poses[0, :3, 3] for poses, *_ in self._differentials]  # of each arm
+        self.achieved = [ellipsoids[0] for _, _, ellipsoids, _ in self._differentials]  # (d, d) of each arm
 
     @property
     def resting(self) -> bool:
@@ -122,7 +120,7 @@ class Robot:
                         position = first.position + share * (position - first.position)
                 rows.append(objective.targets(ellipsoid[None], None if position is None else position[None]))
             posture = PostureCost(self._reference, weight)
-            problem = ControlProblem(tuple(rows), posture, time, None, HORIZON, predicted)
+            problem = ControlProblem(tuple(rows), posture, time, None, HORIZON, predicted, self._differentials)
             self._set(self._controller.step(problem, self._state, elapsed / steps, speed_share))
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:

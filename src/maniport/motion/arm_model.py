@@ -21,6 +21,10 @@ def robot_model(arm: Arm | ArmGroup) -> pin.Model:
     unknown, and masses zero where the description has none. Frames keep their names, and locked joints are fixed.
     Shared joints of a group exist once; frames of several robots have the prefixes of the group's joints.
 
+    Returns
+    -------
+    pinocchio.Model
+
     Raises
     ------
     InvalidInputError

@@ -75,6 +75,8 @@ class ControlProblem:
         Durations of h intervals after the step for which velocities are planned, too [s].
     predicted_positions : tuple of ndarray, shape (h, 3), or None
         Target positions of each arm at the ends of these intervals [m].
+    differentials : tuple, optional
+        `Objective.differentials` of each arm at the present configuration. Default: computed.
     """
 
     targets: tuple[Targets, ...]
@@ -83,6 +85,7 @@ class ControlProblem:
     previous_positions: tuple[Array | None, ...] | None = None
     horizon: tuple[float, ...] = ()
     predicted_positions: tuple[Array | None, ...] = ()
+    differentials: tuple[tuple[Array, Array, Array, Array], ...] | None = None
 
 
 class Controller:
@@ -115,6 +118,7 @@ class Controller:
         self.braking, self.collisions, self.lm_damping = braking, collisions, lm_damping
         self._costs, self._limits = tuple(costs), (*limits, *(() if collisions is None else (collisions,)))
         self.columns = group.columns
+        self._whole = len(group.arms) == 1  # hessians of an arm need no indexing, which is slow
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
         self._no_limits = np.empty((0, group.dof)), np.empty(0)
         self.reaches = tuple(float(np.linalg.norm(tips, axis=1).max()) for tips in samples)  # from the base [m]
@@ -173,9 +177,11 @@ class Controller:
         gradient, damping = weight * (q - problem.posture.reference), np.full(dof, weight)  # of the posture
         hessian, later = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
         for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
-            parts = targets.linearize(q[None, columns])
-            hessian[columns[:, None], columns] += parts.hessian[0]
-            gradient[columns] += parts.gradient[0]
+            differentials = None if problem.differentials is None else problem.differentials[i]
+            parts = targets.linearize(q[None, columns], differentials)
+            block = (slice(None), slice(None)) if self._whole else (columns[:, None], columns)
+            hessian[block] += parts.hessian[0]
+            gradient[block[1]] += parts.gradient[0]
             amount = self.lm_damping * parts.ellipsoid_square[0]
             previous = None if problem.previous_positions is None else problem.previous_positions[i]
             if previous is not None:
@@ -183,11 +189,11 @@ class Controller:
                 distance = math.sqrt(offset @ offset)
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += targets.objective.position_weight**2 * self.reaches[i] * lag
-            damping[columns] += amount
+            damping[block[1]] += amount
             predicted = problem.predicted_positions[i] if problem.horizon else None
             if predicted is not None and targets.positions is not None:
                 moved = targets.positions - predicted
-                later[1:, columns] += targets.objective.position_weight**2 * moved @ parts.jacobian[0, :3]
+                later[1:, block[1]] += targets.objective.position_weight**2 * moved @ parts.jacobian[0, :3]
         for cost in self._costs:
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian

@@ -105,6 +105,10 @@ class Objective:
         label, hint = (f"{name} with damping", "") if self.damping.epsilon else (name, HINT)
         return as_points(damped, label, minimum=minimum, hint=hint)
 
+    def differentials(self, q: Array) -> tuple[Array, Array, Array, Array]:
+        """Poses, Jacobians, velocity ellipsoids and their derivatives at configurations (n, dof)."""
+        return self.arm.posed_differentials(q, self.spec.bounded)
+
     def targets(
         self,
         ellipsoids: Array,
@@ -190,9 +194,9 @@ class Targets:
         parts = self.linearize(q)
         return np.sqrt(parts.ellipsoid_square + parts.pose_square), parts.gradient, parts.hessian
 
-    def linearize(self, q: Array) -> "Linearization":
-        """Evaluate f and its derivatives at configurations (n, dof); the kinematics is computed once."""
-        poses, jacobian, velocity, changes = self.arm.posed_differentials(q, self.objective.spec.bounded)
+    def linearize(self, q: Array, differentials: tuple[Array, Array, Array, Array] | None = None) -> "Linearization":
+        """Evaluate f and its derivatives at configurations (n, dof); `differentials` as `Objective.differentials`."""
+        poses, jacobian, velocity, changes = self.objective.differentials(q) if differentials is None else differentials
         gradient, hessian, pose_square = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1])), np.zeros(len(q))
         square = self.ellipsoid_cost.add(velocity, changes, gradient, hessian)
         for cost in self.pose_costs:

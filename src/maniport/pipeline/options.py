@@ -202,7 +202,7 @@ class MotionOptions(Options):
     position_tolerance: float = option(
         defaults.POSITION_TOLERANCE, "Position tolerance, 95th percentile", "mm", above=0.0, common=True
     )
-    speed_scale: float = option(1.0, "Maximum speed relative to the demonstration", above=0.0, common=True)
+    speed_scale: float = option(1.0, "Maximum speed relative to the person", above=0.0, common=True)
     orientation: str | tuple[float, ...] = option(
         FREE, "Orientation: free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", CONSTANT),
         metavar="WORD|X,Y,Z", count=3, common=True,

@@ -106,8 +106,7 @@ def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     assert isinstance(limits, MotionLimits)
     settings.progress("Sample robot", 0.0)
     planner = Planner.of(limits, settings.spec.bounded, settings.control.collisions, generator)
-    text = " and ".join(f"{len(own.reachability_map)} configurations" for own in planner.arms)
-    settings.progress("Sample robot", 1.0, text)
+    settings.progress("Sample robot", 1.0)
     return planner
 
 

@@ -44,9 +44,9 @@ ROBOTS = (
     StudyRobot("panda", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 4),
     StudyRobot("xarm7", (0.0, -0.247, 0.0, 0.909, 0.0, 1.156, 0.0), 4),
     StudyRobot("ur5", (0.0, -1.571, 1.571, -1.571, -1.571, 0.0), 3),
-    StudyRobot("g1_right_arm", (0.2, -0.2, 0.0, 1.28, 0.0, 0.0, 0.0), 4, held_out=True),
+    StudyRobot("g1_right_arm", (0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0), 4, held_out=True),
 )
-"""The first configurations are those of Franka's MoveIt, and of MuJoCo Menagerie with the UR5 turned to the front."""
+"""Configurations of Franka's MoveIt and of MuJoCo Menagerie; the UR5 turned to the front, the G1 with bent elbow."""
 
 HELD_OUT = ("ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 8")
 """Motions that were never used while methods were tuned."""
