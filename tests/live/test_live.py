@@ -125,6 +125,22 @@ def test_both_arms_lead_two_robots(two_arm_result):
         _ = last.arm
 
 
+def test_force_ellipsoids_are_followed_within_limits(second, frames):
+    """With the kind "force" the hand follows its path, and the target is that of velocity."""
+    with little_search():
+        result = mp.transfer_recording(second, ellipsoids="force", speed_scale=0.5, **SMALL)
+    points, time = frames
+    live = mp.Live.of(result, clock=None)
+    states = played(live, points, time)
+    require_safe(result.arm.motion, result.arm.collisions, time, states)
+    assert states[-1].state == FOLLOWING
+    assert np.median([state.position_error for state in states[100:]]) < 1e-3
+    last = states[-1].arm
+    forces = result.arm.adapter.transform(live._arms[0].person.hand(last.person, result.spec)[0][None])[0]
+    turn = result.arm.placement.rotation
+    assert_allclose(last.target @ turn @ forces @ turn.T, np.eye(3), atol=1e-6)
+
+
 def test_who_is_not_seen_is_waited_for(live, frames):
     points, time = frames
     played(live, points[:100], time[:100])

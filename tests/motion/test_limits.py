@@ -8,7 +8,7 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.motion import BrakingLimit, CollisionLimit, Controller, ControlProblem, ControlState
 from maniport.motion.costs.posture import PostureCost
-from maniport.motion.objective import Linearization
+from maniport.motion.objective import FOLLOWING_WEIGHT, Linearization, Objective
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -152,3 +152,22 @@ def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
         last, state = state, driver.step(problem, state, 0.01)
         assert not state.solved
         assert state.velocity[0] == pytest.approx(last.velocity[0] - 0.02)
+
+
+def test_position_has_priority_over_the_ellipsoid():
+    """While the target ellipsoid departs from the feasible ones, the distance grows and the end effector stays."""
+    panda, start = load_arm("panda"), np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
+    shapes = panda.manipulability(start) + np.linspace(0.0, 3.0, 60)[:, None, None] * np.diag([0.0, 0.0, 1.0])
+    position = panda.forward(start)[:3, 3]
+    bounds = BrakingLimit(panda.lower, panda.upper, panda.velocity_limits, np.full(7, 10.0))
+    driver, state = Controller(panda, bounds), ControlState.at_rest(start)
+    objective = Objective.of(panda, position_weight=FOLLOWING_WEIGHT)
+    distances, errors = [], []
+    for shape in shapes:
+        targets = objective.targets(shape[None], position[None])
+        problem = ControlProblem((targets,), PostureCost(start, 1e-2), 0.0, None, (0.05, 0.1), (position[None],) * 2)
+        state = driver.step(problem, state, 0.01)
+        distances.append(targets.distance(state.q[None])[0])
+        errors.append(np.linalg.norm(panda.forward(state.q)[:3, 3] - position))
+    assert distances[-1] > 1.0 > distances[0]
+    assert max(errors) < 2e-3
