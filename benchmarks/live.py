@@ -22,13 +22,15 @@ RATES = (120.0, 500.0)  # Hz
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """Yield two rows for each rate, and one for the memory."""
+    """Yield two rows for each rate, one for garbage collections, and one for the memory."""
     run = fresh_process("-m", __name__, *(["quick"] if quick else []))
     for rate, (median, rare, largest) in zip(RATES, run["seconds"], strict=True):
         work = f"live step of the Panda, {rate:g} Hz"
         note = f"processor time, lesser of two runs; largest {duration(largest)}"
         yield within(f"{work}: median", median, 0.6e-3, duration, note)
         yield within(f"{work}: 99.9 %", rare, 2e-3, duration)
+    text = f"live: longest garbage collection in {run['timed']:,} steps"
+    yield within(text, run["pause"], 2e-3, duration)
     text = f"live: growth of memory over the second half of {run['steps']:,} steps"
     yield within(text, run["megabytes"], 1.0, lambda value: f"{value:.2f} MB")
 
@@ -59,6 +61,25 @@ def step_times(rate: float, count: int) -> list[float]:
     return [float(value) for value in np.percentile(taken.min(axis=0)[1:], (50.0, 99.9, 100.0))]
 
 
+def longest_collection(count: int) -> float:
+    """Return the processor time of the longest garbage collection during steps [s]."""
+    begin, pauses = 0.0, [0.0]
+
+    def measure(phase: str, _: dict[str, int]) -> None:
+        nonlocal begin
+        if phase == "start":
+            begin = time.thread_time()
+        else:
+            pauses.append(time.thread_time() - begin)
+
+    for i, (live, frame, t) in enumerate(frames(RATES[-1], count)):
+        if i == 1:
+            gc.callbacks.append(measure)
+        live.step(frame, t)
+    gc.callbacks.remove(measure)
+    return max(pauses)
+
+
 def memory_growth(count: int) -> float:
     """Return the memory that the second half of many steps adds [MB]; 100 of 5000 frames are missing."""
     gc.disable()
@@ -81,7 +102,12 @@ def main(quick: bool) -> None:
     timed, steps = (1_000, 4_000) if quick else (20_000, 200_000)
     with threadpool_limits(1):
         seconds = [step_times(rate, timed) for rate in RATES]
-        print(json.dumps({"seconds": seconds, "megabytes": memory_growth(steps), "steps": steps}))
+        pause = longest_collection(timed)
+        print(
+            json.dumps(
+                {"seconds": seconds, "timed": timed, "pause": pause, "megabytes": memory_growth(steps), "steps": steps}
+            )
+        )
 
 
 if __name__ == "__main__":

@@ -159,12 +159,13 @@ class Controller:
         rows, allowed = self._no_limits
         if self._limits:
             pairs = [limit.inequalities(q, dt) for limit in self._limits]
-            rows, allowed = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+            many = len(pairs) > 1
+            rows, allowed = (np.concatenate(parts) if many else parts[0] for parts in zip(*pairs, strict=True))
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
             program = self.braking.program(hessian, gradients, durations, bounds, speed_share, rows, allowed, relaxed)
             step, _, exit_flag, _ = daqp.solve(*program)
-            if exit_flag > 0 and np.isfinite(step).all():
+            if exit_flag > 0 and math.isfinite(step.sum()):
                 return step[: len(q)] / dt, not relaxed
         return None, False
 
@@ -198,7 +199,7 @@ class Controller:
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
-        hessian.flat[:: dof + 1] += damping + 1e-12  # the diagonal
+        hessian.reshape(-1)[:: dof + 1] += damping + 1e-12  # the diagonal
         return hessian, gradient + later
 
 

@@ -155,6 +155,8 @@ class Collisions(NotebookDisplay):
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _blocks(len(flat)):
             near = self._solids.maybe_near(flat[part], self._pairs, 0.0)  # Coal decides about these
+            if not near.any():
+                continue
             distances = self._solids.distances(flat[part], self._pairs, near, depths=False)[0]
             hit[part.start + np.nonzero(near)[0][distances <= 0.0]] = True
         return hit.reshape(shape)
