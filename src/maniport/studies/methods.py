@@ -37,9 +37,10 @@ EVALUATIONS = {
 }
 
 CAPTION = (
-    "Feasibility gap: mean over the motions / worst of the motions' 95 %. Held out: the same at samples of the persons "
-    "that no fit has seen. Step: mean over the motions of the median step over the teacher's own; 1 keeps it. "
-    "Rank correlation: least, of pairwise distances. Turn: largest median angle of the longest axes."
+    "Feasibility gap: mean over the motions / largest 95th percentile of a motion. Held out: the same for samples of "
+    "the persons that the fits do not use. Successive distance: mean over the motions of the median, relative to the "
+    "demonstrated one. Rank correlation: minimum, of pairwise distances. Axis rotation: largest median angle of the "
+    "longest axes."
 )
 
 
@@ -125,13 +126,18 @@ def methods_section(evaluations: Mapping[str, Evaluation]) -> Section:
             "gap_p95": max(gap.p95 for gap in gaps),
             "held_out": float(np.mean([gap.mean for gap in held])),
             "held_out_p95": max(gap.p95 for gap in held),
-            "step": float(np.mean([row.smoothness.median_ratio for row in rows if row.smoothness is not None])),
+            "successive_distance": float(
+                np.mean([row.smoothness.median_ratio for row in rows if row.smoothness is not None])
+            ),
             "rank_correlation": min(own.rank_correlation for own in kept),
-            "turn_deg": max(own.major_axis_angle or 0.0 for own in kept),
+            "axis_rotation_deg": max(own.major_axis_angle or 0.0 for own in kept),
         }
-        form = "{gap:.3f} / {gap_p95:.3f}|{held_out:.3f} / {held_out_p95:.3f}|{step:.2f}|{rank_correlation:.3f}"
-        cells.append((name, *f"{form}|{{turn_deg:.1f}}°".format(**own).split("|")))
-    columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn")
+        forms = (
+            "{gap:.3f} / {gap_p95:.3f}", "{held_out:.3f} / {held_out_p95:.3f}", "{successive_distance:.2f}",
+            "{rank_correlation:.3f}", "{axis_rotation_deg:.1f}°",
+        )  # fmt: skip
+        cells.append((name, *(form.format(**own) for form in forms)))
+    columns = ("", "feasibility gap", "held out", "successive distance", "rank correlation", "axis rotation")
     return Section("Metrics", (), (Table(columns, tuple(cells), CAPTION, "rows", values),), "methods")
 
 
