@@ -101,7 +101,7 @@ def test_rounding_is_allowed_for():
     (lambda: v.as_times([0, 1], count=3), "time must have shape (3,); found shape (2,)"),
     (lambda: v.as_times([0, 1e300]), "time must be in seconds, within ±1e+12"),
     (lambda: v.as_times([0, 1e-300]), "at least 1e-09 apart"),
-    (lambda: v.as_metres([[0, 0, 1e300]], "path"), "path must be in metres, within ±10000; found 1e+300"),
+    (lambda: v.as_metres([[0, 0, 1e300]], "path"), "path must be in meters, within ±10000; found 1e+300"),
     (lambda: v.as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; available, nearest first: 'a', 'b'"),
     (lambda: v.as_flag("yes", "turn"), "turn must be True or False; found 'yes'"),
     (lambda: v.as_generator(-1), "random_state (unless None or a numpy Generator) must be a whole number"),

@@ -161,7 +161,7 @@ def _require_rigid(placement: Array, what: str) -> None:
     turn, shift = placement[:3, :3], placement[:3, 3]
     if not (np.abs(turn @ turn.T - np.eye(3)).max() < UNIT and np.abs(shift).max() <= MAX_POSITION):
         raise InvalidInputError(
-            f"{what} must be placed by a rotation and by finite metres, within ±{MAX_POSITION:g}; "
+            f"{what} must be placed by a rotation and by finite meters, within ±{MAX_POSITION:g}; "
             f"found {np.array2string(placement[:3], precision=3, separator=', ')}".replace("\n", "")
         )
 

@@ -2,7 +2,7 @@
 
 Both models describe a right arm, have the same seven joints and express everything in a trunk frame with x forward,
 y to the person's left and z up. Their frames ``shoulder``, ``elbow``, ``wrist`` and ``hand`` mark the ends of the
-segments. At zero angles the arm hangs straight down with the palm towards the thigh. A left arm is the mirror image of
+segments. At zero angles the arm hangs straight down with the palm toward the thigh. A left arm is the mirror image of
 a right one: equal joint angles mean the mirrored configuration, and the table holds for both.
 
 =================  ================================================================================================
@@ -171,7 +171,7 @@ def middle_of(arm: Arm) -> float:
 def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
     """Compute hand orientations in the trunk frame, (..., 3, 3): z points along the hand, y out of the palm.
 
-    With zero angles the arm hangs with the palm towards the thigh, a right arm's to the left.
+    With zero angles the arm hangs with the palm toward the thigh, a right arm's to the left.
     """
     zero = np.zeros(arm.dof)
     wrist, hand = arm.point_positions(zero, ("wrist", "hand"))

@@ -1,4 +1,4 @@
-"""The robot that follows: its arms move towards the targets of the present within all limits."""
+"""The robot that follows: its arms move toward the targets of the present within all limits."""
 
 import math
 from collections.abc import Sequence

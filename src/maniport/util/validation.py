@@ -245,7 +245,7 @@ def as_metres(value: ArrayLike, name: str) -> Array:
     positions = as_finite(value, name)
     farthest = float(np.abs(positions).max(initial=0.0))
     if farthest > MAX_POSITION:
-        raise InvalidInputError(f"{name} must be in metres, within ±{MAX_POSITION:g}; found {farthest:g}")
+        raise InvalidInputError(f"{name} must be in meters, within ±{MAX_POSITION:g}; found {farthest:g}")
     return positions
 
 
