@@ -125,12 +125,14 @@ def test_slopes_in_the_joints_of_both():
         assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
 
 
-def test_arms_with_crossing_paths_keep_clear_of_one_another():
-    arms = mp.load_arms("panda", bases=[(0.75, 0.0, 0.0, np.pi), (-0.75, 0.0, 0.0)])
-    options = task(arms, swung(0.0, 0.2), swung(1.0, 0.2))
-    options["paths"] = [path - 0.8 * path.mean(axis=0) * [1, 1, 0] for path in options["paths"]]
+def test_three_arms_of_which_two_have_crossing_paths_keep_clear_of_one_another():
+    arms = mp.load_arms("panda", bases=[(0.75, 0.0, 0.0, np.pi), (-0.75, 0.0, 0.0), (0.0, 3.0, 0.0)])
+    options = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
+    *crossing, other = options["paths"]
+    options["paths"] = [*(path - 0.8 * path.mean(axis=0) * [1, 1, 0] for path in crossing), other]
     plan = plan_motion(arms, **options, planner=planner_of(arms, True), position_tolerance=0.02)
     assert plan.coupled  # only where arms come near one another
+    assert plan.trajectory.control_positions.shape[1] == 21
     assert plan.clearance.checked
     assert plan.clearance.share == 0.0 < plan.clearance.distance
     assert plan.limit_use.within

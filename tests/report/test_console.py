@@ -62,4 +62,7 @@ def test_lines_in_a_pipe(capsys):
                 warnings.warn("slow", ConvergenceWarning, stacklevel=1)
             report("walk", 0.25)
             report("walk", 1.0, "[b]3 km[/b]")
-    assert capsys.readouterr().err.split() == ["!", "slow", "!", "slow", "✓", "walk", "[b]3", "km[/b]"]
+            report(far := "walk/from/here/to/there", 1.0, "done")
+            report(f"{far} → again", 1.0, "done")
+    words = ["!", "slow", "!", "slow", "✓", "walk", "[b]3", "km[/b]"]
+    assert capsys.readouterr().err.split() == [*words, "✓", far, "done", "✓", far, "→", "again", "done"]

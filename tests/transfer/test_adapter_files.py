@@ -76,6 +76,7 @@ def test_unreadable_files_are_refused(saved, tmp_path):
     ({"format": "maniport-adapter-99"}, "maniport-adapter-99"), ({"method": "Magic"}, "Magic"),
     ({"method": "RigidAdapter"}, "RigidAdapter"), ({"method": None}, "None"),
     ({"parameters": {"color": "red"}}, "color"), ({"parameters": [1, 2]}, "damaged"),
+    ({"parameters": {"damping": "much"}}, "damping"),
     ({"fitted": {"dispersion_ratio_": "one"}}, "dispersion_ratio_"),
     ({"fitted": {"base_rotation_": 1.0}}, "base_rotation_"), ({"fitted": {"stop_reason_": 3}}, "stop_reason_"),
     ({"fitted": None}, "student_damping_"), ({"fitted": {"transform": 1}}, "transform"), (None, "damaged"),
@@ -119,7 +120,7 @@ def test_options_that_are_objects_are_not_saved(tmp_path, random_spd):
 WRONG = {
     "rotation_": [np.diag([1.0, 1.0, -1.0]), 2 * np.eye(3), np.eye(2), np.full((3, 3), np.nan)],
     "student_mean_": [-np.eye(3), np.zeros((3, 3)), np.triu(np.ones((3, 3))), np.eye(3).astype("U9")],
-    "history_": [np.array([np.inf]), np.eye(3)],
+    "history_": [np.array([np.inf]), np.eye(3), np.zeros(0)],
     "keys_": [np.eye(3)[None], -np.eye(3)[None].repeat(12, 0)],
 }
 

@@ -9,6 +9,8 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
 from maniport.motion import FeasibleProjector, SeedBank
+from maniport.report import as_markdown
+from maniport.report.transfer import adapter_report
 from maniport.spd.kernels import congruence
 from maniport.transfer import METHODS, method_of
 
@@ -25,6 +27,16 @@ def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_s
     assert_array_equal(short.transform(teacher), long.transform(teacher))
     assert_allclose(short.map_rotation_, TURN, atol=1e-12)
     assert method_of(name, base_rotation=np.eye(6), random_state=0).fit(teacher, student).base_rotation_ is None
+
+
+@pytest.mark.parametrize(
+    ("turn", "text"), [(None, "unknown"), (np.eye(3), "none: both base frames have the same"), (TURN, "[0.000 -1.000")]
+)
+def test_the_report_tells_an_unknown_base_rotation_from_none(turn, text, random_spd):
+    """Equal frames are stated as such; only a rotation that was not specified is unknown."""
+    rng = np.random.default_rng(0)
+    adapter = mp.ParallelTransport(base_rotation=turn).fit(random_spd(rng, 20, 3), random_spd(rng, 25, 3))
+    assert f"Base rotation: {text}" in as_markdown(adapter_report(adapter))
 
 
 def test_a_method_is_found_by_name_or_taken_as_it_is():

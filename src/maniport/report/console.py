@@ -132,8 +132,9 @@ def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progre
 def _print_line(console: RichConsole, mark: str, text: str, name: str = "") -> None:
     """Print a line, in one piece in a pipe; on a terminal words are wrapped in their column."""
     text, name = printable(text), printable(name)
+    name += " " if text and name else ""
     if not console.file.isatty():
-        start = f"{name:<{NAME_WIDTH}}" if text and name else name
+        start = f"{name:<{NAME_WIDTH}}" if name else ""
         console.print(f"{mark}{start}{text}", markup=False)
         return
     grid = Table.grid(padding=0)

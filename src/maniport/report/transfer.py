@@ -42,10 +42,8 @@ def adapter_section(adapter: DomainAdapter, *more: Metric) -> Section:
     teacher, student = float(adapter.teacher_dispersion_), float(adapter.student_dispersion_)
     ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
     rotation, turn = adapter.base_rotation_, adapter.map_rotation_
-    rotated = "none: both base frames have the same orientation"
-    if rotation is None:
-        rotated = "unknown"
-    elif not np.allclose(rotation, np.eye(len(rotation))):
+    rotated = "unknown" if adapter.base_rotation is None else "none: both base frames have the same orientation"
+    if rotation is not None:
         rotated = f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in rotation[:3, :3])}]"
     regularized = "none"
     if adapter.damping is not None:

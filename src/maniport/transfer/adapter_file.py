@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError
+from maniport.spd.regularization import Regularization
 from maniport.util.files import array_names, load_arrays, save_arrays
 from maniport.util.validation import as_count, as_finite, as_flag, as_number, as_rotation, as_spd
 
@@ -57,7 +58,7 @@ SCHEMA: Schema = {
     "teacher_dispersion_": Attribute((), non_negative),
     "student_dispersion_": Attribute((), non_negative),
     "cost_": Attribute((), as_number),
-    "history_": Attribute(("iterations",), as_finite),
+    "history_": Attribute(("iterations",), lambda value, name: as_count(np.size(as_finite(value, name)), name)),
     "converged_": Attribute((), as_flag),
     "n_iter_": Attribute((), lambda value, name: as_count(value, name, minimum=0)),
     "stop_reason_": Attribute((), as_text),
@@ -118,6 +119,7 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
             raise InvalidInputError(f"unknown attributes {sorted(unknown)}")
         _require_valid(groups["fitted"], method.schema)
         adapter = method(**groups["parameters"])
+        Regularization(adapter.damping)  # raises where it is no number
         vars(adapter).update(groups["fitted"])
         adapter._settle()
     except (InvalidInputError, KeyError, TypeError, ValueError, OverflowError) as error:
