@@ -19,6 +19,14 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "maniport"))
 
 
 @pytest.fixture(scope="session")
+def panda():
+    """The Panda to its flange."""
+    from maniport import load_arm
+
+    return load_arm("panda", frame="panda_link8")
+
+
+@pytest.fixture(scope="session")
 def second():
     """One second of the shipped ladder recording."""
     from maniport.mocap import read_recording, shipped_recording
@@ -59,6 +67,22 @@ def repeated():
     way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[:, None]
     rest, reach = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
     return synthetic_recording(human_arm("myoarm"), rest + way * reach, time)
+
+
+@pytest.fixture(scope="session")
+def random_spd():
+    """Make SPD matrices of shape (*shape, d, d), or n of them, with a given condition number and random axes."""
+    import numpy as np
+
+    def make(rng, shape, d, condition=1e2):
+        shape = np.atleast_1d(np.array(shape, dtype=int))
+        basis = np.linalg.qr(rng.standard_normal((*shape, d, d)))[0]
+        exponent = rng.uniform(-0.5, 0.5, (*shape, d))
+        exponent[..., 0], exponent[..., -1] = -0.5, 0.5
+        matrices = (basis * condition ** exponent[..., None, :]) @ np.swapaxes(basis, -1, -2)
+        return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+    return make
 
 
 @pytest.fixture

@@ -33,7 +33,6 @@ class Motion:
     trunk: np.ndarray
 
     def recording(self, names):
-        """Points under other names: {name: part}, in meters."""
         return Recording(tuple(names), np.stack([self.parts[part] for part in names.values()], 1), self.time)
 
 
@@ -51,10 +50,8 @@ def motion(n=40, rate=50.0):
         seen = synthetic_recording(arm, angles, time)
         mirror, at = np.array([1.0, sign, 1.0]), parts[f"shoulder_{letter}"]
         for start, end, length in (
-            ("shoulder", "elbow", UPPER_ARM),
-            ("elbow", "wrist", FOREARM),
-            ("wrist", "hand", HAND),
-        ):
+            ("shoulder", "elbow", UPPER_ARM), ("elbow", "wrist", FOREARM), ("wrist", "hand", HAND),
+        ):  # fmt: skip
             bone = mirror * (seen.point(end) - seen.point(start))
             at = at + length * bone / np.linalg.norm(bone, axis=-1, keepdims=True)
             parts[f"{end}_{letter}"] = at
@@ -166,14 +163,12 @@ def write_bvh(path, skeleton, made):
 
 
 def mirrored_parts():
-    """What each part hangs on, of both sides."""
     left = {f"{part[:-2]}_l": (f"{on[:-2]}_l" if on.endswith("_r") else on)
             for part, on in SPINE.items() if part.endswith("_r")}  # fmt: skip
     return SPINE | left
 
 
 def _rest_places(world):
-    """Where the parts are when the person stands as T."""
     places = {part: world @ np.array(place, dtype=float) for part, place in REST.items()}
     for letter, sign in (("r", -1.0), ("l", 1.0)):
         at = np.array(REST[f"shoulder_{letter}"], dtype=float)

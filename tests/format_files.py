@@ -33,11 +33,8 @@ def write_trc(path, recording, unit="m", scale=1.0):
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
-        f"{rate}\t{rate}\t{n}\t{k}\t{unit}\t{rate}\t1\t{n}",
-        f"Frame#\tTime\t{names}",
-        f"\t\t{axes}",
-        "",
-    ]
+        f"{rate}\t{rate}\t{n}\t{k}\t{unit}\t{rate}\t1\t{n}", f"Frame#\tTime\t{names}", f"\t\t{axes}", "",
+    ]  # fmt: skip
     for i, (time, places) in enumerate(zip(recording.time, recording.positions, strict=True)):
         cells = [_cell(x / scale) for x in places.reshape(-1)]
         lines.append("\t".join([str(i + 1), f"{time:.6f}", *cells]))
@@ -74,19 +71,15 @@ def write_motive(path, recording, solved=True):
     kinds = [(name, "Marker", "Position") for name in names]
     if solved:
         kinds = [
-            ("Bat", "Rigid Body", "Rotation"),
-            *((name, "Rigid Body Marker", "Position") for name in names),
-            *kinds,
-        ]
+            ("Bat", "Rigid Body", "Rotation"), *((name, "Rigid Body Marker", "Position") for name in names), *kinds,
+        ]  # fmt: skip
     lines = [
-        f"Format Version,1.23,Take Name,A take,Capture Frame Rate,{recording.rate:.6f},Length Units,Millimeters",
-        "",
+        f"Format Version,1.23,Take Name,A take,Capture Frame Rate,{recording.rate:.6f},Length Units,Millimeters", "",
         ",Type,," + ",".join(",".join([kind] * 3) for _, kind, _ in kinds),
         ",Name,," + ",".join(",".join([f'"{name}"'] * 3) for name, _, _ in kinds),
-        ",ID,," + ",".join("1,1,1" for _ in kinds),
-        ",,," + ",".join(",".join([what] * 3) for *_, what in kinds),
+        ",ID,," + ",".join("1,1,1" for _ in kinds), ",,," + ",".join(",".join([what] * 3) for *_, what in kinds),
         "Frame,Time (Seconds),TimeCode" + ",X,Y,Z" * len(kinds),
-    ]
+    ]  # fmt: skip
     for i, places in enumerate(recording.positions[:, :, [1, 2, 0]]):
         cells = [_cell(1000 * x, 3) for x in places.reshape(-1)]
         before = ["0", "0", "0", *["7"] * len(cells)] if solved else []
@@ -150,7 +143,6 @@ def landmarks(recording, order, turn, origin):
 
 
 def write_json(path, content):
-    """Any content."""
     return _written(path, [json.dumps(content)])
 
 

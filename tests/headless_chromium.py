@@ -6,7 +6,6 @@ The same holds for `axe`, the script of axe-core: the file that MANIPORT_AXE nam
 ``npm install --no-save axe-core`` leaves in the folder of the project.
 """
 
-import base64
 import fcntl
 import itertools
 import json
@@ -34,7 +33,6 @@ FLAGS = (
 
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory):
-    """One browser for all tests."""
     if CHROMIUM is None:
         (pytest.fail if os.environ.get("MANIPORT_NEEDS_BROWSER") else pytest.skip)(MISSING)
     opened = Browser(tmp_path_factory.mktemp("chromium"))
@@ -128,7 +126,6 @@ class Browser:
         self.call("Page.navigate", url=url)
 
     def open(self, path, fragment=""):
-        """Go to a report, and wait until it is drawn."""
         self.go(f"{Path(path).as_uri()}{fragment}")
         self.wait("document.documentElement?.dataset.ready === 'true' || document.documentElement?.dataset.error")
 
@@ -141,12 +138,10 @@ class Browser:
             time.sleep(0.05)
         raise TimeoutError(f"never true: {condition}; {self.complaints}")
 
-    def dress(self, width=1280, height=900, scheme="light", motion="no-preference", touch=False):
+    def dress(self, width=1280, height=900, scheme="light", touch=False):
         """Take the size of a screen, and what its owner prefers."""
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=touch)
-        wishes = {"prefers-color-scheme": scheme, "prefers-reduced-motion": motion}
-        features = [{"name": name, "value": value} for name, value in wishes.items()]
-        self.call("Emulation.setEmulatedMedia", features=features)
+        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
 
     def press(self, key):
         text = {"text": " "} if key == " " else {}
@@ -162,9 +157,6 @@ class Browser:
             at = {"x": x + (to_x - x) * i / steps, "y": y + (to_y - y) * i / steps}
             self.call("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **at)
         self.call("Input.dispatchMouseEvent", type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
-
-    def picture(self, path):
-        Path(path).write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
 
     def close(self):
         os.close(self.orders)

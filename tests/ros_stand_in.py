@@ -8,8 +8,6 @@ import numpy as np
 
 
 class Node:
-    """Keep callbacks, timers and published messages."""
-
     def __init__(self, name):
         self.callbacks, self.timers, self.sent = [], [], []
         self.create_publisher = lambda *_: SimpleNamespace(publish=self.sent.append)
@@ -20,7 +18,6 @@ class Node:
 
 
 def spin(node, frames=3):
-    """Send markers, then call the timer."""
     arm = node.live.robot
     for i in range(frames):
         markers = [
@@ -37,9 +34,7 @@ def spin(node, frames=3):
 
 MODULES = {
     "rclpy": SimpleNamespace(init=lambda: None, spin=spin, shutdown=lambda: None),
-    "rclpy.node": SimpleNamespace(Node=Node),
-    "mocap4r2_msgs": SimpleNamespace(),
-    "mocap4r2_msgs.msg": SimpleNamespace(Markers=object),
-    "std_msgs": SimpleNamespace(),
+    "rclpy.node": SimpleNamespace(Node=Node), "mocap4r2_msgs": SimpleNamespace(),
+    "mocap4r2_msgs.msg": SimpleNamespace(Markers=object), "std_msgs": SimpleNamespace(),
     "std_msgs.msg": SimpleNamespace(Float64MultiArray=SimpleNamespace),
-}
+}  # fmt: skip

@@ -7,11 +7,14 @@ from unittest import mock
 import numpy as np
 
 from maniport.arms import load_arm
-from maniport.motion import RobotMotion
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 
+SIX_ROWS = [  # like a UR5
+    [0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
+    [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0],
+]  # fmt: skip
 SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
 
@@ -27,12 +30,6 @@ def little_search(**budget):
         mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 10_000),
     ):
         yield
-
-
-def with_arm(result, **changes):
-    """Return a result of one arm with other attributes of the arm, and its motion."""
-    arm = replace(result.arm, **changes)
-    return replace(result, arms=(arm,), motion=RobotMotion(result.robot, arm.motion, (arm.motion,)))
 
 
 def motion_alone(result):

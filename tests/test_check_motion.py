@@ -50,7 +50,6 @@ def rewrite(folder, change):
 
 
 def test_mujoco_agrees_with_the_package(script, tmp_path):
-    """Kinematics, ellipsoids and distances of two programs that share no code agree; a slow motion passes."""
     export(tmp_path)
     rows = script.check(tmp_path)
     values = {name: value for name, value, _ in rows}
@@ -77,7 +76,6 @@ def test_faults_are_detected(script, tmp_path, change, row):
 
 
 def test_a_payload_that_was_not_planned_is_detected(script, tmp_path):
-    """MuJoCo follows a motion with the exported torques within 5 mm, but not with 3 kg more."""
     export(tmp_path)
     arm = load_arm("panda", frame="panda_hand_tcp")
     retime(MotionLimits.of(arm), [0.0, 1.0], [FIRST, LAST]).save_joints_csv(tmp_path / "joints.csv")

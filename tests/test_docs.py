@@ -41,7 +41,6 @@ def resolved(name):
 
 
 def missing(names):
-    """Return the dotted names that do not exist."""
     wrong = []
     for name in sorted(names):
         try:
@@ -52,7 +51,6 @@ def missing(names):
 
 
 def dotted(text):
-    """Return names such as maniport.x.y in a text."""
     return set(re.findall(r"\bmaniport(?:\.[A-Za-z_]\w*)+", text))
 
 
@@ -104,7 +102,6 @@ def test_the_page_of_the_architecture_has_every_module_and_contract():
 
 
 def cells(page, row):
-    """Return the cells of a table's row that begins so."""
     line = next(line for line in (ROOT / page).read_text(encoding="utf-8").splitlines() if line.startswith(f"| {row}"))
     return [cell.strip() for cell in line.strip("|").split(" | ")]
 
@@ -128,7 +125,6 @@ def test_figures_of_the_readme_are_those_that_were_measured():
 
 @pytest.mark.parametrize("home", [home for home in HOMES if callable(resolved(home))])
 def test_docstrings_of_public_names_are_complete(home):
-    """A summary, parameters if there are more than two, and the returned value unless it is a class of maniport."""
     thing = resolved(home)
     text = inspect.getdoc(thing)
     assert re.match(r"\w.{10,}[.:]$", " ".join(text.split("\n\n")[0].split()))

@@ -111,7 +111,6 @@ def test_examples_of_a_page_run(page, short_work):
 
 
 def test_no_page_is_left_out():
-    """Every page with a block of Python or of commands is run."""
     pages = {page.relative_to(DOCS).as_posix(): page for page in DOCS.rglob("*.md")}
     pages["../README.md"] = DOCS.parent / "README.md"
     texts = {name: page.read_text(encoding="utf-8") for name, page in pages.items()}

@@ -14,20 +14,13 @@ from maniport.report import as_markdown
 from maniport.report.values import Metric, Report, Section, Table
 
 BUILTINS = {
-    errors.InvalidInputError: ValueError,
-    errors.NotSPDError: ValueError,
-    errors.UnknownNameError: LookupError,
-    errors.NotFittedError: AttributeError,
-    errors.NotInvertibleError: TypeError,
-    errors.FileFormatError: ValueError,
-    errors.RecordingError: ValueError,
-    errors.OutputError: OSError,
-    errors.MissingPackageError: ImportError,
-}
+    errors.InvalidInputError: ValueError, errors.NotSPDError: ValueError, errors.UnknownNameError: LookupError,
+    errors.NotFittedError: AttributeError, errors.NotInvertibleError: TypeError, errors.FileFormatError: ValueError,
+    errors.RecordingError: ValueError, errors.OutputError: OSError, errors.MissingPackageError: ImportError,
+}  # fmt: skip
 
 
 def test_errors_are_builtin_errors_and_survive_pickling():
-    """Every error is both a `ManiportError` and the builtin that one expects; workers send them as pickles."""
     classes = {x for x in vars(errors).values() if isinstance(x, type) and issubclass(x, ManiportError)}
     assert classes == {ManiportError, *BUILTINS}
     for error, builtin in BUILTINS.items():
@@ -45,15 +38,11 @@ def test_unknown_names_are_answered_with_those_there_are():
     assert message.count("'joint") == 20
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "called", "typed"),
-    [
-        ("unit", None, "unit=", "--unit"),
-        ("side", "left", "side='left'", "--side left"),
-        ("position_tolerance", 5, "position_tolerance=5", "--position-tolerance 5"),
-        ("markers", {"a": ["A"]}, "markers={'a': ['A']}", '--markers markers.json, a file that holds {"a": ["A"]}'),
-    ],
-)
+@pytest.mark.parametrize(("name", "value", "called", "typed"), [
+    ("unit", None, "unit=", "--unit"), ("side", "left", "side='left'", "--side left"),
+    ("position_tolerance", 5, "position_tolerance=5", "--position-tolerance 5"),
+    ("markers", {"a": ["A"]}, "markers={'a': ['A']}", '--markers markers.json, a file that holds {"a": ["A"]}'),
+])  # fmt: skip
 def test_arguments_are_named_as_they_are_given(name, value, called, typed):
     assert argument(name, value) == called
     with on_the_command_line():
@@ -92,7 +81,6 @@ def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
 
 @pytest.mark.parametrize("attack", [HTML, MARKDOWN, "# heading", "> quotation"])
 def test_markdown_shows_names_as_they_are(attack):
-    """As GitHub renders it, text of results makes no tag, link, image, entity or heading of its own."""
     table = Table((attack, "b"), ((attack, "c"),), attack)
     facts = [Metric(attack, attack, attack), Metric("", attack), Metric("", attack, severity="warning")]
     shown = as_markdown(Report(attack, attack, (Section(attack, tuple(facts), (table,)),), *4 * (attack,)))

@@ -1,5 +1,3 @@
-"""scikit-learn's protocol, kept without its base class."""
-
 import subprocess
 import sys
 
@@ -29,16 +27,10 @@ class Nested(Estimator):
         self.count = count
 
 
-@pytest.mark.parametrize(
-    "estimator",
-    [
-        mp.ParallelTransport(base_rotation=np.eye(3), damping=0.1),
-        mp.RiemannianICP(),
-        mp.ProfileGMM(n_components=2),
-        Nested([Nested(), {"a": Nested(count=7)}], 4),
-    ],
-    ids=lambda one: type(one).__name__,
-)
+@pytest.mark.parametrize("estimator", [
+    mp.ParallelTransport(base_rotation=np.eye(3), damping=0.1), mp.RiemannianICP(), mp.ProfileGMM(n_components=2),
+    Nested([Nested(), {"a": Nested(count=7)}], 4),
+], ids=lambda one: type(one).__name__)  # fmt: skip
 def test_clones_are_those_of_scikit_learn(estimator):
     ours, theirs = clone(estimator), sklearn_clone(estimator)
     assert repr(ours) == repr(theirs) == repr(estimator)

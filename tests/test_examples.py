@@ -25,7 +25,6 @@ def test_examples_are_short_and_explain_themselves(example):
 
 
 def test_the_physical_panda_is_the_panda():
-    """Its links are where the arm's are; at rest its motors balance gravity."""
     panda = load_arm("panda")
     model = runpy.run_path(str(FOLDER / PHYSICS), run_name="physics")["physical_panda"](panda)
     data = mujoco.MjData(model)

@@ -15,19 +15,11 @@ from extensions.spectrum_correspondence import SpectrumCorrespondence
 from extensions.speed_panel import write_page_with_speed
 from maniport.mocap import synthetic_recording
 from maniport.mocap.roles import assign_roles
-from sizes import SMALL, little_search
+from sizes import SIX_ROWS, SMALL, little_search
 
 HERE = Path(__file__).parent
 
-SIX_JOINTS = {
-    "name": "six joints",
-    "rows": [
-        [0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
-        [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0],
-    ],
-    "lower": [-3.1] * 6,
-    "upper": [3.1] * 6,
-}  # fmt: skip
+SIX_JOINTS = {"name": "six joints", "rows": SIX_ROWS, "lower": [-3.1] * 6, "upper": [3.1] * 6}
 
 
 @pytest.fixture(scope="module")
@@ -36,32 +28,26 @@ def moment(second):
 
 
 @pytest.fixture(scope="module")
-def files(moment, tmp_path_factory):
-    """A moment of the ladder as a table, and a robot of six joints as a JSON file."""
+def result(moment, tmp_path_factory):
+    """The main job with a recording format, a person, a robot format, a method and a cost of one's own."""
     folder = tmp_path_factory.mktemp("extensions")
     header = ["time", *(f"{name}.{axis}" for name in moment.names for axis in "xyz")]
     table = np.column_stack([moment.time, moment.positions.reshape(len(moment), -1)])
     np.savetxt(folder / "ladder.pts", table, header=" ".join(header), comments="")
-    (folder / "six.json").write_text(json.dumps(SIX_JOINTS), encoding="utf-8")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def result(moment, files):
-    """The main job with a recording format, a person, a robot format, a method and a cost of one's own."""
-    recording = mp.read_recording(files / "ladder.pts")
+    robot = folder / "six.json"
+    robot.write_text(json.dumps(SIX_JOINTS), encoding="utf-8")
+    recording = mp.read_recording(folder / "ladder.pts")
     method = LogEuclideanShift(damping=0.01)
     with little_search():
         found = mp.transfer_recording(
-            recording, person="stiff_shoulder", robot=files / "six.json", method=method, speed_scale=0.5,
-            costs=[HeightCost(mp.load_arm(files / "six.json"), "link5", 0.0)], **SMALL,
+            recording, person="stiff_shoulder", robot=robot, method=method, speed_scale=0.5,
+            costs=[HeightCost(mp.load_arm(robot), "link5", 0.0)], **SMALL,
         )  # fmt: skip
     assert not hasattr(method, "shift_")  # a clone was fitted
     return found
 
 
 def test_the_main_job_takes_all_of_them(result, moment, tmp_path):
-    """Formats are read by their suffixes, the method is fitted, evaluated and kept, the figure stands in the page."""
     np.testing.assert_allclose(result.recording.positions, moment.positions, atol=1e-12)
     assert result.recording.names == moment.names
     assert (result.arm.robot.name, result.arm.robot.dof) == ("six joints", 6)
@@ -102,7 +88,6 @@ def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, 
 
 
 def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
-    """ICP takes a correspondence as an object; one that looks at lengths alone finds the turn between copies."""
     method = mp.RiemannianICP(damping=0.01, correspondence=SpectrumCorrespondence())
     mp.transfer_recording(moment, method=method, move=False, **SMALL)
     robot = mp.load_arm("panda")
@@ -110,17 +95,6 @@ def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
     turn = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
     again = method.fit(turn.T @ student[::-1] @ turn, student)
     np.testing.assert_allclose(again.map_rotation_, turn, atol=1e-6)
-
-
-def test_an_own_cost_is_used_by_the_tracker(result):
-    robot, placed, plan = result.arm.robot, result.arm.placement, result.arm.motion
-    heights = []
-    for costs in ([], [HeightCost(robot, "link5", 0.0)]):
-        motion = mp.track(
-            robot, placed.profile, path=placed.path, time=plan.time, reference=plan.joint_positions, costs=costs
-        )
-        heights.append(robot.point_positions(motion.trajectory.joint_positions, ["link5"])[:, 0, 2].mean())
-    assert abs(heights[1]) < abs(heights[0]) - 0.01
 
 
 @pytest.mark.parametrize("file", sorted((HERE / "extensions").glob("*.py")), ids=lambda file: file.stem)

@@ -23,7 +23,6 @@ def read(name):
 
 
 def split(requirement):
-    """Name, as PyPI spells it, and versions of what is asked for."""
     name = re.match(r"[\w-]+", requirement)[0]
     return name.lower(), requirement[len(name) :]
 
@@ -33,7 +32,6 @@ def test_the_version_is_the_same_everywhere():
 
 
 def test_the_recipe_has_the_dependencies_of_the_package():
-    """The recipe for conda-forge has the dependencies of pyproject.toml, by their names there."""
     expected = {re.sub(r"^[\w-]+", lambda name: CONDA.get(name[0].lower(), name[0].lower()), line).replace(" ", "")
                 for line in PROJECT["dependencies"]}  # fmt: skip
     listed = {line.replace(" ", "") for line in read("conda/recipe.yaml")["requirements"]["run"]}
@@ -41,7 +39,6 @@ def test_the_recipe_has_the_dependencies_of_the_package():
 
 
 def test_workflows_run_nothing_that_others_can_change():
-    """Actions are pinned by commit, with the version in a comment; shell lines contain no expressions."""
     for file in (ROOT / ".github" / "workflows").glob("*.yml"):
         used = re.findall(r"uses: (.*)", file.read_text(encoding="utf-8"))
         assert used
@@ -72,6 +69,5 @@ def test_the_lock_is_up_to_date():
 
 
 def test_no_file_and_no_function_is_too_long():
-    """Files of the package have at most 320 lines, functions at most 80 without docstring."""
     count = runpy.run_path(str(ROOT / "scripts" / "count_lines.py"))
     assert list(count["too_long"](count["PACKAGE"])) == []

@@ -21,51 +21,43 @@ def recording():
 
 
 @pytest.fixture(scope="module")
-def moved(two_arm_result):
-    return two_arm_result
-
-
-@pytest.fixture(scope="module")
-def arms(moved):
-    return moved.robot
+def arms(two_arm_result):
+    return two_arm_result.robot
 
 
 @pytest.fixture(scope="module")
 def still(recording, arms):
-    """A run that ends with the targets."""
     return mp.transfer_recording(recording, robot=arms, move=False, **OPTIONS)
 
 
 def hands_of(result):
-    """Paths of both hands in their common frame."""
     return [arm.fit.arm.forward(arm.fit.joint_angles)[:, :3, 3] + arm.person_base for arm in result.arms]
 
 
-def test_each_arm_of_the_person_leads_the_arm_of_its_side(moved, arms):
-    for side, result, arm in zip(SIDES, moved.arms, arms.arms, strict=True):
+def test_each_arm_of_the_person_leads_the_arm_of_its_side(two_arm_result, arms):
+    for side, result, arm in zip(SIDES, two_arm_result.arms, arms.arms, strict=True):
         assert result.fit.arm.side == side
         assert result.robot is arm
         demonstrated = result.fit.arm.manipulability(result.fit.joint_angles)
         np.testing.assert_allclose(result.demonstrated_profile, demonstrated)
         np.testing.assert_allclose(result.target_profile, result.adapter.transform(demonstrated))
-    assert not np.array_equal(moved.arms[0].target_profile, moved.arms[1].target_profile)
+    assert not np.array_equal(two_arm_result.arms[0].target_profile, two_arm_result.arms[1].target_profile)
 
 
-def test_the_hands_keep_their_relation(moved):
-    """Both paths are scaled, rotated and moved alike: the vector between end effectors is that of the hands, scaled."""
-    left, right = (result.placement for result in moved.arms)
+def test_the_hands_keep_their_relation(two_arm_result):
+    left, right = (result.placement for result in two_arm_result.arms)
     assert left.scale == right.scale
     np.testing.assert_array_equal(left.rotation, right.rotation)
-    hands = hands_of(moved)[1] - hands_of(moved)[0]
-    paths = moved.arms[1].motion.path - moved.arms[0].motion.path
+    hands = hands_of(two_arm_result)[1] - hands_of(two_arm_result)[0]
+    paths = two_arm_result.arms[1].motion.path - two_arm_result.arms[0].motion.path
     np.testing.assert_allclose(paths, left.scale * hands @ (left.rotation @ left.turn).T, atol=1e-9)
 
 
-def test_both_arms_share_one_safe_motion(moved, arms):
-    motion = moved.motion
-    q = arms.joined(*(result.motion.joint_positions for result in moved.arms))
+def test_both_arms_share_one_safe_motion(two_arm_result, arms):
+    motion = two_arm_result.motion
+    q = arms.joined(*(result.motion.joint_positions for result in two_arm_result.arms))
     np.testing.assert_allclose(motion.trajectory.joint_positions, q, atol=1e-12)
-    for result in moved.arms:
+    for result in two_arm_result.arms:
         np.testing.assert_array_equal(result.motion.time, motion.trajectory.time)
         assert np.percentile(result.motion.position_error, 95) < 12e-3
     assert max(share for _, share, _ in motion.limit_use.largest.values()) <= 1.0 + 1e-9
@@ -87,32 +79,30 @@ def test_relative_end_effectors_leave_their_paths_and_keep_an_orientation(record
     assert any(metric.key == "relative_position_error" and metric.unit == "mm" for metric in report_of(result).metrics)
 
 
-def test_the_same_seed_gives_the_same_targets(still, recording, moved):
-    """Domains without collisions between the arms, as for a motion, are others than those of unmoved arms."""
+def test_the_same_seed_gives_the_same_targets(still, recording, two_arm_result):
     robot = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
     again = mp.transfer_recording(recording, robot=robot, move=False, **OPTIONS)
     for first, second in zip(still.arms, again.arms, strict=True):
         np.testing.assert_array_equal(first.target_profile, second.target_profile)
     assert still.motion is None
     assert "not moved" in repr(still)
-    assert not np.array_equal(still.arms[0].student_domain, moved.arms[0].student_domain)
+    assert not np.array_equal(still.arms[0].student_domain, two_arm_result.arms[0].student_domain)
 
 
-def test_warnings_of_several_arms_name_their_arm(moved):
-    report = report_of(moved)
+def test_warnings_of_several_arms_name_their_arm(two_arm_result):
+    report = report_of(two_arm_result)
     assert report.status in ("green", "amber", "red")
     own = ("left arm", "right arm", "left arm:", "right arm:", "left and right", "frames")
     assert all(any(words in text.lower() for words in own) for text in report.warnings)
 
 
-def test_a_folder_holds_the_motion_of_all_and_the_data_of_each(moved, tmp_path):
-    """The folder of each arm is that of a run of one arm; page, scene and figures are of both."""
+def test_a_folder_holds_the_motion_of_all_and_the_data_of_each(two_arm_result, tmp_path):
     folder = tmp_path / "both"
-    mp.write_results(moved, folder, exports="rerun")
+    mp.write_results(two_arm_result, folder, exports="rerun")
     header = (folder / "joints.csv").read_text().split("\n", 1)[0]
-    assert all(f"{name}_rad," in header for name in moved.robot.joint_names)
+    assert all(f"{name}_rad," in header for name in two_arm_result.robot.joint_names)
     with np.load(folder / "joints.npz") as arrays:
-        np.testing.assert_array_equal(arrays["joint_positions"], moved.motion.trajectory.joint_positions)
+        np.testing.assert_array_equal(arrays["joint_positions"], two_arm_result.motion.trajectory.joint_positions)
     assert {"report.html", "motion.rrd", "summary.json", *SIDES} <= {file.name for file in folder.iterdir()}
     for side in SIDES:
         files = {file.name for file in (folder / side).iterdir()}
@@ -123,10 +113,10 @@ def test_a_folder_holds_the_motion_of_all_and_the_data_of_each(moved, tmp_path):
     assert "Left: Ellipsoid distance" in drawn
     assert "right_panda_joint1 [°]" in drawn
     with pytest.raises(OutputError, match="holds an earlier result"):  # figures are part of it
-        mp.write_results(moved, folder)
+        mp.write_results(two_arm_result, folder)
     (folder / "left" / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match=r"'mine\.txt'"):
-        mp.write_results(moved, folder, overwrite=True)
+        mp.write_results(two_arm_result, folder, overwrite=True)
 
 
 def test_targets_without_a_motion_cannot_be_exported(still, tmp_path):
@@ -140,28 +130,17 @@ def no_sampling(monkeypatch):
     monkeypatch.setattr("maniport.pipeline.stages.sample_domain", lambda *_, **__: pytest.fail("it sampled"))
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "words"),
-    [
-        ({"recording": "freeform"}, RecordingError, "shows the right"),
-        ({"robot": mp.load_arm("panda"), "side": "both"}, InvalidInputError, "side"),
-        ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
-        ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be"),
-        ({"hand_targets": "absolute"}, InvalidInputError, "unknown hand_targets 'absolute'"),
-        (
-            {"hand_targets": "relative", "workspace": [(0, 1)] * 3, "move": True},
-            InvalidInputError,
-            "workspace bounds paths",
-        ),
-        (
-            {"orientation": (0, 0, -1), "orientation_axes": "whole"},
-            InvalidInputError,
-            "orientation_axes must be 'pointing'",
-        ),
-        ({"gain": 1.0}, InvalidInputError, "unknown option 'gain'"),
-        ({"spec": "velocity"}, InvalidInputError, "unknown option 'spec'"),
-    ],
-)
+@pytest.mark.parametrize(("options", "error", "words"), [
+    ({"recording": "freeform"}, RecordingError, "shows the right"),
+    ({"robot": mp.load_arm("panda"), "side": "both"}, InvalidInputError, "side"),
+    ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
+    ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be"),
+    ({"hand_targets": "absolute"}, InvalidInputError, "unknown hand_targets 'absolute'"),
+    ({"hand_targets": "relative", "workspace": [(0, 1)] * 3, "move": True}, InvalidInputError, "workspace"),
+    ({"orientation": (0, 0, -1), "orientation_axes": "whole"}, InvalidInputError, "orientation_axes"),
+    ({"gain": 1.0}, InvalidInputError, "unknown option 'gain'"),
+    ({"spec": "velocity"}, InvalidInputError, "unknown option 'spec'"),
+])  # fmt: skip
 @pytest.mark.usefixtures("no_sampling")
 def test_wrong_arguments_are_named_before_long_work(recording, arms, options, error, words):
     ready = {"recording": recording, "robot": arms, "move": False, **OPTIONS} | options
@@ -173,19 +152,14 @@ PANDAS = ("--pose", "0,0.3,0,0", "--pose", "0,-0.3,0,0")
 BOTH = ("both-arms", "--side", "both")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ((*BOTH, *PANDAS[:2]), "two"),
-        ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
-        ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
-        ((*BOTH, *PANDAS, "--hand-targets", "absolute"), "unknown --hand-targets 'absolute'"),
-        ((*BOTH, *PANDAS, "--lock", "panda_joint1=10"), "unknown joint"),
-        (BOTH, "must have two arms"),
-        ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
-        (("both-arms", "--hand-targets", "relative"), "needs several arms"),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [
+    ((*BOTH, *PANDAS[:2]), "two"), ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
+    ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
+    ((*BOTH, *PANDAS, "--hand-targets", "absolute"), "unknown --hand-targets 'absolute'"),
+    ((*BOTH, *PANDAS, "--lock", "panda_joint1=10"), "unknown joint"), (BOTH, "must have two arms"),
+    ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
+    (("both-arms", "--hand-targets", "relative"), "needs several arms"),
+])  # fmt: skip
 @pytest.mark.usefixtures("no_sampling")
 def test_wrong_options_of_the_command_are_named_before_long_work(monkeypatch, tmp_path, words, message):
     monkeypatch.chdir(tmp_path)

@@ -36,7 +36,6 @@ def prose(file):
 
 
 def violations(name, lines):
-    """Return file, line and word of each banned word."""
     return [f"{name}:{number}: {word}" for number, line in lines for word in BANNED.findall(line)]
 
 

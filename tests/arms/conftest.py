@@ -1,31 +1,11 @@
-"""Arms and robot files that several tests use."""
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from crane import two_arms
+from fuzz.robot_examples import URDF
 from maniport.arms import Arm, ArmGroup
-
-URDF = """<robot name="crane">
-  <link name="base"/><link name="post"/><link name="boom"/><link name="trolley"/><link name="cable"/>
-  <link name="hook"/><link name="camera"/><link name="swing"/>
-  <joint name="turn" type="continuous"><parent link="base"/><child link="post"/>
-    <origin xyz="0 0 0.4" rpy="0.1 0.2 0.3"/><axis xyz="0 0 1"/></joint>
-  <joint name="raise" type="revolute"><parent link="post"/><child link="boom"/>
-    <origin xyz="0.1 0 0.2"/><axis xyz="0 1 1"/><limit lower="-1" upper="1.5" effort="1" velocity="2"/></joint>
-  <joint name="travel" type="prismatic"><parent link="boom"/><child link="trolley"/>
-    <origin xyz="0.5 0.1 0"/><axis xyz="1 0 0"/><limit lower="0.1" upper="0.6" effort="1" velocity="0.5"/></joint>
-  <joint name="level" type="revolute"><parent link="trolley"/><child link="cable"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" effort="1" velocity="1"/><mimic joint="raise" multiplier="-0.5" offset="0.2"/></joint>
-  <joint name="weld" type="fixed"><parent link="cable"/><child link="camera"/><origin xyz="0 0.05 0.02"/></joint>
-  <joint name="spin" type="revolute"><parent link="camera"/><child link="swing"/><origin rpy="0.3 0 0"/>
-    <axis xyz="0 0 1"/><limit lower="0" upper="0" effort="1" velocity="0"/></joint>
-  <joint name="end" type="fixed"><parent link="swing"/><child link="hook"/>
-    <origin xyz="0.1 0 -0.3" rpy="0 1 0"/></joint>
-</robot>
-"""
 
 MJCF = """<mujoco model="bench">
   <compiler angle="degree"/>
@@ -68,7 +48,6 @@ def mjcf(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def planar():
-    """A planar arm with two links of one meter."""
     return Arm.from_dh("planar", np.array([[0.0, 0, 1, 0], [0, 0, 1, 0]]))
 
 

@@ -11,81 +11,32 @@ from maniport.arms.chain import PRISMATIC
 from maniport.arms.manipulability import manipulability
 from maniport.errors import InvalidInputError, NotSPDError
 
-
-@pytest.fixture(scope="module")
-def panda():
-    """The embedded robot."""
-    return load_arm("panda")
-
-
-def test_wrong_arguments_are_named(panda):
-    """Sampling arguments, and configurations for every method that takes them, are checked."""
-    for options, message in (
-        ({"n": 2.5}, "n must be a whole number of at least 1; found 2.5"),
-        ({"n": 4, "sequence": "halton"}, "unknown sequence 'halton'"),
-        ({"n": 4, "random_state": "seed"}, "random_state .*found 'seed'"),
-    ):
-        with pytest.raises(InvalidInputError, match=message):
-            panda.sample(**options)
-    with pytest.raises(InvalidInputError, match=r"unknown frame 'panda_hnd' on the arm 'panda'; .*first: 'panda_hand'"):
-        panda.point_positions(np.zeros(7), ["panda_hand", "panda_hnd"])
-    for method in (panda.forward, panda.jacobian, panda.manipulability, panda.skeleton, panda.require_within_limits):
-        for q, message in (
-            (np.zeros(6), r"q must have shape \(\.\.\., 7\).*'panda' \(panda_joint1, .*\); found shape \(6,\)"),
-            (0.0, r"q must have shape \(\.\.\., 7\).*found shape \(\)"),
-            ([[0, 0, np.nan, 0, 0, 0, 0]], r"q must be finite; found nan at index \(0, 2\)"),
-        ):
-            with pytest.raises(InvalidInputError, match=message):
-                method(q)
+WRONG = [  # method, arguments, options, message
+    ("sample", (2.5,), {}, "n must be a whole"), ("sample", (4,), {"sequence": "halton"}, "unknown sequence 'halton'"),
+    ("sample", (4,), {"random_state": "seed"}, "random_state"),
+    ("point_positions", (np.zeros(7), ["panda_hnd"]), {}, "unknown frame 'panda_hnd' .*first: 'panda_hand'"),
+    *((name, (q,), {}, "^q must") for q in (np.zeros(6), 0.0, [[0, 0, np.nan, 0, 0, 0, 0]])
+      for name in ("forward", "jacobian", "manipulability", "skeleton", "require_within_limits")),
+    *(("manipulability", (np.zeros(7),), options, next(iter(options))) for options in (
+        {"kind": "speed"}, {"part": "linear"}, {"joint_weights": [1.0, 2.0]}, {"joint_weights": [1, 1, 0, 1, 1, 1, 1]},
+        {"joint_weights": [[1.0]]}, {"joint_weights": "limits"})),
+    *(("from_dh", ("planar",), {"rows": [[0, 0, 1, 0]] * 2} | options, next(iter(options))) for options in (
+        {"rows": [[0, 0, 1]]}, {"lower": [0, 0, 0]}, {"lower": 1.0, "upper": [2.0, 0.5]}, {"joint_names": ["a", "a"]},
+        {"kinds": ["revolute", "ball"]}, {"base": 2 * np.eye(3)})),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"kind": "speed"}, "unknown kind 'speed'"),
-        ({"part": "linear"}, "unknown part 'linear'"),
-        ({"joint_weights": [1.0, 2.0]}, r"joint_weights must be 7 numbers above 0; found shape \(2,\)"),
-        ({"joint_weights": [1, 1, 0, 1, 1, 1, 1]}, "joint_weights must be .* numbers above 0; found 0 at index 2"),
-        ({"joint_weights": [[1.0]]}, r"joint_weights must be a sequence of numbers above 0; found shape \(1, 1\)"),
-        ({"joint_weights": "limits"}, "unknown joint_weights 'limits'"),
-    ],
-)
-def test_wrong_options_of_ellipsoids_are_named(panda, options, message):
-    """A wrong option gets an error that says what was found and what is allowed."""
+@pytest.mark.parametrize(("method", "arguments", "options", "message"), WRONG)
+def test_wrong_arguments_are_named(method, arguments, options, message):
     with pytest.raises(InvalidInputError, match=message):
-        panda.manipulability(panda.sample(2, random_state=0), **options)
-
-
-def test_unknown_velocity_limits_are_named(urdf):
-    """Weights by velocity limits need them all: the joints without one are listed."""
-    for arm, joints in (("myoarm", "elv_angle, .*flexion"), (urdf, "turn, spin")):
-        with pytest.raises(InvalidInputError, match=f"has no velocity limits above 0 for {joints}; add"):
-            load_arm(arm).manipulability(np.zeros(load_arm(arm).dof), joint_weights="joint-limits")
+        getattr(load_arm("panda"), method)(*arguments, **options)
 
 
 def test_singular_force_ellipsoid_is_refused(planar):
-    """An unbounded force ellipsoid is an error that names the configuration and the way out."""
     with pytest.raises(NotSPDError, match=r"jacobian\[0\] is singular.*\(2 of 2\).*kind='velocity'"):
         planar.manipulability([[0.3, 0.5], [0.0, 0.0]], kind="force")
     with pytest.raises(NotSPDError, match=r"jacobian\[1\] is singular"):
         manipulability(np.stack([np.eye(6), np.diag([1.0, 0, 1, 1, 1, 1])]), "force")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"rows": [[0, 0, 1]]}, r"rows must have shape \(n, 4\).*found shape \(1, 3\)"),
-        ({"lower": [0, 0, 0]}, r"lower must be one number or 2 numbers; found shape \(3,\)"),
-        ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower of .joint2. must be below upper"),
-        ({"joint_names": ["a", "a"]}, "joint_names must name each once"),
-        ({"kinds": ["revolute", "ball"]}, r"unknown kinds\[1\] 'ball'"),
-        ({"base": 2 * np.eye(3)}, "base must be a rotation"),
-    ],
-)
-def test_wrong_tables_are_refused(arguments, message):
-    """Each wrong argument of a Denavit-Hartenberg arm is named."""
-    with pytest.raises(InvalidInputError, match=message):
-        Arm.from_dh("planar", **{"rows": [[0, 0, 1, 0], [0, 0, 1, 0]]} | arguments)
 
 
 def mixed() -> Arm:
@@ -96,7 +47,6 @@ def mixed() -> Arm:
 
 @pytest.fixture(params=["panda", "myoarm", "rhuman", "urdf", "mjcf", "planar", "restricted", "mixed"])
 def arm(request: pytest.FixtureRequest) -> Arm:
-    """One arm of each kind."""
     if request.param in ("urdf", "mjcf"):
         return load_arm(request.getfixturevalue(request.param))
     made = {
@@ -130,16 +80,11 @@ def test_kinematics_agrees_with_pinocchio(arm):
             assert_allclose(slopes[:, k][..., own], part.jacobian(q[:, own])[:, :3], atol=1e-13)
 
 
-@pytest.fixture(params=["panda", "myoarm", "rhuman", "mixed"])
-def regular(request):
-    """An arm with plain, coupled, many or prismatic joints."""
-    return mixed() if request.param == "mixed" else load_arm(request.param)
-
-
+@pytest.mark.parametrize("name", ["panda", "myoarm", "rhuman", "mixed"])
 @pytest.mark.parametrize("kind", ["velocity", "force"])
 @pytest.mark.parametrize("part", ["translation", "rotation", "full"])
-def test_derivatives_of_ellipsoids_are_finite_differences(regular, kind, part):
-    """Every entry agrees with central differences of fourth order, weighted or not."""
+def test_derivatives_of_ellipsoids_are_finite_differences(name, kind, part):
+    regular = mixed() if name == "mixed" else load_arm(name)
     q, step = regular.sample(128 if kind == "force" else 20, random_state=1), 1e-5
     shifts = step * np.eye(regular.dof)
     for weights in (None, np.linspace(0.5, 2, regular.dof)):

@@ -13,12 +13,6 @@ from maniport.errors import InvalidInputError
 BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
 
 
-@pytest.fixture(scope="module")
-def pandas():
-    """Two Pandas, one of them turned."""
-    return mp.load_arms("panda", bases=BASES)
-
-
 def test_three_arms_have_their_own_joints_frames_and_collisions():
     """Names are prefixed, results have an axis of arms, and hulls of different arms are checked with one another."""
     three = mp.load_arms("panda", bases=[(0.0, 0.8 * i, 0.0, 0.7 * i) for i in range(3)])
@@ -61,7 +55,6 @@ def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
 
 
 def test_a_single_arm_is_a_group_of_one():
-    """It keeps the names of its joints, and results have an axis of length one."""
     arm = mp.load_arm("panda")
     group = mp.arms.as_group(arm)
     assert group.joint_names == arm.joint_names
@@ -87,13 +80,11 @@ def test_a_single_arm_is_a_group_of_one():
     ("panda", {"bases": BASES, "lock": {"panda_joint1": 0}}, "unknown joint 'panda_joint1'.*'left_panda_joint1'"),
 ])  # fmt: skip
 def test_what_is_no_pair_is_named(robot, options, message):
-    """Wrong robots, frames, bases and joints are named, with what is allowed."""
     with pytest.raises(InvalidInputError, match=message):
         mp.load_arms(robot, **options)
 
 
 def test_postures_of_arms_that_do_not_agree_are_refused(crane):
-    """A shared joint has one position; both arms have as many configurations."""
     left, right = crane.split(crane.sample(4, 0))
     with pytest.raises(InvalidInputError, match="shared joint 'rise'"):
         crane.joined(left, right + 0.1 * np.eye(6)[1])
@@ -102,13 +93,13 @@ def test_postures_of_arms_that_do_not_agree_are_refused(crane):
 
 
 def test_single_joints_of_a_pair_are_held():
-    """Names are those of the group."""
     arms = mp.load_arms("panda", bases=BASES, lock={"left_panda_joint1": 0.1, "right_panda_joint3": 0.2})
     assert [arm.chain.locked for arm in arms.arms] == [{"panda_joint1": 0.1}, {"panda_joint3": 0.2}]
 
 
-def test_ellipsoids_of_arms_without_shared_joints_are_sums(pandas):
+def test_ellipsoids_of_arms_without_shared_joints_are_sums():
     """M_r = M_left + M_right and M_a = (M_left + M_right) / 4 to 1e-12."""
+    pandas = mp.load_arms("panda", bases=BASES)
     q = pandas.sample(64, 0)
     for part in ("translation", "rotation", "full"):
         together = pandas.manipulability(q, part=part).sum(axis=1)
@@ -118,7 +109,6 @@ def test_ellipsoids_of_arms_without_shared_joints_are_sums(pandas):
 
 
 def test_jacobians_of_two_arms_are_combined(crane):
-    """A shared joint counts once in the relative ellipsoids."""
     q = crane.sample(4, 0)
     left, right = np.moveaxis(crane.jacobian(q), 1, 0)
     moved = np.any(crane.jacobian(q) != 0, axis=(0, 2))

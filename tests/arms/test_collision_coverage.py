@@ -29,7 +29,6 @@ DEPTH = 1e-3  # contacts that are less deep do not count [m]
 @NEEDS_ROBOTS
 @pytest.mark.parametrize("name", NAMES)
 def test_configurations_reported_free_are_free(name):
-    """No pair of links that no joint joins touches, grippers open and closed, other limbs at rest."""
     arm = load_arm(name if name == "panda" else f"example-robot-data/{name}")
     collisions = Collisions.of(arm)
     if not collisions.checked:
@@ -115,7 +114,6 @@ class ExactMeshes:
             yield full
 
     def _touching(self, pairs, full, shapes=None):
-        """Pairs that touch, the first of each with one of `shapes` instead of its own."""
         pin.forwardKinematics(self.model, self.data, full)
         poses = [self.data.oMi[part.parentJoint] * part.placement for part in self.objects]
         places = [coal.Transform3s(pose.rotation, pose.translation) for pose in poses]
@@ -133,7 +131,6 @@ class ExactMeshes:
 
 
 def solid_of(points, triangles):
-    """A mesh for Coal."""
     solid = coal.BVHModelOBBRSS()
     solid.beginModel(len(triangles), len(points))
     solid.addVertices(np.ascontiguousarray(points))

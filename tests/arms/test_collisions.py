@@ -38,7 +38,6 @@ def between_cubes(offset: np.ndarray) -> np.ndarray:
 
 @pytest.fixture
 def gantry(tmp_path):
-    """The arm with known distances."""
     path = tmp_path / "gantry.urdf"
     path.write_text(GANTRY)
     return load_arm(path)
@@ -54,7 +53,6 @@ def checked(request, crane):
 
 
 def test_distances_of_cubes_are_those_of_geometry(gantry):
-    """Clearance is the distance of two cubes, and minus the shortest way out where they are in one another."""
     collisions = Collisions.of(gantry)
     assert collisions.pairs == (("base", "load"),)
     q = gantry.sample(256, 0)
@@ -66,7 +64,6 @@ def test_distances_of_cubes_are_those_of_geometry(gantry):
 
 
 def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
-    """With two coordinates between links, their distances are scaled by four."""
     third = _slide("z", "trolley", "load", "0 0 1")
     fixed = '<joint name="z" type="fixed"><parent link="trolley"/><child link="load"/></joint>'
     assert third in GANTRY
@@ -119,7 +116,6 @@ def test_distances_are_those_of_mujoco_and_depths_those_of_qhull(checked):
 
 
 def test_slopes_are_derivatives_of_the_distances(checked):
-    """Of the nearest pair, apart or in one another, the slope is that of central differences of the clearance."""
     q, step = checked.arm.sample(400, 4), 1e-5
     rows, distance, slope = checked.gradient(q, 0.05)
     order = np.lexsort((distance, rows))
@@ -136,7 +132,6 @@ def test_slopes_are_derivatives_of_the_distances(checked):
 
 
 def test_the_fast_test_frees_no_configuration_that_collides(checked):
-    """Whatever the compiled test takes for apart is apart by the exact distance, whatever the margin."""
     q, pairs, solids = checked.arm.sample(300, 5), checked._pairs, checked._solids
     exact = solids.distances(q, pairs, np.ones((len(q), len(pairs)), dtype=bool))[0].reshape(len(q), -1)
     for margin in (0.0, 0.03):
@@ -149,7 +144,6 @@ def test_the_fast_test_frees_no_configuration_that_collides(checked):
 
 @pytest.mark.parametrize("checked", ["crane", "pandas"], indirect=True)
 def test_a_group_has_the_pairs_of_its_arms_and_those_between(checked):
-    """Each arm's distances are those of the arm alone; less lies between the arms; shared links come once."""
     q = checked.arm.sample(256, 3)
     alone = np.min([own.clearance(x) for own, x in zip(checked.of_arms, checked.arm.split(q), strict=True)], axis=0)
     nearest = checked.nearest(q)
@@ -163,7 +157,6 @@ def test_a_group_has_the_pairs_of_its_arms_and_those_between(checked):
 
 
 def test_hulls_hold_all_that_is_drawn_and_the_tip():
-    """Every corner of a link lies within the skin of one of its hulls; the hand's reaches to the tip."""
     panda = load_arm("panda")
     meshes = dict(panda.geometry.shapes)
     hulls = [hull for hull in Collisions.of(panda)._solids.hulls if hull.name in meshes]
@@ -180,7 +173,6 @@ def test_hulls_hold_all_that_is_drawn_and_the_tip():
 
 
 def test_pairs_are_those_that_no_joint_joins():
-    """Every pair of links but neighbors is checked or never meets, and so are the fingers where there is a hand."""
     flange, hand = (Collisions.of(load_arm("panda", frame=frame)) for frame in ("panda_link8", "panda_hand_tcp"))
     links = [f"panda_link{i}" for i in range(8)]
     apart = {(a, b) for i, a in enumerate(links) for b in links[i + 2 :]}
@@ -195,7 +187,6 @@ def test_pairs_are_those_that_no_joint_joins():
 
 
 def test_an_arm_without_surface_says_so(tmp_path):
-    """Without geometry nothing is checked, which the object reports; missing meshes are named."""
     bare = Collisions.of(load_arm("myoarm"), table=0.0)
     q = bare.arm.sample(4, 0)
     assert not bare.checked
@@ -211,7 +202,6 @@ def test_an_arm_without_surface_says_so(tmp_path):
 
 
 def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry):
-    """Distances are those to the cylinder under <collision>, and its link is named."""
     solid = f'<collision><geometry><cylinder radius="0.05" length="{CUBE}"/></geometry></collision>'
     load = f'<link name="load"><visual><geometry><mesh filename="gone.stl"/></geometry></visual>{solid}</link>'
     (tmp_path / "gone.urdf").write_text(GANTRY.replace(_link("load", CUBE), load))

@@ -4,16 +4,9 @@ import numpy as np
 import pytest
 from drawn_arms import one_link
 
-from maniport.arms import load_arm, load_arms
+from maniport.arms import load_arms
 from maniport.arms.collisions import Box, Collisions, read_boxes
 from maniport.errors import FileFormatError, InvalidInputError
-
-
-@pytest.fixture(scope="module")
-def panda():
-    """The Panda to its flange."""
-    return load_arm("panda", frame="panda_link8")
-
 
 PLINTH = Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")
 WRONG = [
@@ -28,13 +21,11 @@ WRONG = [
 
 @pytest.mark.parametrize(("around", "message"), WRONG)
 def test_what_cannot_be_around_a_robot_is_named(panda, around, message):
-    """The message names the argument, what was found and what is allowed."""
     with pytest.raises(InvalidInputError, match=message):
         Collisions.of(panda, **around)
 
 
 def test_bases_and_tables_that_leave_no_room_are_refused(tmp_path):
-    """Two bases that intersect, and a table above the last link of a robot without a drawn base, are named."""
     arms = load_arms("panda", bases=((0, 0.05, 0), (0, -0.05, 0)))
     with pytest.raises(InvalidInputError, match=r"bases: 'left_panda_link0' is 0\.\d+ m deep in 'right_panda_link0'"):
         Collisions.of(arms)
@@ -43,7 +34,6 @@ def test_bases_and_tables_that_leave_no_room_are_refused(tmp_path):
 
 
 def test_boxes_from_a_file_are_those_of_objects(panda, tmp_path):
-    """A file with names has the same obstacles as objects."""
     path = tmp_path / "obstacles.yaml"
     path.write_text("obstacles:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
                     "  crate: {center: [0.4, -0.4, 0.1], size: [0.2, 0.3, 1e-1], yaw: 0.5}\n")  # fmt: skip
@@ -68,7 +58,6 @@ FAULTY_BOXES = {
 
 @pytest.mark.parametrize("text", FAULTY_BOXES)
 def test_faulty_files_of_boxes(tmp_path, text):
-    """The file, the box and the key are named."""
     path = tmp_path / "b.yaml"
     path.write_text(text)
     with pytest.raises(FileFormatError, match=FAULTY_BOXES[text]):
@@ -79,7 +68,6 @@ PAIR = '<disable_collisions link1="{}" link2="{}" reason="Never"/>'
 
 
 def test_an_srdf_says_which_pairs_are_left_out(panda, tmp_path):
-    """All other pairs are checked, near ones too, but those that always meet, as neighbors do, or never."""
     path = tmp_path / "panda.srdf"
     neighbors = [PAIR.format(f"panda_link{i}", f"panda_link{i + 1}") for i in range(7)]
     path.write_text(f'<robot name="p">{"".join(neighbors)}{PAIR.format("panda_link5", "panda_link7")}</robot>')
@@ -102,7 +90,6 @@ FAULTY_SRDFS = {
 
 @pytest.mark.parametrize("text", FAULTY_SRDFS)
 def test_faulty_srdfs(panda, tmp_path, text):
-    """What is no SRDF of this robot is refused, and the message says why."""
     path = tmp_path / "r.srdf"
     path.write_text(text)
     with pytest.raises((FileFormatError, InvalidInputError), match=FAULTY_SRDFS[text]):

@@ -14,7 +14,6 @@ from maniport.errors import InvalidInputError
 
 
 def heavy(arm, seed=0):
-    """Return an arm with random masses."""
     random, inertia = np.random.default_rng(seed), []
     for _ in range(len(arm.chain.joints) + 1):
         spread = random.normal(size=(3, 3)) * 0.1
@@ -37,7 +36,6 @@ def model_of(chain):
 
 
 def assert_like_pinocchio(arm):
-    """Compare gravity torques and inertia with Pinocchio's."""
     q, model, chain = arm.sample(5, 3), model_of(arm.chain), arm.chain
     terms, data = arm._kinematics.dynamics(q), model.createData()
     for i, positions in enumerate(q @ chain.coupling.T + chain.offset):
@@ -50,12 +48,10 @@ def assert_like_pinocchio(arm):
 
 @pytest.fixture(params=["panda", "rhuman", "crane"])
 def arm(request, crane):
-    """An arm with plain, coupled or prismatic joints, with masses."""
     return heavy(crane.arms[0] if request.param == "crane" else load_arm(request.param))
 
 
 def test_terms_agree_with_pinocchio(arm):
-    """So do those of a mirrored arm and of an arm with a tilted base."""
     assert_like_pinocchio(arm)
     assert_like_pinocchio(Arm(mirrored(arm.chain)))
     leaning = np.eye(4)
@@ -85,7 +81,6 @@ def test_restricted_chains_keep_their_masses():
 
 
 def test_payload_pulls_the_end_effector_down():
-    """Its torques are those of its weight at its center; wrong ones are named."""
     arm, center = heavy(load_arm("panda")), np.array([0.05, 0.0, 0.1])
     q = arm.sample(4, 0)
     loaded, lever = arm.with_payload(2.5, center), arm.forward(q)[:, :3, :3] @ center
@@ -102,17 +97,12 @@ def test_payload_pulls_the_end_effector_down():
         load_arm("rhuman").gravity_torques(np.zeros(load_arm("rhuman").dof))
 
 
-@pytest.fixture(params=["panda", "rhuman"])
-def massive(request):
-    """An arm with plain or coupled joints, with masses."""
-    return heavy(load_arm(request.param))
-
-
+@pytest.mark.parametrize("name", ["panda", "rhuman"])
 @pytest.mark.parametrize("kind", ["force", "acceleration"])
 @pytest.mark.parametrize("weights", [None, "joint-limits", "numbers"])
 @pytest.mark.parametrize("part", ["translation", "full"])
-def test_changes_of_ellipsoids_are_finite_differences(massive, kind, weights, part):
-    """Every entry agrees with central differences where no torque changes its sign or reaches its least share."""
+def test_changes_of_ellipsoids_are_finite_differences(name, kind, weights, part):
+    massive = heavy(load_arm(name))
     weights = np.linspace(40.0, 90.0, massive.dof) if weights == "numbers" else weights
     spec, q, step = EllipsoidSpec(kind, part, weights).bounded, massive.sample(60, 1), 1e-5
     held = np.abs(massive.gravity_torques(q))
@@ -152,14 +142,12 @@ def test_ellipsoids_hold_the_limits_of_each_joint():
 
 
 def test_missing_limits_and_masses_are_named():
-    """The message names the joints."""
     arm = Arm(replace(load_arm("panda").chain, effort_limits=None, inertia=None))
-    for kind, message in (("force", "has no effort limits above 0 for"), ("acceleration", "needs masses")):
-        weights = "joint-limits" if kind == "force" else None
-        with pytest.raises(InvalidInputError, match=message):
-            arm.manipulability(np.zeros(arm.dof), kind, joint_weights=weights)
     inertia = np.array([point_mass(1.0, np.array([0.0, 0.0, 0.1]))] * 8)  # without extent about the last axis
-    with pytest.raises(InvalidInputError, match="has none that panda_joint7 accelerates"):
-        Arm(replace(load_arm("panda", frame="panda_link7").chain, inertia=inertia)).manipulability(
-            np.ones(7), "acceleration"
-        )
+    point = Arm(replace(load_arm("panda", frame="panda_link7").chain, inertia=inertia))
+    for robot, kind, weights, message in (
+        (arm, "force", "joint-limits", "has no effort limits above 0 for"), (arm, "acceleration", None, "needs masses"),
+        (point, "acceleration", None, "has none that panda_joint7 accelerates"),
+    ):  # fmt: skip
+        with pytest.raises(InvalidInputError, match=message):
+            robot.manipulability(np.ones(7), kind, joint_weights=weights)

@@ -1,5 +1,3 @@
-"""Human arms and the Panda against their references; mirror images."""
-
 import json
 import warnings
 from dataclasses import replace
@@ -52,15 +50,10 @@ def test_myoarm_equals_mujoco():
     assert worst < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("joints", "hand"),
-    [
-        ({}, (0, 0, -0.6315)),
-        ({"shoulder_elv": 90}, (0, -0.6315, 0)),
-        ({"elv_angle": 90, "shoulder_elv": 90}, (0.6315, 0, 0)),
-        ({"elbow_flexion": 90}, (0.3295, 0, -0.302)),
-    ],
-)
+@pytest.mark.parametrize(("joints", "hand"), [
+    ({}, (0, 0, -0.6315)), ({"shoulder_elv": 90}, (0, -0.6315, 0)),
+    ({"elv_angle": 90, "shoulder_elv": 90}, (0.6315, 0, 0)), ({"elbow_flexion": 90}, (0.3295, 0, -0.302)),
+])  # fmt: skip
 def test_rhuman_equals_the_paper(joints, hand):
     """The hand is where the published table puts it (base turned by −90° about z)."""
     arm = rhuman()
@@ -70,7 +63,6 @@ def test_rhuman_equals_the_paper(joints, hand):
 
 @pytest.mark.parametrize("build", [myoarm, rhuman])
 def test_human_arms_share_one_trunk_frame(build):
-    """In both models the arm hangs down, is raised forward, and turns about the same axes."""
     arm = build()
     hanging, raised = np.radians([[0] * 7, [90.0 if name in ("elv_angle", "shoulder_elv") else 0.0
                                             for name in arm.joint_names]])  # fmt: skip
@@ -89,7 +81,6 @@ def test_human_arms_share_one_trunk_frame(build):
 
 
 def test_panda_equals_its_urdf():
-    """Flange, hand point, Jacobian and limits agree with the golden numbers, whose file says how they were made."""
     golden = json.loads((Path(__file__).parent / "panda_golden.json").read_text())
     panda, tcp = load_arm("panda", frame="panda_link8"), load_arm("panda")
     for case in golden["cases"]:
@@ -105,7 +96,6 @@ S = np.diag([1.0, -1.0, 1.0])
 
 @pytest.mark.parametrize("name", ["myoarm", "rhuman"])
 def test_equal_angles_are_mirrored_configurations(name):
-    """Poses are S T S, ellipsoids of turning and moving S M S, joint axes −S a, at the same joint angles."""
     right, left = load_arm(name), load_arm(name, side="left")
     q = right.sample(64, random_state=0)
     assert_array_equal(left.sample(64, random_state=0), q)

@@ -41,7 +41,6 @@ def test_dynamics_are_those_of_the_whole_robot(robot):
 
 @NEEDS_ROBOTS
 def test_the_embedded_panda_weighs_what_its_urdf_does():
-    """Torque limits and inertia are those of the URDF, without the hand where the chain ends before it."""
     ours, urdf, flange = load_arm("panda"), load_arm("example-robot-data/panda"), load_arm("panda", frame="panda_link8")
     assert_array_equal(ours.effort_limits, urdf.effort_limits)
     assert_allclose(ours.chain.inertia[1:], urdf.chain.inertia[1:], atol=1e-12)
@@ -58,7 +57,6 @@ BENCH = f"""<mujoco><compiler angle="degree"/><worldbody><body name="a" pos="0 0
 
 
 def test_dynamics_of_an_mjcf_are_mujocos(tmp_path):
-    """Two joints on one body, a slide, a finger at the limit next to zero."""
     path = tmp_path / "bench.xml"
     path.write_text(BENCH)
     arm, model = load_arm(path, frame="c"), mujoco.MjModel.from_xml_string(BENCH)
@@ -76,7 +74,6 @@ def test_dynamics_of_an_mjcf_are_mujocos(tmp_path):
     "change", [("<geom", "<geom name='only'"), (BOX.format(1), ""), ("angle", 'inertiafromgeom="true" angle')]
 )
 def test_masses_that_shapes_determine_are_unknown(tmp_path, change):
-    """Bodies that move, without an <inertial> that counts; the base needs none."""
     path = tmp_path / "bench.xml"
     path.write_text(BENCH.replace(*change).replace(BOX.format(9), ""))
     assert (load_arm(path, frame="c").chain.inertia is None) == ("only" not in change[1])
@@ -87,28 +84,16 @@ TWO = """<robot name="r"><link name="a"/><link name="b"><inertial>{}</inertial><
   <parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
+@pytest.mark.parametrize(("name", "text", "change"), [
+    *(("r.urdf", TWO.format(LINK), change) for change in (
         ('value="1"', 'value="-1"'), ('value="1"', 'value="nan"'), ('value="1"', 'value="1e300"'), (' value="1"', ""),
         ('ixx="1"', 'ixx="-1"'), ('ixy="0"', 'ixy="2"'), ('iyz="0"', 'iyz="inf"'), (' iyz="0"', ""),
-        ("<mass", '<origin xyz="nan 0 0"/><mass'), ('<mass value="1"/>', ""),
-    ],
-)  # fmt: skip
-def test_impossible_masses_are_named_with_their_link(tmp_path, change):
-    """Negative, not finite or missing masses, and moments of inertia that are not positive."""
-    path = tmp_path / "r.urdf"
-    path.write_text(TWO.format(LINK))
-    assert load_arm(path).chain.inertia[1, 0, 0] == 1
-    path.write_text(TWO.format(LINK.replace(*change)))
-    with pytest.raises(FileFormatError, match="link 'b'"):
-        load_arm(path)
-
-
-@pytest.mark.parametrize("change", [('mass="2"', 'mass="-2"'), ("0.03 0.02", "0.03 -0.02"), ('mass="2"', 'mass="nan"')])
-def test_impossible_masses_of_an_mjcf_are_faults(tmp_path, change):
-    """As in a URDF."""
-    path = tmp_path / "bench.xml"
-    path.write_text(BENCH.replace(*change))
+        ("<mass", '<origin xyz="nan 0 0"/><mass'), ('<mass value="1"/>', ""))),
+    *(("r.xml", BENCH, change) for change in (
+        ('mass="2"', 'mass="-2"'), ("0.03 0.02", "0.03 -0.02"), ('mass="2"', 'mass="nan"'))),
+])  # fmt: skip
+def test_impossible_masses_are_named_with_their_link(tmp_path, name, text, change):
+    path = tmp_path / name
+    path.write_text(text.replace(*change))
     with pytest.raises(FileFormatError, match=r"link '[abc]'|<inertial> needs mass"):
         load_arm(path)

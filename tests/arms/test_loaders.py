@@ -6,28 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from maniport.arms import PERSONS, READERS, load_arm, myoarm, rhuman
+from maniport.arms import load_arm, myoarm, rhuman
 from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
 
-def tree(*joints: str, links: tuple[str, ...] = ()) -> str:
-    """A URDF from joints written as ``name:parent>child[:type]``."""
-    names, body = dict.fromkeys(links), ""
-    for joint in joints:
-        name, ends, kind = [*joint.split(":"), "revolute"][:3]
-        parent, child = ends.split(">")
-        names |= {parent: None, child: None}
-        body += f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        body += f'<origin xyz="0 0 0.1" rpy="0.2 0 0"/><axis xyz="0 1 0"/>{LIMIT}</joint>'
-    return f'<robot name="r">{"".join(f"<link name={n!r}/>" for n in names)}{body}</robot>'.replace("'", '"')
-
-
 @pytest.fixture
 def write(tmp_path):
-    """Write a robot file and give its path."""
-
     def write(text: str, name: str = "robot.urdf"):
         path = tmp_path / name
         path.write_text(text)
@@ -37,7 +23,6 @@ def write(tmp_path):
 
 
 def test_urdf_joints_become_coordinates(urdf):
-    """Continuous joints and joints without limits span one turn, mimic and fixed joints are no coordinates."""
     arm = load_arm(urdf)
     assert arm.name == "crane"
     assert arm.joint_names == ("turn", "raise", "travel", "spin")
@@ -63,18 +48,7 @@ def test_mjcf_equals_mujoco(mjcf):
         np.testing.assert_allclose(pose[:3, :3], data.site("tool").xmat.reshape(3, 3), atol=1e-12)
 
 
-def test_two_arms_are_ambiguous(write):
-    """A robot with two arms gets an error with the candidates, the hands and not the fingers."""
-    arm = ["{s}1:base>{s}one", "{s}2:{s}one>{s}two", "{s}w:{s}two>{s}hand:fixed", "{s}f:{s}hand>{s}f1"]
-    arm.append("{s}g:{s}hand>{s}f2")
-    path = write(tree(*(joint.format(s=s) for s in ("left_", "right_") for joint in arm)))
-    with pytest.raises(InvalidInputError, match=r"several frames.*2 movable.*frame=.*'left_hand', 'right_hand'$"):
-        load_arm(path)
-    assert load_arm(path, frame="right_hand").joint_names == ("right_1", "right_2")
-
-
 def test_catalog_robots_are_loaded_by_name(monkeypatch, urdf):
-    """A name from robot_descriptions is looked up in that package when it is installed."""
     package = urdf.parent / "robot_descriptions"
     package.mkdir()
     for name, text in {
@@ -130,32 +104,26 @@ JOINT = '<joint name="j" type="{type}"><parent link="a"/><child link="b"/>{more}
 ROBOT = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"name_or_path": "pnada"}, r"unknown robot 'pnada'.*nearest first: 'panda', "),
-        ({"name_or_path": "myo_arm"}, "nearest first: 'myoarm', "),
-        ({"frame": "panda_hnd"}, r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"),
-        ({"name_or_path": "crane", "frame": "hok"}, r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"),
-        ({"name_or_path": "crane", "joints": ["level"]}, "'level' in .* cannot move by itself, it follows 'raise'"),
-        ({"frame": "panda_link3", "joints": ["panda_joint7"]}, "'panda_joint7' does not move the frame 'panda_link3'"),
-        ({"joints": ["panda_joint1"] * 2}, "joints must name each once; found more than once: panda_joint1"),
-        ({"joints": "panda_joint1"}, "joints must be a sequence of names"),
-        ({"joints": []}, "joints must be a sequence of names"),
-        ({"joints": 5}, "joints must be a sequence of names"),
-        ({"lock": {"panda_joint4": 0.5}}, r"lock: 'panda_joint4' \[rad\] must be a number in \[-3.0718, -0.0698\]"),
-        ({"lock": {"panda_joint9": 0.5}}, "unknown joint 'panda_joint9' .*'panda_joint1'"),
-        ({"lock": {"panda_joint5": 0}, "frame": "panda_link3"}, "lock: 'panda_joint5' does not move the fr"),
-        ({"lock": {"panda_joint1": 0}, "frame": "panda_link1"}, "no movable joint .* lock contains all"),
-        ({"lock": ["panda_joint4"]}, "lock must map names of joints to positions, such as .*; found"),
-        ({"lock": {"panda_joint4": -1}, "joints": ["panda_joint4"]}, "in joints or in lock, not in both; found"),
-        ({"lock": {"panda_joint1": 0}, "base": "panda_link2"}, "does not move the frame .* seen from 'panda_link2'"),
-        ({"base": "panda_hand"}, "no movable joint lies between the base and the frame"),
-        ({"base": "panda_hand", "frame": "panda_link2"}, "unknown base 'panda_hand'"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"name_or_path": "pnada"}, r"unknown robot 'pnada'.*nearest first: 'panda', "),
+    ({"name_or_path": "myo_arm"}, "nearest first: 'myoarm', "),
+    ({"frame": "panda_hnd"}, r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"),
+    ({"name_or_path": "crane", "frame": "hok"}, r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"),
+    ({"name_or_path": "crane", "joints": ["level"]}, "'level' in .* cannot move by itself, it follows 'raise'"),
+    ({"frame": "panda_link3", "joints": ["panda_joint7"]}, "'panda_joint7' does not move the frame 'panda_link3'"),
+    ({"joints": ["panda_joint1"] * 2}, "joints"), ({"joints": "panda_joint1"}, "joints"), ({"joints": []}, "joints"),
+    ({"joints": 5}, "joints"),
+    ({"lock": {"panda_joint4": 0.5}}, r"lock: 'panda_joint4' \[rad\] must be a number in \[-3.0718, -0.0698\]"),
+    ({"lock": {"panda_joint9": 0.5}}, "unknown joint 'panda_joint9' .*'panda_joint1'"),
+    ({"lock": {"panda_joint5": 0}, "frame": "panda_link3"}, "lock: 'panda_joint5' does not move the fr"),
+    ({"lock": {"panda_joint1": 0}, "frame": "panda_link1"}, "no movable joint .* lock contains all"),
+    ({"lock": ["panda_joint4"]}, "lock"),
+    ({"lock": {"panda_joint4": -1}, "joints": ["panda_joint4"]}, "in joints or in lock, not in both; found"),
+    ({"lock": {"panda_joint1": 0}, "base": "panda_link2"}, "does not move the frame .* seen from 'panda_link2'"),
+    ({"base": "panda_hand"}, "no movable joint lies between the base and the frame"),
+    ({"base": "panda_hand", "frame": "panda_link2"}, "unknown base 'panda_hand'"),
+])  # fmt: skip
 def test_wrong_arguments_are_named(urdf, options, message):
-    """Names that do not exist get the nearest ones; frames, bases and joints that do not fit get one sentence."""
     options = {"name_or_path": "panda"} | options
     if options["name_or_path"] == "crane":
         options["name_or_path"] = urdf
@@ -164,12 +132,10 @@ def test_wrong_arguments_are_named(urdf, options, message):
 
 
 def jointed(kind, more=""):
-    """A URDF of two links with one joint of a kind."""
     return ROBOT.format(JOINT.format(type=kind, more=more))
 
 
 def world(text, more=""):
-    """An MJCF with this in its world."""
     return f"<mujoco><worldbody>{text}</worldbody>{more}</mujoco>"
 
 
@@ -178,27 +144,21 @@ INNER = '<body name="b"><geom size="1"/><joint name="j"/></body>'
 CURVE = '<equality><joint joint1="j" joint2="i" polycoef="0 1 2 0 0"/></equality>'
 CLOSED = '<limit lower="1" upper="-1" effort="1" velocity="1"/>'
 FAULTS = {
-    "the file is empty": "",
-    "neither a URDF .* nor an MJCF": "<sdf/>",
-    "has no link": '<robot name="r"/>',
+    "the file is empty": "", "neither a URDF .* nor an MJCF": "<sdf/>", "has no link": '<robot name="r"/>',
     "'j' has the limits 1 to -1": jointed("revolute", CLOSED),
-    "must have one root link; found 2: 'a', 'b'": ROBOT.format(""),
-    "has no movable joint": jointed("fixed"),
-    "type 'hinge'; allowed are revolute": jointed("hinge"),
-    "is revolute and has no <limit>": jointed("revolute"),
+    "must have one root link; found 2: 'a', 'b'": ROBOT.format(""), "has no movable joint": jointed("fixed"),
+    "type 'hinge'; allowed are revolute": jointed("hinge"), "is revolute and has no <limit>": jointed("revolute"),
     "names 'c' as child link": jointed("revolute", LIMIT).replace('child link="b"', 'child link="c"'),
     "prismatic joint 'j' has no limits": jointed("prismatic", LIMIT.replace("1", "0")),
     "follows 'k' which is no joint": jointed("revolute", LIMIT + '<mimic joint="k"/>'),
     "of the class 'rough', which no <default>": world('<body childclass="rough"><joint/></body>'),
-    "has no body": world(""),
-    "several frames end a chain of 1 .* 'a', 'b'": world(HINGE.format("") + INNER),
+    "has no body": world(""), "several frames end a chain of 1 .* 'a', 'b'": world(HINGE.format("") + INNER),
     "'j' follows 'i' nonlinearly": world(HINGE.format(INNER), CURVE),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("message", FAULTS)
 def test_unusable_files_are_named_with_their_fault(tmp_path, message):
-    """Each fault of a file gets an error of maniport that names the file and the fault."""
     content = FAULTS[message]
     path = tmp_path / ("r.xml" if content.startswith("<mujoco") else "r.urdf")
     path.write_text(content)
@@ -210,29 +170,14 @@ def test_unusable_files_are_named_with_their_fault(tmp_path, message):
 @pytest.mark.parametrize("build", [myoarm, rhuman])
 @pytest.mark.parametrize("length", [0.0, -0.3, 29.0, np.nan, "long", [0.3, 0.3]])
 def test_implausible_segment_lengths_are_refused(build, length):
-    """A segment is longer than nothing and shorter than a metre; centimetres and nan are caught."""
     with pytest.raises(InvalidInputError, match=r"forearm \[m\] must be"):
         build(forearm=length)
 
 
 @pytest.mark.parametrize(("axis", "place"), [("0 0 0", "0 0 1"), ("0 1e-320 0", "0 0 1"), ("0 1 0", "1e300 0 0")])
 def test_axes_of_no_length_and_places_out_of_the_world_are_refused(write, axis, place):
-    """They would make nan of every ellipsoid, or infinities."""
     body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
     urdf = write(jointed("revolute", f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'))
     for path in (urdf, write(world(f'<body name="a">{body}</body>'), "r.xml")):
         with pytest.raises(ValueError, match=r"'j' must (have an axis of finite length|be placed by)|<body> needs pos"):
             load_arm(path, frame="b")
-
-
-def test_formats_and_persons_from_outside_are_entries(tmp_path, monkeypatch):
-    """`load_arm` restricts what a reader of a new format returns, and messages list its suffix and new persons."""
-    monkeypatch.setitem(READERS, ".reach", lambda path, frame, joints: load_arm("panda").chain)
-    monkeypatch.setitem(PERSONS, "giant", lambda *lengths, **named: rhuman(0.5, 0.45, 0.09))
-    (tmp_path / "three.reach").write_text("0.3\n")
-    arm = load_arm(str(tmp_path / "three.reach"), frame="panda_link2", joints=["panda_joint2"])
-    assert (arm.joint_names, load_arm("giant").dof) == (("panda_joint2",), 7)
-    with pytest.raises(FileFormatError, match=r"there is no such file; there are 'three\.reach'"):
-        load_arm(tmp_path / "tree.reach")
-    with pytest.raises(UnknownNameError, match=r"must end in \.urdf, \.xml, \.mjcf.*, \.reach.*'giant'"):
-        load_arm("gigant")

@@ -31,7 +31,6 @@ SOLIDS = {
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_solids_are_closed_and_have_their_size(name):
-    """Every edge has two triangles in opposite directions, sizes are exact, volumes 2.5 % small at most."""
     (points, triangles), exact, size = SOLIDS[name]
     edges = {tuple(edge) for edge in np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)])}
     assert len(edges) == 3 * len(triangles)
@@ -43,7 +42,6 @@ def test_solids_are_closed_and_have_their_size(name):
 
 @given(most=st.integers(1, 400), noise=st.floats(0, 0.02), seed=st.integers(0, 99))
 def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
-    """Never more triangles than allowed, no point beyond the box around the mesh or not finite, no unused point."""
     x, y = (axis.reshape(-1) for axis in np.meshgrid(*(np.linspace(0, 1, 16),) * 2))
     points = np.stack([x, y, 0.02 * np.sin(7 * x) * np.cos(5 * y)], axis=1)
     points += noise * np.random.default_rng(seed).normal(size=points.shape)
@@ -60,7 +58,6 @@ def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
 
 @pytest.mark.parametrize("name", GOOD)
 def test_every_kind_of_mesh_is_read_alike(tmp_path, name):
-    """One tetrahedron in each format, binary, as text, indirect and moved about, is the same solid."""
     content = GOOD[name]
     (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     (surface,) = one_link(tmp_path, f'<mesh filename="{name}"/>').surfaces()
@@ -70,7 +67,6 @@ def test_every_kind_of_mesh_is_read_alike(tmp_path, name):
 
 
 def doubling(n):
-    """Nodes each of which shows the next one twice."""
     return "".join(f'<node id="n{i}"><instance_node url="#n{i + 1}"/><instance_node url="#n{i + 1}"/></node>'
                    for i in range(n)) + f'<node id="n{n}">{SHOWN}</node>'  # fmt: skip
 
@@ -98,7 +94,6 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_meshes_are_refused(tmp_path, name):
-    """Each ends in a message; natively they ended the process, hung, took all memory or read another's files."""
     content, message = HOSTILE[name]
     file = tmp_path / name
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -120,7 +115,6 @@ OUTSIDE = {
     ("case", "suffix"), [*((case, "urdf") for case in OUTSIDE), ("up", "xml"), ("absolute", "xml"), ("link", "xml")]
 )
 def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
-    """What a robot's file names outside its folders and packages is not read; the message says how to allow it."""
     folder = tmp_path / "a" / "b" / "c" / "kit" / "urdf"
     for place in (tmp_path / "far", tmp_path / "a" / "b" / "c", tmp_path):
         place.mkdir(parents=True, exist_ok=True)
@@ -142,7 +136,6 @@ def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
 
 
 def test_folders_are_allowed_on_the_command_line(tmp_path):
-    """``--mesh-folders`` allows folders as the argument does."""
     (tmp_path / "secret.stl").write_bytes(stl())
     arm = one_link(tmp_path / "a" / "b" / "c", '<mesh filename="../../../secret.stl"/>')
     words = ["info", arm.chain.source, "--mesh-folders"]
@@ -165,7 +158,6 @@ NAMES = {
 
 @pytest.mark.parametrize("case", NAMES)
 def test_meshes_are_found_by_their_names(tmp_path, monkeypatch, case):
-    """Relative names count from the robot's file; packages are looked for above it and where ROS has them."""
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'nowhere'}{os.pathsep}{tmp_path / 'elsewhere/ros'}")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "elsewhere/ros2"))
     name, place = NAMES[case]
@@ -178,7 +170,6 @@ def test_meshes_are_found_by_their_names(tmp_path, monkeypatch, case):
 
 
 def test_missing_meshes_are_named_only_when_they_are_drawn(tmp_path):
-    """Kinematics needs no mesh; drawing says which is missing, how many, and where it was looked for."""
     arm = one_link(tmp_path, '<mesh filename="package://kit/part.stl"/>')
     assert arm.forward([0.1]).shape == (4, 4)
     with pytest.raises(FileFormatError, match=r"one\.urdf: the mesh 'package://kit/part\.stl' is missing \(1 of 1 .*"
@@ -192,7 +183,6 @@ ROD = '<collision name="rod"><origin xyz="0.1 0 0" rpy="0 1 0"/><geometry>{}</ge
 
 
 def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
-    """Only a link without its mesh shows its collision shape, and is named."""
     digger = write_digger(tmp_path)
     whole = load_arm(digger, frame="bucket")
     volumes = [volume(surface) for surface in whole.geometry.surfaces(None)]
@@ -223,7 +213,6 @@ SENSELESS = {
 
 @pytest.mark.parametrize("geometry", SENSELESS)
 def test_senseless_shapes_are_named(tmp_path, geometry):
-    """A shape without its numbers, of an unknown kind or beyond reason raises with the link's name."""
     (tmp_path / "part.stl").write_bytes(stl())
     with pytest.raises(FileFormatError, match=rf"link 'tip'.*{SENSELESS[geometry]}"):
         one_link(tmp_path, geometry).surfaces()

@@ -27,8 +27,6 @@ WHOLE = f"{HEAD}{MATERIAL}<worldbody>{ARM}</worldbody></mujoco>"
 
 @pytest.fixture
 def write(tmp_path):
-    """Write files by their names and give the path of the first."""
-
     def write(**texts: str):
         for name, text in texts.items():
             path = tmp_path / f"{name.replace('__', '/')}.xml"
@@ -40,7 +38,6 @@ def write(tmp_path):
 
 
 def test_a_first_body_that_cannot_move_and_further_trees_are_mujocos(write):
-    """Where the base stands counts, and a floating thing before the arm hides nothing of it: poses are MuJoCo's."""
     path = write(robot=f"{HEAD}{MATERIAL}<worldbody>{TABLE}{ARM}</worldbody></mujoco>")
     assert farthest(mujoco, mujoco.MjModel.from_xml_path(str(path)), load_arm(path, frame="tip")) < 1e-12
     assert load_arm(path).dof == 2
@@ -62,7 +59,6 @@ def test_what_has_no_name_is_mujocos(write):
 
 
 def test_included_files_are_as_if_written_in_their_place(write):
-    """Classes, bodies and compilers out of other files, and files within those, give the same arm and shapes."""
     whole = load_arm(write(whole=WHOLE), frame="tip")
     parts = write(
         main='<mujoco model="arm"><include file="parts/head.xml"/><worldbody><include file="parts/arm.xml"/>'
@@ -94,7 +90,6 @@ ACTUATORS = {
 
 @pytest.mark.parametrize("actuators", ACTUATORS)
 def test_torque_limits_are_those_of_joints_and_actuators(write, actuators):
-    """The weaker direction counts, and of a joint and the sum of its actuators the smaller limit."""
     classes = (
         '<default><default class="strong"><joint actuatorfrcrange="-11 10"/></default>'
         '<default class="geared"><general gear="5"/><motor ctrlrange="-4 4"/></default></default>'
@@ -111,19 +106,13 @@ def test_torque_limits_are_those_of_joints_and_actuators(write, actuators):
     np.testing.assert_allclose(np.min(torques, axis=0)[driven], limits[driven])
 
 
-@pytest.mark.parametrize(
-    ("include", "message"),
-    [
-        ("../secret.xml", r"includes '\.\./secret\.xml', which lies outside of its folder"),
-        ("/etc/passwd", r"includes '/etc/passwd', which lies outside"),
-        ("main.xml", r"includes 'main\.xml' more than once, or in a cycle"),
-        ("arm.xnl", r"suffix '\.xnl' is not known"),
-        ("", "an <include> names no file"),
-        ("other.xml", r"other\.xml: there is no such file"),
-    ],
-)
+@pytest.mark.parametrize(("include", "message"), [
+    ("../secret.xml", r"includes '\.\./secret\.xml', which lies outside of its folder"),
+    ("/etc/passwd", r"includes '/etc/passwd', which lies outside"),
+    ("main.xml", r"includes 'main\.xml' more than once, or in a cycle"), ("arm.xnl", r"suffix '\.xnl' is not known"),
+    ("", "an <include> names no file"), ("other.xml", r"other\.xml: there is no such file"),
+])  # fmt: skip
 def test_includes_that_may_not_be_are_named(write, include, message):
-    """Files outside of the model's folder, missing ones and circles are refused before they are read."""
     path = write(main=f'<mujoco><worldbody>{ARM}<include file="{include}"/></worldbody></mujoco>')
     (path.parent / "arm.xnl").write_text("<mujoco/>")
     with pytest.raises(FileFormatError, match=message):
@@ -144,24 +133,17 @@ ARM_TO = """<mujoco model="arm"><default><joint range="-90 90"/></default><world
 """An arm with three hinges that ends in a body of this content."""
 
 
-@pytest.mark.parametrize(
-    ("end", "expected"),
-    [
-        (FLANGE.format(""), "attachment_site"),
-        (FLANGE.format("arm_"), "arm_attachment_site"),
-        (FLANGE.format("arm/"), "arm/attachment_site"),
-        (f'<body name="flange">{FLANGE.format("")}</body>', "attachment_site"),
-        (PINCH.format("pinch_site"), "pinch_site"),
-        (f'<body name="hand">{FLANGE.format("")}{PINCH.format("pinch_site")}{FINGERS}</body>', "pinch_site"),
-        (f'<body name="hand">{PINCH.format("2f85/pinch")}{FINGERS}</body>', "2f85/pinch"),
-        (f'{FLANGE.format("")}<body name="hand">{FINGERS}</body>', "attachment_site"),
-        (f'<body name="hand">{FINGERS}</body>', "hand"),
-        (f'<body name="hand">{PINCH.format("camera")}</body>', "hand"),
-        (PINCH.format("a_pinch_site_of_nothing"), "wrist"),
-    ],
-)
+@pytest.mark.parametrize(("end", "expected"), [
+    (FLANGE.format(""), "attachment_site"), (FLANGE.format("arm_"), "arm_attachment_site"),
+    (FLANGE.format("arm/"), "arm/attachment_site"),
+    (f'<body name="flange">{FLANGE.format("")}</body>', "attachment_site"), (PINCH.format("pinch_site"), "pinch_site"),
+    (f'<body name="hand">{FLANGE.format("")}{PINCH.format("pinch_site")}{FINGERS}</body>', "pinch_site"),
+    (f'<body name="hand">{PINCH.format("2f85/pinch")}{FINGERS}</body>', "2f85/pinch"),
+    (f'{FLANGE.format("")}<body name="hand">{FINGERS}</body>', "attachment_site"),
+    (f'<body name="hand">{FINGERS}</body>', "hand"), (f'<body name="hand">{PINCH.format("camera")}</body>', "hand"),
+    (PINCH.format("a_pinch_site_of_nothing"), "wrist"),
+])  # fmt: skip
 def test_the_site_is_the_end_effector(tmp_path, end, expected):
-    """It is chosen by its name, at the pose that MuJoCo computes, and the joints are the arm's."""
     path = tmp_path / "arm.xml"
     path.write_text(ARM_TO.format(end))
     arm = load_arm(path)
@@ -171,7 +153,6 @@ def test_the_site_is_the_end_effector(tmp_path, end, expected):
 
 
 def test_bodies_in_bodies_count_over_all_files(tmp_path):
-    """A row of files that are each flat enough is refused as one that is as deep as all of them."""
     inner = ""
     for k in range(40):
         content = "<body>" * 100 + inner + "</body>" * 100
@@ -189,19 +170,14 @@ DOUBLING = "".join(
 )
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ('<xacro:include filename="/dev/zero"/>', "/dev/zero: this is a pipe, a socket or a device"),
-        ('<xacro:include filename="pipe.xacro"/>', "this is a pipe, a socket or a device"),
-        ("<link name=\"${load_yaml('/dev/zero')}\"/>", "/dev/zero: this is a pipe, a socket or a device"),
-        (DOUBLING + '<xacro:macro name="m40" params=""/><xacro:m0/>', "it takes more than 2 s"),
-        ("<link name=\"${'x' * 10**10}\"/>", r"when evaluating expression ''x' \* 10\*\*10'"),
-    ],
-    ids=["device", "pipe", "settings", "doubling macros", "memory"],
-)
+@pytest.mark.parametrize(("content", "message"), [
+    ('<xacro:include filename="/dev/zero"/>', "/dev/zero: this is a pipe, a socket or a device"),
+    ('<xacro:include filename="pipe.xacro"/>', "this is a pipe, a socket or a device"),
+    ("<link name=\"${load_yaml('/dev/zero')}\"/>", "/dev/zero: this is a pipe, a socket or a device"),
+    (DOUBLING + '<xacro:macro name="m40" params=""/><xacro:m0/>', "it takes more than 2 s"),
+    ("<link name=\"${'x' * 10**10}\"/>", r"when evaluating expression ''x' \* 10\*\*10'"),
+], ids=["device", "pipe", "settings", "doubling macros", "memory"])  # fmt: skip
 def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, message):
-    """Macros that double, a name of 10 GB, devices and pipes among included files and settings end with a message."""
     pytest.importorskip("xacrodoc")
     monkeypatch.setattr("maniport.arms.loaders.document.LONGEST_XACRO", 2.0 if "2 s" in message else 30.0)
     os.mkfifo(tmp_path / "pipe.xacro")

@@ -35,7 +35,6 @@ GOLDEN = {
 
 
 def require(package: str) -> None:
-    """Skip without a package, but where all are installed."""
     if not PACKAGES[package].installed() and not (os.environ.get("CI") and package == "example-robot-data"):
         pytest.skip(f"{package} is not installed")
 
@@ -59,7 +58,6 @@ def test_every_arm_is_taken_at_its_hand_and_equals_mujoco(package):
 
 
 def test_two_arms_are_named_by_their_side():
-    """A robot with two arms says how each is called; all limbs are listed, fingers left out."""
     require("example-robot-data")
     with pytest.raises(InvalidInputError, match=r"'talos' has two arms: name 'talos_left_arm' or 'talos_right_arm'"):
         load_arm("talos")
@@ -73,7 +71,6 @@ def test_two_arms_are_named_by_their_side():
 
 
 def test_unknown_robots_are_told_how_to_get(monkeypatch):
-    """A name that a missing package has says how to install it; others list the nearest ones."""
     for package in PACKAGES.values():
         monkeypatch.setattr(type(package), "installed", lambda self: {})
     with pytest.raises(

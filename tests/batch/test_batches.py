@@ -40,7 +40,6 @@ if __name__ == "__main__":
 
 
 def small(recordings, output, **more):
-    """A batch that takes a moment."""
     return mp.transfer_batch(recordings, ROBOTS, output, **{"processes": 1} | PART | SMALL | more)
 
 
@@ -212,8 +211,6 @@ def test_two_arms_of_a_person_go_to_two_of_a_robot(tmp_path):
 
 
 class Interrupting:
-    """A progress callback that acts when so many pairs are done."""
-
     def __init__(self, count, act):
         self.count, self.act = count, act
 
@@ -321,7 +318,6 @@ def test_tables_hold_no_formulas(tmp_path):
 
 
 def test_digests_tell_contents_apart(tmp_path):
-    """Equal robots and files have one digest wherever they are; other limits, numbers and kinds have others."""
     arm = mp.load_arm("panda")
     assert digest(arm) == digest(mp.load_arm("panda")) != digest(arm.narrowed(arm.lower + 0.1, arm.upper))
     for name in ("1", "2"):
@@ -332,17 +328,11 @@ def test_digests_tell_contents_apart(tmp_path):
     assert len({digest(thing) for thing in things}) == len(things)
 
 
-@pytest.mark.parametrize(
-    ("error", "more"),
-    [
-        (OutputError, {}),
-        (InvalidInputError, {"move": True, "export": "vhs"}),
-        (InvalidInputError, {"dask": "x:1", "ray": True}),
-        (InvalidInputError, {"side": "both"}),
-        (InvalidInputError, {"processes": 0}),
-        (UnknownNameError, {"speed": 3}),
-    ],
-)
+@pytest.mark.parametrize(("error", "more"), [
+    (OutputError, {}), (InvalidInputError, {"move": True, "export": "vhs"}),
+    (InvalidInputError, {"dask": "x:1", "ray": True}), (InvalidInputError, {"side": "both"}),
+    (InvalidInputError, {"processes": 0}), (UnknownNameError, {"speed": 3}),
+])  # fmt: skip
 def test_wrong_arguments_are_refused_before_work(recordings, tmp_path, error, more):
     (tmp_path / "batch.json").write_text('{"mine": 1}')
     with pytest.raises(error):

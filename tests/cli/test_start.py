@@ -61,7 +61,6 @@ def test_no_file_takes_the_number_of_a_closed_output(tmp_path):
 
 
 def test_a_broken_pipe_loses_no_result(tmp_path):
-    """``head`` closes both outputs before anything is printed: the file is written, exit code 0."""
     reading, writing = os.pipe()
     words = [*COMMAND, "domain", "panda", "-n", "10", "-o", str(tmp_path / "domain.npz")]
     with subprocess.Popen(words, stdout=writing, stderr=writing) as process:

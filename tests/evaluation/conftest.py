@@ -1,5 +1,3 @@
-"""Clouds of SPD matrices for the tests of evaluation."""
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -7,7 +5,6 @@ from scipy.spatial.transform import Rotation
 
 @pytest.fixture
 def rng():
-    """A generator of random numbers."""
     return np.random.default_rng(11)
 
 

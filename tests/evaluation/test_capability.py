@@ -23,7 +23,6 @@ def largest(equalities, bounds):
 
 
 def reference(arm, q, u, kind):
-    """Solve for force and torques, or speed and joint velocities."""
     jacobian, gravity = arm.jacobian(q)[:3], arm.gravity_torques(q)
     if kind == "force":
         if np.any(np.abs(gravity) > arm.effort_limits):
@@ -42,14 +41,6 @@ def test_extents_are_those_of_linear_programs(kind, payload):
     extents = polytope_extent(arm, q, u, kind)
     expected = [[reference(arm, own, v / np.linalg.norm(v), kind) for v in u] for own in q]
     np.testing.assert_allclose(extents, expected, rtol=1e-6, atol=1e-6)
-
-
-def test_speed_of_a_planar_arm_lies_in_its_plane():
-    from maniport.arms import Arm
-
-    arm = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]]).with_limits(velocity=1.0)
-    extents = polytope_extent(arm, [[0.0, np.pi / 2]], [[0, 0, 1], [1, 0, 0], [0, 1, 0]], "velocity")[0]
-    np.testing.assert_allclose(extents, [0.0, 1.0, 1.0], atol=1e-6)  # columns (−1, 1) and (−1, 0)
 
 
 def test_ellipsoids_lie_in_polytopes_and_resemble_them():

@@ -1,5 +1,3 @@
-"""Tests of the comparison of an adapter with baselines."""
-
 import json
 
 import numpy as np
@@ -27,14 +25,12 @@ def problem(make_cloud, turn_about):
 
 @pytest.fixture(scope="module")
 def evaluation(problem):
-    """The comparison of an ICP that can find the truth."""
     teacher, student, profile, truth = problem
     adapter = RiemannianICP().fit(teacher, student)
     return evaluate(adapter, teacher, student, profile, truth=truth)
 
 
 def test_every_row_has_every_metric_that_applies(evaluation):
-    """Without an arm there is no feasibility gap; all else is measured. Where the student is a rigid image ICP wins."""
     assert tuple(row.name for row in evaluation.rows) == ("icp", *BASELINES)
     for row in evaluation.rows:
         assert (row.feasibility_gap, row.domain_feasibility_gap) == (None, None)
@@ -48,7 +44,6 @@ def test_every_row_has_every_metric_that_applies(evaluation):
 
 
 def test_the_report_has_plain_numbers_and_a_line_for_every_row(evaluation):
-    """The numbers are ready for JSON, and the table is rectangular."""
     report = report_of(evaluation)
     table = json.loads(json.dumps(as_numbers(report), allow_nan=False))["evaluation"]["rows"]
     assert table["icp"]["rmse"]["undivided"] == evaluation.adapter.rmse.undivided
@@ -58,7 +53,6 @@ def test_the_report_has_plain_numbers_and_a_line_for_every_row(evaluation):
 
 
 def test_the_adapter_stays_and_the_seed_decides(problem):
-    """Evaluation fits clones only, and all random samples come from the seed."""
     teacher, student, profile, _ = problem
     adapter = ParallelTransport(damping=0.01).fit(teacher, student)
     before = adapter.transform(profile)
@@ -69,7 +63,6 @@ def test_the_adapter_stays_and_the_seed_decides(problem):
 
 @pytest.fixture(scope="module")
 def arms():
-    """Person and robot, their domains and a profile, small."""
     person, robot = load_arm("rhuman"), load_arm("panda")
     domains = sample_domain(person, 128, 0), sample_domain(robot, 256, 1)
     path = np.zeros((5, 7))
@@ -78,7 +71,6 @@ def arms():
 
 
 def test_with_the_arms_gaps_and_fresh_samples_join(arms):
-    """The robot's kinematics gives feasibility gaps, none for the lookup; the person gives fresh samples."""
     person, robot, domains, profile = arms
     adapter = ParallelTransport(damping=0.01).fit(*domains)
     steps = []
@@ -92,7 +84,6 @@ def test_with_the_arms_gaps_and_fresh_samples_join(arms):
 
 
 def test_bad_input_is_refused(problem, arms):
-    """Unfitted adapters, other counts and ellipsoids of another size are errors that name the argument."""
     teacher, student, profile, truth = problem
     adapter = ParallelTransport().fit(teacher, student)
     for arguments, options, error, word in (

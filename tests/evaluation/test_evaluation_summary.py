@@ -1,5 +1,3 @@
-"""Tests of the result of a comparison."""
-
 import pytest
 
 from maniport.evaluation import RMSE, DistancePreservation, Evaluation, Gaps, Row, Smoothness
@@ -28,19 +26,11 @@ def test_without_truth_and_arms_nothing_is_compared():
     assert evaluation.adapter.weaknesses == {"rank_correlation": 0.5}
 
 
-@pytest.mark.parametrize(
-    ("gaps", "recommended"),
-    [
-        ((0.409, 0.362, 0.409), IDENTITY),
-        ((0.409, 0.5, 0.409), TRANSPORT),
-        ((0.4, 0.405, 0.41), IDENTITY),
-        ((0.3, 0.5, 0.31), TRANSPORT),
-        ((0.2, 0.5, 0.31), "icp"),
-        ((0.0, 0.0, 0.0), IDENTITY),
-    ],
-)
+@pytest.mark.parametrize(("gaps", "recommended"), [
+    ((0.409, 0.362, 0.409), IDENTITY), ((0.409, 0.5, 0.409), TRANSPORT), ((0.4, 0.405, 0.41), IDENTITY),
+    ((0.3, 0.5, 0.31), TRANSPORT), ((0.2, 0.5, 0.31), "icp"), ((0.0, 0.0, 0.0), IDENTITY),
+])  # fmt: skip
 def test_the_cheapest_method_that_no_other_undercuts_is_recommended(gaps, recommended):
-    """Differences below 5 % do not count, and the lookup, whose gap is zero by construction, does not either."""
     evaluation = compared(*gaps)
     assert evaluation.recommended == recommended
     assert evaluation.values[evaluation.best] == min(gaps)
@@ -48,18 +38,13 @@ def test_the_cheapest_method_that_no_other_undercuts_is_recommended(gaps, recomm
     assert Evaluation((own, *compared(0.9, 0.5, 0.2).rows[1:3])).recommended == TRANSPORT
 
 
-@pytest.mark.parametrize(
-    ("metrics", "codes"),
-    [
-        ({}, []),
-        ({"smoothness": Smoothness(1.6, 1.0, 1.6, 1.0)}, ["large_step"]),
-        ({"smoothness": Smoothness(1.0, 0.0, 1.0, 0.0)}, ["plateau"]),
-        ({"preservation": DistancePreservation(0.77, 9.0)}, ["rank_correlation"]),
-        ({"preservation": DistancePreservation(0.97, 30.0)}, ["rotated_axes"]),
-    ],
-)
+@pytest.mark.parametrize(("metrics", "codes"), [
+    ({}, []), ({"smoothness": Smoothness(1.6, 1.0, 1.6, 1.0)}, ["large_step"]),
+    ({"smoothness": Smoothness(1.0, 0.0, 1.0, 0.0)}, ["plateau"]),
+    ({"preservation": DistancePreservation(0.77, 9.0)}, ["rank_correlation"]),
+    ({"preservation": DistancePreservation(0.97, 30.0)}, ["rotated_axes"]),
+])  # fmt: skip
 def test_methods_with_weaknesses_are_recommended_only_where_all_have_some(metrics, codes):
-    """A small gap does not outweigh a weakness, and neither do failed checks of a fit."""
     evaluation = compared(0.1, 0.5, 0.2, **metrics)
     assert list(evaluation.adapter.weaknesses) == codes
     assert evaluation.recommended == (TRANSPORT if codes else "icp")

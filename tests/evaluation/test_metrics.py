@@ -1,5 +1,3 @@
-"""Tests of the metrics of mapped ellipsoids."""
-
 import numpy as np
 import pytest
 
@@ -45,7 +43,6 @@ def test_a_rotation_keeps_distances_and_turns_axes(rng, turn_about, angle, turn)
 
 
 def test_axes_that_are_not_distinct_are_left_out():
-    """A disc has no longest axis."""
     discs = diagonals([[1.0, 1.0, 0.0], [1.5, 1.5, 0.0], [2.0, 1.0, 0.0]])
     assert distance_preservation(discs, discs).major_axis_angle == pytest.approx(0.0)
     balls = diagonals([[0.0] * 3, [1.0] * 3, [3.0] * 3])
@@ -60,7 +57,6 @@ def test_rank_correlation_on_a_line():
 
 @pytest.mark.parametrize("adapter", [ParallelTransport(damping=0.01), IdentityMap()], ids=repr)
 def test_identity_test_of_equal_samples_is_passed_exactly(make_cloud, rng, turn_about, adapter):
-    """Where both sets are the same cloud nothing changes, whatever the base_rotation; the adapter stays as it is."""
     points, base_rotation = make_cloud(rng, 40), turn_about(90.0)
     adapter = clone(adapter).set_params(base_rotation=base_rotation)
     assert identity_test(adapter, points, points) < 1e-9
@@ -78,18 +74,14 @@ POINTS = diagonals(np.random.default_rng(0).standard_normal((5, 3)))
 STILL = np.tile(np.eye(3), (5, 1, 1))
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "word"),
-    [
-        (lambda: rmse(POINTS, POINTS[:4]), InvalidInputError, "5 and 4"),
-        (lambda: rmse(POINTS, np.tile(np.diag([1.0, 1.0, 0.0]), (5, 1, 1))), NotSPDError, r"mapped\[0\]"),
-        (lambda: rmse(POINTS, STILL), InvalidInputError, "dispersion"),
-        (lambda: smoothness(POINTS, STILL), InvalidInputError, "original"),
-        (lambda: distance_preservation(POINTS, STILL), InvalidInputError, "original"),
-        (lambda: distance_preservation(POINTS, POINTS, most_points=2), InvalidInputError, "most_points"),
-    ],
-)
+@pytest.mark.parametrize(("call", "error", "word"), [
+    (lambda: rmse(POINTS, POINTS[:4]), InvalidInputError, "5 and 4"),
+    (lambda: rmse(POINTS, np.tile(np.diag([1.0, 1.0, 0.0]), (5, 1, 1))), NotSPDError, r"mapped\[0\]"),
+    (lambda: rmse(POINTS, STILL), InvalidInputError, "dispersion"),
+    (lambda: smoothness(POINTS, STILL), InvalidInputError, "original"),
+    (lambda: distance_preservation(POINTS, STILL), InvalidInputError, "original"),
+    (lambda: distance_preservation(POINTS, POINTS, most_points=2), InvalidInputError, "most_points"),
+])  # fmt: skip
 def test_bad_input_is_refused(call, error, word):
-    """Other counts, singular ellipsoids and profiles that do not move are errors that name the argument."""
     with pytest.raises(error, match=word):
         call()

@@ -11,13 +11,9 @@ from maniport.evaluation import select_method
 from maniport.report import as_markdown, report_of
 from maniport.transfer import name_of
 from maniport.transfer.length_field.fit import FieldReport
+from sizes import SIX_ROWS
 
-SIX = mp.Arm.from_dh(  # like a UR5: its length field reverses orientation in many places
-    "six",
-    [[0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
-     [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0]],
-    -3.1, 3.1,
-)  # fmt: skip
+SIX = mp.Arm.from_dh("six", SIX_ROWS, -3.1, 3.1)  # its length field reverses orientation in many places
 
 
 @pytest.fixture(scope="module", params=["panda", "six"])
@@ -32,7 +28,6 @@ def chosen(request):
 
 
 def test_a_bad_length_field_is_not_chosen(chosen):
-    """The baselines follow the chosen method; a rejected field has a row without measures."""
     name, (adapter, table) = chosen
     method = "length-field" if name == "panda" else "parallel-transport"
     assert name_of(adapter) == table.adapter.name == method
@@ -47,7 +42,6 @@ def test_a_bad_length_field_is_not_chosen(chosen):
     "worse", [{"reversing": 0.11}, {"nonmonotone": 0.04}, {"moved_axes": 0.06}, {"rank_correlation": 0.79}], ids=str
 )
 def test_every_check_can_fail(worse):
-    """Each measure beyond its limit fails by itself."""
     good = FieldReport(100, 0.0, 0.0, 0.8, 0.0, moved_axes=0.05, reversing=0.1, nonmonotone=0.03)
     assert good.failures() == ()
     assert len(replace(good, **worse).failures()) == 1
@@ -63,7 +57,6 @@ def test_large_ellipsoids_get_parallel_transport():
 
 
 def test_bad_input_is_refused():
-    """Errors name the argument."""
     person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
     domain, profile = mp.sample_domain(person, 16, 0), person.manipulability(np.zeros((5, 7)))
     for sets, error, text in (

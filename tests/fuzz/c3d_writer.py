@@ -12,9 +12,9 @@ LABELS = ("RSHO", "RELB", "C7", "T10")
 class Writer:
     """Writes small C3D files as processors of each kind do; the points are those of a slowly moving arm [mm]."""
 
-    def __init__(self, processor=84, integer=False, analog=0, frames=7):
+    def __init__(self, processor=84, integer=False, analog=0, frames=7, labels=LABELS):
         self.order, self.processor, self.integer = ">" if processor == MIPS else "<", processor, integer
-        self.analog, self.frames = analog, frames
+        self.analog, self.frames, self.labels = analog, frames, labels
         grid = np.arange(frames * 12).reshape(frames, 4, 3)
         base = np.array([[0, -200, 1400], [0, -200, 1100], [0, 0, 1450], [0, 0, 1200]])
         parts = 1 if integer else 3  # of a millimetre
@@ -23,7 +23,6 @@ class Writer:
         self.lost[2, 1] = True
 
     def real(self, *values):
-        """Floats as the processor stores them."""
         if self.processor != DEC:
             return np.array(values, dtype=f"{self.order}f4").tobytes()
         bits = (4 * np.array(values, dtype=np.float32)).view(np.uint32)
@@ -31,27 +30,23 @@ class Writer:
         return np.stack([bits >> 16, bits & 0xFFFF], axis=1).astype("<u2").tobytes()
 
     def short(self, *values):
-        """Two-byte numbers."""
         return np.array(values, dtype=f"{self.order}u2").tobytes()
 
     def parameter(self, group, name, kind, extents, data):
-        """One entry of the chain."""
         body = struct.pack("bB", kind, len(extents)) + bytes(extents) + data + b"\0"
         return struct.pack("bb", len(name), group) + name.encode() + self.short(len(body) + 2) + body
 
     def group(self, number, name):
-        """The entry of a group."""
         return struct.pack("bb", len(name), -number) + name.encode() + self.short(3) + b"\0"
 
     def content(self, empty_scale=False, frames=None, more=b""):
-        """The whole file."""
         scale = 0.5 if self.integer else -0.5
         section = self.group(1, "POINT") + b"".join([
             self.parameter(1, "USED", 2, (), self.short(4)), self.parameter(1, "SCALE", 4, (), self.real(scale)),
             self.parameter(1, "RATE", 4, (), self.real(50.0)), self.parameter(1, "DATA_START", 2, (), self.short(4)),
             self.parameter(1, "FRAMES", 2, (), self.short(self.frames)),
             self.parameter(1, "UNITS", -1, (2,), b"mm"),
-            self.parameter(1, "LABELS", -1, (4, 4), b"".join(label.encode().ljust(4) for label in LABELS)),
+            self.parameter(1, "LABELS", -1, (16, 4), b"".join(label.encode().ljust(16) for label in self.labels)),
         ])  # fmt: skip
         if self.analog:
             values = () if empty_scale else (1.0,) * self.analog

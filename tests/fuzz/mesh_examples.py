@@ -11,7 +11,6 @@ TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # counter-
 
 
 def stl(points: np.ndarray = CORNERS, triangles: np.ndarray = TETRAHEDRON) -> bytes:
-    """A binary STL."""
     facets = [np.concatenate([np.zeros(3), points[row].reshape(-1)]).astype("<f4").tobytes() for row in triangles]
     return bytes(80) + len(facets).to_bytes(4, "little") + b"".join(facet + b"\0\0" for facet in facets)
 
@@ -23,7 +22,6 @@ SHOWN = '<instance_geometry url="#g"/>'
 
 def dae(shape=f'<triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/><p>{ROWS}</p></triangles>',
         nodes=f"<node>{SHOWN}</node>", library="", accessor='count="4" stride="3"', unit="1", extra=""):  # fmt: skip
-    """A COLLADA file of one geometry."""
     return f"""<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
       <asset><unit meter="{unit}"/><up_axis>Y_UP</up_axis></asset>
       <library_geometries><geometry id="g"><mesh>
@@ -36,7 +34,6 @@ def dae(shape=f'<triangles count="4"><input semantic="VERTEX" source="#v" offset
 
 
 def gltf(count=12, positions=4, buffer=None, nodes=({"mesh": 0},), view_length=None, **more):
-    """A glTF of one mesh."""
     content = TETRAHEDRON.astype("<u4").tobytes() + CORNERS.astype("<f4").tobytes()
     uri = "data:application/octet-stream;base64," + base64.b64encode(content).decode() if buffer is None else buffer
     return json.dumps({
@@ -51,7 +48,6 @@ def gltf(count=12, positions=4, buffer=None, nodes=({"mesh": 0},), view_length=N
 
 
 def glb(text):
-    """The same in one binary file."""
     text = text.encode() + b" " * (-len(text.encode()) % 4)
     return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A) + text
 

@@ -86,7 +86,6 @@ def _element(content: bytes, generator: random.Random) -> bytes:
 
 
 def _replaced(content: bytes, pattern: bytes, values: Sequence[bytes], generator: random.Random) -> bytes:
-    """Replace one match by one of the values."""
     found = list(re.finditer(pattern, content[:20_000]))
     if not found:
         return _flip(content, generator)

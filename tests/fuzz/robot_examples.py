@@ -1,34 +1,45 @@
-"""Small files that use much of what their formats have."""
-
 LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
 
-URDF = f"""<?xml version="1.0"?>
-<robot name="small">
+URDF = """<robot name="crane">
   <link name="base"><inertial><mass value="1"/>
     <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-  <link name="upper"><visual><origin xyz="0 0 0.1" rpy="0.1 0 0"/>
-    <geometry><box size="0.3 0.2 0.1"/></geometry></visual>
-  </link>
-  <link name="fore"><visual><geometry><cylinder radius="0.04" length="0.2"/></geometry></visual></link>
-  <link name="left"/><link name="right"/><link name="tool0"/>
-  <joint name="turn" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 1"/></joint>
-  <joint name="bend" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0 0 0.3" rpy="0.2 0 0.4"/>
-    <axis xyz="0 1 0"/>{LIMIT}</joint>
-  <joint name="push" type="prismatic"><parent link="fore"/><child link="tool0"/><axis xyz="1 0 0"/>{LIMIT}</joint>
-  <joint name="open" type="prismatic"><parent link="tool0"/><child link="left"/>{LIMIT}</joint>
-  <joint name="shut" type="prismatic"><parent link="tool0"/><child link="right"/>{LIMIT}
-    <mimic joint="open" multiplier="-1" offset="0.1"/></joint>
+  <link name="boom"><visual><geometry><capsule radius="0.04" length="0.2"/></geometry></visual></link>
+  <link name="post"/><link name="trolley"/><link name="cable"/>
+  <link name="hook"/><link name="camera"/><link name="swing"/>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="post"/>
+    <origin xyz="0 0 0.4" rpy="0.1 0.2 0.3"/><axis xyz="0 0 1"/></joint>
+  <joint name="raise" type="revolute"><parent link="post"/><child link="boom"/>
+    <origin xyz="0.1 0 0.2"/><axis xyz="0 1 1"/><limit lower="-1" upper="1.5" effort="1" velocity="2"/></joint>
+  <joint name="travel" type="prismatic"><parent link="boom"/><child link="trolley"/>
+    <origin xyz="0.5 0.1 0"/><axis xyz="1 0 0"/><limit lower="0.1" upper="0.6" effort="1" velocity="0.5"/></joint>
+  <joint name="level" type="revolute"><parent link="trolley"/><child link="cable"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/><mimic joint="raise" multiplier="-0.5" offset="0.2"/></joint>
+  <joint name="weld" type="fixed"><parent link="cable"/><child link="camera"/><origin xyz="0 0.05 0.02"/></joint>
+  <joint name="spin" type="revolute"><parent link="camera"/><child link="swing"/><origin rpy="0.3 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="0" upper="0" effort="1" velocity="0"/></joint>
+  <joint name="end" type="fixed"><parent link="swing"/><child link="hook"/>
+    <origin xyz="0.1 0 -0.3" rpy="0 1 0"/></joint>
 </robot>
 """
 
 WITH_MESHES = f"""<robot name="digger">
-  <link name="base"/>
-  <link name="boom"><visual><origin xyz="0.1 0 0"/>
-    <geometry><mesh filename="boom.stl" scale="2 1 1"/></geometry></visual>
-    <visual><geometry><capsule radius="0.04" length="0.2"/></geometry></visual></link>
-  <link name="bucket"><visual><geometry><mesh filename="package://digger/boom.stl"/></geometry></visual></link>
-  <joint name="turn" type="revolute"><parent link="base"/><child link="boom"/>{LIMIT}</joint>
-  <joint name="hang" type="fixed"><parent link="boom"/><child link="bucket"/><origin xyz="0 0 0.1"/></joint>
+  <link name="base"><visual><origin xyz="0 0 0.05" rpy="0.1 0 0"/><geometry><box size="0.3 0.2 0.1"/></geometry>
+    </visual>
+    <collision><geometry><mesh filename="package://digger/none.stl"/></geometry></collision></link>
+  <link name="boom"><visual><origin xyz="0.1 0 0"/><geometry><mesh filename="boom.stl" scale="2 1 1"/></geometry>
+    </visual>
+    <visual><geometry><cylinder radius="0.04" length="0.2"/></geometry></visual></link>
+  <link name="flange"/>
+  <link name="bucket"><visual><origin rpy="0 0.5 1"/><geometry><sphere radius="0.06"/></geometry></visual></link>
+  <link name="tooth"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual></link>
+  <link name="lamp"><visual><geometry><box size="0.02 0.02 0.02"/></geometry></visual></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="boom"/><origin xyz="0 0 0.1" rpy="0.2 0 0.4"/>
+    <axis xyz="0 1 1"/>{LIMIT}</joint>
+  <joint name="weld" type="fixed"><parent link="boom"/><child link="lamp"/><origin xyz="0 0.1 0" rpy="1 0 0"/></joint>
+  <joint name="push" type="prismatic"><parent link="boom"/><child link="flange"/><origin xyz="0.4 0 0" rpy="0 0.3 0"/>
+    <axis xyz="1 0 0"/>{LIMIT}</joint>
+  <joint name="hang" type="fixed"><parent link="flange"/><child link="bucket"/><origin xyz="0 0 0.1"/></joint>
+  <joint name="bite" type="revolute"><parent link="bucket"/><child link="tooth"/>{LIMIT}</joint>
 </robot>
 """
 

@@ -42,13 +42,11 @@ class Target:
 
 @cache
 def panda() -> Arm:
-    """The robot that other files speak of."""
     return load_arm("panda")
 
 
 @cache
 def ellipsoids(n: int = 12) -> np.ndarray:
-    """Ellipsoids of the Panda."""
     return panda().manipulability(panda().sample(n, random_state=0))
 
 
@@ -100,7 +98,6 @@ def _read_frames(path: Path) -> None:
 
 
 def require_finite(*arrays: Any) -> None:
-    """Raise when a result pretends to be one."""
     for array in arrays:
         if not np.all(np.isfinite(array)):
             raise AssertionError("a result that is not finite")
@@ -174,13 +171,10 @@ def _meshes(suffix: str) -> Target:
 
 
 TARGETS = {
-    "bvh": Target(".bvh", lambda: [
-        _saved(lambda path: write_bvh(path, SKELETONS["LAFAN1"], motion(n=5)))
-    ], _read_metres),
+    "bvh": Target(".bvh", lambda: [_saved(lambda p: write_bvh(p, SKELETONS["LAFAN1"], motion(n=5)))], _read_metres),
     "c3d": Target(".c3d", lambda: [
         Writer().content(), Writer(integer=True, analog=3).content(), Writer(DEC).content(),
-        Writer(MIPS, True).content(),
-        shipped_recording("freeform").read_bytes()[:20_000],
+        Writer(MIPS, True).content(), shipped_recording("freeform").read_bytes()[:20_000],
     ], _read_recording),
     "trc": Target(".trc", _written(format_files.write_trc), _read_metres),
     "mot": Target(".mot", lambda: [
@@ -194,9 +188,7 @@ TARGETS = {
     "mvnx": Target(".mvnx", _written(format_files.write_mvnx), _read_metres),
     "keypoints": Target(".json", _written(_keypoints, _keypoints_by_name, _people, names="MediaPipe"), _read_metres),
     "npy": Target(".npy", lambda: [_saved(_skeleton)], lambda path: _read_recording(path, None, 50.0)),
-    "poses": Target(".npz", lambda: [
-        _saved(lambda path: np.savez(path, **format_files.amass(motion(n=5))))
-    ], _read_metres),
+    "poses": Target(".npz", lambda: [_saved(lambda p: np.savez(p, **format_files.amass(motion(n=5))))], _read_metres),
     "urdf": Target(".urdf", lambda: [URDF.encode(), WITH_MESHES.encode()], _read_robot),
     "mjcf": Target(".xml", lambda: [MJCF.encode()], _read_robot),
     "dh": Target(".json", lambda: [json.dumps({

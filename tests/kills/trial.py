@@ -1,4 +1,4 @@
-"""Commands that write a file or a folder, and a writer of folders: killed at a random moment, and what is left then."""
+"""Commands that write a file or a folder, killed at a random moment, and what is left then."""
 
 import hashlib
 import os
@@ -12,17 +12,15 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
 from unittest import mock
 
 from maniport import __main__ as entry_point
 from maniport import cli, load_arm, sample_domain
 from maniport.mocap import shipped_recording
-from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids
 
 HALF, MISSING = "half", "missing"
-NAMES = ("transfer", "fit", "folder")
+NAMES = ("transfer", "fit")
 SMALL = ("--method", "parallel-transport", "--n-teacher", "64", "--n-student", "128")
 
 
@@ -36,7 +34,6 @@ class Command:
     longest: float = 0.0  # of a run [s]
 
     def arguments(self, which: int) -> list[str]:
-        """Arguments of one of the two runs."""
         return ["maniport", *self.words, "--damping", ("0.01", "0.02")[which], "-o", str(self.target), "--quiet"]
 
     def warm(self) -> None:
@@ -48,65 +45,16 @@ class Command:
             self.longest = time.monotonic() - began
             self.results[self._digest()] = which
 
-    def run(self, which: int) -> None:
-        """Run one of them as from a shell."""
-        sys.argv = self.arguments(which)
-        entry_point.main()
-
-    def next(self, state: int | str) -> int:
-        """Return the run whose result is not in place."""
-        return 1 - state if isinstance(state, int) else 0
-
     def state(self) -> int | str:
-        """Return whose result is in place, whole."""
         return self.results.get(self._digest(), HALF) if self.target.exists() else MISSING
 
     def _digest(self) -> str:
-        """Digest all files."""
         files = sorted(self.target.iterdir()) if self.target.is_dir() else [self.target]
         contents = [file.name.encode() + file.read_bytes() for file in files]
         return hashlib.sha256(b"".join(hashlib.sha256(content).digest() for content in contents)).hexdigest()
 
 
-@dataclass
-class Writer:
-    """Folders of files that repeat a number, one after the other as fast as possible."""
-
-    target: Path
-    longest: float = 0.05
-    lines: ClassVar = {"a.npz": 2000, "b.npz": 30, "c.npz": 2000, "d.npz": 500}
-
-    def warm(self) -> None:
-        """Write the first."""
-        self.write(0)
-
-    def write(self, number: int) -> None:
-        """Write one."""
-        with folder_written_whole(self.target, self.lines, overwrite=True) as staging:
-            for name, count in self.lines.items():
-                (staging / name).write_bytes(f"{number:9}\n".encode() * count)
-
-    def run(self, first: int) -> None:
-        """Write without end."""
-        while True:
-            self.write(first)
-            first += 1
-
-    def next(self, state: int | str) -> int:
-        """Return the next number."""
-        return state + 1 if isinstance(state, int) else 0
-
-    def state(self) -> int | str:
-        """Return the number in all files, each of its whole length."""
-        if not self.target.exists():
-            return MISSING
-        contents = {file.name: file.read_bytes().splitlines() for file in self.target.iterdir()}
-        whole = {name: len(lines) for name, lines in contents.items()} == self.lines
-        numbers = {line for lines in contents.values() for line in lines}
-        return int(numbers.pop()) if whole and len(numbers) == 1 else HALF
-
-
-def works(folder: Path) -> dict[str, Command | Writer]:
+def works(folder: Path) -> dict[str, Command]:
     """Return everything that is killed, each with a folder of its own below `folder`."""
     for name in NAMES:
         (folder / name).mkdir()
@@ -117,11 +65,10 @@ def works(folder: Path) -> dict[str, Command | Writer]:
     return {
         "transfer": Command(folder / "transfer" / "out", words),
         "fit": Command(folder / "fit" / "adapter.npz", ("fit", *domains, "--method", "icp")),
-        "folder": Writer(folder / "folder" / "out"),
     }
 
 
-def forked(work: Command | Writer, which: int, log: Path) -> int:
+def forked(work: Command, which: int, log: Path) -> int:
     """Run in a child that has everything loaded; return its process id."""
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # until the child is ready for it
     child = os.fork()
@@ -137,7 +84,8 @@ def forked(work: Command | Writer, which: int, log: Path) -> int:
             os.dup2(stream.fileno(), 2)
         sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-        work.run(which)
+        sys.argv = work.arguments(which)
+        entry_point.main()
         code = 0
     except SystemExit as stop:
         code = int(stop.code or 0)
@@ -159,12 +107,12 @@ def ended(child: int, patience: float = 60.0) -> int | None:
     return None
 
 
-def strike(work: Command | Writer, number: int, times: int, generator: random.Random, log: Path) -> Counter:
+def strike(work: Command, number: int, times: int, generator: random.Random, log: Path) -> Counter:
     """Send a signal to so many runs, each at a random moment, and count what is in place then."""
     count = Counter(struck=0, old=0, new=0, half=0, missing=0)
     while count["struck"] < times:
         before, earlier = work.state(), {*work.target.parent.iterdir()}
-        child = forked(work, work.next(before), log)
+        child = forked(work, 1 - before if isinstance(before, int) else 0, log)
         time.sleep(generator.uniform(0.0, work.longest))
         os.kill(child, number)
         code, after = ended(child), work.state()

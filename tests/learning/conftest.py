@@ -1,5 +1,3 @@
-"""Synthetic demonstrations with a known profile."""
-
 import numpy as np
 import pytest
 

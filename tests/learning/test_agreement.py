@@ -13,16 +13,9 @@ TIME = np.linspace(0.0, 1.0, 16)
 
 
 def judged(profiles, components=2):
-    """Agreement of profiles, after alignment."""
     alignment = align(profiles)
     model = ProfileGMM(components, random_state=0).fit(*alignment.stacked())
     return agreement(list(profiles), alignment, model)
-
-
-@pytest.fixture(scope="module")
-def four(truth):
-    one = truth(TIME)
-    return judged([one, one, one, spd.powm(one, -1.0)])
 
 
 def test_equal_demonstrations_agree_wholly(truth):
@@ -34,7 +27,9 @@ def test_equal_demonstrations_agree_wholly(truth):
     assert found.outlier is None
 
 
-def test_the_odd_one_is_found(four):
+def test_the_odd_one_is_found(truth):
+    profile = truth(TIME)
+    four = judged([profile, profile, profile, spd.powm(profile, -1.0)])
     assert four.outlier == 3
     assert np.argmax(four.held_out.nearest) == 3
     assert_allclose(four.apart, four.apart.T)
@@ -42,7 +37,6 @@ def test_the_odd_one_is_found(four):
 
 
 def test_deviations_of_axes_are_those_of_samples(truth, scatter):
-    """To first order: drawn about a profile with a small covariance, logarithms of semi-axes vary as is foretold."""
     rng = np.random.default_rng(2)
     profile = truth(np.array([0.3, 0.8]))
     root = 0.02 * rng.standard_normal((2, 6, 6))

@@ -20,7 +20,6 @@ POSITION = st.none() | st.lists(st.floats(-1e3, 1e3) | st.integers(-9, 9), min_s
 
 @given(st.floats(-1e6, 1e6), st.lists(POSITION, min_size=3, max_size=3))
 def test_a_frame_by_name_or_in_order_is_the_same(t, positions):
-    """An object by name, in any order, and a list give the same points; null and absent ones are nan."""
     named = dict(reversed(list(zip(NAMES, positions, strict=True))))
     seen = {name: position for name, position in named.items() if position is not None}
     wanted = np.array([[np.nan] * 3 if position is None else position for position in positions], dtype=float)
@@ -37,38 +36,23 @@ def test_masked_points_are_not_seen():
         np.testing.assert_array_equal(as_frame(points, ("elbow", "wrist")), [[np.nan] * 3, [1.0] * 3])
 
 
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        (None, str(FRAME_BYTES)),
-        (b"", "JSON"),
-        (b"nonsense", "'nonsense'"),
-        (b"\xff\xfe", "JSON"),
-        (b"[" * 16_000, "JSON"),
-        (b'{"t":' + b"9" * 5000 + b"}", "JSON"),
-        (b"3", "object"),
-        (b'[{"t": 0}]', "a list of 1"),
-        (b'{"t": 0}', '"t"'),
-        (b'{"t": 0, "points": [], "seq": 1}', '"seq"'),
-        (b'{"t": 0, "t": 1, "points": []}', '"t" more than once'),
-        (b'{"t": NaN, "points": []}', "NaN"),
-        (b'{"t": 0, "points": [[-Infinity, 0, 0], null, null]}', "-Infinity"),
-        (b'{"t": 1e999, "points": []}', "within"),
-        (b'{"t": 1' + b"0" * 400 + b', "points": []}', "within"),
-        (b'{"t": "0", "points": []}', '"0"'),
-        (b'{"t": true, "points": []}', "true"),
-        (b'{"t": 0, "points": 1}', "found 1"),
-        (b'{"t": 0, "points": [null]}', "3 positions"),
-        (b'{"t": 0, "points": {"elbo": null}}', "nearest first: 'elbow'"),
-        (b'{"t": 0, "points": {"elbow": null, "elbow": null}}', '"elbow" more than once'),
-        (b'{"t": 0, "points": {"elbow": [1, 2]}}', 'points["elbow"]'),
-        (b'{"t": 0, "points": [null, [1, 2, "3"], null]}', 'points["elbow"]'),
-        (b'{"t": 0, "points": [null, [1, 2, true], null]}', 'points["elbow"]'),
-        (b'{"t": 0, "points": [null, [1, 2, 1e13], null]}', "1e+12"),
-        (b'{"t": 0, "points": [null, [1, 2, 1' + b"0" * 400 + b"], null]}", "elbow"),
-        (b'{"t": 0, "points": [null, {}, null]}', "an object of 0"),
-    ],
-)
+@pytest.mark.parametrize(("text", "word"), [
+    (None, str(FRAME_BYTES)), (b"", "JSON"), (b"nonsense", "'nonsense'"), (b"\xff\xfe", "JSON"),
+    (b"[" * 16_000, "JSON"), (b'{"t":' + b"9" * 5000 + b"}", "JSON"), (b"3", "object"), (b'[{"t": 0}]', "a list of 1"),
+    (b'{"t": 0}', '"t"'), (b'{"t": 0, "points": [], "seq": 1}', '"seq"'),
+    (b'{"t": 0, "t": 1, "points": []}', '"t" more than once'), (b'{"t": NaN, "points": []}', "NaN"),
+    (b'{"t": 0, "points": [[-Infinity, 0, 0], null, null]}', "-Infinity"), (b'{"t": 1e999, "points": []}', "within"),
+    (b'{"t": 1' + b"0" * 400 + b', "points": []}', "within"), (b'{"t": "0", "points": []}', '"0"'),
+    (b'{"t": true, "points": []}', "true"), (b'{"t": 0, "points": 1}', "found 1"),
+    (b'{"t": 0, "points": [null]}', "3 positions"), (b'{"t": 0, "points": {"elbo": null}}', "nearest first: 'elbow'"),
+    (b'{"t": 0, "points": {"elbow": null, "elbow": null}}', '"elbow" more than once'),
+    (b'{"t": 0, "points": {"elbow": [1, 2]}}', 'points["elbow"]'),
+    (b'{"t": 0, "points": [null, [1, 2, "3"], null]}', 'points["elbow"]'),
+    (b'{"t": 0, "points": [null, [1, 2, true], null]}', 'points["elbow"]'),
+    (b'{"t": 0, "points": [null, [1, 2, 1e13], null]}', "1e+12"),
+    (b'{"t": 0, "points": [null, [1, 2, 1' + b"0" * 400 + b"], null]}", "elbow"),
+    (b'{"t": 0, "points": [null, {}, null]}', "an object of 0"),
+])  # fmt: skip
 def test_other_lines_are_refused(text, word):
     with pytest.raises(InvalidInputError) as caught:
         read_frame(text, NAMES)

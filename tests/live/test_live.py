@@ -29,7 +29,6 @@ def live(small_result):
 
 
 def played(live, points, time):
-    """Every state of a run."""
     return [live.step(point, t) for point, t in zip(points, time, strict=True)]
 
 
@@ -68,11 +67,7 @@ def test_limits_are_kept_whatever_comes(small_result, frames):
 
 
 def test_a_person_is_followed_as_offline(small_result, live, frames):
-    """Joint angles are those that `fit_arm` finds of all frames together; the end effector is on its path.
-
-    Within the cost of causality: over whole recordings the largest median of a joint is 0.24° (freeform) and, of
-    joints that the points determine, 0.41° (ladder).
-    """
+    """Joint angles are those that `fit_arm` finds of all frames together; the end effector is on its path."""
     points, time = frames
     states = played(live, points, time)
     fit = mp.fit_arm(mp.Recording(live.points, points, time))
@@ -90,7 +85,6 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
 
 
 def test_robot_keeps_the_pace_of_the_person(second):
-    """Placed for real time, the end effector stays near its path at the person's speed, within limits."""
     with little_search(candidates=256):
         result = mp.transfer_recording(second, real_time=True, **SMALL)
     live = mp.Live.of(result, clock=None)
@@ -104,7 +98,6 @@ def test_robot_keeps_the_pace_of_the_person(second):
 
 
 def test_both_arms_lead_two_robots(two_arm_result):
-    """Both end effectors come to their paths; while a single arm is hidden, the whole robot rests."""
     result, arms = two_arm_result, two_arm_result.robot
     recording = result.recording
     live = mp.Live.of(result, clock=None)
@@ -149,7 +142,6 @@ def test_force_ellipsoids_are_followed_within_limits(second, frames):
 
 
 def test_who_is_not_seen_is_waited_for(live, frames):
-    """Without frames the arm brakes and rests, to the last bit; seen again, the person is followed again."""
     points, time = frames
     played(live, points[:100], time[:100])
     gone = [live.step(None, time[99] + 0.02 * (i + 1)) for i in range(60)]
@@ -198,39 +190,23 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames)
     other = mp.Live.of(small_result, clock=None)
     live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
     for points, time, words in (
-        (np.zeros((3, 3)), 1.0, "points must have shape"),
-        ("nothing", 1.0, "points must be numbers"),
-        ({"Spine": [0.0, 0.0]}, 1.0, "Spine"),
-        ({"Nose": [0.0, 0.0, 0.0]}, 1.0, "unknown point 'Nose'.*'Spine'"),
-        ({3: None}, 1.0, "unknown point 3"),
-        ([[np.inf] * 3] * 7, 1.0, "within ±1e\\+12"),
-        ([[10**400] * 3] * 7, 1.0, "points must be numbers"),
-        (np.full((7, 3), 1j), 1.0, "points must be numbers"),
-        (None, np.nan, "time"),
-        (None, 0.0, "later than 0"),
-        (None, "now", "time"),
-        (None, None, "time is required"),
-    ):
+        (np.zeros((3, 3)), 1.0, "points must have shape"), ("nothing", 1.0, "points must be numbers"),
+        ({"Spine": [0.0, 0.0]}, 1.0, "Spine"), ({"Nose": [0.0, 0.0, 0.0]}, 1.0, "unknown point 'Nose'.*'Spine'"),
+        ({3: None}, 1.0, "unknown point 3"), ([[np.inf] * 3] * 7, 1.0, "within ±1e\\+12"),
+        ([[10**400] * 3] * 7, 1.0, "points must be numbers"), (np.full((7, 3), 1j), 1.0, "points must be numbers"),
+        (None, np.nan, "time"), (None, 0.0, "later than 0"), (None, "now", "time"), (None, None, "time is required"),
+    ):  # fmt: skip
         with pytest.raises(InvalidInputError, match=words):
             live.step(points, time)
     assert_array_equal(live.step(frames[0][1], 0.02).joint_positions, other.step(frames[0][1], 0.02).joint_positions)
 
 
-@pytest.mark.parametrize(
-    ("options", "word"),
-    [
-        ({"start": np.zeros(3)}, "start"),
-        ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: "),
-        ({"hold_after": 0.0}, "hold_after"),
-        ({"clock": 5}, "clock"),
-        ({"spec": "velocity"}, "spec"),
-        ({"random_state": -1}, "random_state"),
-        ({"path": np.zeros((3, 3))}, "Placement"),
-        ({"path": [None, None]}, "path"),
-        ({"reference": np.zeros(7)}, "reference"),
-        ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
-    ],
-)
+@pytest.mark.parametrize(("options", "word"), [
+    ({"start": np.zeros(3)}, "start"), ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: "),
+    ({"hold_after": 0.0}, "hold_after"), ({"clock": 5}, "clock"), ({"spec": "velocity"}, "spec"),
+    ({"random_state": -1}, "random_state"), ({"path": np.zeros((3, 3))}, "Placement"), ({"path": [None, None]}, "path"),
+    ({"reference": np.zeros(7)}, "reference"), ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
+])  # fmt: skip
 def test_wrong_arguments_are_errors(small_result, options, word):
     with pytest.raises(InvalidInputError, match=word):
         mp.Live.of(small_result, **options)
@@ -252,7 +228,6 @@ def test_wrong_types_are_errors(small_result):
 
 
 def test_a_robot_whose_tip_is_far_away_is_said_to_lag(live, frames):
-    """A person three times as fast leaves it behind: then it lags, and follows once its tip is near; never else."""
     points, time = frames
     states = played(live, points, time / 6.0)
     states += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 150)]

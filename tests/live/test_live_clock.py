@@ -39,10 +39,7 @@ def led(small_result, second):
 
 @pytest.mark.parametrize("name", SENDERS)
 def test_commands_keep_the_limits_over_the_time_here(small_result, led, name):
-    """Fast and slow clocks, wrong frame rates, no pauses, bursts: each command is judged when it is returned.
-
-    The far start lets the robot move at its limits.
-    """
+    """Fast and slow clocks, wrong frame rates, no pauses, bursts: each command is judged when it is returned."""
     clock, limits, (make, frames) = FakeClock(), small_result.arm.motion.limits, led
     live, times, states = make(clock), [], []
     for points, sent, came in zip(frames, *SENDERS[name], strict=True):

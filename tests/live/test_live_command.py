@@ -16,7 +16,6 @@ from maniport.live import Live
 
 @pytest.fixture
 def recorded(small_result, second, tmp_path):
-    """File of a recording, its frames as lines, and their times."""
     second.save(tmp_path / "person.npz")
     positions = second.select(Live.of(small_result).points).positions
     rows = zip(second.time.tolist(), positions.tolist(), strict=True)
@@ -101,16 +100,11 @@ def test_ctrl_c_brings_the_robot_to_rest(live, recorded):
     assert "open to other machines" not in err
 
 
-@pytest.mark.parametrize(
-    ("words", "word"),
-    [
-        (("missing.bvh",), "missing.bvh"),
-        (("missing.bvh", "--send", 9000), "--udp"),
-        (("missing.bvh", "--export", "ros2"), "--export"),
-        (("missing.bvh", "--udp", 99_999), "[0, 65535]"),
-        (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "no.such.host.invalid"),
-    ],
-)
+@pytest.mark.parametrize(("words", "word"), [
+    (("missing.bvh",), "missing.bvh"), (("missing.bvh", "--send", 9000), "--udp"),
+    (("missing.bvh", "--export", "ros2"), "--export"), (("missing.bvh", "--udp", 99_999), "[0, 65535]"),
+    (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "no.such.host.invalid"),
+])  # fmt: skip
 def test_wrong_options_are_refused(live, words, word):
     code, out, err = live(*words)
     assert (code, out) == (2, [])
@@ -118,14 +112,10 @@ def test_wrong_options_are_refused(live, words, word):
     assert "Traceback" not in err
 
 
-@pytest.mark.parametrize(
-    ("closed", "words", "text"),
-    [
-        ("stdin", ("freeform",), "is closed"),
-        ("stdout", ("freeform",), "is closed"),
-        (None, ("ladder", "--robot", "nothing", "--udp", "0"), "unknown robot 'nothing'"),
-    ],
-)
+@pytest.mark.parametrize(("closed", "words", "text"), [
+    ("stdin", ("freeform",), "is closed"), ("stdout", ("freeform",), "is closed"),
+    (None, ("ladder", "--robot", "nothing", "--udp", "0"), "unknown robot 'nothing'"),
+])  # fmt: skip
 def test_closed_streams_and_unknown_robots_are_refused(monkeypatch, run, closed, words, text):
     if closed is not None:
         monkeypatch.setattr(sys, closed, None)

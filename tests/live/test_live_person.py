@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport.arms.human import human_arm
 from maniport.live.person import Person
 from maniport.mocap import synthetic_recording
-from maniport.mocap.directions import Directions, frame_terms
 
 
 def moving(side):
@@ -44,22 +42,3 @@ def test_unseen_joints_come_to_rest():
     assert np.isfinite([estimate.covariance for estimate in found]).all()
     assert np.abs(found[-1].velocity).max() < 5.0
     assert np.linalg.norm(arm.forward(found[-1].q)[:3, 3] - arm.forward(q[-1])[:3, 3]) < 0.03
-
-
-@pytest.mark.parametrize("axes", [(), ("hand", "elbow_axis", "wrist_axis")])
-@pytest.mark.parametrize("person", ["myoarm", "rhuman"])
-def test_one_frame_is_compiled_as_many_are(person, axes):
-    arm, draw, names = human_arm(person), np.random.default_rng(0), ("upper arm", "forearm", *axes)
-    q, targets = arm.sample(4, 1), draw.normal(size=(4, len(names), 3))
-    targets /= np.linalg.norm(targets, axis=-1, keepdims=True)
-    targets[3, -1] = np.nan
-    directions = Directions(arm, names, targets)
-    residuals, slopes = directions.residual(q)
-    body, weights = directions.arrays()
-    for i, (r, j) in enumerate(zip(residuals, slopes, strict=True)):
-        gradient, hessian = np.zeros(arm.dof), np.zeros((arm.dof, arm.dof))
-        seen = np.where(np.isnan(targets[i, :, 0]), 0.0, weights)
-        cost = frame_terms(q[i], *body, np.nan_to_num(targets[i]), seen, gradient, hessian)
-        assert_allclose(cost, r @ r)
-        assert_allclose(gradient, j.T @ r, atol=1e-12)
-        assert_allclose(hessian, j.T @ j, atol=1e-12)

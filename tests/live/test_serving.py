@@ -12,18 +12,16 @@ import time
 
 import numpy as np
 import pytest
-from toy import NAMES, FakeClock, Toy, require_limits, serving
+from toy import NAMES, FakeClock, Toy, require_limits, serving, wait
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError
 from maniport.live.serving import Server
 from maniport.live.transport import Datagrams, Line, Pipe
 from maniport.util.input_limits import FRAME_BYTES
-from waiting import wait
 
 
 def frame(t, x=0.0):
-    """A line with the wrist at x, or with all points."""
     points = [[0, 0, 0], [0, 0, 0], [x, 0, 0]] if np.isscalar(x) else np.asarray(x).tolist()
     return json.dumps({"t": t, "points": points})
 
@@ -103,7 +101,6 @@ def test_the_newest_of_waiting_frames_is_answered(ends):
 
 
 def test_a_robot_without_frames_brakes_until_it_rests(ends):
-    """Then nothing is sent; a frame that comes late, and a sender that begins again, are answered."""
     toy = Toy()
     with serving(toy, ends.transport):
         ends.read()
@@ -124,11 +121,9 @@ def test_a_robot_without_frames_brakes_until_it_rests(ends):
 
 def test_junk_is_answered_and_the_loop_continues(ends):
     bad = {
-        "must be JSON": "nonsense",
-        "at most": b"x" * (3 * FRAME_BYTES) + b"\n",
-        "too far away": frame(2.1, 2e11),
+        "must be JSON": "nonsense", "at most": b"x" * (3 * FRAME_BYTES) + b"\n", "too far away": frame(2.1, 2e11),
         "t must increase": frame(0.0),
-    }
+    }  # fmt: skip
     with serving(Toy(), ends.transport, every=True) as summaries:
         ends.read()
         for i, (word, line) in enumerate(bad.items()):
@@ -155,7 +150,6 @@ def test_a_full_disk_is_an_error():
 
 
 def test_a_line_without_end_takes_no_memory(ends, guest):
-    """No more is kept than a frame may have, of lines and of datagrams; of a flood some are received at a time."""
     for _ in range(20):
         ends.write(b"x" * 60_000)
         assert ends.transport.receive() == []
@@ -190,7 +184,6 @@ def test_a_reader_that_does_not_read_is_not_waited_for(ends):
 
 
 def test_datagrams_are_answered_to_their_sender_or_one_port(guest):
-    """Junk too; with a port for answers, the first line goes there, and senders get none."""
     transport = Datagrams(0)
     address = ("127.0.0.1", transport.about["udp"])
     with serving(Toy(), transport) as summaries:
@@ -248,7 +241,6 @@ class Script:
 
 
 def test_junk_does_not_delay_braking():
-    """A moving robot brakes after 0.1 s at the latest, while line after line of the largest size is no frame."""
     clock = FakeClock()
     clock.delays = [1e-3] * 100_000
     junk = ["[" + "0," * (FRAME_BYTES // 2 - 2) + "0]"] * 64

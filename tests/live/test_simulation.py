@@ -21,7 +21,6 @@ def without_masses(arm):
 
 @pytest.mark.parametrize("name", ["panda", "ur5"])
 def test_the_inertia_is_that_of_the_robot(name):
-    """MuJoCo's equation of motion is that of Pinocchio: at rest and in motion, the same acceleration."""
     pin = pytest.importorskip("pinocchio")
     arm, rng = mp.load_arm(name), np.random.default_rng(0)
     q = arm.sample(1, 0)[0]

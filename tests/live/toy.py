@@ -81,3 +81,10 @@ def require_limits(limits, time, q, velocity_tolerance=1e-6, acceleration_tolera
     acceleration = np.diff(velocity, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
     assert (np.abs(velocity) / limits.velocity).max() <= 1.0 + velocity_tolerance
     assert (np.abs(acceleration) / limits.acceleration).max() <= 1.0 + acceleration_tolerance
+
+
+def wait(condition, seconds=60.0):
+    end = clock.monotonic() + seconds
+    while not condition():
+        assert clock.monotonic() < end, "it does not hold"
+        clock.sleep(5e-3)

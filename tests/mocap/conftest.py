@@ -1,8 +1,5 @@
-"""Synthetic recordings from the forward kinematics of an arm, and small C3D files."""
-
 from dataclasses import replace
 
-import ezc3d
 import numpy as np
 import pytest
 
@@ -64,24 +61,3 @@ def markers(made):
     positions = recording.positions.copy()
     positions[3, 1] = np.nan
     return replace(recording, positions=positions)
-
-
-@pytest.fixture
-def c3d_file(tmp_path):
-    """Return a writer of C3D files from points (n_frames, n_points, 3)."""
-
-    def write(points, labels, unit="mm", rate=100.0, residuals=None, name="small.c3d"):
-        content = ezc3d.c3d()
-        content["parameters"]["POINT"]["RATE"]["value"] = [rate]
-        content["parameters"]["POINT"]["LABELS"]["value"] = list(labels)
-        content["parameters"]["POINT"]["UNITS"]["value"] = [unit]
-        data = np.ones((4, points.shape[1], points.shape[0]))
-        data[:3] = np.moveaxis(points, 2, 0).swapaxes(1, 2)
-        content["data"]["points"] = data
-        if residuals is not None:
-            content["data"]["meta_points"]["residuals"] = np.asarray(residuals, dtype=float).T[None]
-        file = tmp_path / name
-        content.write(str(file))
-        return file
-
-    return write

@@ -1,12 +1,9 @@
-"""Fits of arm models to recordings: exact data, missing information, faults, both arms."""
-
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
 
 from maniport import arms, spd
 from maniport.arms import load_arm
@@ -37,15 +34,6 @@ def test_exact_data_give_the_joint_angles_back(arm, slow_motion, record):
     assert not fit.quality_warnings
 
 
-def test_rigid_motion_of_the_recording_changes_nothing(arm, slow_motion, record):
-    time, q = slow_motion(arm, n=20)
-    recording = record(arm, time, q)
-    turns = Rotation.from_rotvec(np.outer(time + 0.3, [1.0, 2.0, -0.5])).as_matrix()
-    moved = np.einsum("nij,nkj->nki", turns, recording.positions) + np.outer(time, [1.0, 0, 2.0])[:, None]
-    fit = fit_arm(Recording(recording.names, moved, time), arm.name)
-    np.testing.assert_allclose(fit.joint_angles, fit_arm(recording, arm.name).joint_angles, atol=1e-6)
-
-
 @pytest.mark.parametrize("excess", [5.0, 15.0])
 def test_an_excess_over_a_limit_of_the_model_is_measured(excess, record):
     """The fit stays within the limits; an elbow beyond its limit is reported, by 15° with advice."""
@@ -68,7 +56,6 @@ def test_an_excess_over_a_limit_of_the_model_is_measured(excess, record):
 
 
 def test_without_hand_and_wrist_axis_the_wrist_is_unobservable(slow_motion, record):
-    """Shoulder, elbow and wrist leave pro-supination and the wrist open: neutral, reported, with the reason."""
     arm = arms.rhuman(0.31, 0.26, 0.06)
     time, q = slow_motion(arm)
     fit = fit_arm(record(arm, time, q, axes=False, hand=False), "rhuman")
@@ -80,7 +67,6 @@ def test_without_hand_and_wrist_axis_the_wrist_is_unobservable(slow_motion, reco
 
 
 def test_a_straight_elbow_makes_the_axial_rotation_unobservable(slow_motion, record):
-    """It is observable again with an elbow axis; through a short straight phase it is interpolated near the truth."""
     arm = arms.rhuman(0.31, 0.26, 0.06)
     time, q = slow_motion(arm, n=121, seconds=4.0)
     passing = q.copy()
@@ -119,7 +105,6 @@ def test_recordings_of_others_are_fitted(file):
 
 
 def test_a_part_of_a_recording_is_fitted_as_in_the_whole(ladder):
-    """Also where the arm hangs straight, and its angles hardly change the residual."""
     part = fit_arm(read_recording("ladder").crop(25, 30))
     rows = np.searchsorted(ladder.time, part.time - 1e-6)
     assert np.abs(ladder.joint_angles[rows] - part.joint_angles)[15:-15].max() < 0.02
@@ -144,10 +129,7 @@ def test_shipped_recordings_are_followed_closely(ladder):
 
 @pytest.mark.parametrize(
     ("person", "pair", "segment", "axis"),
-    [
-        ("myoarm", ("ROWR", "RIWR"), "forearm", "wrist_axis"),
-        ("rhuman", ("RIEL", "RELB"), "upper arm", "elbow_axis"),
-    ],
+    [("myoarm", ("ROWR", "RIWR"), "forearm", "wrist_axis"), ("rhuman", ("RIEL", "RELB"), "upper arm", "elbow_axis")],
 )
 def test_exchanged_markers_are_reported(person, pair, segment, axis):
     recording = read_recording("freeform")
@@ -196,7 +178,6 @@ def test_noise_and_outliers_of_video_are_reduced(record):
 
 
 def test_repaired_faults_leave_the_fit_as_it_is():
-    """Zeros for missing points and swapped wrists in one recording: the angles of the clean one."""
     arm = arms.myoarm(0.3, 0.26, 0.06)
     time, q = wandering(arm, seconds=10.0)
     clean = synthetic_recording(arm, q, time)

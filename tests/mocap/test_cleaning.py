@@ -1,5 +1,3 @@
-"""Faults and noise of recordings, made in recordings of known truth."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +7,6 @@ from maniport import arms
 from maniport.errors import InvalidInputError
 from maniport.mocap import read_recording
 from maniport.mocap.cleaning import in_order, smoothed, unswapped, without_outliers, without_zeros
-
-
-@pytest.fixture
-def swinging(slow_motion, record):
-    arm = arms.rhuman(0.3, 0.27, 0.06)
-    return record(arm, *slow_motion(arm, n=300, seconds=10.0, curved=True))
 
 
 def changed(recording, name, frames, value):
@@ -54,8 +46,9 @@ def test_two_recordings_in_one_and_coarse_times_are_rejected(time, words):
         in_order(time, np.zeros((len(time), 1)))
 
 
-def test_outliers_are_missing(swinging):
-    """A frame or two far from their neighbors are marked as missing, exactly these; a step that stays is not."""
+def test_outliers_are_missing(slow_motion, record):
+    arm = arms.rhuman(0.3, 0.27, 0.06)
+    swinging = record(arm, *slow_motion(arm, n=300, seconds=10.0, curved=True))
     far = changed(swinging, "wrist", 70, swinging.point("wrist")[70] + np.array([0.0, 0.2, 0.0]))
     far = changed(far, "wrist", slice(90, 92), swinging.point("wrist")[90:92] + np.array([0.3, 0.0, 0.0]))
     clean = without_outliers(far)

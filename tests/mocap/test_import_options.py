@@ -9,24 +9,19 @@ from maniport.mocap import Recording, read_recording
 from maniport.mocap.roles import assign_roles
 
 
-@pytest.fixture
-def skeleton_file(tmp_path, made):
-    return write_bvh(tmp_path / "small.bvh", SKELETONS["LAFAN1"], made)
-
-
 def test_right_options_cause_no_warning():
     for name, unit in (("ladder", "CMU"), ("freeform", "mm")):
         assert read_recording(name, unit=unit).quality_warnings == ()
 
 
 @pytest.mark.parametrize("unit", ["m", "mm", "inch"])
-def test_an_impossible_unit_is_rejected(skeleton_file, unit):
+def test_an_impossible_unit_is_rejected(tmp_path, made, unit):
+    skeleton_file = write_bvh(tmp_path / "small.bvh", SKELETONS["LAFAN1"], made)
     with pytest.raises(FileFormatError, match=f"small.bvh: unit='{unit}' .*unit='cm' makes it 0.3"):
         read_recording(skeleton_file, unit=unit)
 
 
 def test_of_several_bodies_one_is_used(tmp_path, made):
-    """Points of different bodies are never combined; a warning names the body, a point of another selects that."""
     markers = made.recording(mirrored(POINTS["Plug-in Gait"]))
     names = tuple(f"{body}:{name}" for body in "AB" for name in markers.names)
     positions = np.concatenate([markers.positions, markers.positions + 0.1], axis=1)

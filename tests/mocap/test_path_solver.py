@@ -24,7 +24,6 @@ def residual_of(matrices, targets, rows=slice(None)):
 
 @pytest.mark.parametrize("width", [100.0, 0.2])
 def test_a_path_agrees_with_one_large_problem(width):
-    """Smoothing, pull and limits together give the optimum of the same problem as one dense matrix."""
     smoothing, n = np.array([0.5, 1.0, 2.0]), 7
     matrices, targets, arguments = problem(n, width, smoothing)
     q = solve_path(residual_of(matrices, targets), *arguments)
@@ -43,7 +42,6 @@ def test_a_path_agrees_with_one_large_problem(width):
 
 @pytest.mark.parametrize("width", [100.0, 0.4])
 def test_blocks_are_joined_without_a_seam(monkeypatch, width):
-    """In three blocks the path is that of one solution to 1e-6, although a third of it leaves a joint free."""
     monkeypatch.setattr("maniport.mocap.path_solver.LEAST_GAIN", 1e-16)
     matrices, targets, arguments = problem(3200, width, 2.0)
     matrices[900:1700, :, 2] = 0.0

@@ -1,5 +1,3 @@
-"""Roles of points, the trunk frame, and which arm is fitted."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -47,7 +45,6 @@ def test_every_marker_set_is_recognized(made, marker_set, side):
     ],
 )
 def test_similar_names_are_not_used(names):
-    """An arm is not combined from the names of different marker sets, nor from parts of names."""
     with pytest.raises(RecordingError, match=r"missing in 'some.file': shoulder|elbow \("):
         assign_roles(named(*names, "Spine", "Neck", "LeftArm", "LeftShoulder"))
 
@@ -63,7 +60,6 @@ def test_missing_roles_are_listed_with_the_points_of_the_recording():
 
 
 def test_markers_of_the_user_have_priority():
-    """The user's choice decides, one name or several, and None drops a role."""
     markers = {"shoulder": "RFSH", "elbow": ["RELB"], "hand": None, "elbow_axis": ("RIEL", "RELB")}
     roles = assign_roles(read_recording("freeform"), markers)
     assert (roles["shoulder"], roles["elbow"]) == (("RFSH",), ("RELB",))
@@ -71,18 +67,15 @@ def test_markers_of_the_user_have_priority():
     assert "hand" not in roles
 
 
-@pytest.mark.parametrize(
-    ("markers", "error", "words"),
-    [
-        ({"sholder": "RFSH"}, UnknownNameError, "'shoulder'"),
-        ({"shoulder": "RFSX"}, UnknownNameError, "'RFSX' in 'freeform.c3d'.*'RFSH'"),
-        ({"shoulder": "CLAV"}, RecordingError, "'CLAV' is missing in every frame"),
-        ({"shoulder": []}, InvalidInputError, "one name or a list"),
-        ({"elbow": [["RELB"], ["RIEL"]]}, InvalidInputError, "one name or a list"),
-        ({"elbow": [[["RELB"]]]}, InvalidInputError, "one name or a list"),
-        ({"elbow_axis": "RELB"}, InvalidInputError, "a pair"),
-    ],
-)
+@pytest.mark.parametrize(("markers", "error", "words"), [
+    ({"sholder": "RFSH"}, UnknownNameError, "'shoulder'"),
+    ({"shoulder": "RFSX"}, UnknownNameError, "'RFSX' in 'freeform.c3d'.*'RFSH'"),
+    ({"shoulder": "CLAV"}, RecordingError, "'CLAV' is missing in every frame"),
+    ({"shoulder": []}, InvalidInputError, "one name or a list"),
+    ({"elbow": [["RELB"], ["RIEL"]]}, InvalidInputError, "one name or a list"),
+    ({"elbow": [[["RELB"]]]}, InvalidInputError, "one name or a list"),
+    ({"elbow_axis": "RELB"}, InvalidInputError, "a pair"),
+])  # fmt: skip
 def test_wrong_markers_are_rejected(markers, error, words):
     with pytest.raises(error, match=words):
         assign_roles(read_recording("freeform"), markers)
@@ -91,7 +84,6 @@ def test_wrong_markers_are_rejected(markers, error, words):
 @pytest.mark.parametrize("anonymous", [False, True])
 @pytest.mark.parametrize("wrong", ["arm", "elbow", "trunk"])
 def test_points_of_the_other_side_are_rejected(made, wrong, anonymous):
-    """A left arm, a left elbow or an inverted trunk are recognized by their names and by their positions."""
     recording = made.recording(mirrored(SKELETONS["LAFAN1"].names))
     number = {name: f"p{i}" if anonymous else name for i, name in enumerate(recording.names)}
     recording = replace(recording, names=tuple(number.values()))

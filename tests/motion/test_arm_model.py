@@ -1,5 +1,3 @@
-"""The Pinocchio model of an arm or a group has its kinematics, names and limits."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -45,7 +43,6 @@ def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
 
 
 def test_a_torso_of_two_arms_carries_all_masses_once():
-    """Gravity torques of the trunk are those of the whole robot, of the arms those of each alone."""
     crane = two_arms()
     links = np.zeros((2, len(crane.arms[0].chain.joints) + 1, 6, 6))
     for arm, own in enumerate(links):

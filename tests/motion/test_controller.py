@@ -1,9 +1,8 @@
-"""Arms follow target ellipsoids and paths step by step: accuracy, limits and errors."""
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from extensions.height_cost import HeightCost
 from maniport.arms import Arm, EllipsoidSpec, load_arm, load_arms
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
@@ -26,7 +25,6 @@ def motion(panda):
 
 @pytest.fixture(scope="module")
 def own(panda, motion):
-    """The motion that follows them from the right start."""
     joints, profile, path = motion
     return track(panda, profile, time=TIME, path=path, start=joints[0]).arms[0]
 
@@ -56,7 +54,6 @@ def test_own_ellipsoids_and_path_are_followed(panda, motion, own):
 
 
 def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
-    """Beyond its reach, the stretched hand stays short by the least there is, without swinging."""
     far = 3.0 * motion[2]
     result = track(panda, motion[1], time=TIME, path=far, bank=bank).arms[0]
     assert keeps_limits(result, panda)
@@ -73,7 +70,6 @@ def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
     ("turn", "speed", "status"), [((2.0, 3.4), None, JOINT_LIMIT), ((0.0, 1.5), 0.3, VELOCITY_LIMIT)]
 )
 def test_joint_and_velocity_limits_are_named(panda, turn, speed, status):
-    """Where a joint is at its limit of 2.8973, or is too slow, the status has it."""
     joints = np.repeat(START[None], len(TIME), axis=0)
     joints[:, 0] = np.linspace(*turn, len(TIME))
     path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
@@ -84,7 +80,6 @@ def test_joint_and_velocity_limits_are_named(panda, turn, speed, status):
 
 
 def test_acceleration_limits_are_kept(panda):
-    """With infeasible ellipsoids no joint exceeds its limits of acceleration, even on its way to a joint limit."""
     turn = np.stack([np.cos(TIME), np.sin(TIME), 0 * TIME], axis=1)
     needles = 0.01 * np.eye(3) + turn[:, :, None] * turn[:, None, :]
     result = track(panda, needles, time=TIME, start=START, acceleration_limits=5.0, velocity_limits=1.0).arms[0]
@@ -95,7 +90,6 @@ def test_acceleration_limits_are_kept(panda):
 
 
 def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
-    """Where the QP fails, the arm brakes, the step is reported, and it follows again afterwards."""
     joints, profile, path = motion
     solve, count = controller.daqp.solve, iter(range(10_000))
 
@@ -112,16 +106,10 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     assert result.position_error[-1] < 1e-3
 
 
-@pytest.mark.parametrize(
-    "spec",
-    [
-        EllipsoidSpec("force"),
-        EllipsoidSpec(part="rotation"),
-        EllipsoidSpec(part="full", joint_weights="joint-limits"),
-    ],
-)
+@pytest.mark.parametrize("spec", [
+    EllipsoidSpec("force"), EllipsoidSpec(part="rotation"), EllipsoidSpec(part="full", joint_weights="joint-limits"),
+])  # fmt: skip
 def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):
-    """Force, rotation and full ellipsoids, with joint weights, are followed too."""
     joints, uneven = motion[0], np.cumsum(np.concatenate([[0.5], np.linspace(0.02, 0.08, 40)]))
     result = track(panda, panda.ellipsoids(joints, spec), time=uneven, start=joints[0], rate=50, spec=spec).arms[0]
     assert np.percentile(result.distance, 95) < 0.05
@@ -129,7 +117,6 @@ def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):
 
 
 def test_weights_and_linear_interpolation(panda, motion):
-    """Weights of the directions may be singular; targets may be interpolated linearly."""
     joints, profile, path = motion
     weights = np.repeat(np.diag([1.0, 1, 1, 0, 0, 0])[None], len(TIME), axis=0)
     result = track(panda, profile, time=TIME, start=joints[0], weights=weights).arms[0]
@@ -139,7 +126,6 @@ def test_weights_and_linear_interpolation(panda, motion):
 
 
 def test_results_are_written_and_read_back(panda, own, tmp_path):
-    """CSV and npz files hold the joints that the result has, with velocities and accelerations."""
     own.save_joints_csv(tmp_path / "joints.csv")
     header = (tmp_path / "joints.csv").read_text().split("\n", 1)[0].split(",")
     assert header == ["time_s", *(f"panda_joint{i}_rad{per}" for per in ("", "/s", "/s2") for i in range(1, 8))]
@@ -157,42 +143,23 @@ def test_results_are_written_and_read_back(panda, own, tmp_path):
 
 
 class StillJoint:
-    """A limit by which a joint stays where it is."""
-
     def __init__(self, dof, joint):
         self.dof, self.joint = dof, joint
 
     def inequalities(self, q, dt):
-        """No displacement either way."""
         sides = np.zeros((2, self.dof))
         sides[:, self.joint] = 1.0, -1.0
         return sides, np.zeros(2)
 
 
-class Height:
-    """A cost of the height of the elbow."""
-
-    def __init__(self, arm, height, weight):
-        self.arm, self.height, self.weight = arm, height, weight
-
-    def residual(self, q, time):
-        """Weighted error, shape (m, 1)."""
-        return self.weight * (self.arm.point_positions(q, ["panda_link4"])[:, 0, 2:] - self.height)
-
-    def jacobian(self, q, time):
-        """Derivatives, shape (m, 1, dof)."""
-        return self.weight * self.arm.point_jacobians(q, ["panda_link4"])[:, 0, 2:3]
-
-
 def test_own_costs_and_limits_are_used(panda, motion, own):
-    """A joint that a user's limit stops does not move, the others do; a cost brings the elbow to its height."""
     joints, profile, path = motion
     options = {"time": TIME, "path": path, "start": joints[0]}
     still = track(panda, profile, limits=[StillJoint(7, 1)], **options).arms[0]
     assert np.ptp(still.control_positions[:, 1]) < 1e-4
     assert np.ptp(still.control_positions[:, 0]) > 0.1
     assert keeps_limits(still, panda)
-    raised = track(panda, profile, costs=[Height(panda, 0.4, 50.0)], **options)
+    raised = track(panda, profile, costs=[HeightCost(panda, "panda_link4", 0.4, 50.0)], **options)
     with_cost, without = (
         np.abs(panda.point_positions(result.joint_positions[10:], ["panda_link4"])[:, 0, 2] - 0.4).mean()
         for result in (raised.trajectory, own)
@@ -200,31 +167,23 @@ def test_own_costs_and_limits_are_used(panda, motion, own):
     assert with_cost < 0.5 * without
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "words"),
-    [
-        ({"time": TIME[::-1]}, InvalidInputError, "time must increase"),
-        ({"time": TIME[:-1]}, InvalidInputError, "profile must have shape"),
-        ({"path": np.full((41, 3), np.nan)}, InvalidInputError, "path must be finite"),
-        ({"profile": -np.repeat(np.eye(3)[None], 41, axis=0)}, NotSPDError, "profile with damping"),
-        ({"start": np.full(7, 9.0)}, InvalidInputError, "start.*outside the limits"),
-        ({"damping": None}, InvalidInputError, "damping must be above 0"),
-        ({"rate": -1}, InvalidInputError, "rate"),
-        ({"lm_damping": -1.0}, InvalidInputError, "lm_damping"),
-        ({"position_cost": -1.0}, InvalidInputError, "position_cost"),
-        ({"costs": [3]}, InvalidInputError, r"costs\[0\]"),
-        ({"limits": "fast"}, InvalidInputError, "limits"),
-        ({"limits": [3]}, InvalidInputError, r"limits\[0\]"),
-        ({"limits": [StillJoint(6, 1)]}, InvalidInputError, r"limits\[0\]"),
-        ({"limits": [StillJoint("seven", 1)]}, InvalidInputError, r"limits\[0\].*TypeError"),
-        ({"interpolation": "none"}, InvalidInputError, "interpolation"),
-        ({"velocity_limits": [1.0, 2.0]}, InvalidInputError, "velocity_limits"),
-        ({"acceleration_limits": 0.0}, InvalidInputError, "acceleration_limits"),
-        ({"weights": np.repeat(-np.eye(6)[None], 41, axis=0)}, NotSPDError, "weights"),
-    ],
-)
+@pytest.mark.parametrize(("change", "error", "words"), [
+    ({"time": TIME[::-1]}, InvalidInputError, "time"), ({"time": TIME[:-1]}, InvalidInputError, "profile"),
+    ({"path": np.full((41, 3), np.nan)}, InvalidInputError, "path"),
+    ({"profile": -np.repeat(np.eye(3)[None], 41, axis=0)}, NotSPDError, "profile with damping"),
+    ({"start": np.full(7, 9.0)}, InvalidInputError, "start.*outside the limits"),
+    ({"damping": None}, InvalidInputError, "damping"), ({"rate": -1}, InvalidInputError, "rate"),
+    ({"lm_damping": -1.0}, InvalidInputError, "lm_damping"),
+    ({"position_cost": -1.0}, InvalidInputError, "position_cost"), ({"costs": [3]}, InvalidInputError, r"costs\[0\]"),
+    ({"limits": "fast"}, InvalidInputError, "limits"), ({"limits": [3]}, InvalidInputError, r"limits\[0\]"),
+    ({"limits": [StillJoint(6, 1)]}, InvalidInputError, r"limits\[0\]"),
+    ({"limits": [StillJoint("seven", 1)]}, InvalidInputError, r"limits\[0\].*TypeError"),
+    ({"interpolation": "none"}, InvalidInputError, "interpolation"),
+    ({"velocity_limits": [1.0, 2.0]}, InvalidInputError, "velocity_limits"),
+    ({"acceleration_limits": 0.0}, InvalidInputError, "acceleration_limits"),
+    ({"weights": np.repeat(-np.eye(6)[None], 41, axis=0)}, NotSPDError, "weights"),
+])  # fmt: skip
 def test_bad_input_is_refused(panda, motion, change, error, words):
-    """Every wrong argument raises an error that names it, before anything moves."""
     joints, profile, path = motion
     arguments = {"profile": profile, "time": TIME, "path": path, "start": joints[0], **change}
     with pytest.raises(error, match=words):
@@ -232,7 +191,6 @@ def test_bad_input_is_refused(panda, motion, change, error, words):
 
 
 def test_arms_that_cannot_be_tracked_are_errors():
-    """Too few joints, coupled joints, and a bank of another arm."""
     flange = load_arm("panda", frame="panda_link8")
     for arm, options, words in (
         (Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]]), {}, "2 joints"),
@@ -245,7 +203,6 @@ def test_arms_that_cannot_be_tracked_are_errors():
 
 @pytest.fixture(scope="module")
 def pandas():
-    """Two Pandas side by side."""
     return load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.1, -0.3, 0.0, 0.2)])
 
 
@@ -261,7 +218,6 @@ def targets(group, *joints, scale=1.0):
 
 
 def test_arms_far_from_each_other_follow_as_each_alone(pandas):
-    """One program for both has the same solution as one for each."""
     swing = START + 0.3 * np.sin(np.outer(np.linspace(0.0, 2.0, 9), [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5]))
     both = targets(pandas, swing, swing[::-1], scale=0.9)
     options = {"rate": 50.0, "lm_damping": 10.0, "acceleration_limits": 10.0}
@@ -278,7 +234,6 @@ def test_arms_far_from_each_other_follow_as_each_alone(pandas):
 
 
 def test_arms_keep_clear_of_one_another(pandas):
-    """With a collision model hands that move into one another stop before they touch; without it they meet."""
     collisions = Collisions.of(pandas)
     end, share = np.array([0.9, 0.2, 0.3, -1.9, 0.4, 1.8, 0.5]), np.linspace(0.0, 1.0, 9)[:, None]
     left, right = START + share * (end * [-1, 1, 1, 1, 1, 1, 1] - START), START + share * (end - START)

@@ -46,7 +46,6 @@ def require_states(motion, seconds, states):
 
 
 def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
-    """The file is YAML of a JointTrajectory whose points are control steps; names survive whatever they hold."""
     export_motion(tmp_path / "m.yaml", motion, "ros2")
     message = yaml.safe_load((tmp_path / "m.yaml").read_text())
     assert list(message) == ["header", "joint_names", "points"]
@@ -58,7 +57,6 @@ def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
 
 
 def test_mcap_gets_messages(motion, tmp_path):
-    """The messages can be read back in order, with their schema."""
     reader = pytest.importorskip("mcap.reader")
     export_motion(tmp_path / "m.mcap", motion, "mcap")
     with open(tmp_path / "m.mcap", "rb") as stream:
@@ -71,7 +69,6 @@ def test_mcap_gets_messages(motion, tmp_path):
 
 
 def test_parquet_has_columns_with_units(motion, tmp_path):
-    """Every control step comes back, with the end effector."""
     parquet = pytest.importorskip("pyarrow.parquet")
     export_motion(tmp_path / "m.parquet", motion, "parquet", PLANAR)
     table = parquet.read_table(tmp_path / "m.parquet")
@@ -87,7 +84,6 @@ def test_parquet_has_columns_with_units(motion, tmp_path):
 
 
 def test_mujoco_makes_the_same_motion(motion, tmp_path):
-    """Replayed in MuJoCo, with qpos as it stands in the file, the tip is where the motion has it."""
     export_motion(tmp_path / "m.npz", motion, "mujoco")
     with np.load(tmp_path / "m.npz") as arrays:
         qpos, qvel, step = arrays["qpos"], arrays["qvel"], float(arrays["timestep"])
@@ -108,18 +104,12 @@ def test_mujoco_makes_the_same_motion(motion, tmp_path):
     assert_allclose(np.diff(qpos, axis=0)[1:] + np.diff(qpos, axis=0)[:-1], 2 * step * qvel[1:-1], atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("file", "format", "robot", "error", "word"),
-    [
-        ("m.yaml", "ros", None, UnknownNameError, "'ros2'"),
-        ("m.yaml", "mujoco", None, InvalidInputError, "path"),
-        ("m.parquet", "parquet", "planar", InvalidInputError, "robot"),
-        ("m.rrd", "rerun", None, InvalidInputError, "write_results"),
-        ("m.mcap", "mcap", None, MissingPackageError, "mcap"),
-    ],
-)
+@pytest.mark.parametrize(("file", "format", "robot", "error", "word"), [
+    ("m.yaml", "ros", None, UnknownNameError, "'ros2'"), ("m.yaml", "mujoco", None, InvalidInputError, "path"),
+    ("m.parquet", "parquet", "planar", InvalidInputError, "robot"),
+    ("m.rrd", "rerun", None, InvalidInputError, "write_results"), ("m.mcap", "mcap", None, MissingPackageError, "mcap"),
+])  # fmt: skip
 def test_impossible_exports_are_errors(motion, tmp_path, monkeypatch, file, format, robot, error, word):
-    """Unknown formats, other suffixes and robots, missing packages and folders; nothing is written."""
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     with pytest.raises(error, match=word):
         export_motion(tmp_path / file, motion, format, robot)

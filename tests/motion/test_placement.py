@@ -33,7 +33,6 @@ PLACE = np.array([0.1, 0.5, 0.4, 0.7, 0.4, 0.1, 0.5])
 
 @pytest.fixture(scope="module")
 def motion(panda):
-    """A motion of the Panda: its own hand path and ellipsoids."""
     joints = START + 0.4 * np.sin(np.outer(TIME, [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5]))
     return panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
 
@@ -46,7 +45,6 @@ def common(panda, bank):
 
 
 def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):
-    """A rotation and a shift of the own paths of two arms are undone for both, in one placement."""
     aside = Arm(standing(panda.chain, pose([0.1, 0.6, 0.0])))
     maps = common["reachability_map"], ReachabilityMap(aside, VELOCITY, 20_000)
     both = common | {"reachability_map": maps, "bank": (common["bank"], SeedBank(aside, 4096))}
@@ -66,7 +64,6 @@ def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):
 
 
 def test_own_path_is_found_again(panda, common, motion):
-    """A scaled, rotated and shifted path of the arm returns to where the pointwise optimum is near 0."""
     path, profile = motion
     turn = rotation_about(2, 0.7)
     moved, turned = 0.8 * (path - [1.0, 2.0, 3.0]) @ turn.T, congruence(turn, profile)
@@ -78,7 +75,6 @@ def test_own_path_is_found_again(panda, common, motion):
 
 
 def test_far_path_is_reported(panda, common, motion):
-    """A path out of reach is no error: mask, error and report say where and by how much."""
     path, profile = motion
     far = path.copy()
     far[5:] += [0.0, 0.0, 2.0]
@@ -107,7 +103,6 @@ def test_other_parts_turn_too(panda, motion, part):
 
 
 def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
-    """With the base mounted so, path and ellipsoids are turned and scaled as fixed values say, which are kept."""
     path, profile = motion
     placed = place_path(path, profile, panda, tilt=0.6, scale=0.8, yaw=0.2, offset=(None, None, 0.5), **common)
     assert (placed.scale, placed.yaw, placed.offset[2]) == pytest.approx((0.8, 0.2, 0.5), abs=1e-12)
@@ -121,7 +116,6 @@ def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
 
 
 def test_path_stays_in_its_workspace(panda, common, motion):
-    """Every point lies within the bounds, which shrink the path; a table is a bound, but not of a leaning base."""
     bounds, scale = ((0.3, 0.45), (-0.1, 0.2), (None, 0.5)), (0.1, 2.0)
     placed = place_path(*motion, panda, workspace=bounds, scale=scale, tilt="free", **common)
     low, high = np.array([0.3, -0.1, -np.inf]), np.array([0.45, 0.2, 0.5])
@@ -159,7 +153,6 @@ def problem_of(spec=VELOCITY, demands=(), **fixed):
 
 @pytest.mark.parametrize("kind", ["velocity", "force"])
 def test_slopes_are_those_of_the_cost(kind):
-    """Half the gradient in placement and joints agrees with central differences, of two arms on a leaning base."""
     vectors = np.random.default_rng(2).normal(size=(COUNT, 3))
     demands = (EllipsoidSpec(joint_weights=np.full(4, 2.0)), vectors[::-1]), (EllipsoidSpec(), vectors)
     problem, q, step = problem_of(EllipsoidSpec(kind), demands, tilt="free"), FOUR.sample(COUNT, 3), 1e-6
@@ -177,7 +170,6 @@ def test_slopes_are_those_of_the_cost(kind):
 
 
 def test_demands_make_the_path_smaller(panda, common, motion):
-    """Demands that the limits allow change nothing; large ones shrink the path, unless its scale is fixed."""
     path, profile = motion
     acceleration = np.gradient(np.gradient(path, TIME, axis=0), TIME, axis=0)
     spec, options = EllipsoidSpec(joint_weights=MotionLimits.of(panda).acceleration), common | {"scale": (0.2, 1.0)}
@@ -194,7 +186,6 @@ def test_demands_make_the_path_smaller(panda, common, motion):
 
 
 def test_demands_of_a_circle(panda):
-    """A circle at constant speed has constant demands; a jump of a frame does not exceed the rest by much."""
     time, rows, limits = np.arange(0.0, 4.0, 0.01), np.arange(0, 400, 40), MotionLimits.of(panda)
     path = 0.2 * np.stack([np.cos(3.0 * time), np.sin(3.0 * time), 0.0 * time], axis=1)
     (_, velocity), (_, acceleration) = demands_of(limits, time, path, rows)
@@ -207,7 +198,6 @@ def test_demands_of_a_circle(panda):
 
 @pytest.mark.parametrize("fixed", [{}, {"tilt": "free"}, {"scale": 0.9, "offset": (None, 0.1, None)}])
 def test_placement_and_motion_improve_together(fixed):
-    """The cost falls to less than what the joints alone reach; bounds, limits and fixed numbers are kept."""
     problem = problem_of(**fixed)
     place, q, (arm,) = np.where(problem.free, PLACE, problem.fixed), FOUR.sample(COUNT, 3), problem.arms
     moved, (improved,) = PlacementTrajectoryCost(problem, [TERMS]).improved((place, (q,)))
@@ -220,32 +210,22 @@ def test_placement_and_motion_improve_together(fixed):
     assert_array_equal(moved[~problem.free], place[~problem.free])
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"path": np.zeros((3, 3))}, "path must have shape"),
-        ({"profile": np.tile(np.eye(2), (12, 1, 1))}, "profile must hold 3×3"),
-        ({"turn": -np.eye(3)}, "turn must be a rotation"),
-        ({"scale": 0.0}, "scale must be a number above 0"),
-        ({"scale": (1.0, 0.5)}, "scale.1. must be a number above 1"),
-        ({"yaw": "left"}, "yaw must be"),
-        ({"offset": (0.0, 1.0)}, "offset must be three numbers"),
-        ({"spec": EllipsoidSpec(part="rotation")}, "does not fit"),
-        ({"tilt": 4.0}, "tilt must be a number in .0, 3.14"),
-        ({"collisions": 3, "reachability_map": None}, "collisions must be"),
-        ({"workspace": ((0.0, 1.0), (0.5, 0.5), (None, None))}, "workspace.1..1. must be a number above 0.5"),
-        ({"workspace": ((3.0, 4.0), (None, None), (None, None))}, "reaches nothing in x 3.00 to 4.00"),
-        ({"workspace": ((0.4, 0.41), (None, None), (None, None))}, "does not fit into it"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"path": np.zeros((3, 3))}, "path"), ({"profile": np.tile(np.eye(2), (12, 1, 1))}, "profile"),
+    ({"turn": -np.eye(3)}, "turn"), ({"scale": 0.0}, "scale"),
+    ({"scale": (1.0, 0.5)}, "scale.1. must be a number above 1"), ({"yaw": "left"}, "yaw"),
+    ({"offset": (0.0, 1.0)}, "offset"), ({"spec": EllipsoidSpec(part="rotation")}, "does not fit"),
+    ({"tilt": 4.0}, "tilt"), ({"collisions": 3, "reachability_map": None}, "collisions"),
+    ({"workspace": ((0.0, 1.0), (0.5, 0.5), (None, None))}, "workspace.1..1. must be a number above 0.5"),
+    ({"workspace": ((3.0, 4.0), (None, None), (None, None))}, "reaches nothing in x 3.00 to 4.00"),
+    ({"workspace": ((0.4, 0.41), (None, None), (None, None))}, "does not fit into it"),
+])  # fmt: skip
 def test_bad_input_is_refused(panda, common, motion, change, message):
-    """Each message names the argument and what was found."""
     with pytest.raises(InvalidInputError, match=message):
         place_path(**{"path": motion[0], "profile": motion[1], "arm": panda, **common} | change)
 
 
 def test_paths_of_several_arms_must_be_as_many(panda, common, motion):
-    """Paths and profiles fewer than there are arms, or of other lengths, are named."""
     path, profile = motion
     both = {"reachability_map": (common["reachability_map"],) * 2, "bank": (common["bank"],) * 2}
     for paths, profiles, message in (

@@ -18,7 +18,6 @@ TIME = 3.0 + np.linspace(0.0, 1.2, 13)
 
 
 def plan_motion(arm, profile, path=None, **options):
-    """Plan with little effort."""
     return motion.plan_motion(arm, profile, paths=path, **options)
 
 
@@ -33,24 +32,20 @@ def targets_of(arm, stretch=1.0, pace=1.5, seed=0):
 
 
 def rows_of(targets, rows):
-    """Some of the waypoints."""
     return {name: values[rows] for name, values in targets.items()}
 
 
 @pytest.fixture(scope="module")
 def targets(panda):
-    """Ellipsoids that the Panda cannot make along its path."""
     return targets_of(panda, 1.5)
 
 
 @pytest.fixture(scope="module")
 def planned(panda, planner, targets):
-    """The Panda's motion along them."""
     return plan_motion(panda, **targets, planner=planner)
 
 
 def require_laws(plan, speed_scale=1.0):
-    """What holds for every planned motion; return that of the arm."""
     (arm,), limits = plan.arms, plan.limits
     q, step = arm.control_positions, np.diff(arm.control_time)
     assert_allclose(step, step[0])
@@ -68,7 +63,6 @@ def require_laws(plan, speed_scale=1.0):
 
 
 def test_path_is_followed_between_sparse_waypoints(panda, planner):
-    """Where waypoints are far apart the motion is planned with others between them."""
     sparse = rows_of(targets_of(panda, 2.0, pace=1.0, seed=2), slice(None, None, 3))
     plan = plan_motion(panda, **sparse, planner=planner, rate=200.0).arms[0]
     path = CubicSpline(sparse["time"], sparse["path"])(np.linspace(TIME[0], TIME[-1], 400))
@@ -77,7 +71,6 @@ def test_path_is_followed_between_sparse_waypoints(panda, planner):
 
 
 def test_an_exceeded_torque_is_reported(planned):
-    """The warning has the joint, its limit and the time."""
     arm = planned.arms[0]
     report = report_of(replace(arm, limits=replace(arm.limits, effort=np.array([87.0, 5.0, *[87.0] * 5]))))
     (text,) = (text for text in report.warnings if "torque" in text)
@@ -88,7 +81,6 @@ def test_an_exceeded_torque_is_reported(planned):
 
 
 def test_clearance_is_measured_between_the_waypoints(planned, planner):
-    """No control step next to the closest waypoint is nearer to a collision than the clearance."""
     arm = planned.arms[0]
     at = int(np.argmin(planner.collisions.clearance(arm.joint_positions)))
     near = np.abs(arm.control_time - arm.time[at]) < 0.02
@@ -97,7 +89,6 @@ def test_clearance_is_measured_between_the_waypoints(planned, planner):
 
 @pytest.mark.parametrize("name", ["panda", "crane"])
 def test_any_arm_follows_itself(panda, crane, planner, name):
-    """With 7 or 4 joints, revolute or prismatic: an arm's own motion is made again, within its limits."""
     arm = {"panda": panda, "crane": crane}[name]
     plan = plan_motion(arm, **targets_of(arm), rate=500.0, planner=planner if name == "panda" else None)
     result = require_laws(plan)
@@ -109,7 +100,6 @@ def test_any_arm_follows_itself(panda, crane, planner, name):
 
 
 def test_distances_stay_above_the_pointwise_optimum(planned, targets):
-    """Where the end effector is in place; the ratio of both is the pointwise ratio."""
     arm = require_laws(planned)
     assert_array_equal(arm.target, targets["profile"])
     in_place, search_tolerance = arm.position_error < 1e-4, 1e-3
@@ -121,7 +111,6 @@ def test_distances_stay_above_the_pointwise_optimum(planned, targets):
 
 
 def test_a_smaller_tolerance_keeps_the_end_effector_nearer(panda, planner, targets, planned):
-    """Of two tolerances each is kept, and what is allowed brings the ellipsoids nearer."""
     near = plan_motion(panda, **targets, planner=planner, position_tolerance=2e-4).arms[0]
     errors = [np.percentile(arm.position_error, 95) for arm in (near, planned.arms[0])]
     assert errors[0] <= 2e-4 < errors[1] <= 5e-3
@@ -130,7 +119,6 @@ def test_a_smaller_tolerance_keeps_the_end_effector_nearer(panda, planner, targe
 
 
 def test_speed_scale_is_the_largest_speed(panda, planner):
-    """Slowly, the motion takes as much longer; fast, as long as the limits make it."""
     options = targets_of(panda, pace=0.7) | {"planner": planner, "rate": 500.0}
     slow, fast = (plan_motion(panda, **options, speed_scale=scale) for scale in (0.5, 20.0))
     assert 2.4 <= require_laws(slow, 0.5).control_time[-1] < 2.6
@@ -139,7 +127,6 @@ def test_speed_scale_is_the_largest_speed(panda, planner):
 
 
 def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, targets, planned):
-    """There is no position error, and the distance is no larger than with the end effector on its path."""
     alone = require_laws(plan_motion(panda, targets["profile"], time=TIME, planner=planner))
     assert alone.position_error is None
     for name in ("pointwise_best", "distance"):
@@ -147,7 +134,6 @@ def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, targets, p
 
 
 def test_out_of_reach_is_reported_and_no_error(panda, planner, targets):
-    """Where the path leaves what the arm can reach, the result says so at each waypoint, and keeps all limits."""
     far = plan_motion(panda, **targets | {"path": targets["path"] + [2.0, 0.0, 0.0]}, planner=planner)
     arm = require_laws(far)
     assert set(arm.status) <= {"position missed", "joint limit"}
@@ -156,7 +142,6 @@ def test_out_of_reach_is_reported_and_no_error(panda, planner, targets):
 
 
 def test_two_waypoints_are_a_motion(panda, planner, targets):
-    """The shortest profile has a beginning and an end; the robot comes from its home configuration and returns."""
     home = 0.5 * (planner.limits.lower + planner.limits.upper)
     arm = require_laws(plan_motion(panda, **rows_of(targets, slice(2)), planner=planner, home=home))
     assert_allclose(arm.control_positions[[0, -1]], [home, home], atol=1e-9)
@@ -167,7 +152,6 @@ def test_two_waypoints_are_a_motion(panda, planner, targets):
 
 
 def test_the_lowest_point_is_below_all_links(panda, planned):
-    """It is where its link is at that time, and fingers count."""
     arm = planned.arms[0]
     run = ArmResult(name="panda", robot=panda, motion=arm)
     poses = panda.link_poses(arm.control_positions)
@@ -181,27 +165,22 @@ def test_the_lowest_point_is_below_all_links(panda, planned):
                 assert heights[row] < run.lowest.height + 3e-3 + 0.2 * (link == "panda_hand")
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "words"),
-    [
-        ({"profile": np.eye(3)[None], "time": TIME[:1], "path": np.zeros((1, 3))}, InvalidInputError, "n ≥ 2"),
-        ({"time": TIME[::-1]}, InvalidInputError, "time must increase"),
-        ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
-        ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
-        ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
-        ({"collisions": "yes"}, InvalidInputError, "collisions"),
-        ({"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}}, InvalidInputError, "'elbow'.*panda_joint1"),
-        ({"time": TIME * 1e6}, InvalidInputError, "samples"),
-    ],
-)
+@pytest.mark.parametrize(("change", "error", "words"), [
+    ({"profile": np.eye(3)[None], "time": TIME[:1], "path": np.zeros((1, 3))}, InvalidInputError, "n ≥ 2"),
+    ({"time": TIME[::-1]}, InvalidInputError, "time"),
+    ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
+    ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
+    ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
+    ({"collisions": "yes"}, InvalidInputError, "collisions"),
+    ({"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}}, InvalidInputError, "'elbow'.*panda_joint1"),
+    ({"time": TIME * 1e6}, InvalidInputError, "samples"),
+])  # fmt: skip
 def test_bad_arguments_are_named(panda, targets, change, error, words):
-    """The message names the argument and what is allowed."""
     with pytest.raises(error, match=words):
         plan_motion(panda, **{"collisions": False} | targets | change)
 
 
 def test_a_planner_of_another_arm_is_refused(crane, planner, targets):
-    """It would move another robot, or use other ellipsoids."""
     with pytest.raises(InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'crane'"):
         plan_motion(crane, **targets, planner=planner)
     with pytest.raises(InvalidInputError, match="does not fit"):
@@ -210,7 +189,6 @@ def test_a_planner_of_another_arm_is_refused(crane, planner, targets):
 
 @pytest.mark.parametrize("kind", ["force", "acceleration"])
 def test_ellipsoids_of_joint_torques_are_planned(panda, kind):
-    """With effort limits, gravity and a payload as weights the motion follows feasible ellipsoids, as any."""
     robot, spec = panda.with_payload(1.0, (0.0, 0.0, 0.1)), EllipsoidSpec(kind, joint_weights="joint-limits")
     middle = 0.5 * (robot.lower + robot.upper) + 0.3
     q = middle + 0.2 * np.sin(np.outer(TIME - TIME[0], np.linspace(0.5, 2.0, 7)))

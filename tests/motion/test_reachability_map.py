@@ -10,11 +10,8 @@ from maniport.arms.restriction import standing
 from maniport.motion.objective import Objective
 from maniport.motion.plan.reachability_map import IN_PLACE, ReachabilityMap
 from maniport.motion.plan.roadmap import shortest_path
+from sizes import SIX_ROWS
 
-SIX_ROWS = [
-    [0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
-    [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0],
-]  # fmt: skip
 SIX = Arm.from_dh("six", SIX_ROWS, -3.1, 3.1)
 SHOULDER = Arm(standing(SIX.chain, pose((0.1, 0.2, 0.3), (-np.pi / 2, 0.0, 0.0))))  # its first axis is horizontal
 
@@ -27,7 +24,6 @@ def targets_of(arm, count=6, spec=VELOCITY, seed=3):
 
 @pytest.mark.parametrize("name", ["panda", "shoulder"])
 def test_arms_turn_about_their_first_axis(panda, name):
-    """A turn of the first joint turns the tip about the axis that is found: beside and along it nothing changes."""
     arm = {"panda": panda, "shoulder": SHOULDER}[name]
     axis = ReachabilityMap(arm, VELOCITY, 64).axis
     assert_allclose(axis.frame @ axis.frame.T, np.eye(3), atol=1e-12)
@@ -44,7 +40,6 @@ def test_arms_turn_about_their_first_axis(panda, name):
 
 
 def test_joints_without_effect_stay_in_the_middle(panda):
-    """The Panda's last joint moves neither its flange nor the ellipsoid there; its other ellipsoids know it."""
     reachability_map = ReachabilityMap(panda, VELOCITY, 64)
     assert_array_equal(reachability_map.idle, [False] * 6 + [True])
     assert_allclose(reachability_map.q[:, 6], 0.5 * (panda.lower[6] + panda.upper[6]))
@@ -71,7 +66,6 @@ def test_nodes_have_their_tips_in_place(panda, crane, name):
 
 
 def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
-    """Where its limits allow two turns, the shortest path along one and a half of them has no leap of a whole turn."""
     wide = Arm.from_dh("two turns", SIX_ROWS, [-2 * np.pi, *[-3.1] * 5], [2 * np.pi, *[3.1] * 5])
     angles = np.linspace(-1.5 * np.pi, 1.5 * np.pi, 40)
     q = np.tile(SIX.sample(1, 2), (len(angles), 1))
@@ -85,7 +79,6 @@ def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
 
 @pytest.mark.parametrize("narrow", [False, True])
 def test_out_of_reach_the_nearest_are_nodes(panda, narrow):
-    """Where no tip comes to its place, or the first joint may not turn to it, those that come nearest are the nodes."""
     arm, tip = panda, np.array([[3.0, 0.0, 0.3]])
     if narrow:
         lower, upper = panda.lower.copy(), panda.upper.copy()

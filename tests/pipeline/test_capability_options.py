@@ -9,8 +9,7 @@ from maniport import Arm, load_arm, transfer_recording
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.pipeline.config import Config
 from maniport.pipeline.stages import sample_robot
-from maniport.pipeline.transfer import follow_profile, settings_of
-from maniport.util.files import load_ellipsoids
+from maniport.pipeline.transfer import settings_of
 
 
 @pytest.mark.parametrize(
@@ -21,18 +20,14 @@ def test_force_ellipsoids_have_torque_limits_by_default(options, weights):
     assert Config().changed(**options).transfer.spec.joint_weights == weights
 
 
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        ({"ellipsoids": "velocity", "joint_weights": "joint-limits"}, "'myoarm' has no velocity limits"),
-        ({"ellipsoids": "acceleration"}, "'myoarm' has none"),
-        ({"payload": -1.0}, "payload"),
-        ({"payload_center": (0.0, 0.0, 0.1)}, "payload_center= needs payload="),
-        ({"payload": 1e30}, r"panda_joint\d needs .* N m, its limit is"),
-        ({"payload": 20.0}, r"cannot hold itself .*panda_joint6 needs .* its limit is 12 N m"),
-        ({"robot": "both", "payload": 1.0}, "is for one arm"),
-    ],
-)
+@pytest.mark.parametrize(("options", "text"), [
+    ({"ellipsoids": "velocity", "joint_weights": "joint-limits"}, "'myoarm' has no velocity limits"),
+    ({"ellipsoids": "acceleration"}, "'myoarm' has none"), ({"payload": -1.0}, "payload"),
+    ({"payload_center": (0.0, 0.0, 0.1)}, "payload_center= needs payload="),
+    ({"payload": 1e30}, r"panda_joint\d needs .* N m, its limit is"),
+    ({"payload": 20.0}, r"cannot hold itself .*panda_joint6 needs .* its limit is 12 N m"),
+    ({"robot": "both", "payload": 1.0}, "is for one arm"),
+])  # fmt: skip
 def test_missing_limits_and_masses_are_named_before_the_recording_is_read(options, text):
     if options.get("robot") == "both":
         options |= {"robot": "panda", "pose": [(0.0, 0.3, 0.0, 0.0), (0.0, -0.3, 0.0, 0.0)]}
@@ -46,6 +41,8 @@ def test_a_robot_without_torque_limits_or_masses_is_refused():
         transfer_recording("no recording", robot=planar, ellipsoids="force")
     with pytest.raises(InvalidInputError, match="payload needs masses"):
         transfer_recording("no recording", robot=planar, payload=1.0)
+    with pytest.raises(InvalidInputError, match="no payload of its own; use payload="):
+        transfer_recording("no recording", robot=load_arm("panda").with_payload(1.0))
 
 
 def test_forces_without_gravity_are_said_to_be_so():
@@ -55,12 +52,6 @@ def test_forces_without_gravity_are_said_to_be_so():
         sample_robot(settings)
 
 
-def test_a_payload_of_an_arm_is_refused():
-    """It would be missing in the file that repeats the run."""
-    with pytest.raises(InvalidInputError, match="no payload of its own; use payload="):
-        transfer_recording("no recording", robot=load_arm("panda").with_payload(1.0))
-
-
 def test_a_payload_is_carried():
     config = Config().changed(payload=2.0, payload_center=(0.0, 0.0, 0.1))
     robot, empty = settings_of(config).robot, load_arm("panda")
@@ -68,19 +59,6 @@ def test_a_payload_is_carried():
     added = robot.gravity_torques(q) - empty.gravity_torques(q)
     center = (empty.forward(q) @ [0.0, 0.0, 0.1, 1.0])[:2]
     assert added[1] == pytest.approx(-2.0 * 9.81 * center[0], rel=1e-2)
-
-
-@pytest.mark.parametrize("weights", ["unit", "joint-limits"])
-def test_the_placed_profile_of_force_ellipsoids_is_followed_again(weights, tmp_path):
-    """Its file has force ellipsoids, as the demonstrated profile, and not the inverses that are planned with."""
-    robot, time = load_arm("panda"), np.linspace(0.0, 4.0, 9)
-    q = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.6, 0.8]) + 0.2 * np.sin(time)[:, None]
-    config = Config().changed(ellipsoids="force", joint_weights=weights)
-    profile = robot.ellipsoids(q, config.transfer.spec)
-    result = follow_profile(robot, [profile], time, config=config, collisions=False)
-    result.save(tmp_path / "motion")
-    stored, _ = load_ellipsoids(tmp_path / "motion" / "placed_profile.npz")
-    np.testing.assert_allclose(stored, profile, rtol=1e-6, atol=1e-6 * np.abs(profile).max())
 
 
 def test_torque_limits_of_a_file_weight_the_ellipsoids(tmp_path):

@@ -1,5 +1,3 @@
-"""Configuration: checks of values, changes by name, and YAML files."""
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,6 @@ from maniport.pipeline.option import options_of
 
 
 def test_a_saved_configuration_is_equal_when_loaded(tmp_path):
-    """Every option survives, paths of files become absolute."""
     config = Config().changed(
         recording="freeform", position_tolerance=0.01, orientation=[0, 0, -1], lock={"lift": 0.2}, smooth="off",
         workspace=[[0.2, None], [0, 1], [-np.inf, 1]], base_rotation=(0.0, 0.1, 1e-7), robot=["ur5", "panda"], seed=3,
@@ -23,75 +20,47 @@ def test_a_saved_configuration_is_equal_when_loaded(tmp_path):
 
 
 def test_objects_become_names_in_files(tmp_path):
-    """An adapter is saved as the name of its class, an arm as its source."""
     config = Config().changed(method=mp.ParallelTransport(), robot=mp.load_arm("panda"))
     config.save(tmp_path / "run.yaml")
     assert Config.load(tmp_path / "run.yaml").transfer.method == "parallel-transport"
     assert Config.load(tmp_path / "run.yaml").robot.robot == ("panda",)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("human:\n  persn: myoarm", ("line 2", "persn", "person")),
-        ("humn: {}", ("humn", "human")),
-        ("motion:\n  move: true\n  rate: 3", ("line 3", "rate", "at least 10")),
-        ("motion: {collisions: false, table: 0}", ("table", "no_collisions")),
-        ("motion: {costs: []}", ("line 1", "costs")),
-        ("human: 3", ("line 1", "mapping")),
-        ("seed: -1", ("seed",)),
-        ("a: &x 1", ("a",)),
-        ("motion: [", ("line 1",)),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), [
+    ("human:\n  persn: myoarm", ("line 2", "persn", "person")), ("humn: {}", ("humn", "human")),
+    ("motion:\n  move: true\n  rate: 3", ("line 3", "rate", "at least 10")),
+    ("motion: {collisions: false, table: 0}", ("table", "no_collisions")), ("motion: {costs: []}", ("line 1", "costs")),
+    ("human: 3", ("line 1", "mapping")), ("seed: -1", ("seed",)), ("a: &x 1", ("a",)), ("motion: [", ("line 1",)),
+])  # fmt: skip
 def test_wrong_files_are_refused(tmp_path, text, words):
-    """The message has the file, the line where it is known, the key and what is allowed."""
     (tmp_path / "run.yaml").write_text(text)
     with pytest.raises(FileFormatError) as caught:
         Config.load(tmp_path / "run.yaml")
     assert all(word in str(caught.value) for word in ("run.yaml", *words))
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"position_tolerance": 0.0},
-        {"rate": np.inf},
-        {"unit": "ft"},
-        {"joint_limit_margin": 0.5},
-        {"damping": -1.0},
-        {"orientation": "up"},
-        {"orientation": [0, 0]},
-        {"move": "yes"},
-        {"n_teacher": 1},
-        {"export": ["ros2"], "move": False},
-    ],
-)
+@pytest.mark.parametrize("options", [
+    {"position_tolerance": 0.0}, {"rate": np.inf}, {"unit": "ft"}, {"joint_limit_margin": 0.5},
+    {"damping": -1.0}, {"orientation": "up"}, {"orientation": [0, 0]}, {"move": "yes"},
+    {"n_teacher": 1}, {"export": ["ros2"], "move": False},
+])  # fmt: skip
 def test_wrong_values_are_refused(options):
-    """One of a range, a choice or a combination."""
     with pytest.raises(InvalidInputError):
         Config().changed(**options)
-
-
-def test_an_unknown_option_lists_the_nearest():
-    """The nearest name is first."""
     with pytest.raises(UnknownNameError, match="nearest first: 'position_tolerance'"):
         Config().changed(positon_tolerance=0.01)
 
 
 def test_names_of_options_are_unique_and_described():
-    """An option belongs to one section, and its description is a short noun phrase."""
     assert len(OPTIONS) == sum(len(options_of(kind)) for kind in (Config, *SECTIONS.values()))
     assert all(len(described.help.split()) <= 12 for _, described in OPTIONS.values())
 
 
 def test_units_of_elements_are_converted():
-    """The yaw of a base is typed in degrees."""
     assert OPTIONS["pose"][1].parse(["0,0.3,0,90"]) == ((0.0, 0.3, 0.0, pytest.approx(np.pi / 2)),)
 
 
 @pytest.mark.parametrize("option", [{"tilt": "free"}, {"components": 3}, {"pages": True}])
 def test_options_of_other_commands_are_refused(option):
-    """A transfer has no options of placement without a person, learning or batch; they are not ignored."""
     with pytest.raises(UnknownNameError, match=next(iter(option))):
         mp.transfer_recording("freeform", **option)

@@ -22,7 +22,6 @@ REACHES = [(1.4, 2.1), (2.5, 3.2), (6.8, 7.7)]
 
 
 def reach(side="right", scale=1.0, lift=0.0, name="reach"):
-    """A person of some size who reaches out, at a pace of their own."""
     arm = human_arm("myoarm", side, lengths={"upper arm": 0.3 * scale, "forearm": 0.25 * scale, "hand": 0.08 * scale})
     time = np.linspace(0.0, 1.0, 31)
     way = np.sin(np.pi * time**scale)[:, None]
@@ -33,7 +32,6 @@ def reach(side="right", scale=1.0, lift=0.0, name="reach"):
 
 
 def reach_with_both(scale=1.0, lift=0.0):
-    """Both arms of a person reach out alike."""
     right, left = reach("right", scale, lift), reach("left", scale, lift)
     between = right.point("trunk_low") - left.point("trunk_low")  # both stand before their own shoulder
     points = {f"right_{name}": right.point(name) for name in right.names if "trunk" not in name}
@@ -43,19 +41,13 @@ def reach_with_both(scale=1.0, lift=0.0):
 
 
 @pytest.fixture(scope="module")
-def reached():
-    """What three reaches of one person teach."""
-    return mp.learn([shipped_recording("freeform")], [REACHES], components=4)
-
-
-@pytest.fixture(scope="module")
 def people():
     """What three people of unequal size teach, one of them with the left arm."""
     return mp.learn([reach(), reach(scale=1.2), reach("left", lift=3.0, name="lefty")], components=2)
 
 
-def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes(reached):
-    """Segments are demonstrations on the times of one of them; two teach more of the third than a constant."""
+def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes():
+    reached = mp.learn([shipped_recording("freeform")], [REACHES], components=4)
     n, agreement = len(reached.time), reached.agreement
     start, stop = REACHES[reached.alignment.reference]
     assert start <= reached.time[0] < reached.time[-1] <= stop
@@ -93,14 +85,12 @@ def test_both_arms_are_learned_together(tmp_path):
 
 
 def test_left_and_right_are_mirrored_and_said(people):
-    """A left arm among right ones is shown by a right one, and the facts tell it."""
     assert people.arms[0].side == "right"
     assert people.agreement.after < 0.2
     assert any("irrored to the right arm: lefty" in text for text in report_of(people).notes)
 
 
 def test_a_robot_follows_what_was_learned(people):
-    """The main job takes a learned profile in place of a recording: its ellipsoids, its path, the learned arm."""
     with little_search():
         result = mp.transfer_recording(people, method="identity", **SMALL)
     assert_allclose(result.arm.demonstrated_profile, people.profile)
@@ -132,27 +122,21 @@ def test_files_are_whole_and_can_be_read(people, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore::maniport.errors.ManiportWarning")
-@pytest.mark.parametrize(
-    ("recordings", "segments", "message"),
-    [
-        ([], None, "at least one recording"),
-        (["freeform"], [[(1.0, 2.0)]], "at least two demonstrations are needed; found 1"),
-        (["freeform"], [[(1.0, 2.0), (1.5, 3.0)]], "must not overlap"),
-        (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before it ends"),
-        (["freeform"], [[(1.0, 2.0), (2.5, 99.0)]], "must lie between 0.00 and 9.15 s; found 2.5 to 99 s"),
-        (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"),
-        (["freeform"], "all", "one list"),
-        (["freeform"], [None, None], "one list for each of the 1 recordings"),
-    ],
-)
+@pytest.mark.parametrize(("recordings", "segments", "message"), [
+    ([], None, "at least one recording"),
+    (["freeform"], [[(1.0, 2.0)]], "at least two demonstrations are needed; found 1"),
+    (["freeform"], [[(1.0, 2.0), (1.5, 3.0)]], "must not overlap"),
+    (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before it ends"),
+    (["freeform"], [[(1.0, 2.0), (2.5, 99.0)]], "must lie between 0.00 and 9.15 s; found 2.5 to 99 s"),
+    (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"), (["freeform"], "all", "one list"),
+    (["freeform"], [None, None], "one list for each of the 1 recordings"),
+])  # fmt: skip
 def test_what_is_wrong_is_said(recordings, segments, message):
-    """Too few, too short, overlapping or outside: which one, what was found and what is allowed."""
     with pytest.raises(InvalidInputError, match=message):
         mp.learn(recordings, segments)
 
 
 def test_repetitions_are_demonstrations(repeated):
-    """With segments "auto" each time that the hand goes out and back is one; they agree where they are alike."""
     learned = mp.learn([repeated], "auto", components=2)
     assert len(learned.demonstrations) == 4
     assert learned.agreement.after < 0.1

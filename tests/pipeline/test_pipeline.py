@@ -21,18 +21,15 @@ STILL = SMALL | {"move": False}
 
 @pytest.fixture(scope="module")
 def clip(second):
-    """A third of a second of the shipped ladder recording."""
     return second.crop(10.0, 10.35)
 
 
 @pytest.fixture(scope="module")
 def result(small_result):
-    """The main job on a small scale, the robot's motion included."""
     return small_result
 
 
 def test_a_method_is_chosen_or_named(clip, result):
-    """A choice and its reason are among the metrics; a named method is taken."""
     rejected, numbers = result.arm.evaluation.rejected, as_numbers(report_of(result))
     assert numbers["evaluation"]["choice"] == {"method": result.arm.method, "failures": list(rejected)}
     assert set(numbers["evaluation"]["rows"]) >= {"identity", "mean-transport", "parallel-transport", "length-field"}
@@ -41,7 +38,6 @@ def test_a_method_is_chosen_or_named(clip, result):
 
 
 def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
-    """The demonstrated ones are those of the fitted arm within its limits; the map can be inverted."""
     arm, angles, target = result.arm.fit.arm, result.arm.fit.joint_angles, result.arm.target_profile
     assert len(result.time) == len(angles) == len(target) == len(result.arm.demonstrated_profile) == 31
     np.testing.assert_array_equal(result.arm.demonstrated_profile, arm.manipulability(angles))
@@ -53,7 +49,6 @@ def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
 
 
 def test_the_robot_follows_to_the_end(result):
-    """A configuration within the limits for every frame, and the position tolerance is kept."""
     motion, robot = result.arm.motion, result.arm.robot
     assert len(motion.joint_positions) == len(result.time)
     assert robot.within_limits(motion.control_positions).all()
@@ -65,7 +60,6 @@ def test_the_robot_follows_to_the_end(result):
 
 
 def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
-    """With and without progress; another seed gives others. Every step is reported to its end."""
     steps = []
     job = SMALL | {"method": "parallel-transport"}
     first = transfer_recording(clip, progress=lambda *call: steps.append(call), **job)
@@ -87,15 +81,7 @@ def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
         assert fractions[-1] == 1.0
 
 
-@pytest.mark.parametrize(("part", "d"), [("rotation", 3), ("full", 6)])
-def test_other_parts_are_transferred(clip, part, d):
-    """Rotational and full ellipsoids are transferred too."""
-    other = transfer_recording(clip, method="parallel-transport", part=part, **STILL)
-    assert other.arm.target_profile.shape[1:] == (d, d)
-
-
 def test_force_ellipsoids_are_followed_as_their_inverses(clip, tmp_path):
-    """The robot follows the inverses of the target force ellipsoids; the file of the placed targets has these."""
     job = SMALL | {"method": "parallel-transport", "ellipsoids": "force"}
     forces = transfer_recording(clip, **job)
     yaw = forces.arm.placement.yaw
@@ -108,7 +94,6 @@ def test_force_ellipsoids_are_followed_as_their_inverses(clip, tmp_path):
 
 
 def test_a_robot_that_cannot_follow_is_not_moved(clip):
-    """A robot of two joints gets its ellipsoids, and a warning says why it was not moved."""
     planar = mp.Arm.from_dh("planar", [[0, 0, 0.4, 0], [0, 0, 0.4, 0]])
     result = transfer_recording(clip, robot=planar, method="parallel-transport", **SMALL)
     assert result.motion is None
@@ -116,7 +101,6 @@ def test_a_robot_that_cannot_follow_is_not_moved(clip):
 
 
 def test_the_mounting_turns_results_and_baselines(clip):
-    """Targets turn with the robot up to the influence of its domain; the identity is evaluated in the robot's frame."""
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     half_turn = np.diag([-1.0, -1.0, 1.0])
     plain, turned, half = (
@@ -132,7 +116,6 @@ def test_the_mounting_turns_results_and_baselines(clip):
 
 
 def test_a_result_is_written_whole_and_can_be_read_back(result, tmp_path):
-    """Also over an earlier one: data, adapter, figures and summaries; no temporary folder is left."""
     folder = tmp_path / "out"
     with pytest.raises(dataclasses.FrozenInstanceError):
         result.arm.method = "icp"
@@ -176,22 +159,15 @@ def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "word"),
-    [
-        ({"method": "magic"}, UnknownNameError, "icp"),
-        ({"robot": "pand"}, UnknownNameError, "'panda'"),
-        ({"person": "myarm"}, UnknownNameError, "'myoarm'"),
-        ({"damping": -1.0}, InvalidInputError, "damping"),
-        ({"speed": 1e-4}, UnknownNameError, "speed_scale"),
-        ({"base_rotation": np.ones((3, 3))}, InvalidInputError, "base_rotation"),
-        ({"speed_scale": 0}, InvalidInputError, "speed_scale"),
-        ({"n_student": 1}, InvalidInputError, "student"),
-        ({"seed": -1}, InvalidInputError, "seed"),
-    ],
-)
+@pytest.mark.parametrize(("change", "error", "word"), [
+    ({"method": "magic"}, UnknownNameError, "icp"), ({"robot": "pand"}, UnknownNameError, "'panda'"),
+    ({"person": "myarm"}, UnknownNameError, "'myoarm'"), ({"damping": -1.0}, InvalidInputError, "damping"),
+    ({"speed": 1e-4}, UnknownNameError, "speed_scale"),
+    ({"base_rotation": np.ones((3, 3))}, InvalidInputError, "base_rotation"),
+    ({"speed_scale": 0}, InvalidInputError, "speed_scale"), ({"n_student": 1}, InvalidInputError, "student"),
+    ({"seed": -1}, InvalidInputError, "seed"),
+])  # fmt: skip
 def test_wrong_arguments_are_named(clip, change, error, word):
-    """The message names the argument or lists what there is."""
     with pytest.raises(error, match=word):
         transfer_recording(clip, **STILL | change)
 
@@ -226,7 +202,6 @@ def test_the_robot_repeats_its_own_motion(own, tmp_path):
 
 
 def test_tempo_and_placement(own):
-    """Half the speed takes twice the time; a distant path is placed, and the placed path is followed."""
     panda, time, profile, path = own
     slow = follow_profile(panda, [profile], time, [path + 2.0], place=True, speed_scale=0.5)
     assert 2.0 * np.ptp(time) <= slow.arm.motion.control_time[-1] < 2.1 * np.ptp(time)
@@ -237,20 +212,12 @@ def test_tempo_and_placement(own):
     assert as_numbers(report_of(slow))["placement"]["scale"] == slow.arm.placement.scale
 
 
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ({"time": None}, "no times"),
-        ({"speed_scale": 0.0}, "speed_scale"),
-        ({"scale": 0.0, "place": True}, "scale"),
-        ({"scale": 0.5}, "scale= is for a path that is placed"),
-        ({"orientation": "demonstrated"}, "orientation"),
-        ({"positions": np.zeros((20, 3))}, "shape"),
-        ({"time": np.arange(20.0), "place": False}, "shape"),
-    ],
-)
+@pytest.mark.parametrize(("change", "word"), [
+    ({"time": None}, "no times"), ({"speed_scale": 0.0}, "speed_scale"), ({"scale": 0.0, "place": True}, "scale"),
+    ({"scale": 0.5}, "scale= is for a path that is placed"), ({"orientation": "demonstrated"}, "orientation"),
+    ({"positions": np.zeros((20, 3))}, "shape"), ({"time": np.arange(20.0), "place": False}, "shape"),
+])  # fmt: skip
 def test_wrong_targets_are_named(own, change, word):
-    """Missing times, scales of zero, a scale without placement, and unequal lengths."""
     panda, time, profile, path = own
     arguments = {"time": time, "positions": path} | change
     with pytest.raises(InvalidInputError, match=word):

@@ -131,19 +131,13 @@ def _unaligned(array):
 
 
 FORMS = {
-    "Fortran order": np.asfortranarray,
-    "strided": _strided,
-    "reversed": _reversed,
-    "read-only": _read_only,
-    "unaligned": _unaligned,
-    "other byte order": lambda array: array.astype(">f8"),
-    "extended precision": lambda array: array.astype(np.longdouble),
-    "objects": lambda array: array.astype(object),
+    "Fortran order": np.asfortranarray, "strided": _strided, "reversed": _reversed, "read-only": _read_only,
+    "unaligned": _unaligned, "other byte order": lambda array: array.astype(">f8"),
+    "extended precision": lambda array: array.astype(np.longdouble), "objects": lambda array: array.astype(object),
     "nested lists": lambda array: array.tolist(),
     "tuple of arrays": lambda array: tuple(array) if array.ndim else array[()],
-    "nothing masked": np.ma.masked_invalid,
-    "array-like": ArrayLike,
-}
+    "nothing masked": np.ma.masked_invalid, "array-like": ArrayLike,
+}  # fmt: skip
 """Forms that hold the numbers of a float64 array in C order, every bit."""
 
 ROUNDED = {

@@ -1,5 +1,3 @@
-"""Adapters between domains at every condition, unit, dtype and memory order."""
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -23,7 +21,6 @@ SMALL = (2, 3, 4, 5, 6)
 
 
 def made(name, **options):
-    """An unfitted adapter."""
     return method_of(name).set_params(**QUICK.get(name, {}), **options)
 
 
@@ -39,7 +36,7 @@ def assert_same_images(found, wanted, rounding):
 @methods
 @fewer(0.35)
 @given(case=cases(least=0.3, most=5.0, sizes=SMALL), units=st.tuples(st.floats(-5, 5), st.floats(-5, 5)))
-def test_units_of_either_domain_only_scale_images(name, case, units):
+def test_units_only_scale_images_and_a_common_frame_turns_them(name, case, units):
     teacher, student, new = domains(name, case)
     one, other = 10.0 ** np.array(units)
     if name in ("identity", "nearest-neighbor"):  # these compare both bodies as they are
@@ -47,18 +44,7 @@ def test_units_of_either_domain_only_scale_images(name, case, units):
     images = made(name, damping=0.01).fit(teacher, student).transform(new)
     scaled = made(name, damping=0.01).fit(one * teacher, other * student).transform(one * new)
     assert_same_images(scaled, other * images, 1e-5)
-
-
-@methods
-@fewer(0.35)
-@given(case=cases(least=0.3, most=5.0, sizes=SMALL))
-def test_neither_order_nor_frame_matters(name, case):
-    teacher, student, new = domains(name, case)
-    d = len(new[0])
-    turn = np.linalg.qr(case.rng.standard_normal((d, d)))[0]
-    images = made(name, damping=0.01).fit(teacher, student).transform(new)
-    shuffled = made(name, damping=0.01).fit(case.rng.permutation(teacher), case.rng.permutation(student))
-    assert_same_images(shuffled.transform(new), images, 1e-5)
+    turn = np.linalg.qr(case.rng.standard_normal((case.d, case.d)))[0]
     turned = made(name, damping=0.01).fit(congruent(turn, teacher), congruent(turn, student))
     assert_same_images(turned.transform(congruent(turn, new)), congruent(turn, images), 1e-5)
 
@@ -67,7 +53,6 @@ def test_neither_order_nor_frame_matters(name, case):
 @fewer(0.7)
 @given(case=cases(least=0.3, sizes=SMALL))
 def test_images_are_ellipsoids_or_refused(name, case):
-    """At every condition each ellipsoid has an SPD image of its own, in whatever company; or is refused, not nan."""
     teacher, student, new = domains(name, case)
     with refused_only_above(case.rounding_between, ELONGATED):
         adapter = made(name).fit(teacher, student)
@@ -83,7 +68,6 @@ def test_images_are_ellipsoids_or_refused(name, case):
 @fewer(0.35)
 @given(case=cases(least=0.3, most=6.0, sizes=SMALL))
 def test_inverse_images_have_the_images(name, case):
-    """Where the length field folds, an image may be that of several ellipsoids, and the inverse is one of them."""
     teacher, student, new = domains(name, case)
     adapter = made(name).fit(teacher, student)
     images, rounding = adapter.transform(new), 1e-5 + 100.0 * case.rounding

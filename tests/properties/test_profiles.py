@@ -1,5 +1,3 @@
-"""Profiles of demonstrations."""
-
 import numpy as np
 import pytest
 from hypothesis import given

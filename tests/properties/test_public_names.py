@@ -1,5 +1,3 @@
-"""Public names of the package and its subpackages."""
-
 import importlib
 
 import pytest

@@ -1,5 +1,3 @@
-"""Recordings."""
-
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -46,13 +44,3 @@ def test_crop_select_and_save_keep_the_points(recording, low, high, tmp_path_fac
     path = tmp_path_factory.mktemp("recording") / "recording.npz"
     recording.save(path)
     same(read_recording(path), recording)
-
-
-@given(recording=recordings(), longest=st.floats(0.0, 1.0))
-def test_filling_keeps_recorded_points(recording, longest):
-    filled = recording.fill_gaps(longest)
-    known = ~np.isnan(recording.positions)
-    assert_array_equal(filled.positions[known], recording.positions[known])
-    assert np.all(filled.missing <= recording.missing)
-    assert_array_equal(filled.fill_gaps(longest).missing, filled.missing)
-    assert_array_equal(recording.fill_gaps(0.0).positions, recording.positions)

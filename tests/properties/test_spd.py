@@ -1,5 +1,3 @@
-"""SPD matrices at every condition, unit, dtype and memory order."""
-
 import math
 
 import numpy as np
@@ -25,42 +23,26 @@ from properties.strategies import (
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 CALLS = {
-    "spd.distance": ("pp", spd.distance),
-    "spd.log": ("pp", spd.log),
-    "spd.exp": ("px", spd.exp),
-    "spd.inner": ("pxx", spd.inner),
-    "spd.geodesic": ("pp", lambda a, b: spd.geodesic(a, b, 0.3)),
-    "spd.transport": ("xpp", spd.transport),
-    "spd.axes": ("p", spd.axes),
-    "spd.lengths": ("p", spd.lengths),
-    "spd.volume": ("p", spd.volume),
-    "spd.condition": ("p", spd.condition),
-    "spd.expm": ("x", spd.expm),
-    "spd.logm": ("p", spd.logm),
-    "spd.powm": ("p", lambda a: spd.powm(a, -0.7)),
-    "spd.sqrtm": ("p", spd.sqrtm),
-    "spd.invsqrtm": ("p", spd.invsqrtm),
-    "spd.to_vector": ("x", spd.to_vector),
-    "spd.from_vector": ("v", spd.from_vector),
-    "spd.whiten": ("pp", spd.whiten),
-    "spd.unwhiten": ("pp", spd.unwhiten),
-    "spd.mean": ("sw", spd.mean),
-    "spd.dispersion": ("s", lambda a: spd.dispersion(a, kind="rms")),
-}
+    "spd.distance": ("pp", spd.distance), "spd.log": ("pp", spd.log), "spd.exp": ("px", spd.exp),
+    "spd.inner": ("pxx", spd.inner), "spd.geodesic": ("pp", lambda a, b: spd.geodesic(a, b, 0.3)),
+    "spd.transport": ("xpp", spd.transport), "spd.axes": ("p", spd.axes), "spd.lengths": ("p", spd.lengths),
+    "spd.volume": ("p", spd.volume), "spd.condition": ("p", spd.condition), "spd.expm": ("x", spd.expm),
+    "spd.logm": ("p", spd.logm), "spd.powm": ("p", lambda a: spd.powm(a, -0.7)), "spd.sqrtm": ("p", spd.sqrtm),
+    "spd.invsqrtm": ("p", spd.invsqrtm), "spd.to_vector": ("x", spd.to_vector),
+    "spd.from_vector": ("v", spd.from_vector), "spd.whiten": ("pp", spd.whiten), "spd.unwhiten": ("pp", spd.unwhiten),
+    "spd.mean": ("sw", spd.mean), "spd.dispersion": ("s", lambda a: spd.dispersion(a, kind="rms")),
+}  # fmt: skip
 """Every function, and what it takes: points, tangents (x), Mandel vectors, a set of points, weights."""
 functions = pytest.mark.parametrize("name", CALLS)
 MANY = [name for name, (kinds, _) in CALLS.items() if "s" not in kinds]
 
 
 def arguments(case, kinds, *shape):
-    """Arguments of these kinds, with this leading shape."""
     make = {
-        "p": lambda: case.spd(*shape),
-        "x": lambda: case.with_scale(3.0).symmetric(*shape),
-        "v": lambda: 3.0 * case.rng.standard_normal((*shape, case.d * (case.d + 1) // 2)),
-        "s": lambda: case.spd(4),
+        "p": lambda: case.spd(*shape), "x": lambda: case.with_scale(3.0).symmetric(*shape),
+        "v": lambda: 3.0 * case.rng.standard_normal((*shape, case.d * (case.d + 1) // 2)), "s": lambda: case.spd(4),
         "w": lambda: case.rng.uniform(1.0, 9.0, 4),
-    }
+    }  # fmt: skip
     return [make[kind]() for kind in kinds]
 
 
@@ -74,7 +56,6 @@ def test_dtype_and_memory_order_do_not_matter(name, case, shape):
 @pytest.mark.parametrize("name", MANY)
 @given(case=TAME)
 def test_a_batch_is_its_members(name, case):
-    """Each of a batch gives what it gives alone; leading axes broadcast; an empty batch gives an empty one."""
     kinds, function = CALLS[name]
     given_to = arguments(case, kinds, 2, 3)
     batch = results_of(function, given_to)
@@ -90,7 +71,6 @@ def test_a_batch_is_its_members(name, case):
 
 @given(case=cases())
 def test_distance_is_a_metric_at_every_condition(case):
-    """Symmetric, zero to itself alone, no detour is shorter; blind to a common unit and to a common turn."""
     a, b, c = case.spd(3, 4)
     apart = spd.distance(a, b)
     assert_allclose(spd.distance(b, a), apart, atol=case.rounding)
@@ -129,7 +109,6 @@ def test_exponential_inverts_the_logarithm(case):
 
 @given(case=cases())
 def test_transport_keeps_inner_products(case):
-    """What is transported keeps lengths and angles, and comes back by the way back."""
     start, end, other, third = case.spd(4, 4)
     with refused_only_above(case.rounding):
         one, two = spd.log(start, other), spd.log(start, third)
@@ -143,7 +122,6 @@ def test_transport_keeps_inner_products(case):
 
 @given(case=cases())
 def test_powers_are_multiples_of_the_logarithm(case):
-    """The exponential of the logarithm is the matrix; P^s moves log P by s; the root, twice, and the inverse root."""
     x = case.spd(4)
     logarithm = spd.logm(x)
     assert_allclose(spd.distance(spd.expm(logarithm), x), 0.0, atol=case.rounding)
@@ -186,7 +164,6 @@ def test_mean_and_dispersion_are_equivariant_under_congruence(case):
 @fewer(0.7)
 @given(case=cases())
 def test_mean_is_no_farther_from_points_than_they_are_apart(case):
-    """At any condition the mean is no farther from any point than the points are from one another, and is SPD."""
     x = case.spd(5)
     try:
         center = spd.mean(x)

@@ -1,5 +1,3 @@
-"""Results to report, and a motion to draw."""
-
 from dataclasses import replace
 from types import SimpleNamespace
 

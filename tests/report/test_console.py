@@ -1,5 +1,3 @@
-"""Output of commands and of long work, in a terminal and a pipe."""
-
 import io
 import json
 import warnings
@@ -15,8 +13,6 @@ from maniport.report.console import Console, progress
 
 @pytest.fixture
 def terminal(monkeypatch):
-    """Make a terminal of a width, to which progress is written."""
-
     class Terminal(io.StringIO):
         def isatty(self):
             return True

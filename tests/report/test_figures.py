@@ -17,7 +17,6 @@ from maniport.util.optional import matplotlib
 
 @pytest.mark.parametrize(("d", "views"), [(2, 1), (3, 2)])
 def test_every_view_has_a_row_of_ellipses_for_each_profile(motion, d, views):
-    """The shadow of an ellipsoid on a plane has the extent of the ellipsoid there; rows do not overlap."""
     time, profile = motion(d)
     figure = figures.ellipsoids(time, {"person": profile, "robot": 2 * profile})
     assert len(figure.axes) == views

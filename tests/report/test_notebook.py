@@ -1,5 +1,3 @@
-"""Notebook displays and prompts of objects."""
-
 import numpy as np
 from sklearn.base import clone
 
@@ -10,16 +8,11 @@ from sizes import motion_alone
 def test_objects_are_displayed(small_result):
     arm = small_result.arm
     for thing, word in (
-        (arm.robot, "panda_joint7"),
-        (small_result.recording, "Frames: "),
-        (arm.fit, "Segments: "),
-        (arm.adapter, "Dispersion: "),
-        (arm.placement, "Path: scale"),
-        (arm.motion, "Ellipsoid distance"),
-        (motion_alone(small_result), "Settings"),
-        (small_result, "Position error [mm]"),
+        (arm.robot, "panda_joint7"), (small_result.recording, "Frames: "), (arm.fit, "Segments: "),
+        (arm.adapter, "Dispersion: "), (arm.placement, "Path: scale"), (arm.motion, "Ellipsoid distance"),
+        (motion_alone(small_result), "Settings"), (small_result, "Position error [mm]"),
         (arm.evaluation, "Comparison with baselines"),
-    ):
+    ):  # fmt: skip
         shown = thing._repr_mimebundle_()
         assert shown["text/plain"] == repr(thing)
         assert word in shown["text/markdown"]

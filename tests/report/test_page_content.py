@@ -1,5 +1,3 @@
-"""Content of the pages of results: a transfer, and a robot's motion."""
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,6 @@ def animation(result):
 
 
 def page_of(result):
-    """Return the page of a result as text."""
     return as_html(report_of(result), animation_of(result))
 
 
@@ -63,7 +60,6 @@ def test_the_camera_rotates_with_the_path(result, animation):
 
 @pytest.mark.parametrize("options", [{"part": "full"}, {"ellipsoids": "force", "joint_weights": "unit"}])
 def test_unmoved_robots_and_other_ellipsoids_are_drawn(second, options):
-    """Without a robot's motion the person alone moves; force ellipsoids are drawn as velocity ones, full ones not."""
     result = transfer_recording(second.crop(10.0, 10.3), method="parallel-transport", move=False, **options, **SMALL)
     animation = animation_of(result)
     assert [stage.name for stage in animation.stages] == ["Person"]

@@ -1,5 +1,3 @@
-"""Reports of a recording: points, their roles, and how to complete an arm."""
-
 import json
 from dataclasses import replace
 
@@ -23,7 +21,6 @@ def test_reported_roles_are_an_input():
 
 
 def test_contradictions_are_warnings(small_result):
-    """Points of the other arm, lengths that no adult has, and doubts about the unit, which precede all others."""
     recording = read_recording("ladder").crop(10, 11)
     first, *_ = recording_report(recording, {"elbow": "LeftArm"}).warnings
     assert "lbow of the right arm: 'LeftArm' is a point of the left one" in first

@@ -1,5 +1,3 @@
-"""Reports of robots: chain, assumptions, other end effectors, and errors of options."""
-
 import json
 
 import numpy as np
@@ -80,19 +78,15 @@ def test_a_robot_with_two_arms_lists_its_ends():
     assert "| gripper_left_base_link | 9 | torso_1_joint … arm_left_7_joint | torso_2_link |" in text
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("panda", "--lock", "panda_joint4=10"), "--lock: panda_joint4 is 10°; allowed are -176.00° to -4.00°"),
-        (("panda", "--lock", "panda_joint1=3", "--lock", "panda_joint1=4"), "panda_joint1 is set twice; found 3 and"),
-        (("panda", "--joints", " ,"), "--joints must be names"),
-        (("panda", "--unit", "mm"), "--unit cannot be used"),
-        (("freeform", "--lock", "up=1"), "--lock cannot be used"),
-        (("panda", "--lock", "panda_joint4"), "--lock must be NAME=NUMBER"),
-        (("panda", "--joints", "panda_joint2,panda_joint9"), "unknown joint 'panda_joint9'"),
-        (("panda", "--base", "panda_link"), "unknown base 'panda_link'.*'panda_link0'"),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [
+    (("panda", "--lock", "panda_joint4=10"), "--lock: panda_joint4 is 10°; allowed are -176.00° to -4.00°"),
+    (("panda", "--lock", "panda_joint1=3", "--lock", "panda_joint1=4"), "panda_joint1 is set twice; found 3 and"),
+    (("panda", "--joints", " ,"), "--joints must be names"), (("panda", "--unit", "mm"), "--unit cannot be used"),
+    (("freeform", "--lock", "up=1"), "--lock cannot be used"),
+    (("panda", "--lock", "panda_joint4"), "--lock must be NAME=NUMBER"),
+    (("panda", "--joints", "panda_joint2,panda_joint9"), "unknown joint 'panda_joint9'"),
+    (("panda", "--base", "panda_link"), "unknown base 'panda_link'.*'panda_link0'"),
+])  # fmt: skip
 def test_invalid_options_are_named(words, message):
     result = CliRunner().invoke(app, ["info", *words])
     with pytest.raises(ValueError, match=message):

@@ -1,5 +1,3 @@
-"""The Rerun recording has the content of the page."""
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -105,7 +105,6 @@ def test_the_advice_suits_a_missed_path(result, changed):
 
 
 def test_all_renderings_have_the_same_sentences(result, changed):
-    """Terminal, Markdown, JSON and page have the summary, and the warnings in the same order."""
     n, arm = len(result.time), result.arm
     missed = changed(result, {"gap": arm.gap + 1.0}, status=("ellipsoid missed",) * n)
     report, console = report_of(replace(missed, warnings=("mind <the> step & the gap",))), Console()

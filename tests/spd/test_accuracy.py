@@ -19,14 +19,12 @@ EPS = np.finfo(np.float64).eps
 
 
 def rotated(rng, d, condition):
-    """Draw a matrix with axes in general directions."""
     basis = np.linalg.qr(rng.standard_normal((d, d)))[0]
     matrix = (basis * condition ** np.r_[-0.5, rng.uniform(-0.5, 0.5, d - 2), 0.5]) @ basis.T
     return 0.5 * (matrix + matrix.T)
 
 
 def graded(rng, d, condition):
-    """Draw a matrix that is ill-conditioned by its units."""
     units = rng.permutation(np.logspace(-0.5 * np.log10(condition), 0.0, d))
     return rotated(rng, d, 10.0) * np.outer(units, units)
 
@@ -63,21 +61,17 @@ class Truth:
         self.inverse = vectors * mpmath.diag([1 / mpmath.sqrt(x) for x in values]) * vectors.T
 
     def along(self, point, function):
-        """P^½ f(P^-½ M P^-½) P^½."""
         values, vectors = mpmath.eigsy(self.whitened(point))
         return self.root * (vectors * mpmath.diag([function(x) for x in values]) * vectors.T) * self.root
 
     def whitened(self, point):
-        """P^-½ M P^-½, symmetric to the last digit."""
         matrix = self.inverse * mpmath.matrix(point.tolist() if isinstance(point, np.ndarray) else point) * self.inverse
         return (matrix + matrix.T) / 2
 
     def length(self, tangent):
-        """Length of a tangent."""
         return float(mpmath.sqrt(sum(x * x for x in self.whitened(tangent))))
 
     def distance(self, point):
-        """Distance to a point; infinite where it is no SPD matrix."""
         values = mpmath.eigsy(self.whitened(point), eigvals_only=True)
         return float(mpmath.sqrt(sum(mpmath.log(x) ** 2 for x in values))) if min(values) > 0 else np.inf
 
@@ -110,7 +104,6 @@ OPERATIONS = ["distance", "log", "exp", "transport", "geodesic 0.5", "geodesic -
 @pytest.mark.parametrize("operation", OPERATIONS)
 @pytest.mark.parametrize("d", [2, 3])
 def test_results_are_true_or_refused_at_any_condition(operation, d):
-    """From condition 1e2 to 1e14, alone and mixed, what is not refused is within a distance of 0.01 of the truth."""
     rng, refused = np.random.default_rng(d), 0
     with mpmath.workdps(60):
         for condition in np.logspace(2, 14, 4):
@@ -131,7 +124,6 @@ def test_results_are_true_or_refused_at_any_condition(operation, d):
 
 
 def test_ill_conditioned_matrices_have_the_same_results_in_a_batch():
-    """In a batch of mixed conditions, all get the bits that they get alone."""
     rng = np.random.default_rng(0)
     p = np.stack([rotated(rng, 3, condition) for condition in (10.0, 1e9, 100.0, 1e8)])
     q = np.stack([rotated(rng, 3, condition) for condition in (10.0, 1e9, 1e8, 10.0)])

@@ -11,7 +11,6 @@ from maniport.spd.ellipsoid import axis_over_time, line_angles
 
 
 def test_singular_ellipsoids_have_axes_of_length_zero():
-    """A flat ellipsoid has a zero axis and no volume, but its condition number is refused."""
     flat = np.outer([1.0, 2.0, 2.0], [1.0, 2.0, 2.0])
     lengths, directions = spd.axes(flat)
     assert_allclose(lengths, [0.0, 0.0, 3.0], atol=1e-7)
@@ -32,7 +31,6 @@ def turning():
 
 
 def test_a_turning_axis_is_followed_without_jumps(turning):
-    """Over two full turns the vector goes round with the axis, although eigenvectors have no sign."""
     points, basis = turning
     vectors = axis_over_time(points, -1)
     assert_allclose(vectors, basis[:, :, 0], atol=1e-12)
@@ -40,7 +38,6 @@ def test_a_turning_axis_is_followed_without_jumps(turning):
 
 
 def test_sign_agrees_again_after_a_place_without_direction(turning):
-    """What was flipped by a pause without direction, or by a leap of the axis, takes the other's sign again."""
     points, basis = turning
     like = axis_over_time(points, -1)
     broken = points.copy()
@@ -55,7 +52,6 @@ def test_sign_agrees_again_after_a_place_without_direction(turning):
 
 @pytest.mark.parametrize(("squares", "which"), [([1.0, 1.0, 4.0, 9.0], -1), ([1.0, 4.0, 9.0, 9.0], 0)])
 def test_an_axis_has_a_direction_where_the_next_differs(squares, which):
-    """Other axes may be equal: of two equal minor axes neither has a direction, but the major axis has, and so on."""
     points = np.stack([np.diag(squares)] * 3)
     assert_array_equal(axis_over_time(points, which), np.broadcast_to(np.eye(4)[which], (3, 4)))
     assert np.isnan(axis_over_time(points, -1 - which)).all()

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy import linalg
 
 from maniport import spd
 from maniport.spd import kernels
@@ -31,7 +32,6 @@ def test_decomposition_rebuilds_symmetric_matrices(d, seed, exponent, random_sym
 @pytest.mark.parametrize("d", [2, 3, 6])
 @pytest.mark.parametrize("rank", [0, 1, 2])
 def test_rank_deficient_products_are_decomposed(d, rank, random_spd):
-    """J Jᵀ of a rank-deficient J has as many eigenvalues of rounding size as it lacks ranks, none of them nan."""
     jacobian = np.random.default_rng(6).standard_normal((30, d, rank))
     products = jacobian @ np.swapaxes(jacobian, 1, 2)
     values, vectors = eigh(products)
@@ -42,7 +42,6 @@ def test_rank_deficient_products_are_decomposed(d, rank, random_spd):
 
 @pytest.mark.parametrize("d", [2, 3, 6])
 def test_threads_change_no_bit(d, random_spd, monkeypatch):
-    """Shared among threads, every kernel gives the same bits as in one thread, and as for a part of the batch."""
     x, y = (np.tile(points, (60, 1, 1)) for points in random_spd(np.random.default_rng(d), (2, 1000), d))
 
     def everything():
@@ -59,7 +58,6 @@ def test_threads_change_no_bit(d, random_spd, monkeypatch):
 
 
 def test_concurrent_callers_do_not_disturb_each_other(random_spd):
-    """Kernels may be called from several threads at once."""
     x = random_spd(np.random.default_rng(1), (500,), 3)
     expected, means = spd.mean(x), {}
     callers = [threading.Thread(target=lambda i=i: means.update({i: spd.mean(x)})) for i in range(4)]
@@ -77,3 +75,15 @@ def test_decompositions_of_products_are_those_of_the_products(random_spd):
         expected = eigh(kernels.congruence(left, matrices))
         for result, wanted in zip(kernels.congruence_eigh(left, matrices), expected, strict=True):
             assert_array_equal(result, wanted)
+
+
+@sizes
+def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
+    rng = np.random.default_rng(4)
+    x, tangent = random_spd(rng, (), d), random_symmetric(rng, (), d)
+    for result, expected in (
+        (spd.logm(x), linalg.logm(x)), (spd.expm(tangent), linalg.expm(tangent)), (spd.sqrtm(x), linalg.sqrtm(x)),
+        (spd.powm(x, 0.37), linalg.fractional_matrix_power(x, 0.37)),
+    ):  # fmt: skip
+        assert_allclose(result, expected, rtol=1e-11, atol=1e-10)
+        assert_array_equal(result, result.T)

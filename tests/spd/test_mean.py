@@ -19,7 +19,6 @@ newton = importlib.import_module("maniport.spd.mean")  # `maniport.spd.mean` its
 
 @pytest.fixture
 def steps_taken(monkeypatch):
-    """Count the Newton steps that the mean takes."""
     counted = []
     direction = newton._newton_direction
     monkeypatch.setattr(newton, "_newton_direction", lambda *a: counted.append(1) or direction(*a))
@@ -27,7 +26,6 @@ def steps_taken(monkeypatch):
 
 
 def gradient_norm(center, x):
-    """Norm of the Riemannian gradient that is left at the mean of x."""
     return np.linalg.norm(spd.logm(congruence(spd.invsqrtm(center), x)).mean(axis=0))
 
 
@@ -35,7 +33,6 @@ def gradient_norm(center, x):
 @settings(max_examples=5)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_gradient_vanishes_at_the_mean(d, seed, random_spd):
-    """Seen from the mean, the weighted tangents to the points sum to zero; a weight of zero counts like no point."""
     rng = np.random.default_rng(seed)
     x, weights = random_spd(rng, (7,), d), np.append(0.0, rng.uniform(0.1, 9.0, 6))
     center = spd.mean(x, weights)
@@ -45,7 +42,6 @@ def test_gradient_vanishes_at_the_mean(d, seed, random_spd):
 
 @pytest.mark.parametrize(("d", "count", "most"), [(3, 400, 3), (6, 10, 5), (6, 200, 4), (12, 50, 4)])
 def test_nearly_singular_points_converge_in_a_few_steps(d, count, most, random_spd, steps_taken):
-    """Points of condition 7e5 reach a gradient below 1e-10 in at most five Newton steps."""
     x = random_spd(np.random.default_rng(0), (count,), d, condition=7e5)
     center = spd.mean(x)
     assert gradient_norm(center, x) < 2e-10
@@ -54,7 +50,6 @@ def test_nearly_singular_points_converge_in_a_few_steps(d, count, most, random_s
 
 @pytest.mark.parametrize("condition", [1e8, 1e10, 1e12])
 def test_points_near_the_limit_stop_where_rounding_does(condition, random_spd, steps_taken):
-    """Beyond condition 1e8 the iteration ends at the gradient that rounding leaves, soon and without a warning."""
     x = random_spd(np.random.default_rng(1), (20,), 6, condition=condition)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -64,7 +59,6 @@ def test_points_near_the_limit_stop_where_rounding_does(condition, random_spd, s
 
 
 def test_points_without_a_computable_mean_are_refused(random_spd):
-    """Where rounding makes whitened points indefinite there is an error, never nan."""
     messages = []
     for seed in range(20):
         x = random_spd(np.random.default_rng(seed), (2,), 6, condition=5e12)
@@ -79,7 +73,6 @@ def test_points_without_a_computable_mean_are_refused(random_spd):
 
 
 def test_stopping_early_warns_and_states_the_gradient(random_spd):
-    """With too few steps allowed, the warning states the gradient norm that was reached, and the mean is returned."""
     x = random_spd(np.random.default_rng(0), (10,), 6, condition=7e5)
     with pytest.warns(ConvergenceWarning, match="the mean of 10 matrices stopped after 1 steps") as caught:
         center = spd.mean(x, max_iter=1)
@@ -89,7 +82,6 @@ def test_stopping_early_warns_and_states_the_gradient(random_spd):
 
 
 def test_dispersion_kinds(random_spd):
-    """Dispersion is the mean distance from the mean, or the root of the mean squared distance."""
     x = random_spd(np.random.default_rng(0), (6,), 3)
     distances = spd.distance(spd.mean(x), x)
     assert_allclose(spd.dispersion(x), distances.mean(), rtol=1e-12)
@@ -97,22 +89,12 @@ def test_dispersion_kinds(random_spd):
     assert_allclose(spd.dispersion(x[:1]), 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("function", "name", "value"),
-    [
-        (spd.dispersion, "kind", "median"),
-        (spd.dispersion, "center", np.stack([np.eye(3)] * 2)),
-        (spd.dispersion, "center", np.eye(2)),
-        (spd.dispersion, "center", np.diag([1.0, 1.0, 0.0])),
-        (spd.mean, "weights", [1.0, 1.0]),
-        (spd.mean, "weights", [1.0, 1.0, -1.0, 1.0]),
-        (spd.mean, "weights", np.zeros(4)),
-        (spd.mean, "weights", [1.0, np.nan, 1.0, 1.0]),
-        (spd.mean, "tol", 0.0),
-        (spd.mean, "max_iter", 0),
-    ],
-)
+@pytest.mark.parametrize(("function", "name", "value"), [
+    (spd.dispersion, "kind", "median"), (spd.dispersion, "center", np.stack([np.eye(3)] * 2)),
+    (spd.dispersion, "center", np.eye(2)), (spd.dispersion, "center", np.diag([1.0, 1.0, 0.0])),
+    (spd.mean, "weights", [1.0, 1.0]), (spd.mean, "weights", [1.0, 1.0, -1.0, 1.0]), (spd.mean, "weights", np.zeros(4)),
+    (spd.mean, "weights", [1.0, np.nan, 1.0, 1.0]), (spd.mean, "tol", 0.0), (spd.mean, "max_iter", 0),
+])  # fmt: skip
 def test_wrong_arguments_are_refused_by_name(function, name, value):
-    """Weights, centers, tolerances and limits."""
     with pytest.raises(InvalidInputError, match=name):
         function(np.stack([np.eye(3)] * 4), **{name: value})

@@ -1,5 +1,3 @@
-"""Nearest neighbors on the manifold, against brute force."""
-
 import warnings
 
 import numpy as np
@@ -15,7 +13,6 @@ from maniport.spd.neighbors import nearest
 @pytest.mark.parametrize("condition", [10.0, 1e4, 1e6])
 @pytest.mark.parametrize(("n", "m"), [(30, 1), (30, 5), (20, 200), (0, 5)])
 def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
-    """The search finds the smallest affine-invariant distance, also where log-Euclidean distances mislead."""
     rng = np.random.default_rng(d)
     tilt = np.diag(np.geomspace(1.0, condition**0.25, d))
     queries, points = random_spd(rng, (n,), d, condition), tilt @ random_spd(rng, (m,), d, condition) @ tilt
@@ -26,7 +23,6 @@ def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
 
 
 def test_points_too_ill_conditioned_for_a_search_are_refused(random_spd):
-    """Where rounding makes a query indefinite about the points, an error says so, without a warning or nan."""
     rng = np.random.default_rng(0)
     queries, points = random_spd(rng, (500,), 3, 5e12), random_spd(rng, (1,), 3, 5e12)
     with warnings.catch_warnings(action="error"), pytest.raises(NotSPDError, match="too ill-conditioned together"):

@@ -1,5 +1,3 @@
-"""Comparison of methods on motions of a human arm."""
-
 from functools import partial
 
 import numpy as np
@@ -15,13 +13,11 @@ from maniport.transfer import METHODS
 
 @pytest.fixture
 def small(monkeypatch):
-    """Domains of a few samples."""
     monkeypatch.setattr(methods, "TEACHER_SAMPLES", 64)
     monkeypatch.setattr(methods, "STUDENT_SAMPLES", 128)
 
 
 def test_a_line_for_every_method_and_a_table_for_every_motion(small):
-    """The line has the mean of the motions' gaps; other rows than the requested ones are not there."""
     comparison = compare_methods(("identity", "icp"), names=["H-Eval-2"])
     values = methods_section(comparison).tables[0].value
     assert list(values) == ["parallel-transport", "identity", "icp"]
@@ -34,7 +30,6 @@ def test_a_line_for_every_method_and_a_table_for_every_motion(small):
 
 
 def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatch, tmp_path):
-    """Only beside the experiment from human to robot, and before any work is begun otherwise refused."""
     with pytest.raises(InvalidInputError, match="methods are compared in the experiment 'human-robot'; found 'toy'"):
         run.reproduce("toy", tmp_path / "out", methods=("identity",))
     toy = experiments.toy(0, draws=1)
@@ -46,7 +41,6 @@ def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatc
 
 
 def test_transport_between_gaussians_comes_last_of_all_methods(small):
-    """It maps the mean of the teacher to that of the student, and its images are positive-definite."""
     pytest.importorskip("ot")
     comparison = compare_methods(tuple(METHODS), names=["H-Eval-2"])["H-Eval-2"]
     assert comparison.rows[-1].name == "GaussianTransport"
@@ -54,7 +48,6 @@ def test_transport_between_gaussians_comes_last_of_all_methods(small):
 
 
 def test_motions_are_those_of_the_paper_and_the_recordings():
-    """Four motions of 50 ellipsoids; a recording is thinned to 150 frames of the person in it."""
     actual = motions([*EVALUATIONS, "freeform"])
     assert [len(motion.profile) for motion in actual] == [50, 50, 50, 50, 150]
     assert actual[-1].person.name == "myoarm"

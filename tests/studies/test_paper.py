@@ -24,25 +24,21 @@ def lines_of(result):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The folder of the results."""
     return tmp_path_factory.mktemp("paper") / "out"
 
 
 @pytest.fixture(scope="module")
 def reproduction(folder):
-    """All experiments, run once, with one random set instead of ten."""
     return run.reproduce("all", folder, seed=3, draws=1)
 
 
 @pytest.fixture(scope="module")
 def outcomes(reproduction):
-    """The lines of their tables by experiment."""
     return {experiment.name: lines_of(experiment) for experiment in reproduction.experiments}
 
 
 @pytest.mark.parametrize(("name", "number"), [("toy", "I"), ("two-dof", "II"), ("human-robot", "III")])
 def test_every_row_of_the_tables_is_there(outcomes, name, number):
-    """Each row comes with all settings, every evaluation set and the paper's number, once."""
     for row in paper_table(number):
         for settings in (PAPER, OURS):
             rows = [x for x in outcomes[name] if (x.table, x.row, x.settings) == (number, row.row, settings)]
@@ -52,7 +48,6 @@ def test_every_row_of_the_tables_is_there(outcomes, name, number):
 
 
 def test_exact_images_are_recovered(outcomes):
-    """Below 1e-6 end both toys, in both settings and every form, and arms sampled at the same joint angles."""
     for outcome in outcomes["toy"]:
         assert max(outcome.undivided, outcome.per_dispersion, outcome.per_squared_dispersion) < 1e-6
     same = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, SAME) and x.settings == OURS]
@@ -61,7 +56,6 @@ def test_exact_images_are_recovered(outcomes):
 
 
 def test_files_agree(folder, reproduction, outcomes):
-    """CSV and JSON hold the same numbers as the result."""
     without_methods = [name for name in run.FILES if not name.startswith("methods.")]
     assert sorted(path.name for path in folder.iterdir()) == sorted(without_methods)
     for name, expected in outcomes.items():
@@ -74,7 +68,6 @@ def test_files_agree(folder, reproduction, outcomes):
 
 
 def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
-    """One experiment alone gives the same numbers; an earlier result is replaced on request only."""
     again = run.reproduce("toy", tmp_path / "toy", seed=3, draws=1)
     assert [x.undivided for x in lines_of(again.experiments[0])] == [x.undivided for x in outcomes["toy"]]
     assert sorted(path.name for path in (tmp_path / "toy").iterdir()) == [
@@ -86,8 +79,6 @@ def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
 
 
 def test_failure_leaves_nothing(tmp_path):
-    """An error half way, or an unknown experiment, leaves neither the folder nor a part of it."""
-
     def stop(*step):
         raise RuntimeError("stopped")
 
@@ -96,9 +87,6 @@ def test_failure_leaves_nothing(tmp_path):
     with pytest.raises(InvalidInputError, match="two-dof"):
         run.reproduce("three-dof", tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
-
-
-# ---- comparison with the paper ------------------------------------------------------------------------------------
 
 
 def lines(row, settings, per_dispersion, per_squared_dispersion):
@@ -127,9 +115,6 @@ def test_comparison_counts_matched_lower_and_higher_numbers():
     assert all(bool(group["reason"]) == bool(group["lower"] + group["higher"]) for group in groups)
 
 
-# ---- arms and motions ---------------------------------------------------------------------------------------------
-
-
 def test_two_joint_arms_differ_by_the_mounting_alone():
     """At the same joint angles S = R_b T R_bᵀ exactly; the teacher moves in x-y and the student in y-z."""
     teacher, student = trajectories.two_dof_arms()
@@ -142,7 +127,6 @@ def test_two_joint_arms_differ_by_the_mounting_alone():
 
 
 def test_panda_follows_the_scaled_hand_path_within_its_limits():
-    """Every Panda trajectory stays within the limits and within a millimetre of its target, without jumps."""
     assert_allclose(trajectories.human_arm().forward(np.zeros(7))[:3, 3], (0, 0, -0.6315), atol=1e-12)
     arm = trajectories.robot_arm()
     for motion in (*trajectories.human_training(), *trajectories.human_evaluation().values()):

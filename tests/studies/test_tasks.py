@@ -33,14 +33,12 @@ def simulated(panda):
 
 @pytest.fixture(scope="module")
 def held(panda):
-    """Configurations, and directions."""
     u = np.random.default_rng(0).normal(size=(4, 3))
     return panda.sample(4, 0), u / np.linalg.norm(u, axis=1, keepdims=True)
 
 
 @pytest.fixture(scope="module")
 def task(panda):
-    """A short task whose path the first motion below follows."""
     q = joint_motion()
     person = next(demonstrations())
     time = np.linspace(0.0, 6.0, len(q))
@@ -68,7 +66,6 @@ def test_simulation_has_the_dynamics_of_the_description_and_rotors(simulated, he
 
 
 def test_push_is_the_force_of_the_linear_program(simulated, held):
-    """The end effector yields less than 5 mm before a motor saturates."""
     q, u = held
     both = [[polytope_extent(simulated.arm, a, sign * b[None])[0, 0] for a, b in zip(q, u, strict=True)]
             for sign in (1, -1)]  # fmt: skip
@@ -76,7 +73,6 @@ def test_push_is_the_force_of_the_linear_program(simulated, held):
 
 
 def test_carry_is_the_payload_that_saturates_a_motor(panda, simulated):
-    """Checked by gravity torques of a slow motion with a little less and a little more."""
     q, time = joint_motion(), np.linspace(0.0, 1e4, 16)
     payload = carry(simulated, time, q)
     assert payload > 1.0
@@ -111,7 +107,6 @@ def test_arms_without_masses_are_refused():
 
 
 def test_a_task_and_a_motion_survive_their_files(task, tmp_path):
-    """Scores of the files are those of the arrays."""
     q = np.round(joint_motion(), 9)
     task.save(tmp_path / "task.json")
     again = Task.load(tmp_path / "task.json")
@@ -129,17 +124,13 @@ def test_a_task_and_a_motion_survive_their_files(task, tmp_path):
     assert "Resemblance force" in result.output
 
 
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("head", lambda lines: [lines[0].replace("panda_joint3_rad", "x"), *lines[1:]]),
-        ("short", lambda lines: lines[:-2]),
-        ("word", lambda lines: [lines[0], lines[1].replace(lines[1].split(",")[1], "fast"), *lines[2:]]),
-        ("ragged", lambda lines: [*lines[:-1], "1,2"]),
-        ("empty", lambda lines: []),
-        ("nan", lambda lines: [*lines[:-1], ",".join(["nan"] * 8)]),
-    ],
-)
+@pytest.mark.parametrize(("name", "change"), [
+    ("head", lambda lines: [lines[0].replace("panda_joint3_rad", "x"), *lines[1:]]),
+    ("short", lambda lines: lines[:-2]),
+    ("word", lambda lines: [lines[0], lines[1].replace(lines[1].split(",")[1], "fast"), *lines[2:]]),
+    ("ragged", lambda lines: [*lines[:-1], "1,2"]), ("empty", lambda lines: []),
+    ("nan", lambda lines: [*lines[:-1], ",".join(["nan"] * 8)]),
+])  # fmt: skip
 def test_damaged_motions_are_refused(task, tmp_path, name, change):
     file = write(tmp_path / f"{name}.csv", task, joint_motion())
     file.write_text("\n".join(change(file.read_text().splitlines())))
@@ -147,17 +138,10 @@ def test_damaged_motions_are_refused(task, tmp_path, name, change):
         read_motion(file, task)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"time": [1, 0]},
-        {"path": [[0, 0, 0]]},
-        {"instants": [99]},
-        {"instants": []},
-        {"person_force": [[1.0]]},
-        {"x": 1},
-    ],
-)
+@pytest.mark.parametrize("change", [
+    {"time": [1, 0]}, {"path": [[0, 0, 0]]}, {"instants": [99]}, {"instants": []},
+    {"person_force": [[1.0]]}, {"x": 1},
+])  # fmt: skip
 def test_damaged_tasks_are_refused(task, tmp_path, change):
     task.save(tmp_path / "task.json")
     content = json.loads((tmp_path / "task.json").read_text()) | change
@@ -183,7 +167,6 @@ def test_ratios_are_above_one_where_a_method_is_better():
 
 
 def test_report_has_medians_and_failures():
-    """A failed pair is listed and not counted."""
     units = (unit(20.0), unit(30.0), unit(40.0, valid=False), Unit("b", "panda", False, 0.0, (), "out of reach"))
     report = study_report(TaskStudy(units, 0))
     table = report.sections[0].tables[0].value[0]
@@ -200,7 +183,6 @@ def test_bootstrap_covers_the_median():
 
 @pytest.fixture
 def small(monkeypatch):
-    """One short motion, one method with a cost, two random motions."""
     motion = next(demonstrations())
     short = run.Demonstration("short", motion.arm, motion.time[:12], motion.joint_angles[:12])
     monkeypatch.setattr(run, "demonstrations", lambda: iter([short]))

@@ -1,25 +1,9 @@
-"""Random matrices and domains for the tests of transfer."""
-
 import numpy as np
 import pytest
 from scipy.stats import special_ortho_group
 
 from maniport import spd
 from maniport.transfer.rigid_adapter import RigidMap
-
-
-@pytest.fixture(scope="session")
-def random_spd():
-    """Make n SPD matrices with a given condition number and random axes."""
-
-    def make(rng, n, d, condition=1e2):
-        basis = np.linalg.qr(rng.standard_normal((n, d, d)))[0]
-        exponent = rng.uniform(-0.5, 0.5, (n, d))
-        exponent[:, 0], exponent[:, -1] = -0.5, 0.5
-        matrices = (basis * condition ** exponent[:, None, :]) @ np.swapaxes(basis, -1, -2)
-        return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
-
-    return make
 
 
 @pytest.fixture(scope="session")
@@ -35,7 +19,6 @@ def random_singular():
 
 @pytest.fixture(scope="session")
 def random_rotation():
-    """Make one rotation matrix."""
     return lambda rng, d: special_ortho_group.rvs(d, random_state=rng)
 
 

@@ -15,13 +15,11 @@ methods = pytest.mark.parametrize("name", METHODS)
 
 @methods
 def test_every_method_keeps_the_contract(name):
-    """All laws of the battery hold for every shipped method, in every size, with and without damping."""
     check_adapter(method_of(name, random_state=0, n_starts=2))
 
 
 @methods
 def test_pipelines_and_grid_search_take_it(name, random_singular):
-    """scikit-learn clones, fits and scores it on folds of paired domains, alone or as a step."""
     rng = np.random.default_rng(0)
     teacher, student = random_singular(rng, 12, 3), random_singular(rng, 12, 3)
     adapter = method_of(name, damping=0.5, random_state=0)
@@ -34,15 +32,11 @@ def test_pipelines_and_grid_search_take_it(name, random_singular):
 
 
 class Deaf(mp.IdentityMap):
-    """Forgets the base_rotation."""
-
     def _in_student_frame(self, points):
         return points
 
 
 class Greedy(mp.IdentityMap):
-    """Changes its input."""
-
     def fit(self, teacher, student):
         super().fit(teacher, student)
         teacher *= 2.0
@@ -50,14 +44,11 @@ class Greedy(mp.IdentityMap):
 
 
 class Skewed(mp.IdentityMap):
-    """Loses symmetry."""
-
     def _map(self, points):
         return points + np.triu(np.full(points.shape[1:], 1e-6), 1)
 
 
 @pytest.mark.parametrize("broken", [Deaf, Greedy, Skewed])
 def test_the_battery_finds_what_is_broken(broken):
-    """A method that forgets the base_rotation, one that changes its input and one that loses symmetry do not pass."""
     with pytest.raises((AssertionError, ValueError), match=r"(?i)not equal|read-only"):
         check_adapter(broken())

@@ -17,13 +17,11 @@ from maniport.util import files
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 ADAPTERS = [
-    mp.ParallelTransport(),
-    mp.ParallelTransport(damping=0.01, base_rotation=TURN),
+    mp.ParallelTransport(), mp.ParallelTransport(damping=0.01, base_rotation=TURN),
     mp.RiemannianICP(damping=np.float64(0.1), n_starts=0, most_singular=8),
     *(mp.RiemannianICP(correspondence=name, require_improvement=False) for name in CORRESPONDENCES),
-    mp.LengthField(n_rounds=2),
-    mp.NearestNeighbor(damping=0.05, n_samples=9),
-]
+    mp.LengthField(n_rounds=2), mp.NearestNeighbor(damping=0.05, n_samples=9),
+]  # fmt: skip
 
 
 @pytest.fixture
@@ -38,7 +36,6 @@ def saved(tmp_path, random_spd):
 
 @pytest.mark.parametrize("adapter", ADAPTERS, ids=lambda a: type(a).__name__)
 def test_round_trip_is_exact(adapter, tmp_path, random_spd):
-    """A loaded adapter has the same parameters, whatever they are, and gives the same bits."""
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 10, 3), random_spd(rng, 12, 3)
     fitted = clone(adapter).fit(teacher, student)
@@ -53,7 +50,6 @@ def test_round_trip_is_exact(adapter, tmp_path, random_spd):
 
 
 def test_unreadable_files_are_refused(saved, tmp_path):
-    """Missing ones, cut off anywhere; with one bit flipped it is refused or gives the same map."""
     for path, message in ((tmp_path / "nothing.npz", r"nothing\.npz.*no such file"), (tmp_path, "this is a folder")):
         with pytest.raises(FileFormatError, match=message):
             mp.load_adapter(path)
@@ -76,25 +72,15 @@ def test_unreadable_files_are_refused(saved, tmp_path):
         assert_array_equal(loaded.transform(teacher), image)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"format": "maniport-adapter-99"}, "maniport-adapter-99"),
-        ({"method": "Magic"}, "Magic"),
-        ({"method": "RigidAdapter"}, "RigidAdapter"),
-        ({"method": None}, "None"),
-        ({"parameters": {"color": "red"}}, "color"),
-        ({"parameters": [1, 2]}, "damaged"),
-        ({"fitted": {"dispersion_ratio_": "one"}}, "dispersion_ratio_"),
-        ({"fitted": {"base_rotation_": 1.0}}, "base_rotation_"),
-        ({"fitted": {"stop_reason_": 3}}, "stop_reason_"),
-        ({"fitted": None}, "student_damping_"),
-        ({"fitted": {"transform": 1}}, "transform"),
-        (None, "damaged"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"format": "maniport-adapter-99"}, "maniport-adapter-99"), ({"method": "Magic"}, "Magic"),
+    ({"method": "RigidAdapter"}, "RigidAdapter"), ({"method": None}, "None"),
+    ({"parameters": {"color": "red"}}, "color"), ({"parameters": [1, 2]}, "damaged"),
+    ({"fitted": {"dispersion_ratio_": "one"}}, "dispersion_ratio_"),
+    ({"fitted": {"base_rotation_": 1.0}}, "base_rotation_"), ({"fitted": {"stop_reason_": 3}}, "stop_reason_"),
+    ({"fitted": None}, "student_damping_"), ({"fitted": {"transform": 1}}, "transform"), (None, "damaged"),
+])  # fmt: skip
 def test_other_contents_are_refused(saved, change, message):
-    """A future format, an unknown method and missing or foreign entries are refused, and the message names the file."""
     path, _, _ = saved
     arrays = files.load_arrays(path, "adapter file")
     plain = json.loads(str(arrays["adapter"]))
@@ -111,7 +97,6 @@ GOLDEN = sorted((Path(__file__).parent / "golden").glob("maniport-adapter-*.npz"
 
 @pytest.mark.parametrize("path", [path for path in GOLDEN if "images" not in path.name], ids=lambda path: path.stem)
 def test_files_of_this_format_stay_readable(path):
-    """Adapters that were written when the format was new give the same images; earlier formats are named."""
     if FILE_FORMAT not in path.name:
         with pytest.raises(FileFormatError, match=f"has the format 'maniport-adapter-3'; .* reads '{FILE_FORMAT}'"):
             mp.load_adapter(path)
@@ -122,7 +107,6 @@ def test_files_of_this_format_stay_readable(path):
 
 
 def test_options_that_are_objects_are_not_saved(tmp_path, random_spd):
-    """An adapter with its own correspondence is read without it: it maps as before, and a new fit names the option."""
     points = random_spd(np.random.default_rng(0), 10, 3)
     adapter = mp.RiemannianICP(correspondence=GeodesicCorrespondence(), n_starts=0).fit(points, 2.0 * points)
     adapter.save(tmp_path / "adapter.npz")
@@ -142,7 +126,6 @@ WRONG = {
 
 @pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG.items() for value in values])
 def test_arrays_that_break_a_law_are_refused(saved, name, value):
-    """A rotation that mirrors, a mean that is no ellipsoid, another shape or type: each is named."""
     path, _, _ = saved
     arrays = files.load_arrays(path, "adapter file")
     assert f"fitted.{name}" in arrays

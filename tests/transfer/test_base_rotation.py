@@ -18,7 +18,6 @@ methods = pytest.mark.parametrize("name", METHODS)
 
 @methods
 def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_spd):
-    """For d = 6 the base_rotation may be given as a rotation in space; it turns both halves, and the hand's path."""
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 20, 6), random_spd(rng, 25, 6)
     both = np.kron(np.eye(2), TURN)
@@ -29,7 +28,6 @@ def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_s
 
 
 def test_a_method_is_found_by_name_or_taken_as_it_is():
-    """By name it gets what is shared, where it has it; an adapter keeps its own parameters, as a clone."""
     named = method_of("parallel-transport", damping=0.02, base_rotation=TURN, random_state=3)
     assert (type(named), named.damping) == (mp.ParallelTransport, 0.02)
     own = mp.RiemannianICP(damping=0.5)
@@ -46,7 +44,6 @@ def test_a_method_is_found_by_name_or_taken_as_it_is():
 
 
 def test_the_length_field_of_an_arm_does_not_depend_on_rounding():
-    """A fit with a base_rotation equals the one to rotated ellipsoids, although searches have many solutions."""
     robot, person, turn = mp.load_arm("panda"), mp.load_arm("rhuman"), special_ortho_group.rvs(3, random_state=3)
     teacher, student, new = (mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2)))
     options = {"damping": 0.01, "n_centers": 80}

@@ -1,5 +1,3 @@
-"""Compiled maps of one ellipsoid equal those in NumPy."""
-
 import tracemalloc
 
 import numpy as np
@@ -12,7 +10,6 @@ from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 
 @pytest.fixture(scope="module")
 def clouds(random_spd):
-    """Two clouds of SPD matrices."""
     return random_spd(np.random.default_rng(3), 60, 3), random_spd(np.random.default_rng(53), 70, 3)
 
 
@@ -39,23 +36,16 @@ def test_compiled_map_equals_transform_and_allocates_nothing(clouds, remedy):
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize(
-    ("point", "error", "words"),
-    [
-        (np.eye(4), InvalidInputError, r"\(3, 3\); found float64 \(4, 4\)"),
-        (np.eye(3, dtype=np.float32), InvalidInputError, "float32"),
-        (np.arange(18.0).reshape(3, 6)[:, ::2], InvalidInputError, "C-contiguous"),
-        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], InvalidInputError, "list"),
-        (3.0, InvalidInputError, "float"),
-        (np.triu(np.ones((3, 3))), NotSPDError, "not symmetric"),
-        (np.full((3, 3), np.nan), NotSPDError, "finite"),
-        (np.diag([1.0, np.inf, 1.0]), NotSPDError, "finite"),
-        (np.diag([1.0, -1.0, 1.0]), NotSPDError, "positive-definite"),
-    ],
-)
+@pytest.mark.parametrize(("point", "error", "words"), [
+    (np.eye(4), InvalidInputError, r"\(3, 3\); found float64 \(4, 4\)"),
+    (np.eye(3, dtype=np.float32), InvalidInputError, "float32"),
+    (np.arange(18.0).reshape(3, 6)[:, ::2], InvalidInputError, "C-contiguous"),
+    ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], InvalidInputError, "list"), (3.0, InvalidInputError, "float"),
+    (np.triu(np.ones((3, 3))), NotSPDError, "not symmetric"), (np.full((3, 3), np.nan), NotSPDError, "finite"),
+    (np.diag([1.0, np.inf, 1.0]), NotSPDError, "finite"), (np.diag([1.0, -1.0, 1.0]), NotSPDError, "positive-definite"),
+])  # fmt: skip
 @pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}])
 def test_compiled_map_refuses_bad_input(clouds, point, error, words, remedy):
-    """Wrong arrays and matrices that are not SPD get an error, and the output stays as it was."""
     compiled, out = ParallelTransport(**remedy).fit(*clouds).compiled(), np.full((3, 3), 7.0)
     with pytest.raises(error, match=words):
         compiled(point, out)
@@ -63,7 +53,6 @@ def test_compiled_map_refuses_bad_input(clouds, point, error, words, remedy):
 
 
 def test_only_rigid_fitted_adapters_have_a_compiled_map(clouds):
-    """Before `fit` there is none; a table maps one at a time as it maps many."""
     with pytest.raises(NotFittedError):
         ParallelTransport().compiled()
     table = NearestNeighbor().fit(*clouds)

@@ -10,12 +10,14 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport import spd
+from maniport.transfer.icp.correspondence import CORRESPONDENCES
 from maniport.transfer.rigid_adapter import transport_rotation
 
 
+@pytest.mark.parametrize("kind", CORRESPONDENCES)
 @pytest.mark.parametrize("most_singular", [None, 12])
-@pytest.mark.parametrize(("d", "seed"), [*((3, seed) for seed in range(5)), (2, 0), (2, 1), (6, 0), (6, 1)])
-def test_toy_of_the_paper(d, seed, most_singular, random_spd, random_map):
+@pytest.mark.parametrize(("d", "seed"), [(3, 0), (3, 1), (2, 0), (6, 0)])
+def test_toy_of_the_paper(d, seed, most_singular, kind, random_spd, random_map):
     """100 ellipsoids, the Panda's or others, under a random rotation, dispersion and mean, shuffled: a map is exact."""
     rng, panda = np.random.default_rng(seed), mp.load_arm("panda")
     ellipsoids = random_spd(rng, 110, d)
@@ -23,7 +25,7 @@ def test_toy_of_the_paper(d, seed, most_singular, random_spd, random_map):
         ellipsoids = panda.manipulability(panda.sample(110, rng, sequence="uniform"))
     teacher, new = ellipsoids[:100], ellipsoids[100:]
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(most_singular=most_singular)
+    adapter = mp.RiemannianICP(most_singular=most_singular, correspondence=kind)
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert np.sqrt(np.mean(spd.distance(adapter.transform(new), truth.apply(new)) ** 2)) < 1e-6
     assert adapter.converged_
@@ -38,7 +40,6 @@ def unequal(random_spd):
 
 
 def test_best_iterate_is_kept(unequal):
-    """The cost is the lowest of the history, and never above the one at parallel transport's start."""
     start = mp.RiemannianICP(n_starts=0, require_improvement=False).fit(*unequal)
     adapter = mp.RiemannianICP(require_improvement=False).fit(*unequal)
     assert adapter.cost_ == adapter.history_.min()
@@ -47,7 +48,6 @@ def test_best_iterate_is_kept(unequal):
 
 
 def test_start_is_respected(unequal, random_rotation):
-    """The only start is parallel transport, the identity, or the known base orientation."""
     plain, base_rotation = mp.ParallelTransport().fit(*unequal), random_rotation(np.random.default_rng(0), 3)
     adapter = mp.RiemannianICP(n_starts=0).fit(*unequal)
     assert_allclose(adapter.start_rotation_, plain.rotation_)
@@ -55,9 +55,3 @@ def test_start_is_respected(unequal, random_rotation):
     adapter.set_params(base_rotation=base_rotation, start="parallel-transport", n_starts=4).fit(*unequal)
     expected = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
     assert_allclose(adapter.start_rotation_, expected)
-
-
-def test_most_singular_of_more_than_there_are_means_all(unequal):
-    """Selecting more ellipsoids than a domain has selects all of them."""
-    every = mp.RiemannianICP(n_starts=0, most_singular=1000).fit(*unequal)
-    assert every.cost_ == mp.RiemannianICP(n_starts=0).fit(*unequal).cost_

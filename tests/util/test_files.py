@@ -1,5 +1,3 @@
-"""Files of ellipsoids, paths and settings."""
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -22,7 +20,6 @@ TIMES = np.array([0.0, 0.5, 1.0])
 
 @pytest.mark.parametrize("time", [None, TIMES])
 def test_ellipsoids_and_paths_come_back_bit_for_bit(tmp_path, time):
-    """Singular ellipsoids too, with and without times, in a file of exactly the name that was given."""
     for save, load, values in ((save_ellipsoids, load_ellipsoids, POINTS), (save_path, load_path, POINTS[0])):
         save(tmp_path / "profile", values, time)
         again, times = load(str(tmp_path / "profile"))
@@ -31,39 +28,31 @@ def test_ellipsoids_and_paths_come_back_bit_for_bit(tmp_path, time):
         assert [file.name for file in tmp_path.iterdir()] == ["profile"]
 
 
-@pytest.mark.parametrize(
-    ("save", "values", "time", "word"),
-    [
-        (save_ellipsoids, POINTS[0], None, r"manipulability must have shape \(n, d, d\)"),
-        (save_ellipsoids, -POINTS, None, r"manipulability\[0\] is indefinite"),
-        (save_ellipsoids, POINTS * np.nan, None, "manipulability must be finite"),
-        (save_ellipsoids, POINTS, TIMES + np.inf, "time must be finite"),
-        (save_path, np.zeros(3), None, "path must have shape"),
-    ],
-)
+@pytest.mark.parametrize(("save", "values", "time", "word"), [
+    (save_ellipsoids, POINTS[0], None, r"manipulability must have shape \(n, d, d\)"),
+    (save_ellipsoids, -POINTS, None, r"manipulability\[0\] is indefinite"),
+    (save_ellipsoids, POINTS * np.nan, None, "manipulability must be finite"),
+    (save_ellipsoids, POINTS, TIMES + np.inf, "time must be finite"),
+    (save_path, np.zeros(3), None, "path must have shape"),
+])  # fmt: skip
 def test_values_that_could_not_be_read_again_are_not_written(tmp_path, save, values, time, word):
-    """Nothing is written."""
     with pytest.raises(InvalidInputError, match=word):
         save(tmp_path / "profile.npz", values, time)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("load", "arrays", "error", "word"),
-    [
-        (load_ellipsoids, {"other": POINTS}, FileFormatError, r"no array 'manipulability'; it holds \['other'\]"),
-        (load_ellipsoids, {"manipulability": POINTS[0]}, FileFormatError, "shape"),
-        (load_ellipsoids, {"manipulability": np.full((1, 2, 2), "a")}, InvalidInputError, "array of numbers"),
-        (load_ellipsoids, {"manipulability": np.where(POINTS == 4, np.inf, POINTS)}, InvalidInputError, "finite"),
-        (load_ellipsoids, {"manipulability": POINTS + np.eye(3, k=1)}, NotSPDError, r"\[0\] is not symmetric"),
-        (load_ellipsoids, {"manipulability": POINTS * [[[1]], [[1]], [[-1]]]}, NotSPDError, r"\[2\] is indefinite"),
-        (load_ellipsoids, {"manipulability": POINTS, "time": TIMES[:2]}, FileFormatError, "3 ellipsoids"),
-        (load_ellipsoids, {"manipulability": POINTS, "time": TIMES[::-1]}, InvalidInputError, "increase strictly"),
-        (load_path, {"path": np.zeros(3)}, FileFormatError, "must have shape"),
-    ],
-)
+@pytest.mark.parametrize(("load", "arrays", "error", "word"), [
+    (load_ellipsoids, {"other": POINTS}, FileFormatError, r"no array 'manipulability'; it holds \['other'\]"),
+    (load_ellipsoids, {"manipulability": POINTS[0]}, FileFormatError, "shape"),
+    (load_ellipsoids, {"manipulability": np.full((1, 2, 2), "a")}, InvalidInputError, "array of numbers"),
+    (load_ellipsoids, {"manipulability": np.where(POINTS == 4, np.inf, POINTS)}, InvalidInputError, "finite"),
+    (load_ellipsoids, {"manipulability": POINTS + np.eye(3, k=1)}, NotSPDError, r"\[0\] is not symmetric"),
+    (load_ellipsoids, {"manipulability": POINTS * [[[1]], [[1]], [[-1]]]}, NotSPDError, r"\[2\] is indefinite"),
+    (load_ellipsoids, {"manipulability": POINTS, "time": TIMES[:2]}, FileFormatError, "3 ellipsoids"),
+    (load_ellipsoids, {"manipulability": POINTS, "time": TIMES[::-1]}, InvalidInputError, "increase strictly"),
+    (load_path, {"path": np.zeros(3)}, FileFormatError, "must have shape"),
+])  # fmt: skip
 def test_wrong_arrays_are_refused(tmp_path, load, arrays, error, word):
-    """The message names the file."""
     save_arrays(tmp_path / "profile.npz", arrays)
     with pytest.raises(error, match=word) as caught:
         load(tmp_path / "profile.npz")
@@ -71,7 +60,6 @@ def test_wrong_arrays_are_refused(tmp_path, load, arrays, error, word):
 
 
 def test_unreadable_files_are_refused(tmp_path):
-    """Missing and truncated ones; `test_input_limits` has pickled and foreign ones."""
     path = tmp_path / "profile.npz"
     with pytest.raises(FileFormatError, match=r"profile\.npz.*no such file"):
         load_ellipsoids(path)
@@ -83,24 +71,16 @@ def test_unreadable_files_are_refused(tmp_path):
             load_ellipsoids(path)
 
 
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        ("a: 1\n b: 2\n", "line 2, column 3"),
-        ("a: 1\na: 2\n", "the key 'a' occurs twice"),
-        ("a: &x [1]\nb: *x\n", "aliases"),
-        ("a: !!python/object/apply:os.system [true]\n", "could not determine a constructor"),
-        ("- 1\n", "keys a, b; found list"),
-        ("# nothing\n", "found nothing"),
-        ("c: 1\n", "unknown key 'c'; allowed are, nearest first: a, b"),
-        ("a: " + "[" * 1500, "not readable as YAML"),
-        ("a: \x00", "not readable as YAML"),
-        (b"a: \xff\xfe", "not a text file"),
-        (" " * (SETTINGS_BYTES + 1), "at most 0.25 MB"),
-    ],
-)
+@pytest.mark.parametrize(("text", "word"), [
+    ("a: 1\n b: 2\n", "line 2, column 3"), ("a: 1\na: 2\n", "the key 'a' occurs twice"),
+    ("a: &x [1]\nb: *x\n", "aliases"),
+    ("a: !!python/object/apply:os.system [true]\n", "could not determine a constructor"),
+    ("- 1\n", "keys a, b; found list"), ("# nothing\n", "found nothing"),
+    ("c: 1\n", "unknown key 'c'; allowed are, nearest first: a, b"), ("a: " + "[" * 1500, "not readable as YAML"),
+    ("a: \x00", "not readable as YAML"), (b"a: \xff\xfe", "not a text file"),
+    (" " * (SETTINGS_BYTES + 1), "at most 0.25 MB"),
+])  # fmt: skip
 def test_faulty_settings_are_refused(tmp_path, text, word):
-    """Each fault is named, with its line where it has one."""
     path = tmp_path / "s.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(FileFormatError, match=word):
@@ -108,7 +88,6 @@ def test_faulty_settings_are_refused(tmp_path, text, word):
 
 
 def test_a_nested_mapping_is_named(tmp_path):
-    """So is a file with another suffix, or none."""
     with pytest.raises(FileFormatError, match=r"l\.yaml: joints: unknown key 'velocty'; .*: velocity, jerk"):
         require_mapping({"velocty": 1}, ("jerk", "velocity"), "l.yaml: joints")
     with pytest.raises(FileFormatError, match="no such file"):

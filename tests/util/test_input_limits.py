@@ -18,20 +18,14 @@ from maniport.util import files
 from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, read_settings, save_ellipsoids
 
 READERS = {
-    "r.bvh": read_recording,
-    "r.c3d": read_recording,
-    "r.urdf": load_arm,
-    "r.xml": load_arm,
-    "r.stl": load_mesh,
-    "m.json": lambda path: HumanOptions(markers=str(path)).roles(),
-    "r.npz": load_ellipsoids,
+    "r.bvh": read_recording, "r.c3d": read_recording, "r.urdf": load_arm, "r.xml": load_arm, "r.stl": load_mesh,
+    "m.json": lambda path: HumanOptions(markers=str(path)).roles(), "r.npz": load_ellipsoids,
     "r.yaml": lambda path: read_settings(path, ("a",)),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", READERS)
 def test_pipes_devices_and_huge_files_are_not_opened(tmp_path, name):
-    """A pipe that nobody writes to, an endless device and a sparse terabyte."""
     path = tmp_path / name
     os.mkfifo(path)
     for kind in ("pipe", "device"):
@@ -47,7 +41,6 @@ def test_pipes_devices_and_huge_files_are_not_opened(tmp_path, name):
 
 
 def test_only_needed_arrays_are_unpacked(tmp_path, monkeypatch):
-    """A decompression bomb next to the ellipsoids is not unpacked, one in their place is refused before it is."""
     path = tmp_path / "bomb.npz"
     np.savez_compressed(path, manipulability=np.eye(3)[None], bomb=np.zeros(2_000_000))
     monkeypatch.setattr(files, "ARRAYS_BYTES", 10_000_000)
@@ -76,46 +69,32 @@ WRITERS = {
 
 
 def npy(array):
-    """Write an array in NumPy's format."""
     stream = io.BytesIO()
     np.lib.format.write_array(stream, np.asarray(array))
     return stream.getvalue()
 
 
 def headed(descr, shape, content=b""):
-    """Write a header of any type and shape."""
     header = repr({"descr": descr, "fortran_order": False, "shape": shape}).encode()
     header += b" " * (-(len(header) + 11) % 64) + b"\n"
     return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + content
 
 
 DAMAGED = {
-    "text": b"hello",
-    "nothing": b"",
-    "half a header": npy(np.eye(3))[:20],
-    "half": npy(np.eye(3))[:-8],
-    "more than there is": headed("<f8", (10**15,)),
-    "larger than any integer": headed("<f8", (10**22, 0)),
-    "huge, of no bytes": headed("|S0", (10**13,)),
-    "negative": headed("<f8", (-1,)),
-    "objects": headed("|O", (1,), b"\x80\x04N."),
-    "no Unicode": headed("<U1", (), b"\xff" * 4),
-}
+    "text": b"hello", "nothing": b"", "half a header": npy(np.eye(3))[:20], "half": npy(np.eye(3))[:-8],
+    "more than there is": headed("<f8", (10**15,)), "larger than any integer": headed("<f8", (10**22, 0)),
+    "huge, of no bytes": headed("|S0", (10**13,)), "negative": headed("<f8", (-1,)),
+    "objects": headed("|O", (1,), b"\x80\x04N."), "no Unicode": headed("<U1", (), b"\xff" * 4),
+}  # fmt: skip
 ODD = {
-    "0-d": npy(1.0),
-    "empty": npy(np.zeros(0)),
-    "complex": npy(1j * np.ones(24)),
-    "dates": npy(np.arange(24).astype("M8[s]")),
-    "fields": npy(np.zeros(24, [("a", "f8")])),
-    "words": npy(["a", "b"]),
-    "bytes": npy([b"\xff"]),
-    "long text": npy("[" * 20_000),
-}
+    "0-d": npy(1.0), "empty": npy(np.zeros(0)), "complex": npy(1j * np.ones(24)),
+    "dates": npy(np.arange(24).astype("M8[s]")), "fields": npy(np.zeros(24, [("a", "f8")])), "words": npy(["a", "b"]),
+    "bytes": npy([b"\xff"]), "long text": npy("[" * 20_000),
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=WRITERS)
 def members_and_loader(request, tmp_path_factory):
-    """Members of a valid file of each kind, and its reader."""
     write, load = WRITERS[request.param]
     path = tmp_path_factory.mktemp("valid") / "valid.npz"
     write(path)
@@ -125,7 +104,6 @@ def members_and_loader(request, tmp_path_factory):
 
 
 def pack(path, members, compression=zipfile.ZIP_STORED):
-    """Write members to an archive."""
     with zipfile.ZipFile(path, "w", compression) as archive:
         for name, content in members.items():
             archive.writestr(name, content)
@@ -150,7 +128,6 @@ ENDS = '<parent link="{}"/><child link="{}"/>'
 
 
 def serial(n, extra=""):
-    """Write a URDF of n joints in a row."""
     links = "".join(f'<link name="l{i}"/>' for i in range(n + 1))
     joints = "".join(
         f'<joint name="j{i}" type="revolute">{ENDS.format(f"l{i}", f"l{i + 1}")}{LIMIT}</joint>' for i in range(n)
@@ -159,7 +136,6 @@ def serial(n, extra=""):
 
 
 def nested(n):
-    """Write an MJCF of n bodies, each within the one before."""
     bodies = "".join(f'<body name="b{i}"><joint name="j{i}" range="-9 9"/>' for i in range(n)) + "</body>" * n
     return f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"
 
@@ -171,7 +147,6 @@ def entities():
 
 
 def small(asset="", body="", joint="", shape=""):
-    """Write an MJCF of one body."""
     joint = f'<joint name="j" range="-9 9" {joint}/>'
     return f'<mujoco>{asset}<worldbody><body name="b" {body}>{joint}{shape}</body></worldbody></mujoco>'
 
@@ -207,7 +182,6 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_robots_that_crash_native_readers_are_refused(tmp_path, name):
-    """Size, depth, missing numbers and meshes without volume are checked before Pinocchio reads them."""
     text, message = HOSTILE[name]
     path = tmp_path / ("robot.xml" if "<mujoco" in text else "robot.urdf")
     path.write_text(text)

@@ -37,12 +37,10 @@ def imported(tmp_path, monkeypatch):
 
 
 def hits(kernel):
-    """Count the loads from the cache."""
     return sum(kernel.stats.cache_hits.values())
 
 
 def test_compiled_functions_are_cached_until_their_code_changes(imported, tmp_path):
-    """Code in another file that they call counts."""
     for expected in (0, 1):
         kernel = imported()
         assert (kernel(1.5), hits(kernel)) == (3.0, expected)
@@ -54,7 +52,6 @@ def test_compiled_functions_are_cached_until_their_code_changes(imported, tmp_pa
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
 @pytest.mark.parametrize("damage", ["emptied", "cut", "overwritten", "a folder"])
 def test_a_damaged_cache_costs_a_compilation(imported, tmp_path, suffix, damage):
-    """The result is right."""
     imported()(1.5)
     (file,) = tmp_path.rglob(f"*.{suffix}")
     content = file.read_bytes()
@@ -70,8 +67,6 @@ def test_a_damaged_cache_costs_a_compilation(imported, tmp_path, suffix, damage)
 
 @pytest.mark.parametrize("fault", [OSError(errno.ENOSPC, "full"), OSError(errno.EROFS, "read-only"), RuntimeError()])
 def test_a_cache_that_cannot_be_written_costs_only_the_cache(imported, monkeypatch, fault):
-    """Full disk, read-only disk, no folder at all."""
-
     def fail(*_):
         raise fault
 

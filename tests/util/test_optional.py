@@ -1,5 +1,3 @@
-"""Packages that need not be installed: who needs one says so, and how it is installed."""
-
 import re
 import sys
 import tomllib
@@ -23,14 +21,12 @@ IMPORTERS = {name: importer.args for name, importer in vars(optional).items() if
 
 
 def import_names(requirements):
-    """Return the names under which required packages are imported."""
     names = [re.match(r"[\w-]+", requirement)[0].lower() for requirement in requirements]
     return {IMPORT_NAMES.get(name, name.replace("-", "_")) for name in names}
 
 
 @pytest.mark.parametrize("importer", IMPORTERS)
 def test_a_missing_package_is_reported_with_the_command_that_installs_it(importer, monkeypatch):
-    """The extra that is named has the package."""
     package, extra, user = IMPORTERS[importer]
     assert package.partition(".")[0] in import_names(PROJECT["optional-dependencies"][extra])
     monkeypatch.setitem(sys.modules, package, None)
@@ -40,17 +36,10 @@ def test_a_missing_package_is_reported_with_the_command_that_installs_it(importe
 
 
 def test_other_imports_are_of_dependencies():
-    """Every import is of Python, of a dependency, or one of the exceptions above."""
     lines = re.compile(r"^ *(?:from|import) ([A-Za-z]\w*)", re.MULTILINE)
     imported = {name for file in PACKAGE.rglob("*.py") for name in lines.findall(_code(file))}
     own = {"maniport", *import_names(PROJECT["dependencies"])}
-    assert imported <= {
-        *sys.stdlib_module_names,
-        *own,
-        *DEPENDENCIES_OF_OTHERS,
-        *WITH_FALLBACK,
-        *CHECKED_BEFORE,
-    }
+    assert imported <= {*sys.stdlib_module_names, *own, *DEPENDENCIES_OF_OTHERS, *WITH_FALLBACK, *CHECKED_BEFORE}
 
 
 def _code(file):

@@ -1,5 +1,3 @@
-"""A small live view that is made quickly."""
-
 import contextlib
 import threading
 from concurrent.futures import Future
@@ -21,18 +19,12 @@ def arms():
 
 
 @pytest.fixture(scope="session")
-def bank(arms):
-    return SeedBank(arms[1], 2048, 0)
-
-
-@pytest.fixture(scope="session")
 def domains(arms):
     return sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1)
 
 
 @pytest.fixture(scope="session")
 def place():
-    """A placement in front of the robot, with half of the size."""
     point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "pointwise_best": np.zeros(1), "spec": VELOCITY}
     point |= {"planned_distance": np.zeros(1)}
     point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
@@ -41,14 +33,10 @@ def place():
 
 
 @pytest.fixture(scope="session")
-def fitted(domains):
-    maps = Maps(*domains)
-    return {(name, np.eye(3).tobytes()): maps.fit(name, np.eye(3)) for name in maps.names}
-
-
-@pytest.fixture(scope="module")
-def make_state(arms, bank, domains, fitted, place):
-    """Make a state, with other maps or with a recording."""
+def make_state(arms, domains, place):
+    first = Maps(*domains)
+    fitted = {(name, np.eye(3).tobytes()): first.fit(name, np.eye(3)) for name in first.names}
+    bank = SeedBank(arms[1], 2048, 0)
 
     def make(maps=None, recorded=False):
         playback = None
@@ -69,8 +57,6 @@ def make_state(arms, bank, domains, fitted, place):
 
 @pytest.fixture
 def running():
-    """A context that runs the loop of a view."""
-
     @contextlib.contextmanager
     def run(view):
         stop = threading.Event()

@@ -1,5 +1,3 @@
-"""Shapes of the page: ellipsoids, base orientations, and surfaces of robots."""
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

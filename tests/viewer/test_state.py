@@ -1,5 +1,3 @@
-"""The state of the live view, of one arm and of both, without any page."""
-
 import threading
 
 import numpy as np
@@ -27,7 +25,6 @@ BASES = np.array([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]])
 
 
 def advance(state, method="icp", joints=POSE, seconds=STEP, base_rotation=None, follow_hand=False):
-    """The frame of one arm after some time."""
     base_rotation = np.eye(3) if base_rotation is None else base_rotation
     return state.frames(Command(joints, method, base_rotation, follow_hand), seconds)[0]
 
@@ -77,7 +74,6 @@ def test_the_end_effector_follows_on_request(make_state):
 
 
 def test_an_adapter_file_keeps_its_map(make_state, domains):
-    """At any base orientation; without damping it cannot map the flat ellipsoid of a stretched arm."""
     adapter = ParallelTransport().fit(*domains)
     maps = Maps(*domains, loaded=adapter)
     state = make_state(maps)
@@ -135,7 +131,6 @@ def pandas():
 
 
 def sides_of(robot):
-    """The person's arms and a robot's, on small domains."""
     for side, arm, base in zip(("left", "right"), robot.arms, BASES, strict=True):
         person = human_arm("rhuman", side)
         maps = Maps(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
@@ -143,7 +138,6 @@ def sides_of(robot):
 
 
 def test_both_arms_move_as_each_alone(pandas):
-    """Where they share nothing; with a placement hands keep their relation, scaled."""
     pair = ViewState(pandas, list(sides_of(pandas)))
     alone = [ViewState(side.student, [side]) for side in sides_of(pandas)]
     for joints in (POSE, POSE + 0.1):
@@ -180,16 +174,12 @@ def test_a_shared_torso_is_in_one_place():
         assert len(left) == len(humanoid.arms[0].surfaces())
 
 
-@pytest.mark.parametrize(
-    ("options", "files", "word"),
-    [
-        ({"side": "both"}, {}, "two arms"),
-        ({"side": "left", "robot": ("panda", "panda"), "pose": TWO}, {}, "two arms"),
-        ({"pose": TWO[:1]}, {}, "two robot arms"),
-        ({"side": "both", "robot": ("panda", "panda"), "pose": TWO}, {"adapter": "mine.npz"}, "adapter"),
-        ({"side": "both", "robot": ("panda", "panda"), "pose": TWO}, {"recording": "ladder"}, "both"),
-    ],
-)
+@pytest.mark.parametrize(("options", "files", "word"), [
+    ({"side": "both"}, {}, "two arms"), ({"side": "left", "robot": ("panda", "panda"), "pose": TWO}, {}, "two arms"),
+    ({"pose": TWO[:1]}, {}, "two robot arms"),
+    ({"side": "both", "robot": ("panda", "panda"), "pose": TWO}, {"adapter": "mine.npz"}, "adapter"),
+    ({"side": "both", "robot": ("panda", "panda"), "pose": TWO}, {"recording": "ladder"}, "both"),
+])  # fmt: skip
 def test_options_that_make_no_pair_are_errors(options, files, word):
     with pytest.raises(ManiportError, match=word):
         prepare.prepare(Config().changed(**options), **files)

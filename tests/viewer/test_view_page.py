@@ -76,7 +76,6 @@ def test_the_page_is_served_on_this_machine_only(make_view, make_state, capsys, 
 
 
 def test_other_pages_of_the_browser_cannot_connect(make_view):
-    """Pages of other origins, and host names of others that lead to this machine."""
     url = make_view().url
     here = url.split("/")[2]
     for origin in ("http://evil.example", "null", f"https://{here}", "http://localhost:1", "file://"):
@@ -92,7 +91,6 @@ def test_other_pages_of_the_browser_cannot_connect(make_view):
 
 
 def test_controls_become_commands(make_view):
-    """Method, switch, base orientation, and sliders, which are in degrees."""
     view = make_view()
     panel = view._panel
     panel._method.value, panel._follows.value = "nearest-neighbor", True
@@ -120,8 +118,6 @@ def test_a_base_orientation_of_the_user_can_be_chosen(make_state):
 
 @pytest.mark.parametrize("error", [FileFormatError("a mesh is missing: 'hand.dae'"), KeyboardInterrupt()])
 def test_errors_before_the_page_is_complete(make_state, monkeypatch, error):
-    """A robot without a surface is a skeleton; Ctrl-C leaves no server behind."""
-
     def surfaces(self):
         raise error
 
@@ -140,8 +136,6 @@ def test_errors_before_the_page_is_complete(make_state, monkeypatch, error):
 
 
 def test_frames_arrive_whole_and_meshes_once(make_view, running):
-    """Robot, person and ellipsoids move in one message; shapes are sent when a page comes and never again."""
-
     def moving(windows):
         return [window for window in windows if ("/robot/surface/7", "SetPositionMessage") in window]
 
@@ -196,7 +190,6 @@ def test_a_browser_shows_the_page(make_view, running, browser):
 
 
 def test_states_of_live_are_drawn(arms):
-    """Nothing before the person is seen; then the robot is in the given configuration."""
     person, robot = (arm.sample(1, 0)[0] for arm in arms)
     own, other = (arm.manipulability(q) for arm, q in zip(arms, (person, robot), strict=True))
     tip = arms[1].forward(robot)[:3, 3]

@@ -90,7 +90,7 @@ class Arm(JointSpace):
 
         Examples
         --------
-        A planar arm with two links of one metre:
+        A planar arm with two links of one meter:
 
         >>> Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
         Arm('planar', dof=2, frame='link2', joints=['joint1', 'joint2'])

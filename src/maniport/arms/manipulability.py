@@ -39,7 +39,7 @@ LEAST_TORQUE = 0.05  # smallest share of an effort limit that gravity leaves, so
 
 @dataclass(frozen=True)
 class EllipsoidSpec:
-    """Which ellipsoids of an arm: of which kind, of which part of the motion, with which joint weights.
+    """Kind, part and joint weights of an arm's ellipsoids.
 
     Attributes
     ----------

@@ -79,7 +79,7 @@ def transfer_batch(
     """Transfer all recordings to all robots; write the results, a table of metrics and an overview to a folder.
 
     It returns a `Batch`. A robot is sampled once in each process. The adapter of a person and a robot is fitted once,
-    for arms whose lengths are equal to a centimetre. A failed pair is a warning and a row of the table; the rest
+    for arms whose lengths are equal when rounded to 1 cm. A failed pair is a warning and a row of the table; the rest
     continues. A later call, also after a kill, skips pairs whose recording, robot, settings and version of maniport are
     the same. The results are those of one process, bit for bit; only the computing times differ.
 

@@ -172,7 +172,7 @@ def _annotation(option: Option, usual: Config) -> Any:
     metavar = option.metavar or (words if 0 < len(words) <= 24 else option.unit)
     metavar = metavar or ("FILE" if option.is_file else {int: "N", float: "X"}.get(option.kind, "NAME"))
     help = option.help + (f": {', '.join(option.choices)}" if option.choices and metavar == "NAME" else "")
-    if default not in (None, ()) and not isinstance(default, bool):
+    if default not in (None, ()):
         help += f" (default {option.text(default)})"
     plain = option.kind in (bool, int) and not option.choices
     several = option.repeated or (option.element is str and option.kind in (tuple, Mapping))

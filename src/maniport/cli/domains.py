@@ -148,11 +148,11 @@ def reproduce(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     methods: Methods = None,
     overwrite: Overwrite = False,
-    quick: Annotated[bool, typer.Option("--quick", help="Of tasks, four recordings on the Panda.")] = False,
-    robots: Annotated[str | None, typer.Option("--robots", help="Of tasks, robots, separated by commas.")] = None,
-    recordings: Annotated[Path | None, typer.Option("--recordings", help="Of tasks, folder of more BVH files.")] = None,
-    score: Annotated[Path | None, typer.Option("--score", help="Of tasks, joint positions to score, .csv.")] = None,
-    task: Annotated[Path | None, typer.Option("--task", help="Task of the joint positions, .json.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Task study: four recordings on the Panda only.")] = False,
+    robots: Annotated[str | None, typer.Option("--robots", help="Task study: robots, separated by commas.")] = None,
+    recordings: Annotated[Path | None, typer.Option("--recordings", help="Task study: folder of BVH files.")] = None,
+    score: Annotated[Path | None, typer.Option("--score", help="Task study: joint positions to score, .csv.")] = None,
+    task: Annotated[Path | None, typer.Option("--task", help="Task study: task of the joints, .json.")] = None,
 ) -> None:
     """Repeat the paper's experiments, or run the task study."""
     if which == "tasks":

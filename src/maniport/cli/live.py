@@ -38,19 +38,19 @@ def live(
     config: Config,
     console: Console,
     recording: Annotated[Path, typer.Argument(help="Recording of the same person and points")],
-    udp: Annotated[int | None, _transport("UDP port for frames instead of standard input; 0: a free one.")] = None,
-    host: Annotated[str, _transport("Address of that port; other addresses open it to the network.")] = LOOPBACK,
+    udp: Annotated[int | None, _transport("UDP port for frames, instead of standard input; 0: any port.")] = None,
+    host: Annotated[str, _transport("Address of the UDP port; other addresses open it to the network.")] = LOOPBACK,
     send: Annotated[int | None, _transport("UDP port for answers; default: the sender's.")] = None,
     no_drop: Annotated[
-        bool, _transport("Process every frame in order; otherwise skip to the newest.", "--no-drop")
+        bool, _transport("Process every frame in order, instead of the newest only.", "--no-drop")
     ] = False,
-    simulate: Annotated[bool, _transport("Play the recording to a simulated robot.", "--simulate")] = False,
+    simulate: Annotated[bool, _transport("Control a simulated robot with the recording.", "--simulate")] = False,
 ) -> None:
     """Follow a moving person: points in, joint positions out.
 
     The recording is transferred first: it determines segment lengths, points and placement. The first line of output
-    describes the frames, such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}; each frame is answered by one line.
-    Ctrl-C stops the robot and ends the command with exit code 0.
+    contains the point names. A frame is a line such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}; the answer is
+    one line. Ctrl-C stops the robot and ends the command with exit code 0.
     """
     from threadpoolctl import threadpool_limits
 
@@ -152,7 +152,7 @@ def view(
     console: Console,
     recording: Annotated[Path | None, typer.Option("--recording", help=RECORDING)] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter, .npz.")] = None,
-    port: Annotated[int, typer.Option(help="Port of this machine; 0: a free one.")] = 0,
+    port: Annotated[int, typer.Option(help="Port of this machine; 0: any free port.")] = 0,
 ) -> None:
     """Open an interactive 3D view in the browser; Ctrl-C ends it."""
     from maniport.util.optional import viser

@@ -23,7 +23,7 @@ DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 def demo(
     config: Config,
     console: Console,
-    recording: Annotated[str, typer.Argument(help="freeform; or ladder, the hard case.")] = DEMOS[0],
+    recording: Annotated[str, typer.Argument(help="Bundled recording: freeform, or ladder (hard).")] = DEMOS[0],
     output: Output = Path("maniport-demo"),
     overwrite: Overwrite = False,
 ) -> None:

@@ -93,7 +93,7 @@ def align(
     reference: int | None = None,
     progress: Progress | None = None,
 ) -> Alignment:
-    """Bring demonstrations of the same motion to common times by dynamic time warping.
+    """Align demonstrations of the same motion in time by dynamic time warping.
 
     Each demonstration is matched with the reference so that Σ d² over the matched pairs is least, d the
     affine-invariant distance. Several ellipsoids that are matched with one time are replaced by their Fréchet mean.

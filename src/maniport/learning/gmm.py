@@ -39,7 +39,7 @@ from maniport.util.validation import (
 
 
 class ProfileGMM(NotebookDisplay, Estimator):
-    """Gaussian mixture on inputs × SPD(d): the ellipsoid at every time or position, and its covariance.
+    """Gaussian mixture on inputs × SPD(d): mean and covariance of the ellipsoid at a time or position.
 
     Each component is a Gaussian of [x − mean; vec(log(M^-½ X M^-½))] in the tangent space at its Fréchet mean M;
     densities are those of the tangent spaces (the volume that curvature adds is 1 + δ²/24 for a log-ratio δ of two

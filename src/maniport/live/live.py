@@ -33,7 +33,7 @@ class Live:
     """A robot that follows a person, frame by frame, with one or several arms.
 
     `step` estimates the person's arms in a frame, maps their ellipsoids with fitted adapters, and moves the robot
-    towards these ellipsoids and the positions of the hands in the placed paths, within joint limits and without
+    toward these ellipsoids and the positions of the hands in the placed paths, within joint limits and without
     collisions, whatever the frames are. Where an arm of the person is not seen or jumps, the robot brakes and rests
     until it is seen again. Each thread needs its own instance.
 

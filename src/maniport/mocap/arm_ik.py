@@ -39,7 +39,7 @@ def fit_arm(
     side: str = AUTO,
     smooth: str = AUTO,
 ) -> ArmFit:
-    """Find the joint angles with which a human arm follows a recording.
+    """Estimate the joint angles of a person's arm from a recording.
 
     The directions of upper arm, forearm and, where their points are recorded, of hand, elbow axis and wrist axis are
     taken relative to the trunk and fitted over all frames together, within the joint limits. Unobservable joints are
@@ -59,7 +59,7 @@ def fit_arm(
     progress : callable, optional
         Called with the name of the step and the fraction done.
     side : {"auto", "right", "left"}
-        Which arm; "auto" takes the one that is recorded whole, of two the one that moves more. See ``arm.side`` and
+        "auto" takes the arm with all required roles, of two the one that moves more. See ``arm.side`` and
         ``side_reason`` of the result. Equal joint angles of either arm are mirrored configurations.
     smooth : {"auto", "off"}
         "auto" smooths points with large noise, as keypoints of video.
@@ -86,7 +86,7 @@ def fit_arms(
     side: str = BOTH,
     smooth: str = AUTO,
 ) -> HumanMotion:
-    """Find the joint angles with which both arms of a person follow a recording, each as `fit_arm` does.
+    """Estimate the joint angles of both arms of a person from a recording, each as `fit_arm` does.
 
     All arms are taken relative to one trunk, in the frames in which all are fully observed.
 

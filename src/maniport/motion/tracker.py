@@ -101,7 +101,7 @@ def track(
     progress: Progress | None = None,
     **control: Any,
 ) -> RobotMotion:
-    """Move arms so that their ellipsoids follow target ones, and their end effectors target paths.
+    """Track target ellipsoids and target paths of end effectors with a controller.
 
     Profiles and paths may be infeasible. Where the quadratic program of a step has no solution, the arm brakes.
 

@@ -66,7 +66,7 @@ class LearnedProfile(SavedResult):
         Origins of these base frames in the common frame of the arms [m], see `maniport.mocap.HumanMotion`.
     spec : EllipsoidSpec
     regularization : Regularization
-        What was done to the ellipsoids before they were compared; those of the profile carry it.
+        Regularization of the compared ellipsoids; it is part of the profile.
     alignment : Alignment
         The demonstrations on common times.
     paths : ndarray, shape (k, m, 3 a)
@@ -172,9 +172,9 @@ def learn(
 
     One arm or both are fitted to each recording. The ellipsoids of both are blocks of one matrix, of which d² is the
     sum of the d² of the arms, so that the arms are aligned together. All ellipsoids are those of arms with the mean of
-    all lengths, so that ways of using an arm are compared. Demonstrations are brought to common times by
-    `maniport.learning.align`; a `maniport.learning.ProfileGMM` over time gives the ellipsoid at each time and how much
-    it may vary. Their agreement is measured, also by leave-one-out. Left and right may be
+    all lengths, so that they are comparable. Demonstrations are brought to common times by
+    `maniport.learning.align`; a `maniport.learning.ProfileGMM` over time gives mean and covariance of the
+    ellipsoid at each time. Their agreement is measured, also by leave-one-out. Left and right may be
     mixed: the rarer are mirrored.
 
     Parameters

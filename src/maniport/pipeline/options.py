@@ -79,18 +79,18 @@ class RobotOptions(Options):
         None, "Fixed joint and its position [deg, or m]; repeatable", metavar="JOINT=POSITION", unchecked=True
     )
     pose: tuple[tuple[float, ...], ...] = option(
-        (), "Base of each of several robots [m, m, m, deg]; repeatable", "m,m,m,deg", metavar="X,Y,Z,YAW", count=4,
+        (), "Base pose of each of several robots [m, m, m, deg]; repeatable", "m,m,m,deg", metavar="X,Y,Z,YAW", count=4,
         repeated=True, unchecked=True,
     )  # fmt: skip
     payload: float = option(0.0, "Mass that the end effector carries", "kg", minimum=0.0, common=True)
     payload_center: tuple[float, ...] = option(
-        (0.0, 0.0, 0.0), "Its center in the frame of the end effector", "m", metavar="X,Y,Z", count=3
+        (0.0, 0.0, 0.0), "Center of the payload in the end-effector frame", "m", metavar="X,Y,Z", count=3
     )
     hand_targets: str = option(
         "placed", "Positions of several arms: placed paths, or relative positions", choices=("placed", "relative")
     )
     mesh_folders: tuple[str, ...] = option(
-        (), "Folder of further meshes; repeatable", metavar="FOLDER", repeated=True, is_file=True
+        (), "Folder of additional meshes; repeatable", metavar="FOLDER", repeated=True, is_file=True
     )
 
     def named(self) -> "RobotOptions":
@@ -158,8 +158,8 @@ class TransferOptions(Options):
         defaults.METHOD, "Transfer method", common=True, unchecked=True,
         choices=(AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"),
     )  # fmt: skip
-    ellipsoids: str = option("velocity", "Their kind", choices=("velocity", "force", "acceleration"), common=True)
-    part: str = option("translation", "Part of the motion", choices=("translation", "rotation", "full"))
+    ellipsoids: str = option("velocity", "Ellipsoids", choices=("velocity", "force", "acceleration"), common=True)
+    part: str = option("translation", "Part of the velocity", choices=("translation", "rotation", "full"))
     joint_weights: str | tuple[float, ...] | None = option(
         None, "Joint weights; default: unit for velocity, else joint-limits", unchecked=True,
         choices=(UNIT, JOINT_LIMITS), metavar="WORD|W1,W2,…",
@@ -299,5 +299,5 @@ class LearningOptions(Options):
 class BatchOptions(Options):
     """Results of each pair of a batch."""
 
-    profile_rate: float = option(10.0, "Largest rate of ellipsoids of a recording", "Hz", above=0.0, common=True)
+    profile_rate: float = option(10.0, "Maximum rate of the ellipsoids of a recording", "Hz", above=0.0, common=True)
     pages: bool = option(False, "Write a report for each pair", common=True)

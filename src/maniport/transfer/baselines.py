@@ -14,12 +14,12 @@ from maniport.util.validation import Array, as_count, as_positive_semidefinite
 
 
 class IdentityMap(DomainAdapter):
-    """Return the teacher's ellipsoids in the student's frame, S = R_b T R_bᵀ.
+    """Express the teacher's ellipsoids in the student's frame, S = R_b T R_bᵀ.
 
     Parameters
     ----------
     damping, base_rotation
-        As in `ParallelTransport`. Damping is only exchanged for the student's, which `transform` takes off again.
+        As in `ParallelTransport`. The teacher's damping is replaced by the student's, which `transform` removes.
     """
 
     def _fit(self, teacher: Array, student: Array) -> None:
@@ -38,7 +38,7 @@ class IdentityMap(DomainAdapter):
 
 
 class NearestNeighbor(DomainAdapter):
-    """Look ellipsoids up: nearest teacher sample, then that sample's nearest student sample.
+    """Map each ellipsoid to the student sample that is paired with the nearest teacher sample.
 
     The baseline of Reithmeir et al. 2022, § V-B. Every result is a sample of the student, so that it is feasible; but
     the map is piecewise constant, jumps along smooth motions, and has no inverse.

@@ -41,17 +41,17 @@ class LengthField(DomainAdapter):
     """Keep every axis and rescale its length toward the feasible ellipsoids.
 
     The images of a rigid map are 0.2 to 0.5 on average from the student's feasible set. Ellipsoids with the same axes
-    and other lengths come near it: one smooth scalar function gives the change of an axis's logarithmic length from
+    and other lengths are near it: one smooth scalar function gives the change of an axis's logarithmic length from
     the ellipsoid and that length. With the teacher's ellipsoids T in the student's frame and damped,
 
         f(T) = exp(L + h(x, L)),   L = log(k Tˢ) − ℓ̄ I,   x = vec L,   ℓ̄ added back at the end,
 
     where s makes the dispersions equal and k the volumes of the means, ℓ̄ is the mean logarithm of the student's mean,
     and h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j exp(−|φ(x) − φ(c_j)|² / 2w²) a_jr, r = 0, 1, 2, with centers c_j among the
-    samples. φ(x) = x, or where the student's first joint goes round features that no turn about its axis changes. The
-    map is smooth also where two lengths are equal, its results are SPD for every input, and far from the samples it is
-    k Tˢ. The coefficients come in rounds: the projector finds the nearest feasible ellipsoids to the images, a weighted
-    ridge regression moves the lengths toward them. See `docs/method/length_field.md`.
+    samples. φ(x) = x; if the student's first joint covers at least 300°, features that are invariant to rotation about
+    its axis. The map is smooth, also where two lengths are equal; its results are SPD for every input, and far from the
+    samples it is k Tˢ. In each iteration of the fit, the projector finds the feasible ellipsoids nearest to the images,
+    and a weighted ridge regression moves the lengths toward them. See `docs/method/length_field.md`.
 
     Where the map folds it has no inverse: `inverse_transform` refuses images there, and all images of a map that folds
     at too many of its centers.

@@ -19,7 +19,7 @@ from maniport.util.validation import Array, as_choice, as_count, as_flag
 class RiemannianICP(RigidAdapter):
     """Manifold-aware iterative closest point with parallel-transport start (Reithmeir et al. 2022, Algorithm 1).
 
-    Both domains are recentered at the identity and the teacher's is dilated to the student's dispersion. Then matching
+    Both domains are recentered at the identity and the teacher's is scaled to the student's dispersion. Then matching
     and rotation alternate (`maniport.transfer.icp.algorithm`). The best iterate is kept, the start included.
 
     Parameters

@@ -105,7 +105,7 @@ class RigidAdapter(DomainAdapter):
 
 
 class MeanTransport(RigidAdapter):
-    """Match the means only: f(T) = S̄^½ T̄^-½ T T̄^-½ S̄^½, without rotation and dilation.
+    """Match the means only: f(T) = S̄^½ T̄^-½ T T̄^-½ S̄^½, without rotation and scaling.
 
     Parameters
     ----------
@@ -121,9 +121,9 @@ class MeanTransport(RigidAdapter):
 class ParallelTransport(RigidAdapter):
     """Move the teacher's mean onto the student's by parallel transport and make the dispersions equal.
 
-    In closed form and without matching: what is known about the two bodies' base_rotation decides the rotation, not the
-    clouds. After Yair, Ben-Chen and Talmon 2019 and Reithmeir et al. 2022, § IV-C; unlike the latter's text, the
-    transported set is recentered with its own new mean, and the transport stays part of the map.
+    In closed form and without matching: `base_rotation` determines the rotation, not the samples. After Yair, Ben-Chen
+    and Talmon 2019 and Reithmeir et al. 2022, § IV-C; unlike in the latter, the transported set is recentered
+    with its own mean, and the transport is part of the map.
 
     Parameters
     ----------

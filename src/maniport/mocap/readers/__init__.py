@@ -38,7 +38,7 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
     ----------
     path : str or path
         A file of one of the formats in `READERS`, a folder with a keypoint file for each frame, or the name of a
-        shipped recording (``"ladder"``, ``"freeform"``, ``"both-arms"``). See ``docs/recordings.md``.
+        bundled recording (``"ladder"``, ``"freeform"``, ``"both-arms"``). See ``docs/recordings.md``.
     unit : {"m", "dm", "cm", "mm", "inch", "CMU"}, optional
         Unit of length; default: from the file, else recognized from the upper arm.
     rate : float, optional

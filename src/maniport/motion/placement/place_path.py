@@ -1,4 +1,4 @@
-"""Where in an arm's workspace a path lets the arm make the target ellipsoids best."""
+"""Placement of hand paths relative to robot arms that minimizes the distance to target ellipsoids."""
 
 from collections.abc import Sequence
 from typing import Any, overload
@@ -80,7 +80,7 @@ def place_path(  # type: ignore[misc]
     random_state: Any = 0,
     progress: Progress | None = None,
 ) -> Placement | tuple[Placement, ...]:
-    """Find scale, yaw, offset and, on request, a tilt of the base with which an arm comes nearest to target ellipsoids.
+    """Find the scale, yaw, offset and optional tilt that minimize the distance to target ellipsoids.
 
     Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
     for the best ones trajectories are planned through some waypoints of the path, and placement and trajectory are
@@ -106,13 +106,13 @@ def place_path(  # type: ignore[misc]
         Vectors that are turned and scaled with the path, which the arm's ellipsoids should contain, such as those of
         `maniport.motion.demands.demands_of`, for a robot that follows at the person's speed. Default: none.
     turn : array_like, shape (3, 3), optional
-        Rotation that the adapter turned the ellipsoids by, and the path is yet to be turned by. Default: the identity.
+        Rotation of the ellipsoids by the adapter, to be applied to the path. Default: the identity.
     scale : float or (float, float), optional
         Factor of the path's size, or the range to search. Default: from 0.5 to 2.
     yaw : float, optional
         Rotation about the vertical [rad]. Default: free.
     tilt : float or "free", optional
-        Lean of the base, to the best side [rad]; "free" is upright where leaning gains nothing. Default: upright.
+        Tilt of the base toward the best heading [rad]; "free" searches it. Default: upright.
     offset : sequence of three floats, optional
         Position of the path's center in the arm's base frame [m]; None leaves a coordinate free. Default: free.
     workspace : three pairs of floats, optional
@@ -124,7 +124,7 @@ def place_path(  # type: ignore[misc]
     reachability_map : maniport.motion.ReachabilityMap, optional
         Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
     rank : int
-        Which of the `candidates` to take, from 1.
+        Rank of the returned placement among the `candidates`, from 1.
     random_state : optional
         Random seed.
 

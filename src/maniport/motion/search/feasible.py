@@ -86,7 +86,7 @@ def nearest_feasible(
 
 
 class FeasibleProjector:
-    """Find the feasible ellipsoids of an arm nearest to others; a callable, as `maniport.LengthField` takes it.
+    """Find the feasible ellipsoids of an arm nearest to the argument; the projector of `maniport.LengthField`.
 
     On one core 2048 ellipsoids of the Panda take 0.9 s, and 0.1 s in each further round of `search`. A result is the
     nearest that some start leads to: an upper bound of the distance, as in `nearest_feasible`.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from maniport.arms import Arm, load_arm
+from maniport.arms.collisions import as_collisions
 from maniport.arms.human import myoarm
 from maniport.errors import InvalidInputError, ManiportWarning, unknown_name
 from maniport.mocap import ArmFit, fit_arms, read_recording
@@ -44,9 +45,9 @@ ROBOTS = (
     StudyRobot("panda", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 4),
     StudyRobot("xarm7", (0.0, -0.247, 0.0, 0.909, 0.0, 1.156, 0.0), 4),
     StudyRobot("ur5", (0.0, -1.571, 1.571, -1.571, -1.571, 0.0), 3),
-    StudyRobot("g1_right_arm", (0.2, -0.2, 0.0, 1.28, 0.0, 0.0, 0.0), 4, held_out=True),
+    StudyRobot("g1_right_arm", (0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0), 4, held_out=True),
 )
-"""The first configurations are those of Franka's MoveIt, and of MuJoCo Menagerie with the UR5 turned to the front."""
+"""Configurations of Franka's MoveIt and of MuJoCo Menagerie; the UR5 turned to the front, the G1 with bent elbow."""
 
 HELD_OUT = ("ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 8")
 """Motions that were never used while methods were tuned."""
@@ -120,15 +121,18 @@ def place(robot: StudyRobot, hand: Array, samples: Array) -> Array:
     """Place the path of a hand (n, 3) in front of a robot, without regard to ellipsoids.
 
     Trunk and base are parallel, the middle of the path is at the end effector of the ready configuration. The scale is
-    the largest of 1, 0.9, 0.81, ... at which configurations from `samples` (m, dof) reach all of the path.
+    the largest of 1, 0.9, 0.81, ... at which configurations from `samples` (m, dof) reach all of the path without
+    collision.
     """
     arm, middle = load_arm(robot.name), 0.5 * (hand.min(axis=0) + hand.max(axis=0))
+    collisions = as_collisions(True, arm)
     center, positions = arm.forward(np.array(robot.ready))[:3, 3], arm.forward(samples)[:, :3, 3]
     for scale in 0.9 ** np.arange(30):
         path = center + scale * (hand - middle)
         rows = path[evenly_spaced(len(path), 24)]
         near = np.argsort(np.linalg.norm(positions - rows[:, None], axis=2), axis=1)[:, :40]
-        _, error = moved_to_positions(arm, samples[near.ravel()], np.repeat(rows, 40, axis=0))
-        if np.all((error <= IN_PLACE).reshape(-1, 40).sum(axis=1) >= 20):
+        q, error = moved_to_positions(arm, samples[near.ravel()], np.repeat(rows, 40, axis=0))
+        usable = (error <= IN_PLACE) & ~(False if collisions is None else collisions.collides(q))
+        if np.all(usable.reshape(-1, 40).sum(axis=1) >= 20):
             return np.asarray(path)
     raise InvalidInputError(f"{robot.name!r} does not reach the path at any scale")
