@@ -46,7 +46,8 @@ def test_threads_change_no_bit(d, random_spd, monkeypatch):
 
     def everything():
         power = kernels.power_congruence(y[0], x, 0.3, y[1])
-        return [*kernels.eigh(x), kernels.congruence(x, y), kernels.distances(x, y), power]
+        pairs = kernels.congruence(x, y), kernels.distances(x, y), *kernels.congruence_eigh(x, y)
+        return [*kernels.eigh(x), *kernels.roots(x), *pairs, power]
 
     monkeypatch.setattr(kernels.config, "NUMBA_NUM_THREADS", 4)
     shared = everything()
@@ -65,6 +66,15 @@ def test_concurrent_callers_do_not_disturb_each_other(random_spd):
     for caller in callers:
         caller.join()
     assert all(np.array_equal(means[i], expected) for i in range(4))
+
+
+def test_decompositions_of_products_are_those_of_the_products(random_spd):
+    """Also where one matrix serves all, and for empty batches."""
+    x, y = random_spd(np.random.default_rng(2), (2, 5), 3)
+    for left, matrices in ((x, y), (x[:1], y), (x, y[:1]), (x[:0], y[:0])):
+        expected = eigh(kernels.congruence(left, matrices))
+        for result, wanted in zip(kernels.congruence_eigh(left, matrices), expected, strict=True):
+            assert_array_equal(result, wanted)
 
 
 @sizes

@@ -154,7 +154,7 @@ class Controller:
     ) -> tuple[Array | None, bool]:
         """Return the best velocities (dof,), or None, and whether they satisfy all inequalities."""
         hessian, gradients = self._objective(problem, q)
-        if not math.isfinite(hessian.sum() + gradients.sum()):  # an ellipsoid is singular
+        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradients, gradients)):  # an ellipsoid is singular
             return None, False
         rows, allowed = self._no_limits
         if self._limits:
@@ -174,7 +174,7 @@ class Controller:
 
         The gradients (1 + h, dof) are those of the targets at the end of the step, and of the horizon's intervals.
         """
-        dof, time, weight = len(q), np.array([problem.time]), problem.posture.weight**2
+        dof, weight = len(q), problem.posture.weight**2
         gradient, damping = weight * (q - problem.posture.reference), np.full(dof, weight)  # of the posture
         hessian, later = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
         for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
@@ -196,6 +196,7 @@ class Controller:
                 moved = targets.positions - predicted
                 later[1:, block[1]] += targets.objective.position_weight**2 * moved @ parts.jacobian[0, :3]
         for cost in self._costs:
+            time = np.array([problem.time])
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotSPDError
-from maniport.spd.kernels import Pair, cholesky, compose, congruence, distances, eigh, factored
+from maniport.spd.kernels import Pair, cholesky, compose, congruence, congruence_eigh, distances, eigh, factored
 from maniport.spd.matrix_functions import bounded
 from maniport.util.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
@@ -114,7 +114,7 @@ def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
     step = as_symmetric(tangent, "tangent", center.shape[-1])
     require_broadcast(base=center, tangent=step)
     factor, inverse = cholesky(center)
-    logs, vectors = eigh(congruence(inverse, step))
+    logs, vectors = congruence_eigh(inverse, step)
     moved = _rounding(center, inverse) * np.maximum(1.0, np.abs(logs).max(axis=-1)) * _growth(logs, 1.0)
     return _point(factor, inverse, bounded(np.exp, "tangent")(logs), vectors, moved)
 
@@ -188,7 +188,7 @@ def recentered(factor: Array, points: Array) -> Array:
 
 def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
     """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½; raises where they are not exact. Input unchecked."""
-    values, vectors = eigh(congruence(inverse_root, points))
+    values, vectors = congruence_eigh(inverse_root, points)
     _require_exact(_rounding_between(inverse_root, points, values))
     return values, vectors
 

@@ -15,6 +15,7 @@ from maniport.spd.kernels import (
     eigh,
     mandel_indices,
     require_in_range,
+    roots,
     symmetrize,
 )
 from maniport.util.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
@@ -63,13 +64,6 @@ def bounded(function: Callable[[Array], Array], name: str) -> Callable[[Array], 
         return results
 
     return guarded
-
-
-def roots(points: Array) -> tuple[Array, Array]:
-    """Return P^½ and P^-½ of SPD matrices from one eigen-decomposition; input unchecked."""
-    values, vectors = eigh(points)
-    root = np.sqrt(values)
-    return compose(root, vectors), compose(1.0 / root, vectors)
 
 
 def logm(points: ArrayLike) -> Array:

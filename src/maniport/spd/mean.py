@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked, recentered
-from maniport.spd.kernels import compose, congruence, eigh
-from maniport.spd.kernels.loops import hessian_loop
+from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
 from maniport.spd.matrix_functions import apply, from_vector, roots, to_vector
+from maniport.util.jit import kernel
 from maniport.util.validation import (
     Array,
     as_choice,
@@ -181,7 +181,7 @@ class _State(NamedTuple):
         if not spectrum[0] > 0.0:
             return None
         root = np.sqrt(spectrum)
-        values, vectors = eigh(congruence(compose(1.0 / root, frame), data))
+        values, vectors = congruence_eigh(compose(1.0 / root, frame), data)
         if not np.all(values > 0.0):
             return None
         logs = np.log(values)
@@ -215,7 +215,7 @@ def _newton_direction(now: _State, weights: Array) -> Array:
     """Solve Hessian · H = gradient over symmetric matrices, in the Mandel basis."""
     gradient = to_vector(now.gradient)
     hessian = np.zeros((len(gradient), len(gradient)))
-    hessian_loop(now.values, np.log(now.values), now.vectors, weights, hessian)
+    _add_hessians(now.values, np.log(now.values), now.vectors, weights, hessian)
     return from_vector(np.linalg.solve(hessian, gradient))
 
 
@@ -232,3 +232,32 @@ def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Ar
         )
     shares = weights / weights.max()  # first: a sum of the largest numbers there are would be infinite
     return np.asarray(shares / shares.sum())
+
+
+@kernel
+def _add_hessians(values, logs, vectors, weights, hessian):  # type: ignore[no-untyped-def]
+    """Sum the Hessians of half the squared distance to I, in the Mandel basis (m, m), over weighted Y = V diag Vᵀ."""
+    count, n = values.shape
+    tangent = np.empty(len(hessian))
+    for row in range(count):
+        v = vectors[row]
+        for p in range(n):
+            for q in range(p, n):
+                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0  # x coth x
+                if abs(x) < 1e-3:
+                    stretch += x * x / 3.0
+                else:
+                    stretch = x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
+                entry = n
+                for i in range(n):
+                    tangent[i] = v[i, p] * v[i, q]
+                    for j in range(i + 1, n):
+                        tangent[entry] = np.sqrt(0.5) * (v[i, p] * v[j, q] + v[j, p] * v[i, q])
+                        entry += 1
+                scale = weights[row] * stretch * (1.0 if p == q else 2.0)
+                for i in range(len(tangent)):
+                    for j in range(i + 1):
+                        hessian[i, j] += scale * tangent[i] * tangent[j]
+    for i in range(len(hessian)):
+        for j in range(i):
+            hessian[j, i] = hessian[i, j]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.motion.kernels import add_log_residual, log_slopes
-from maniport.spd.kernels import compose, congruence, eigh
+from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
 from maniport.spd.matrix_functions import apply, to_vector
 from maniport.util.validation import SPD_TOLERANCE, Array
 
@@ -90,7 +90,7 @@ class EllipsoidCost:
             values[singular] = 1.0
             achieved = compose(1.0 / values, vectors)
             changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
-        values, vectors = eigh(congruence(self.whitening, achieved + self.shift))
+        values, vectors = congruence_eigh(self.whitening, achieved + self.shift)
         singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
         values[singular] = 1.0
         return values, vectors, singular, np.empty((0,)) if changes is None else changes

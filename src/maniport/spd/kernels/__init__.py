@@ -18,11 +18,13 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels.loops import (
     WIDTH,
     compose_loop,
+    congruence_eigh_loop,
     congruence_loop,
     distance_loop,
     eigh_loop,
     power_congruence_loop,
     release_loop,
+    roots_loop,
 )
 from maniport.util.validation import Array
 
@@ -49,6 +51,27 @@ def eigh(matrices: Array) -> tuple[Array, Array]:
     values, vectors = np.empty(flat.shape[:-1]), np.empty(flat.shape)
     _run(lambda part: eigh_loop(flat[part], values[part], vectors[part]), *flat.shape[:2])
     return values.reshape(matrices.shape[:-1]), vectors.reshape(matrices.shape)
+
+
+def roots(points: Array) -> tuple[Array, Array]:
+    """P^½ and P^-½ of SPD matrices (..., d, d)."""
+    flat = _flat(points)
+    results, inverses = np.empty(flat.shape), np.empty(flat.shape)
+    _run(lambda part: roots_loop(flat[part], results[part], inverses[part]), *flat.shape[:2])
+    return results.reshape(points.shape), inverses.reshape(points.shape)
+
+
+def congruence_eigh(left: Array, matrices: Array) -> tuple[Array, Array]:
+    """Results of `eigh` for L M Lᵀ, of symmetric M; shapes (..., d, d)."""
+    batch, factors, flat = _pairs(left, matrices)
+    vectors = np.empty((math.prod(batch), *flat.shape[1:]))
+    values = np.empty(vectors.shape[:2])
+
+    def fill(part: slice) -> None:
+        congruence_eigh_loop(_rows(factors, part), _rows(flat, part), values[part], vectors[part])
+
+    _run(fill, *values.shape)
+    return values.reshape(*batch, flat.shape[-1]), vectors.reshape(*batch, *flat.shape[1:])
 
 
 def compose(values: Array, vectors: Array) -> Array:
@@ -166,7 +189,7 @@ def mandel_basis(d: int) -> Array:
 def _run(work: Callable[[slice], None], count: int, d: int) -> None:
     """Call work(part) on slices of a batch of `count` d×d matrices, by several threads where that pays."""
     size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # parts of some 0.1 ms, which stay in the processor's cache
-    if count <= size:
+    if 0 < count <= size:
         work(slice(0, count))
         return
     parts = [slice(first, min(first + size, count)) for first in range(0, count, size)]

@@ -118,32 +118,20 @@ def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def hessian_loop(values, logs, vectors, weights, hessian):  # type: ignore[no-untyped-def]
-    """Sum the Hessians of half the squared distance to I, in the Mandel basis (m, m), over weighted Y = V diag Vᵀ."""
-    count, n = values.shape
-    tangent = np.empty(len(hessian))
-    for row in range(count):
-        v = vectors[row]
-        for p in range(n):
-            for q in range(p, n):
-                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0  # x coth x
-                if abs(x) < 1e-3:
-                    stretch += x * x / 3.0
-                else:
-                    stretch = x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
-                entry = n
-                for i in range(n):
-                    tangent[i] = v[i, p] * v[i, q]
-                    for j in range(i + 1, n):
-                        tangent[entry] = np.sqrt(0.5) * (v[i, p] * v[j, q] + v[j, p] * v[i, q])
-                        entry += 1
-                scale = weights[row] * stretch * (1.0 if p == q else 2.0)
-                for i in range(len(tangent)):
-                    for j in range(i + 1):
-                        hessian[i, j] += scale * tangent[i] * tangent[j]
-    for i in range(len(hessian)):
-        for j in range(i):
-            hessian[j, i] = hessian[i, j]
+def roots_loop(matrices, roots, inverses):  # type: ignore[no-untyped-def]
+    """Write P^½ and P^-½ of SPD matrices."""
+    values, vectors = np.empty(matrices.shape[:2]), np.empty(matrices.shape)
+    eigh_loop(matrices, values, vectors)
+    compose_loop(np.sqrt(values), vectors, roots)
+    compose_loop(1.0 / np.sqrt(values), vectors, inverses)
+
+
+@kernel
+def congruence_eigh_loop(left, matrices, values, vectors):  # type: ignore[no-untyped-def]
+    """Write ascending eigenvalues and eigenvectors of L M Lᵀ; one L or one M serves all."""
+    results = np.empty(vectors.shape)
+    congruence_loop(left, matrices, results)
+    eigh_loop(results, values, vectors)
 
 
 @kernel
