@@ -166,7 +166,7 @@ def mandel_basis(d: int) -> Array:
 def _run(work: Callable[[slice], None], count: int, d: int) -> None:
     """Call work(part) on slices of a batch of `count` d×d matrices, by several threads where that pays."""
     size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # parts of some 0.1 ms, which stay in the processor's cache
-    if count <= size:
+    if 0 < count <= size:
         work(slice(0, count))
         return
     parts = [slice(first, min(first + size, count)) for first in range(0, count, size)]
