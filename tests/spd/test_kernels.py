@@ -87,3 +87,8 @@ def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
     ):  # fmt: skip
         assert_allclose(result, expected, rtol=1e-11, atol=1e-10)
         assert_array_equal(result, result.T)
+
+
+def test_an_empty_batch_has_empty_results():
+    values, vectors = eigh(np.empty((0, 3, 3)))
+    assert (values.shape, vectors.shape) == ((0, 3), (0, 3, 3))
