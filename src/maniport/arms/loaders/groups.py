@@ -13,7 +13,7 @@ from maniport.arms.human import PERSONS
 from maniport.arms.loaders import Robot, load_arm, robot_limbs
 from maniport.arms.loaders.limbs import one_side
 from maniport.arms.restriction import check_lock, standing
-from maniport.errors import InvalidInputError, UnknownNameError, argument, typed, unknown_name
+from maniport.errors import InvalidInputError, UnknownNameError, argument, spoken, typed, unknown_name
 from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers
 
 
@@ -93,7 +93,9 @@ def _several(name: str, value: Any, count: int | None = None) -> list[Any]:
     """Require a sequence of values, one for each arm."""
     values = [] if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__") else list(value)
     if not values or len(values) != (count or len(values)):
-        raise InvalidInputError(f"{name} must be a sequence of {count or 'several'}, one for each arm; found {value!r}")
+        raise InvalidInputError(
+            f"{spoken(name)} must be a sequence of {count or 'several'}, one for each arm; found {value!r}"
+        )
     return values
 
 
