@@ -158,7 +158,7 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         return [client.camera for client in view._server.get_clients().values()]
 
     with running(view):
-        browser.dress(900, 360)  # little to draw without a graphics card
+        browser.dress(900, 480)  # little to draw without a graphics card
         browser.go(view.url)
         browser.wait("!!document.body && document.body.innerText.includes('distance')")
         browser.wait(lambda: view.rate > 0)

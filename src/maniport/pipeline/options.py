@@ -210,7 +210,7 @@ class MotionOptions(Options):
     orientation_axes: str = option(
         "pointing", "Constrained axes: z (pointing) or all (whole)", choices=("pointing", "whole")
     )
-    rate: float = option(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0)
+    rate: float = option(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0, maximum=10_000.0)
     limits: str | None = option(None, "YAML file of joint limits", is_file=True, common=True, unchecked=True)
     joint_limit_margin: float = option(
         defaults.MARGIN, "Share of joint ranges kept free at either end", "%", minimum=0.0, maximum=0.4
@@ -218,7 +218,7 @@ class MotionOptions(Options):
     home: tuple[float, ...] | None = option(
         None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", unchecked=True
     )
-    scale: float | None = option(None, "Scale of the path; searched by default", above=0.0, common=True)
+    scale: float | None = option(None, "Scale of the path; searched by default", above=0.0, maximum=10.0, common=True)
     real_time: bool = option(False, "Placement that the robot can follow at the person's speed")
     workspace: tuple[float, ...] | None = option(
         None, "Box for the path in the base frame [m]; inf is open", metavar="X0,X1,Y0,Y1,Z0,Z1", count=6,
