@@ -6,6 +6,7 @@ The same holds for `axe`, the script of axe-core: the file that MANIPORT_AXE nam
 ``npm install --no-save axe-core`` leaves in the folder of the project.
 """
 
+import base64
 import fcntl
 import itertools
 import json
@@ -157,6 +158,9 @@ class Browser:
             at = {"x": x + (to_x - x) * i / steps, "y": y + (to_y - y) * i / steps}
             self.call("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **at)
         self.call("Input.dispatchMouseEvent", type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
+
+    def picture(self, path):
+        Path(path).write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
 
     def close(self):
         os.close(self.orders)
