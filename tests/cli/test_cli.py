@@ -262,7 +262,7 @@ def test_units_of_the_command_line_are_converted(track):
     (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
     (("--srdf", "nothing.srdf"), "nothing.srdf"),
     (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "orientation_axes"),
-    (("--scale", 0), "--scale must be a number above 0; found '0'"),
+    (("--scale", 0), "--scale must be a number in (0, 10]; found '0'"),
     (("--workspace", "0.5,0.2,0,1,0,1"), "workspace[0][1]"),
 ])  # fmt: skip
 def test_wrong_options_end_with_one_sentence_before_any_work(track, tmp_path, monkeypatch, words, found):
