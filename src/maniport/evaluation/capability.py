@@ -190,13 +190,18 @@ def compare_capabilities(
     return tuple(results)
 
 
-def position_only(arm: Arm, q: Array, tolerance: float = 1e-4, most_steps: int = 20) -> Array:
-    """Follow the positions of a motion (n, dof) from its start by the pseudoinverse, within limits; shape (n, dof)."""
-    positions, result = arm.forward(q)[:, :3, 3], q.copy()
-    for i in range(1, len(q)):
-        now = result[i - 1].copy()
+def position_only(arm: Arm, q: Array) -> Array:
+    """Follow the positions of a motion (n, dof) from its start, as `follow_positions` does; shape (n, dof)."""
+    return np.concatenate([q[:1], follow_positions(arm, q[0], arm.forward(q[1:])[:, :3, 3])])
+
+
+def follow_positions(arm: Arm, start: Array, positions: Array, tolerance: float = 1e-4, most_steps: int = 20) -> Array:
+    """Follow positions (n, 3) from a start (dof,) by the pseudoinverse, within limits; shape (n, dof)."""
+    result, now = np.empty((len(positions), arm.dof)), start
+    for i, position in enumerate(positions):
         for _ in range(most_steps):
-            error, jacobian = positions[i] - arm.forward(now)[:3, 3], arm.jacobian(now)
+            pose, jacobian = arm.motion(now)
+            error = position - pose[:3, 3]
             if error @ error < tolerance**2:
                 break
             step = np.linalg.lstsq(jacobian[:3], error, rcond=1e-3)[0]

@@ -20,7 +20,14 @@ from maniport.arms.collisions import Collisions, as_collisions
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
-from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, line_extent, polytope_extent
+from maniport.evaluation.capability import (
+    FORCE,
+    VELOCITY,
+    follow_positions,
+    half_sphere,
+    line_extent,
+    polytope_extent,
+)
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import MotionLimits
 from maniport.motion.objective import Objective
@@ -104,25 +111,11 @@ def costs(problem: Problem) -> Mapping[str, Cost]:
     return result
 
 
-def follow(problem: Problem, start: Array, steps: int = 20) -> Array:
+def follow(problem: Problem, start: Array) -> Array:
     """Follow the path from a start (dof,) by the pseudoinverse within the joint limits, as differential IK does."""
-    arm, path, q = problem.arm, problem.task.path, np.empty((len(problem.task.path), len(start)))
-    now = start
-    approach = np.linspace(arm.forward(start)[:3, 3], path[0], 10, endpoint=False)
-    for i, point in enumerate([*approach, *path], -len(approach)):
-        for _ in range(steps):
-            pose, jacobian = arm.motion(now)
-            error = point - pose[:3, 3]
-            if np.linalg.norm(error) < IN_PLACE:
-                break
-            step = np.linalg.lstsq(jacobian[:3], error, rcond=1e-3)[0]
-            ends = (now + step < arm.lower) | (now + step > arm.upper)
-            if ends.any():  # the other joints move instead
-                step = np.where(ends, 0.0, np.linalg.lstsq(jacobian[:3] * ~ends, error, rcond=1e-3)[0])
-            now = np.clip(now + step, arm.lower, arm.upper)
-        if i >= 0:
-            q[i] = now
-    return q
+    path = problem.task.path
+    approach = np.linspace(problem.arm.forward(start)[:3, 3], path[0], 10, endpoint=False)
+    return follow_positions(problem.arm, start, np.concatenate([approach, path]))[len(approach) :]
 
 
 def elbow_cost(problem: Problem) -> Cost:
