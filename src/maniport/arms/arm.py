@@ -160,8 +160,8 @@ class Arm(JointSpace):
         amount, point = as_number(mass, "mass", minimum=0.0), as_numbers(center, "center", 3)
         if self.chain.inertia is None:
             raise InvalidInputError(f"a payload needs masses, and the description of {self.name!r} has none")
-        inertia, tip = self.chain.inertia.copy(), self.chain.frames[self.frame]
-        inertia[tip.joint] += point_mass(amount, tip.placement[:3, :3] @ point + tip.placement[:3, 3])
+        inertia, end_frame = self.chain.inertia.copy(), self.chain.frames[self.frame]
+        inertia[end_frame.joint] += point_mass(amount, end_frame.placement[:3, :3] @ point + end_frame.placement[:3, 3])
         return self._changed(inertia=inertia, payload=self.chain.payload + amount)
 
     def _changed(self, **fields: Any) -> "Arm":
@@ -279,12 +279,12 @@ class Arm(JointSpace):
 
     def skeleton(self, q: ArrayLike) -> Array:
         """Compute the polyline from the base through the joints to the end effector, shape (..., k, 3) [m]."""
-        points, joints, tip = self.link_poses(q)[..., :3, 3], self.chain.joints, self.chain.frames[self.frame]
+        points, joints, end_frame = self.link_poses(q)[..., :3, 3], self.chain.joints, self.chain.frames[self.frame]
         if self.chain.stand is not None:
             points[..., 0, :] = self.chain.stand[:3, 3]
         apart = [0, *(i for i, j in enumerate(joints, 1) if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC)]
         points = points[..., apart, :]
-        if np.any(tip.placement[:3, 3]) or len(apart) == 1:
+        if np.any(end_frame.placement[:3, 3]) or len(apart) == 1:
             points = np.concatenate([points, self.forward(q)[..., None, :3, 3]], axis=-2)
         return points
 

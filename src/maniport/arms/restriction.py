@@ -29,15 +29,15 @@ def restrict(
     for name in (*(wanted or ()), *held):
         if name not in chain.coordinates:
             raise unknown_name("joint", name, chain.coordinates, f"on the chain to {chain.frame!r} {where}")
-    tip = chain.frame if frame is None else frame
-    if not isinstance(tip, str) or tip not in chain.frames:
-        raise unknown_name("frame", tip, chain.frames, where)
-    last = chain.frames[tip].joint
+    end_frame = chain.frame if frame is None else frame
+    if not isinstance(end_frame, str) or end_frame not in chain.frames:
+        raise unknown_name("frame", end_frame, chain.frames, where)
+    last = chain.frames[end_frame].joint
     reached = [name for name, place in chain.frames.items() if place.joint <= last]
     if base is not None and (not isinstance(base, str) or base not in reached):
-        raise unknown_name("base", base, reached, f"on the chain to the frame {tip!r} {where}")
+        raise unknown_name("base", base, reached, f"on the chain to the frame {end_frame!r} {where}")
     first = 0 if base is None else chain.frames[base].joint
-    part = _segment(chain, first, last, tip)
+    part = _segment(chain, first, last, end_frame)
     if base is not None:
         placement, back = chain.frames[base].placement, np.eye(4)
         back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
@@ -47,11 +47,13 @@ def restrict(
     for what, names in (("joints", wanted or ()), ("lock", held)):
         idle = [name for name in names if name not in part.coordinates]
         if idle:
-            raise InvalidInputError(f"{what}: {idle[0]!r} does not move the frame {tip!r}{seen} {where}")
+            raise InvalidInputError(f"{what}: {idle[0]!r} does not move the frame {end_frame!r}{seen} {where}")
     moving = np.array([n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool)
     if not np.any(moving):
         held_all = "; lock contains all" if part.coordinates else ""
-        raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r}{seen} {where}{held_all}")
+        raise InvalidInputError(
+            f"no movable joint lies between the base and the frame {end_frame!r}{seen} {where}{held_all}"
+        )
     if np.all(moving):
         return part
     neutral = np.where(moving, 0.0, np.clip(0.0, part.lower, part.upper))
@@ -78,7 +80,7 @@ def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]
     return held
 
 
-def _segment(chain: Chain, first: int, last: int, tip: str) -> Chain:
+def _segment(chain: Chain, first: int, last: int, end_frame: str) -> Chain:
     """Joints `first` to `last` of a chain, and the coordinates that move them."""
     others, inertia, poses = chain.others, None, _resting_poses(chain)
     if chain.inertia is not None:
@@ -101,7 +103,7 @@ def _segment(chain: Chain, first: int, last: int, tip: str) -> Chain:
             name: replace(place, joint=place.joint - first)
             for name, place in chain.frames.items() if first <= place.joint <= last
         },
-        frame=tip,
+        frame=end_frame,
         coupling=chain.coupling[first:last],
         offset=chain.offset[first:last],
         inertia=inertia,

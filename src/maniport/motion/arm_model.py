@@ -184,10 +184,10 @@ class Axis:
     origin: Array  # (3,); point of the line next to the base [m]
 
     @classmethod
-    def of(cls, jacobian: Array, tips: Array) -> "Axis | None":
+    def of(cls, jacobian: Array, end_positions: Array) -> "Axis | None":
         """Find the line from the first columns of Jacobians (n, 6, dof) and the positions there (n, 3)."""
         direction = jacobian[:, 3:, 0]
-        moment = jacobian[:, :3, 0] - np.cross(direction, tips)
+        moment = jacobian[:, :3, 0] - np.cross(direction, end_positions)
         turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9
         if not turns or np.ptp(direction, axis=0).max() > 1e-9 or np.ptp(moment, axis=0).max() > 1e-9:
             return None

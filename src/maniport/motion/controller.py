@@ -121,7 +121,9 @@ class Controller:
         self._whole = len(group.arms) == 1  # hessians of an arm need no indexing, which is slow
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
         self._no_limits = np.empty((0, group.dof)), np.empty(0)
-        self.reaches = tuple(float(np.linalg.norm(tips, axis=1).max()) for tips in samples)  # from the base [m]
+        self.reaches = tuple(
+            float(np.linalg.norm(end_positions, axis=1).max()) for end_positions in samples
+        )  # from the base [m]
         for i, limit in enumerate(limits):
             _require_fitting(limit, f"limits[{i}]", group)
 

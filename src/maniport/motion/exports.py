@@ -103,10 +103,10 @@ def write_parquet(path: str | os.PathLike[str], motion: Trajectory, robot: Arm |
             columns[f"{name}_{quantity}"] = column, unit
     if robot is not None:
         group = as_group(robot)
-        tips = group.forward(motion.control_positions)[:, :, :3, 3]
+        end_positions = group.forward(motion.control_positions)[:, :, :3, 3]
         for arm, name in enumerate(group.names):
             prefix = f"{name}_" if len(group) > 1 else ""
-            columns |= {f"{prefix}end_effector_{axis}": (tips[:, arm, i], "m") for i, axis in enumerate("xyz")}
+            columns |= {f"{prefix}end_effector_{axis}": (end_positions[:, arm, i], "m") for i, axis in enumerate("xyz")}
     fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
     table = arrow.table([values for values, _ in columns.values()], schema=arrow.schema(fields))
     with written_whole(path) as temporary:

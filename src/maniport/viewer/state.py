@@ -198,22 +198,22 @@ class Side:
 
     def best(self, target: Target) -> Array:
         """Return the best configuration that is found for a target, shape (dof,)."""
-        tips = None if target.position is None else target.position[None]
+        end_positions = None if target.position is None else target.position[None]
         nearest = nearest_feasible(
-            self.student, target.ellipsoid[None], damping=self.bank.damping, positions=tips, bank=self.bank
+            self.student, target.ellipsoid[None], damping=self.bank.damping, positions=end_positions, bank=self.bank
         )
         return np.asarray(nearest.joint_positions[0])
 
     def frame(self, target: Target, q: Array, base_rotation: Array, near_limit: float = 5e-3) -> Frame:
         """Show a target and a configuration (dof,); joints within a share of their range of a limit are at it."""
         arm = self.student
-        achieved, tip = arm.manipulability(q), arm.forward(q)[:3, 3]
+        achieved, end_position = arm.manipulability(q), arm.forward(q)[:3, 3]
         margin = near_limit * (arm.upper - arm.lower)
         at_limit = (q <= arm.lower + margin) | (q >= arm.upper - margin)
         damped = (self.objective.damped(ellipsoid) for ellipsoid in (target.ellipsoid, achieved))
         return Frame(
             self.teacher, arm, target, q, achieved, float(distance_unchecked(*damped)), base_rotation,
-            position_error=None if target.position is None else float(np.linalg.norm(tip - target.position)),
+            position_error=None if target.position is None else float(np.linalg.norm(end_position - target.position)),
             at_limit=tuple(name for name, near in zip(arm.joint_names, at_limit, strict=True) if near),
         )  # fmt: skip
 
@@ -248,8 +248,8 @@ class ViewState:
             time, schedules = np.linspace(0.0, elapsed, int(np.ceil(elapsed / control_step)) + 1), []
             for side, target in pairs:
                 shapes = np.broadcast_to(target.ellipsoid, (len(time), 3, 3))
-                tips = None if target.position is None else np.broadcast_to(target.position, (len(time), 3))
-                schedules.append(Schedule(side.objective, time, shapes, tips))
+                end_positions = None if target.position is None else np.broadcast_to(target.position, (len(time), 3))
+                schedules.append(Schedule(side.objective, time, shapes, end_positions))
             self.joints = follow(self._controller, self.joints, schedules)[0][-1]
         return tuple(side.frame(target, self.joints[columns], command.base_rotation)
                      for (side, target), columns in zip(pairs, self._columns, strict=True))  # fmt: skip

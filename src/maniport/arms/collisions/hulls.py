@@ -99,13 +99,13 @@ def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple[Hull, ...]:
     frames = arm.chain.frames
     links = {link for link, _ in arm.geometry.shapes}
     carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in links), None)
-    tip = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
-    return _hulls(part, fine, tip)
+    end_position = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
+    return _hulls(part, fine, end_position)
 
 
 @lru_cache(maxsize=512)
-def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple[Hull, ...]:
-    """Hulls of a part, in several pieces if their hulls are smaller than that of the whole; one encloses `tip`."""
+def _hulls(part: Part, fine: bool, end_position: tuple[float, ...] | None) -> tuple[Hull, ...]:
+    """Hulls of a part, in several pieces if their hulls are smaller than the whole one; one encloses `end_position`."""
     mesh = part.mesh
     points, triangles = reduced(mesh, 300)  # cuts are chosen on a coarse mesh
     pieces = [_Piece.of(points[triangles], ())]
@@ -124,9 +124,9 @@ def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple[Hull,
             corners = _cut(corners, axis, at)[side]
         if len(corners):
             outlines.append(_outline(corners.reshape(-1, 3)))
-    if tip is not None:
-        nearest = int(np.argmin([np.linalg.norm(outline - tip, axis=1).min() for outline in outlines]))
-        outlines[nearest] = np.concatenate([outlines[nearest], [tip]])
+    if end_position is not None:
+        nearest = int(np.argmin([np.linalg.norm(outline - end_position, axis=1).min() for outline in outlines]))
+        outlines[nearest] = np.concatenate([outlines[nearest], [end_position]])
     return tuple(Hull.around(part.name, part.joint, outline, 256 if fine else 96) for outline in outlines)
 
 
@@ -178,10 +178,10 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
     a, b, c = (split[rows, (lone + k) % 3] for k in range(3))
     share = [(at - a[:, axis]) / (end[:, axis] - a[:, axis]) for end in (b, c)]
     ab, ac = (a + part[:, None] * (end - a) for part, end in zip(share, (b, c), strict=True))
-    tips, stumps = np.stack([a, ab, ac], axis=1), [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
-    tip_above = upper[rows, lone]
-    below_plane = [triangles[count == 0], tips[~tip_above], *(stump[tip_above] for stump in stumps)]
-    above_plane = [triangles[count == 3], tips[tip_above], *(stump[~tip_above] for stump in stumps)]
+    corners, stumps = np.stack([a, ab, ac], axis=1), [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    corner_above = upper[rows, lone]
+    below_plane = [triangles[count == 0], corners[~corner_above], *(stump[corner_above] for stump in stumps)]
+    above_plane = [triangles[count == 3], corners[corner_above], *(stump[~corner_above] for stump in stumps)]
     return np.concatenate(below_plane), np.concatenate(above_plane)
 
 

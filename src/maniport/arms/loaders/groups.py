@@ -66,12 +66,14 @@ def load_arms(
         if isinstance(name, str) and name in PERSONS:
             raise InvalidInputError(f"robot: {name!r} is a person; load_arms loads robots")
     names = (LEFT, RIGHT) if count == 2 else tuple(f"arm{i + 1}" for i in range(count))
-    tips = [None] * count if frames is None else _several("frames", frames, count)
+    end_frames = [None] * count if frames is None else _several("frames", frames, count)
     places = [np.eye(4)] * count if bases is None else _several("bases", bases, count)
     places = [_base(place, name) for place, name in zip(places, names, strict=True)]
-    if one_robot and None in tips:
-        tips = _ends(robots[0], tips)
-    arms = [load_arm(name, tip, mesh_folders=mesh_folders) for name, tip in zip(robots, tips, strict=True)]
+    if one_robot and None in end_frames:
+        end_frames = _ends(robots[0], end_frames)
+    arms = [
+        load_arm(name, end_frame, mesh_folders=mesh_folders) for name, end_frame in zip(robots, end_frames, strict=True)
+    ]
     if not one_robot:
         arms = [Arm(standing(arm.chain, place)) for arm, place in zip(arms, places, strict=True)]
     group = ArmGroup(*arms, names=names)
@@ -99,8 +101,8 @@ def _several(name: str, value: Any, count: int | None = None) -> list[Any]:
     return values
 
 
-def _ends(robot: Robot, tips: Sequence[str | None]) -> list[str | None]:
-    """Return the end effectors of the left and right limb of a robot, where `tips` has None."""
+def _ends(robot: Robot, end_frames: Sequence[str | None]) -> list[str | None]:
+    """Return the end effectors of the left and right limb of a robot, where `end_frames` has None."""
     limbs = robot_limbs(robot)[0]
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
     if len(longest) < 2:
@@ -109,9 +111,12 @@ def _ends(robot: Robot, tips: Sequence[str | None]) -> list[str | None]:
             f"robot {os.fspath(robot)!r} must have two arms; found {only}: name both end effectors with "
             f"{argument('frames')}, or place two robots with {placing_options()}"
         )
-    sides = (LEFT, RIGHT)[: len(tips)] if len(tips) <= 2 else ()
+    sides = (LEFT, RIGHT)[: len(end_frames)] if len(end_frames) <= 2 else ()
     try:
-        return [tip or one_side(limbs, side, os.fspath(robot)).frame for tip, side in zip(tips, sides, strict=True)]
+        return [
+            end_frame or one_side(limbs, side, os.fspath(robot)).frame
+            for end_frame, side in zip(end_frames, sides, strict=True)
+        ]
     except (UnknownNameError, ValueError):
         ends = ", ".join(repr(limb.frame) for limb in longest)
         raise InvalidInputError(

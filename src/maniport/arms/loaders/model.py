@@ -40,7 +40,7 @@ class RobotModel:
         leaders = {name: follower.leader for name, follower in self.followers.items() if follower.leader is not None}
         return Limbs(self.model, names, leaders, wanted)
 
-    def chain(self, tip: str | None, wanted: Sequence[str] | None) -> Chain:
+    def chain(self, end_frame: str | None, wanted: Sequence[str] | None) -> Chain:
         """Return the chain to a frame, by default the end effector of some joints; see `maniport.load_arm`."""
         path, model, frames = self.source.path, self.model, named_frames(self.model)
         wanted = () if wanted is None else check_names(wanted, "joints")
@@ -50,14 +50,14 @@ class RobotModel:
             if name in self.followers:
                 leader = self.followers[name].leader
                 raise InvalidInputError(f"joints: {name!r} in '{path}' cannot move by itself, it follows {leader!r}")
-        if tip is None:
-            tip = self.limbs(wanted).choose(str(path))
-        elif tip not in frames:
-            raise unknown_name("frame", tip, frames, f"in '{path}'")
+        if end_frame is None:
+            end_frame = self.limbs(wanted).choose(str(path))
+        elif end_frame not in frames:
+            raise unknown_name("frame", end_frame, frames, f"in '{path}'")
         joints: list[Joint] = []
         mounts = {0: (0, np.eye(4))}  # joint of the model: number of chain joints, remaining pose
         rest = np.eye(4)
-        for j in model.supports[model.frames[frames[tip]].parentJoint]:
+        for j in model.supports[model.frames[frames[end_frame]].parentJoint]:
             if j and self.parts[j]:
                 first, *others = self.parts[j]
                 joints += [replace(first, placement=rest @ first.placement), *others]
@@ -94,7 +94,7 @@ class RobotModel:
             name=model.name or path.stem,
             joints=tuple(joints),
             frames=on_chain,
-            frame=tip,
+            frame=end_frame,
             coordinates=tuple(coordinates),
             lower=limits[:, 0],
             upper=limits[:, 1],

@@ -257,11 +257,11 @@ def _require_reach(maps: Sequence[ReachabilityMap], bounds: Array, upright: bool
                 )
             bounds[0, 2] = max(bounds[0, 2], samples.collisions.table)
     for samples in maps:
-        tips = samples.reach
-        if np.linalg.norm(tips - np.clip(tips, *bounds), axis=1).min() > tolerance:
+        end_positions = samples.reach
+        if np.linalg.norm(end_positions - np.clip(end_positions, *bounds), axis=1).min() > tolerance:
             wanted, reached = (
                 ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *ends, strict=True))
-                for ends in (bounds, (tips.min(axis=0), tips.max(axis=0)))
+                for ends in (bounds, (end_positions.min(axis=0), end_positions.max(axis=0)))
             )
             raise InvalidInputError(
                 f"workspace: {samples.arm.name!r} reaches nothing in {wanted} m: its end effector "

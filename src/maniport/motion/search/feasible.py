@@ -69,12 +69,12 @@ def nearest_feasible(
         When an ellipsoid is asymmetric or, with the damping, not positive-definite; when without damping the arm
         itself is singular at all starts.
     """
-    count, objective, tips = as_count(n_starts, "n_starts"), Objective.of(arm, spec, damping), None
+    count, objective, end_positions = as_count(n_starts, "n_starts"), Objective.of(arm, spec, damping), None
     undamped = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
     if positions is not None:
-        tips = as_metres(positions, "positions")
-        require_shape(tips, "positions", (len(undamped), 3), ", one for each ellipsoid")
-    targets = objective.targets(undamped, tips)
+        end_positions = as_metres(positions, "positions")
+        require_shape(end_positions, "positions", (len(undamped), 3), ", one for each ellipsoid")
+    targets = objective.targets(undamped, end_positions)
     bank = SeedBank.given_or_built(bank, arm, spec, random_state)
     step = Step(progress, "Search feasible ellipsoids")
     q = search_from_starts(targets, bank.starts_for(targets, count), block=128, progress=step)

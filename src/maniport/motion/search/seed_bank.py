@@ -79,8 +79,8 @@ class SeedBank:
             wanted = np.concatenate([wanted, POSITION_WEIGHT * targets.positions], axis=1)
         if positioned not in self._trees:
             if positioned:
-                tips = self.arm.forward(self.joint_positions)[:, :3, 3]
-                vectors = np.concatenate([vectors, POSITION_WEIGHT * tips], axis=1)
+                end_positions = self.arm.forward(self.joint_positions)[:, :3, 3]
+                vectors = np.concatenate([vectors, POSITION_WEIGHT * end_positions], axis=1)
             self._trees[positioned] = cKDTree(vectors)
         rows = self._trees[positioned].query(wanted, k=[*range(1, min(k, len(self)) + 1)])[1]
         return np.asarray(self.joint_positions[rows])

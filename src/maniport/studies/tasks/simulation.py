@@ -53,8 +53,8 @@ class SimulatedArm:
             own.actgravcomp, own.actfrcrange, own.actfrclimited = True, [-limit, limit], True
             _set_inertia(body, np.asarray(chain.inertia)[i + 1])
             bodies.append(body)
-        tip = chain.frames[self.arm.frame]
-        end = body.add_body(name="tip", pos=tip.placement[:3, 3], quat=_quaternion(tip.placement))
+        end_frame = chain.frames[self.arm.frame]
+        end = body.add_body(name="end_effector", pos=end_frame.placement[:3, 3], quat=_quaternion(end_frame.placement))
         end.mass, end.ipos, end.inertia = max(self.payload, 1e-6), np.zeros(3), np.full(3, 1e-9)
         end.explicitinertial = True
         for part in (*bodies, end):
@@ -64,7 +64,7 @@ class SimulatedArm:
             servo = spec.add_actuator(name=f"servo{i}", target=f"joint{i}", trntype=mj.mjtTrn.mjTRN_JOINT)
             servo.set_to_position(kp=stiffness, kv=2.0 * np.sqrt(stiffness * ROTOR * limit))
             spec.add_sensor(type=mj.mjtSensor.mjSENS_JOINTACTFRC, objtype=mj.mjtObj.mjOBJ_JOINT, objname=f"joint{i}")
-        spec.add_sensor(type=mj.mjtSensor.mjSENS_FRAMEPOS, objtype=mj.mjtObj.mjOBJ_BODY, objname="tip")
+        spec.add_sensor(type=mj.mjtSensor.mjSENS_FRAMEPOS, objtype=mj.mjtObj.mjOBJ_BODY, objname="end_effector")
         return spec.compile()
 
     def pushed(self, q: Array, forces: Array) -> tuple[Array, Array]:
@@ -82,7 +82,7 @@ class SimulatedArm:
         start = np.zeros((count, mj.mj_stateSize(model, state.mjSTATE_FULLPHYSICS)))
         start[:, 1 : 1 + model.nq] = q  # after the time
         wrenches = np.zeros((count, steps, model.nbody, 6))
-        wrenches[:, :, model.body("tip").id, :3] = forces
+        wrenches[:, :, model.body("end_effector").id, :3] = forces
         servo = np.broadcast_to(q[:, None], (count, steps, model.nu))
         control = np.concatenate([servo, wrenches.reshape(count, steps, -1)], axis=2)
         parts = int(state.mjSTATE_CTRL) | int(state.mjSTATE_XFRC_APPLIED)
