@@ -11,10 +11,9 @@ from maniport.live.led_arm import Target
 from maniport.motion import Limit, MotionLimits, Objective
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
-from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
+from maniport.motion.problem import Cost, PostureCost
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array

@@ -5,8 +5,6 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 
 from maniport.motion.arm_model import robot_model
 from maniport.motion.controller import Controller, ControlProblem, ControlState
-from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import LimitUse, MotionLimits
@@ -18,7 +16,7 @@ from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
-from maniport.motion.problem import MotionProblem
+from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
 from maniport.motion.search.seed_bank import SeedBank

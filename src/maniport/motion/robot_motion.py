@@ -136,7 +136,7 @@ class ArmMotion(Trajectory):
             distance=apart,
             path=schedule.positions,
             position_error=error,
-            orientation_error=None if targets.orientation_cost is None else targets.orientation_cost.angles(q),
+            orientation_error=targets.orientation_error(q),
             position_tolerance=position_tolerance,
             status=statuses_of(trajectory.time, apart, off_path, time, *steps),
             held=stopped,

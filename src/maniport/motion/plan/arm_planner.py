@@ -106,7 +106,7 @@ class ArmPlanner:
             q[..., idle] = (0.5 * (self.limits.lower + self.limits.upper))[idle]
             owner, first = np.repeat(np.arange(len(q)), q.shape[1]), np.arange(len(q) + 1) * q.shape[1]
             q = q.reshape(-1, q.shape[-1])
-            q = turned_to_rotations(targets[owner], q) if targets.turned else q
+            q = turned_to_rotations(targets[owner], q) if targets.axes else q
             nodes = Roadmap(q, targets[owner].cost(q), first)
         if problem.costs:
             time = np.repeat(problem.time, np.diff(nodes.first))

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
+from scipy.sparse import diags_array
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
-from maniport.motion.costs.smoothness import Differences, SmoothnessCost
 from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, PathCost
 from maniport.util.validation import Array
 
@@ -38,8 +38,8 @@ class TrajectoryTerms:
     velocity_cost: float  # λ_v [s²/rad²]
     jerk_cost: float  # λ_j [s⁶/rad²]
     weights: Array | None = None  # w (n,) [s]; None: half the time to both neighbors
-    velocity: Array | None = None  # limits (dof,)
-    acceleration: Array | None = None  # limits (dof,)
+    velocity: Array | float = np.inf  # limits (dof,)
+    acceleration: Array | float = np.inf  # limits (dof,)
     collisions: Collisions | None = None
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another step
     clearance: float | Array = CLEARANCE  # c, or c at each waypoint (n,) [m]
@@ -101,18 +101,37 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
     return state
 
 
+class Differences:
+    """The k-th derivative at uneven times as a banded matrix D of n − k rows."""
+
+    def __init__(self, time: Array, order: int):
+        count = len(time) - order
+        at = np.stack([time[k : count + k] for k in range(order + 1)], axis=1)
+        rows = np.tile(np.eye(order + 1), (count, 1, 1))
+        for level in range(1, order + 1):
+            gap = at[:, level:] - at[:, : at.shape[1] - level]
+            rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
+        self.rows, self.spans = rows[:, 0], (at[:, -1:] - at[:, :1]) / order
+        self.matrix = diags_array(list(self.rows.T), offsets=range(order + 1), shape=(count, len(time)), format="csr")
+
+    def add_normal(self, weights: Array, band: Array) -> None:
+        """Add lower diagonals of Dᵀ W D of each joint to (k + 1, n, dof); W is diagonal, `weights` (n − k, dof)."""
+        m, width = self.rows.shape
+        for below in range(width):
+            for k in range(width - below):
+                band[below, k : m + k] += weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
+
+
 class TrajectoryCost:
     """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `evaluate` of a `PathCost`."""
 
     def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
-        n = len(time)
-        self.clearance = np.broadcast_to(terms.clearance, n)
+        self.clearance = np.broadcast_to(terms.clearance, len(time))
         self.stiffness = (CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)) ** 2  # contact costs the same for every c
-        self.smoothness = SmoothnessCost(time, arm.dof, terms.velocity_cost, terms.jerk_cost)
-        limits = ((1, terms.velocity), (2, terms.acceleration))
-        self.limited = [(Differences(time, k), limit) for k, limit in limits if limit is not None and n > k]
+        orders = ((terms.velocity_cost, terms.velocity), (0.0, terms.acceleration), (terms.jerk_cost, np.inf))
+        self.derivatives = [(Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k]
 
     def evaluate(self, q: Array) -> tuple[float, Any]:
         """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
@@ -127,16 +146,15 @@ class TrajectoryCost:
             np.add.at(square, rows, stiffness * lacking**2)
             np.add.at(gradient, rows, (-stiffness * lacking)[:, None] * slope)
             np.add.at(hessian, rows, stiffness[:, None, None] * slope[:, :, None] * slope[:, None, :])
-        smooth, band = self.smoothness.gradient(q), self.smoothness.band.copy()
-        cost = float(np.sum(self.weights * square) + np.sum(q * smooth))
-        gradient = self.weights[:, None] * gradient + smooth
-        for difference, limit in self.limited:
-            share = difference(q) / limit
+        cost, gradient = float(self.weights @ square), self.weights[:, None] * gradient
+        band = np.zeros((min(4, len(q)), *q.shape))  # lower diagonals of each joint
+        for difference, smoothness, limit in self.derivatives:
+            value, spans = difference.matrix @ q, difference.spans
+            share = value / limit
             excess = np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0)
-            weight = LIMIT_WEIGHT * difference.spans[:, None]
-            cost += float(np.sum(weight * excess**2))
-            gradient += difference.transposed(weight * excess / limit)
-            band[: difference.order + 1] += difference.normal(weight * (excess != 0.0) / limit**2)
+            cost += float(np.sum(spans * (smoothness * value**2 + LIMIT_WEIGHT * excess**2)))
+            gradient += difference.matrix.T @ (spans * (smoothness * value + LIMIT_WEIGHT * excess / limit))
+            difference.add_normal(spans * (smoothness + LIMIT_WEIGHT * (excess != 0.0) / limit**2), band)
         return cost, (gradient, self.weights[:, None, None] * hessian, band)
 
     def trial(self, q: Array, slopes: Any, damping: float) -> tuple[Array, float]:

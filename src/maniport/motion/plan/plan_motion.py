@@ -9,16 +9,13 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.motion.costs.cost import Cost, as_costs
-from maniport.motion.costs.orientation import axis_weights
-from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import EXACT_WEIGHT, Damping
+from maniport.motion.objective import EXACT_WEIGHT, Damping, axis_weights
 from maniport.motion.plan.arm_planner import planning_time_scale
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.time_parameterization import with_approach
-from maniport.motion.problem import MotionProblem
+from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
 from maniport.motion.search.descent import STARTS, interpolated_distance, pointwise_best

@@ -149,14 +149,14 @@ class ReachabilityMap:
         more than once, the same configurations a turn away are nodes, too.
         """
         # few samples next to a position have similar orientations: more are needed where the orientation counts
-        q, distance = self._near(targets, (8 if targets.turned else 2) * count)
+        q, distance = self._near(targets, (8 if targets.axes else 2) * count)
         order = np.argsort(distance, axis=1, kind="stable")
         half = count // 2
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
         chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
         possible = np.isfinite(np.take_along_axis(distance, chosen, axis=1))
         q, owner = np.take_along_axis(q, chosen[..., None], axis=1)[possible], np.nonzero(possible)[0]
-        if targets.turned:
+        if targets.axes:
             q = turned_to_rotations(targets[owner], q)
         assert targets.positions is not None
         q, error = moved_to_positions(self.arm, q, targets.positions[owner])
@@ -188,7 +188,7 @@ class ReachabilityMap:
             allowed |= ~allowed.any(axis=1, keepdims=True)  # better off the position than nothing at all
             rotations = self.axis.rotations(turned - q[..., 0])
             q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
-        if targets.turned:
+        if targets.axes:
             assert targets.rotations is not None
             weights = np.array(own.axis_weights)
             needed = self._idle_turns @ (weights > 0.0)
