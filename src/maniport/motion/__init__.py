@@ -6,6 +6,7 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 from maniport.motion.arm_model import robot_model
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.exports import export_motion
+from maniport.motion.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.objective import Objective
@@ -18,8 +19,7 @@ from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
 from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
-from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank
 from maniport.motion.tracker import Control, track
 from maniport.motion.trajectory import Clearance, Trajectory
 

@@ -21,7 +21,7 @@ from maniport.motion.plan.planner import Planner
 from maniport.motion.problem import Cost, PostureCost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Part, Progress, Step, between, ignore_fraction

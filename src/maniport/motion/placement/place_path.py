@@ -28,8 +28,7 @@ from maniport.motion.placement.search import WEIGHT, best_placements
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
-from maniport.motion.search.descent import pointwise_best
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank, pointwise_best
 from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces

@@ -25,8 +25,7 @@ from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, stages_of, turned_to_rotations
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
-from maniport.motion.search.descent import PathCost
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import PathCost, SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
 from maniport.util.progress import Part, ignore_fraction
 from maniport.util.validation import Array

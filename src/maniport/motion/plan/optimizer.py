@@ -21,7 +21,7 @@ from scipy.sparse import diags_array
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
-from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, PathCost
+from maniport.motion.search import LARGEST_DAMPING, LEAST_GAIN, PathCost
 from maniport.util.validation import Array
 
 CLEARANCE = 0.015  # Distance that motions keep from collisions [m]

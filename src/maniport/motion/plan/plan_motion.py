@@ -18,7 +18,7 @@ from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
-from maniport.motion.search.descent import STARTS, interpolated_distance, pointwise_best
+from maniport.motion.search import STARTS, interpolated_distance, pointwise_best
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced

@@ -27,7 +27,7 @@ from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import shortest_path, stages_of
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
 from maniport.util.progress import Part, ignore_fraction, pieces
 from maniport.util.validation import Array, as_generator
