@@ -37,7 +37,7 @@ def planner_of(arms, collisions=False):
 
 def single(planner, i):
     own = planner.arms[i]
-    return Planner(own.limits, planner.spec, (own,), own.collisions)
+    return Planner(own.limits, planner.spec, (own,), own.reachability_map.collisions)
 
 
 @pytest.fixture(scope="module")

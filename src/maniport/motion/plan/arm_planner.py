@@ -5,12 +5,11 @@ the smoothness that this time demands, and timed again.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from maniport.arms.collisions import Collisions
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.optimizer import (
     CLEARANCE,
@@ -43,36 +42,24 @@ def planning_time_scale(settings: PlanSettings) -> float:
     return max(1.0 / settings.speed_scale, PLANNING_TIME_SCALE)
 
 
-class Coarse(NamedTuple):
-    """How a trajectory is planned on the planning time scale."""
-
-    time: Array  # (n,), of the waypoints, from 0 [s]
-    terms: TrajectoryTerms
-    joint_motion_weight: float  # of the graph search
-
-    @classmethod
-    def of(cls, problem: MotionProblem, settings: PlanSettings) -> "Coarse":
-        """Return times, smoothness, limits and collisions."""
-        time = planning_time_scale(settings) * (problem.time - problem.time[0])
-        share = SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
-        terms = TrajectoryTerms(
-            share * 0.12,
-            share * 4e-3,
-            velocity=SPEED_SHARE * problem.limits.velocity,
-            collisions=problem.collisions,
-            rel_tol=settings.budget.rel_tol,
-        )
-        return cls(time, terms, share * JOINT_MOTION_WEIGHT)
+def coarse_terms(problem: MotionProblem, settings: PlanSettings) -> tuple[Array, TrajectoryTerms, float]:
+    """Return times of the waypoints and terms on the planning time scale, and the joint motion weight of the search."""
+    time = planning_time_scale(settings) * (problem.time - problem.time[0])
+    share = SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
+    speeds, tolerance = SPEED_SHARE * problem.limits.velocity, settings.budget.rel_tol
+    terms = TrajectoryTerms(
+        share * 0.12, share * 4e-3, velocity=speeds, collisions=problem.collisions, rel_tol=tolerance
+    )
+    return time, terms, share * JOINT_MOTION_WEIGHT
 
 
 @dataclass(frozen=True)
 class ArmPlanner:
-    """One arm with its limits, samples and collision model."""
+    """One arm with its limits and samples."""
 
     limits: MotionLimits
     reachability_map: ReachabilityMap  # of `limits.arm`
     bank: SeedBank
-    collisions: Collisions | None = None
 
     def solve(
         self,
@@ -82,13 +69,13 @@ class ArmPlanner:
         progress: Part = ignore_fraction,
     ) -> tuple[Array, Trajectory]:
         """Plan a motion; return the configurations at the waypoints (n, dof), and the timed motion."""
-        time, terms, joint_motion_weight = Coarse.of(problem, settings)
+        time, terms, joint_motion_weight = coarse_terms(problem, settings)
         stages = stages_of(time, settings.budget.stage)
         # short paths get more nodes: of a UR5's motion of 10 s the distance is 14 % less with 700 than with 300
         more = float(np.clip(150.0 / len(stages), 1.0, 2.4))
         nodes = self.roadmap(problem[stages], int(more * settings.budget.nodes), random)
         progress(0.4)
-        path = shortest_path(nodes, time[stages], self.largest_changes(time[stages]), joint_motion_weight)
+        path = self.search(nodes, time[stages], joint_motion_weight)
         progress(0.6)
         q = optimize(problem[stages], time[stages], nodes.q[path], terms, POSITION_WEIGHTS[0])
         q, coarse_tolerance = interpolated(time[stages], q, time), 1e-3  # [m]; less than this is met with the time
@@ -103,21 +90,21 @@ class ArmPlanner:
         else:  # joints that do not change the ellipsoid are in their middle
             q, idle = self.bank.starts_for(targets, count), self.reachability_map.idle
             q[..., idle] = (0.5 * (self.limits.lower + self.limits.upper))[idle]
-            owner, first = np.repeat(np.arange(len(q)), q.shape[1]), np.arange(len(q) + 1) * q.shape[1]
+            first, own = np.arange(len(q) + 1) * q.shape[1], targets[np.repeat(np.arange(len(q)), q.shape[1])]
             q = q.reshape(-1, q.shape[-1])
-            q = turned_to_rotations(targets[owner], q) if targets.axes else q
-            nodes = Roadmap(q, targets[owner].cost(q), first)
-        if problem.costs:
-            time = np.repeat(problem.time, np.diff(nodes.first))
-            squares = [np.sum(cost.residual(nodes.q, time) ** 2, axis=1) for cost in problem.costs]
-            nodes = replace(nodes, cost=nodes.cost + sum(squares))
-        return nodes if self.collisions is None else nodes.without(self.collisions.collides(nodes.q))
+            q = turned_to_rotations(own, q) if targets.axes else q
+            nodes = Roadmap(q, own.cost(q), first)
+        time = np.repeat(problem.time, np.diff(nodes.first))
+        for cost in problem.costs:
+            nodes = replace(nodes, cost=nodes.cost + np.sum(cost.residual(nodes.q, time) ** 2, axis=1))
+        return nodes if problem.collisions is None else nodes.without(problem.collisions.collides(nodes.q))
 
-    def largest_changes(self, time: Array) -> Array:
-        """Largest joint changes from stage to stage at `time`, shape (stages, dof); larger ones are jumps."""
+    def search(self, nodes: Roadmap, time: Array, joint_motion_weight: float) -> NDArray[np.intp]:
+        """Choose a node for each stage; larger changes from stage to stage than these are jumps."""
         gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
         largest = np.array([{"rad": 0.6, "m": 0.2}[unit] for unit in self.limits.arm.joint_units])
-        return np.asarray(np.minimum(SPEED_SHARE * self.limits.velocity * gaps, largest))
+        largest = np.minimum(SPEED_SHARE * self.limits.velocity * gaps, largest)
+        return shortest_path(nodes, time, largest, joint_motion_weight)
 
 
 def time_parameterized(

@@ -13,7 +13,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_compatible, require_trackable
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Targets
-from maniport.motion.plan.arm_planner import ArmPlanner, Coarse, time_parameterized
+from maniport.motion.plan.arm_planner import ArmPlanner, coarse_terms, time_parameterized
 from maniport.motion.plan.optimizer import (
     CLEARANCE,
     CLEARANCE_WEIGHT,
@@ -24,7 +24,7 @@ from maniport.motion.plan.optimizer import (
 )
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.plan.roadmap import shortest_path, stages_of
+from maniport.motion.plan.roadmap import stages_of
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
 from maniport.motion.search import SeedBank
@@ -44,7 +44,7 @@ class Planner:
     spec : EllipsoidSpec
         Which ellipsoids, of each arm.
     arms : tuple of ArmPlanner
-        Each arm with all joints that move it: ``limits``, ``reachability_map``, ``bank`` and ``collisions``.
+        Each arm with all joints that move it: ``limits``, ``reachability_map`` and ``bank``.
     collisions : Collisions, optional
         Of all arms with themselves, with each other and with obstacles.
     """
@@ -68,7 +68,7 @@ class Planner:
             require_trackable(arm, own)
             samples = ReachabilityMap(arm, own, random_state=random, collisions=around)
             bank = SeedBank(arm, random_state=random, spec=own)
-            arms.append(ArmPlanner(limits.of_joints(arm, columns), samples, bank, around))
+            arms.append(ArmPlanner(limits.of_joints(arm, columns), samples, bank))
         return cls(limits, spec, tuple(arms), model)
 
     @property
@@ -100,8 +100,8 @@ class Planner:
         count, random = len(self.arms), as_generator(random_state)
         parts, shares = [], zip(self.arms, separate or problem.targets, _copies(random, count), strict=True)
         for (arm, targets, own), part in zip(shares, pieces(progress, *count * [1.0]), strict=True):
-            costs = problem.costs if count == 1 else ()
-            alone = replace(problem, targets=(targets,), limits=arm.limits, collisions=arm.collisions, costs=costs)
+            costs, around = problem.costs if count == 1 else (), arm.reachability_map.collisions
+            alone = replace(problem, targets=(targets,), limits=arm.limits, collisions=around, costs=costs)
             q, timed = arm.solve(alone, settings, own, part)
             parts.append(q)
         return (timed, False) if count == 1 else self._joined(problem, parts, settings, random)
@@ -124,30 +124,30 @@ class Planner:
         if not (group.shared or problem.costs or near):
             earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])
             return retime(problem.limits, earliest, mean, rate=settings.rate), False
-        coarse, optimized = Coarse.of(problem, settings), list[Array]()
-        cost = TrajectoryCost(problem.arm, problem, coarse.time, coarse.terms)
+        time, terms, _ = coarse_terms(problem, settings)
+        optimized, cost = list[Array](), TrajectoryCost(problem.arm, problem, time, terms)
 
         def attempts() -> Iterator[tuple[float, list[Array]]]:
             """Factors of the position tolerance, and further starts."""
             yield 1.0, starts
             has_paths = all(own.positions is not None for own in problem.targets)
             if has_paths and not group.shared and collisions is not None:
-                yield 1.0, self._prioritized(problem, coarse, parts, random)
+                yield 1.0, self._prioritized(problem, parts, settings, random)
             yield 3.0, []
             yield np.inf, []
 
         for relaxation, more in attempts():
             tolerance = relaxation * settings.position_tolerance
-            optimized += [optimize(problem, coarse.time, q, coarse.terms, POSITION_WEIGHTS[0]) for q in more]
+            optimized += [optimize(problem, time, q, terms, POSITION_WEIGHTS[0]) for q in more]
             best = min(optimized, key=lambda q: cost.evaluate(q)[0])
-            q, _ = optimize_to_tolerance(problem, coarse.time, best, coarse.terms, tolerance)
+            q, _ = optimize_to_tolerance(problem, time, best, terms, tolerance)
             _, timed = time_parameterized(problem, q, settings, tolerance)
             if collisions is None or not collisions.collides(timed.control_positions).any():
                 break
         return timed, True
 
     def _prioritized(
-        self, problem: MotionProblem, coarse: Coarse, parts: Sequence[Array], random: np.random.Generator
+        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
     ) -> list[Array]:
         """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others.
 
@@ -155,13 +155,14 @@ class Planner:
         """
         group, collisions, motions = self.group, problem.collisions, []
         assert collisions is not None
-        rows = stages_of(coarse.time, 0.55)
-        time = coarse.time[rows]
+        time, _, joint_motion_weight = coarse_terms(problem, settings)
+        rows = stages_of(time, settings.budget.stage)
         for first in reversed(range(len(parts))):
             own = list(parts)
             for i in (first, *(k for k in range(len(parts)) if k != first)):
                 arm = self.arms[i]
-                nodes = arm.reachability_map.nodes(problem.targets[i][rows], 150, random)
+                alone = replace(problem[rows], targets=(problem.targets[i][rows],), costs=(), collisions=None)
+                nodes = arm.roadmap(alone, 150, random)
                 q = np.empty((len(nodes.q), group.dof))
                 for part, columns in zip(own, group.columns, strict=True):
                     q[:, columns] = np.repeat(part[rows], np.diff(nodes.first), axis=0)
@@ -169,12 +170,10 @@ class Planner:
                 cost = nodes.cost.copy()
                 near, distance, _ = collisions.between.gradient(q, CLEARANCE)
                 np.add.at(cost, near, (CLEARANCE_WEIGHT * (CLEARANCE - distance)) ** 2)
-                if arm.collisions is not None:
-                    cost += 1e4 * arm.collisions.collides(nodes.q)
-                path = shortest_path(
-                    replace(nodes, cost=cost), time, arm.largest_changes(time), coarse.joint_motion_weight
-                )
-                own[i] = interpolated(time, nodes.q[path], coarse.time)
+                if arm.reachability_map.collisions is not None:
+                    cost += 1e4 * arm.reachability_map.collisions.collides(nodes.q)
+                path = arm.search(replace(nodes, cost=cost), time[rows], joint_motion_weight)
+                own[i] = interpolated(time[rows], nodes.q[path], time)
             motions.append(group.joined(*own))
         return motions
 

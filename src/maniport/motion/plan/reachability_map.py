@@ -50,8 +50,7 @@ class ReachabilityMap:
         self, arm: Arm, spec: EllipsoidSpec, n: int | None = None, random_state: Any = 0, collisions: Any = None
     ):
         self.arm, self.spec = arm, spec
-        model = as_collisions(collisions, arm)
-        self.collisions: Collisions | None = model if model is not None and model.checked else None
+        self.collisions: Collisions | None = as_collisions(collisions, arm)
         probes = arm.sample(32, 0)
         poses, jacobian, _, changes = arm.posed_differentials(probes, spec)
         self.axis = Axis.of(jacobian, poses[:, :3, 3])
