@@ -139,7 +139,7 @@ FORMATS = {
 def export_motion(
     path: str | os.PathLike[str], motion: Trajectory | RobotMotion, format: str, robot: Arm | ArmGroup | None = None
 ) -> None:
-    """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
+    """Write the control steps of a motion, the first and the last included, with time from 0.
 
     - ``"ros2"``, ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second.
     - ``"mcap"``, ``.mcap``: about 100 messages a second on ``/joint_states``, named as in
@@ -149,13 +149,10 @@ def export_motion(
     - ``"parquet"``, ``.parquet``: a row for every control step with the joints and, with the robot, the positions of
       the end effectors; units are in the metadata of the columns.
 
-    The first and the last control step are always included.
-
     Parameters
     ----------
     path : str or path
     motion : Trajectory, ArmMotion or RobotMotion
-        Of one arm or of several.
     format : {"ros2", "mcap", "mujoco", "parquet"}
         ``"rerun"`` takes a complete result: see `maniport.write_results`.
     robot : Arm or ArmGroup, optional
@@ -177,8 +174,7 @@ def export_motion(
     suffix = Path(file).suffix
     if as_path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
-    if isinstance(motion, RobotMotion):
-        motion = motion.arms[0] if len(motion.arms) == 1 else motion.trajectory
+    motion = motion.trajectory if isinstance(motion, RobotMotion) else motion
     if not isinstance(motion, Trajectory):
         raise InvalidInputError(f"motion must be a motion, such as result.motion; found {type(motion).__name__}")
     if robot is not None and getattr(robot, "joint_names", None) != motion.joint_names:

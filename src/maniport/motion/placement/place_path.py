@@ -144,9 +144,7 @@ def place_path(  # type: ignore[misc]
         "path": path, "profile": profile, "collisions": collisions, "reachability_map": reachability_map, "bank": bank,
         "demands": demands,
     }  # fmt: skip
-    paths, profiles, models, maps, banks, demanded = (
-        of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
-    )
+    paths, profiles, models, maps, banks, demanded = (of_each(value, name, arm) for name, value in arguments.items())
     fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "Place path")

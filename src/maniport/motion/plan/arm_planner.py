@@ -8,11 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.optimizer import (
-    CLEARANCE,
     POSITION_WEIGHTS,
     TrajectoryTerms,
     optimize,
@@ -24,7 +22,7 @@ from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, stages_of, turned_to_rotations
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
-from maniport.motion.search import PathCost, SeedBank
+from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
 from maniport.util.progress import Part, ignore_fraction
 from maniport.util.validation import Array
@@ -34,7 +32,6 @@ SMOOTHNESS = 0.04
 """Factor of the smoothness costs [1/√s], which grow with the root of the demonstrated duration. Less smoothness is more
 accurate, but the limits then slow the trajectory down: by about the same share, more seconds for a long recording."""
 SPEED_SHARE = 0.9  # Share of the limits of velocity and acceleration that the optimizer uses
-FAR = 3.0  # Position errors of so many times the tolerance of the 95th percentile are large
 
 
 def planning_time_scale(settings: PlanSettings) -> float:
@@ -79,7 +76,7 @@ class ArmPlanner:
         progress(0.6)
         q = optimize(problem[stages], time[stages], nodes.q[path], terms, POSITION_WEIGHTS[0])
         q, coarse_tolerance = interpolated(time[stages], q, time), 1e-3  # [m]; less than this is met with the time
-        q, _ = optimize_to_tolerance(problem, time, q, terms, max(settings.position_tolerance, coarse_tolerance))
+        q = optimize_to_tolerance(problem, time, q, terms, max(settings.position_tolerance, coarse_tolerance))
         return time_parameterized(problem, q, settings, settings.position_tolerance)
 
     def roadmap(self, problem: MotionProblem, count: int, random: np.random.Generator) -> Roadmap:
@@ -115,7 +112,7 @@ def time_parameterized(
     `tolerance` is that of the 95th percentile of the position error [m].
     """
     earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])
-    limits, collisions = problem.limits, problem.collisions
+    limits = problem.limits
     at = retime(limits, earliest, q, rate=settings.rate).time
     terms = TrajectoryTerms(
         3e-3,
@@ -123,49 +120,8 @@ def time_parameterized(
         time_weights(earliest) * (at[-1] - at[0]) / (earliest[-1] - earliest[0]),
         SPEED_SHARE * limits.velocity,
         SPEED_SHARE * limits.acceleration,
-        collisions,
+        problem.collisions,
         settings.budget.rel_tol,
     )
-    q, weight = optimize_to_tolerance(problem, at, q, terms, tolerance)
-    timed = retime(limits, earliest, q, rate=settings.rate)
-    other = relaxed(problem, at, q, terms, weight, tolerance)
-    if other is q:
-        return q, timed
-    other_timed = retime(limits, earliest, other, rate=settings.rate)
-    if collisions is not None:
-        before, after = (collisions.collides(motion.control_positions).mean() for motion in (timed, other_timed))
-        if after > before:
-            return q, timed
-    return other, other_timed
-
-
-def relaxed(
-    problem: PathCost, time: Array, q: Array, terms: TrajectoryTerms, weight: float, tolerance: float, rounds: int = 6
-) -> Array:
-    """Optimize again with half the clearance and 1.5 times the duration around large errors, as long as that helps.
-
-    The position has priority: where a path leads through a narrow passage, or from one branch of configurations to
-    another, clearance and duration alone cause large position errors. Those above `FAR` tolerances count.
-    """
-
-    def largest_error(q: Array) -> Array:
-        error = problem.position_error(q)
-        return np.zeros(len(q)) if error is None else np.asarray(error.reshape(len(q), -1).max(axis=1))
-
-    clearance, error = np.full(len(time), CLEARANCE), largest_error(q)
-    for _ in range(rounds):
-        far = maximum_filter1d(error > FAR * tolerance, 5)
-        if not far.any():
-            break
-        clearance = np.where(far, np.maximum(0.5 * clearance, 0.003), clearance)
-        time = np.append(time[0], time[0] + np.cumsum(np.where(far[1:] & far[:-1], 1.5, 1.0) * np.diff(time)))
-        # few waypoints are a small share of the cost
-        changed = replace(terms, clearance=clearance, rel_tol=0.1 * terms.rel_tol)
-        trial = optimize(problem, time, q, changed, weight)
-        if terms.collisions is not None and terms.collisions.collides(trial[far]).any():
-            break
-        trial_error = largest_error(trial)
-        if trial_error[far].max() > 0.95 * error[far].max():
-            break
-        q, error = trial, trial_error
-    return q
+    q = optimize_to_tolerance(problem, at, q, terms, tolerance)
+    return q, retime(limits, earliest, q, rate=settings.rate)

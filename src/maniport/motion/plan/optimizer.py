@@ -42,7 +42,6 @@ class TrajectoryTerms:
     acceleration: Array | float = np.inf  # limits (dof,)
     collisions: Collisions | None = None
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another step
-    clearance: float | Array = CLEARANCE  # c, or c at each waypoint (n,) [m]
 
 
 def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float) -> Array:
@@ -51,12 +50,10 @@ def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, p
     return np.asarray(levenberg_marquardt(cost, cost.within(q), terms.rel_tol))
 
 
-def optimize_to_tolerance(
-    targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float
-) -> tuple[Array, float]:
+def optimize_to_tolerance(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float) -> Array:
     """Raise the position weight until the 95th percentile of the position error is within the tolerance.
 
-    Return joint positions and the weight. Where the largest weight is not enough, the trajectory is smoothed less.
+    Where the largest weight is not enough, the trajectory is smoothed less.
     """
     less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
     needed = 0.0
@@ -68,7 +65,7 @@ def optimize_to_tolerance(
         if error is None or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance:
             break
         needed = 0.7 * weight * np.sqrt(reached / tolerance)  # the error falls with the square of the weight
-    return q, weight
+    return q
 
 
 def time_weights(time: Array) -> Array:
@@ -128,8 +125,6 @@ class TrajectoryCost:
     def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
-        self.clearance = np.broadcast_to(terms.clearance, len(time))
-        self.stiffness = (CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)) ** 2  # contact costs the same for every c
         orders = ((terms.velocity_cost, terms.velocity), (0.0, terms.acceleration), (terms.jerk_cost, np.inf))
         self.derivatives = [(Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k]
 
@@ -138,14 +133,12 @@ class TrajectoryCost:
         length, gradient, hessian = self.waypoints.evaluate(q)
         square = length**2
         if self.terms.collisions is not None:
-            rows, distance, slope = self.terms.collisions.gradient(q, float(self.clearance.max()), scaled=True)
-            lacking = self.clearance[rows] - distance
-            near = lacking > 0.0
-            rows, lacking, slope = rows[near], lacking[near], slope[near]
-            stiffness = self.stiffness[rows]
-            np.add.at(square, rows, stiffness * lacking**2)
-            np.add.at(gradient, rows, (-stiffness * lacking)[:, None] * slope)
-            np.add.at(hessian, rows, stiffness[:, None, None] * slope[:, :, None] * slope[:, None, :])
+            rows, distance, slope = self.terms.collisions.gradient(q, CLEARANCE, scaled=True)
+            lacking = CLEARANCE_WEIGHT * (CLEARANCE - distance)
+            slope = CLEARANCE_WEIGHT * slope
+            np.add.at(square, rows, lacking**2)
+            np.add.at(gradient, rows, -lacking[:, None] * slope)
+            np.add.at(hessian, rows, slope[:, :, None] * slope[:, None, :])
         cost, gradient = float(self.weights @ square), self.weights[:, None] * gradient
         band = np.zeros((min(4, len(q)), *q.shape))  # lower diagonals of each joint
         for difference, smoothness, limit in self.derivatives:

@@ -95,10 +95,9 @@ def plan_motion(
     require_few(np.ptp(schedules[0].time) / settings.speed_scale * settings.rate)
     bests: list[Array] | None = None
     if pointwise_bests is not None:
-        values: Sequence[Any] = (
-            (pointwise_bests,) if isinstance(arms, Arm) else of_each(pointwise_bests, "pointwise_bests", len(arms))
-        )
-        bests = [as_finite(best, "pointwise_bests").copy() for best in values]
+        bests = [
+            as_finite(best, "pointwise_bests").copy() for best in of_each(pointwise_bests, "pointwise_bests", arms)
+        ]
         for best in bests:
             require_rows(len(schedules[0]), pointwise_bests=(best, ()))
     relative = as_choice(hand_targets, "hand_targets", (PLACED, RELATIVE)) == RELATIVE

@@ -140,7 +140,7 @@ class Planner:
             tolerance = relaxation * settings.position_tolerance
             optimized += [optimize(problem, time, q, terms, POSITION_WEIGHTS[0]) for q in more]
             best = min(optimized, key=lambda q: cost.evaluate(q)[0])
-            q, _ = optimize_to_tolerance(problem, time, best, terms, tolerance)
+            q = optimize_to_tolerance(problem, time, best, terms, tolerance)
             _, timed = time_parameterized(problem, q, settings, tolerance)
             if collisions is None or not collisions.collides(timed.control_positions).any():
                 break

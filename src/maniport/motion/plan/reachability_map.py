@@ -113,25 +113,32 @@ class ReachabilityMap:
         The gap is from a position to a sample that is turned there as far as the first joint's limits allow. Demands
         that exceed what a sample allows add to its cost.
         """
-        (coordinates, angles), (tree, _, samples) = self.coordinates(positions), self._located
-        damped = objective.damped(self._turned_back(ellipsoids, angles))
-        result = np.empty(len(coordinates))
-        for first in range(0, len(coordinates), BLOCK):
+        result = np.empty(len(positions))
+        for first in range(0, len(positions), BLOCK):
             part = slice(first, first + BLOCK)
-            gaps, rows = tree.query(coordinates[part], k=[*range(1, min(count, len(self.q)) + 1)])
+            rows, gaps, angles, cost = self._near(objective, ellipsoids[part], positions[part], count)
             gaps = gaps**2
             if self.axis is not None:
-                turned = self._first_joint(rows, angles[part])
+                turned = self._first_joint(rows, angles)
                 beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
-                gaps += (2.0 * coordinates[part, :1] * np.sin(0.5 * beyond)) ** 2
-            distance = distances(damped[part, None], objective.damped(samples[rows]))
-            cost = distance**2 + GAP_WEIGHT**2 * gaps
+                radius = self.axis.cylindrical(positions[part])[0][:, :1]
+                gaps += (2.0 * radius * np.sin(0.5 * beyond)) ** 2
+            cost += GAP_WEIGHT**2 * gaps
             for spec, vectors in demands:
-                turned = (self._turns_back(angles[part]) @ vectors[part, :, None])[..., 0]
+                turned = (self._turns_back(angles) @ vectors[part, :, None])[..., 0]
                 shares = np.sqrt(np.einsum("ni,nkij,nj->nk", turned, self._inverses(spec)[rows], turned))
                 cost += (EXCESS_WEIGHT * np.maximum(shares - 1.0, 0.0)) ** 2
             result[part] = np.min(cost, axis=1)
         return result
+
+    def _near(
+        self, objective: Objective, ellipsoids: Array, positions: Array, count: int
+    ) -> tuple[NDArray[np.intp], Array, Array, Array]:
+        """Return samples next to positions (n, k), gaps [m], rotations of the arm (n,), and d² of ellipsoids (n, k)."""
+        (coordinates, angles), (tree, _, samples) = self.coordinates(positions), self._located
+        gaps, rows = tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])
+        damped = objective.damped(self._turned_back(ellipsoids, angles))
+        return rows, gaps, angles, distances(damped[:, None], objective.damped(samples[rows])) ** 2
 
     def _inverses(self, spec: EllipsoidSpec) -> Array:
         """Inverses of translational ellipsoids at `q`, turned to angle 0, shape (n, 3, 3)."""
@@ -148,12 +155,12 @@ class ReachabilityMap:
         more than once, the same configurations a turn away are nodes, too.
         """
         # few samples next to a position have similar orientations: more are needed where the orientation counts
-        q, distance = self._near(targets, (8 if targets.axes else 2) * count)
-        order = np.argsort(distance, axis=1, kind="stable")
+        q, cost = self._turned_samples(targets, (8 if targets.axes else 2) * count)
+        order = np.argsort(cost, axis=1, kind="stable")
         half = count // 2
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
         chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
-        possible = np.isfinite(np.take_along_axis(distance, chosen, axis=1))
+        possible = np.isfinite(np.take_along_axis(cost, chosen, axis=1))
         q, owner = np.take_along_axis(q, chosen[..., None], axis=1)[possible], np.nonzero(possible)[0]
         if targets.axes:
             q = turned_to_rotations(targets[owner], q)
@@ -169,32 +176,27 @@ class ReachabilityMap:
         q, owner = self._with_whole_turns(q[kept], owner[kept])
         return Roadmap(q, targets[owner].cost(q), np.searchsorted(owner, np.arange(len(targets) + 1)))
 
-    def _near(self, targets: Targets, count: int) -> tuple[Array, Array]:
-        """Return samples next to each target's position, turned there (n, k, dof), and their distances (n, k)."""
+    def _turned_samples(self, targets: Targets, count: int) -> tuple[Array, Array]:
+        """Return samples next to each target's position, turned there (n, k, dof), and their costs (n, k)."""
         assert targets.positions is not None
-        coordinates, angles = self.coordinates(targets.positions)
-        tree, _, samples = self._located
-        rows = tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
-        own, q = targets.objective, self.q[rows]
-        aligned = own.damped(self._turned_back(targets.ellipsoids, angles))
-        square = distances(aligned[:, None], own.damped(samples[rows])) ** 2
-        allowed, rotations = np.ones(rows.shape, bool), np.eye(3)
+        rows, _, angles, cost = self._near(targets.objective, targets.ellipsoids, targets.positions, count)
+        q, rotations = self.q[rows], np.eye(3)
         if self.axis is not None:
             lower, upper = self.arm.lower[0], self.arm.upper[0]
             turned = self._first_joint(rows, angles)
             allowed = (turned >= lower) & (turned <= upper)
-            turned = np.clip(turned, lower, upper)
             allowed |= ~allowed.any(axis=1, keepdims=True)  # better off the position than nothing at all
-            rotations = self.axis.rotations(turned - q[..., 0])
-            q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
+            cost[~allowed] = np.inf
+            rotations = self.axis.rotations(np.clip(turned, lower, upper) - q[..., 0])
+            q[..., 0] = np.clip(turned, lower, upper)
         if targets.axes:
             assert targets.rotations is not None
-            weights = np.array(own.axis_weights)
+            weights = np.array(targets.objective.axis_weights)
             needed = self._idle_turns @ (weights > 0.0)
             q[..., needed] = self._samples[rows][..., needed]
             error = rotations @ self._orientations[rows] - targets.rotations[:, None]
-            square += np.sum((weights * error) ** 2, axis=(-2, -1))
-        return q, np.where(allowed, np.sqrt(square), np.inf)
+            cost += np.sum((weights * error) ** 2, axis=(-2, -1))
+        return q, cost
 
     def _with_whole_turns(self, q: Array, owner: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
         """Add configurations (n, dof) a whole turn of the first joint away that its limits allow."""
