@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.motion.kernels import add_log_residual, add_residual, log_slopes
+from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
 from maniport.spd.matrix_functions import apply, roots, to_vector
 from maniport.spd.regularization import Regularization
@@ -288,8 +288,9 @@ class Targets:
         return np.asarray((self.half @ to_vector(compose(np.log(values), vectors))[..., None])[..., 0])
 
     def _log_changes(self, values: Array, vectors: Array, changes: Array) -> Array:
-        """Return derivatives of log X in the base frame; as in `add_log_residual`."""
-        frames = np.swapaxes(vectors, -1, -2) @ self.whitening
-        inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
-        turned = log_slopes(values)[:, None] * inner
-        return np.asarray(vectors[:, None] @ turned @ np.swapaxes(vectors, -1, -2)[:, None])
+        """Return derivatives of log X in the base frame, with divided differences of the logarithm."""
+        ratio, frames = values[:, :, None] / values[:, None] - 1.0, np.swapaxes(vectors, -1, -2) @ self.whitening
+        near = np.abs(ratio) < 1e-8
+        slopes = np.where(near, 1.0 - 0.5 * ratio, np.log1p(ratio) / np.where(near, 1.0, ratio)) / values[:, None]
+        inner = slopes[:, None] * congruence(frames[:, None], changes)
+        return congruence(vectors[:, None], inner)

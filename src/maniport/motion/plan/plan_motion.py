@@ -11,9 +11,8 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import EXACT_WEIGHT, Damping, axis_weights
-from maniport.motion.plan.arm_planner import planning_time_scale
 from maniport.motion.plan.plan_settings import PlanSettings
-from maniport.motion.plan.planner import Planner
+from maniport.motion.plan.planner import Planner, planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
 from maniport.motion.robot_motion import RobotMotion
