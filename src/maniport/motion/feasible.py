@@ -70,7 +70,7 @@ def nearest_feasible(
         itself is singular at all starts.
     """
     count, objective, end_positions = as_count(n_starts, "n_starts"), Objective.of(arm, spec, damping), None
-    undamped = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
+    undamped = objective.checked(ellipsoids, "ellipsoids")
     if positions is not None:
         end_positions = as_metres(positions, "positions")
         require_shape(end_positions, "positions", (len(undamped), 3), ", one for each ellipsoid")

@@ -110,10 +110,10 @@ class Objective:
         return np.asarray(damped - self.shift)
 
     def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
-        """Convert target ellipsoids to damped ones, shape (n, d, d), which must be positive-definite."""
+        """Convert target ellipsoids (n, d, d), which must be positive-definite with the damping."""
         damped = self.damped(as_square(ellipsoids, name, self.spec.size))
         label, hint = (f"{name} with damping", "") if self.damping.epsilon else (name, HINT)
-        return as_points(damped, label, minimum=minimum, hint=hint)
+        return self.undamped(as_points(damped, label, minimum=minimum, hint=hint))
 
     def differentials(self, q: Array) -> tuple[Array, Array, Array, Array]:
         """Poses, Jacobians, velocity ellipsoids and their derivatives at configurations (n, dof)."""

@@ -51,8 +51,7 @@ class EllipsoidTask(Task):  # type: ignore[misc]  # Pink is untyped
 
     def set_target(self, ellipsoid: ArrayLike) -> None:
         """Set the target ellipsoid in the base frame, without damping, shape (d, d)."""
-        damped = self.objective.checked(np.asarray(ellipsoid)[None], "ellipsoid")
-        self._targets = self.objective.targets(self.objective.undamped(damped))
+        self._targets = self.objective.targets(self.objective.checked(np.asarray(ellipsoid)[None], "ellipsoid"))
 
     def compute_error(self, configuration: Configuration) -> Array:
         """Return the error, shape (d (d + 1) / 2,)."""

@@ -159,7 +159,7 @@ def place_path(  # type: ignore[misc]
     objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
     for i, objective in enumerate(objectives):
         index = "" if len(arms) == 1 else f"s[{i}]"
-        targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
+        targets.append(objective.checked(profiles[i], f"profile{index}"))
         require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
         positions.append(as_metres(paths[i], f"path{index}"))
         count = (len(targets[0]), 3)

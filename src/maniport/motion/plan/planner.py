@@ -217,7 +217,7 @@ class Planner:
     ) -> tuple[Trajectory, bool]:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact.
 
-        Where the result collides, motions of prioritized planning are further starts, then the tolerance is relaxed.
+        Where the result collides, motions of prioritized planning are further starts, then tolerances are larger.
         """
         group, collisions = self.group, problem.collisions
         values = np.full((len(parts), len(parts[0]), group.dof), np.nan)
@@ -242,12 +242,12 @@ class Planner:
             yield 3.0, []
             yield np.inf, []
 
-        for relaxation, more in attempts():
-            tolerance = relaxation * settings.position_tolerance
+        for factor, more in attempts():
+            tolerance = factor * settings.position_tolerance
             optimized += [optimize(problem, time, q, terms, POSITION_WEIGHTS[0]) for q in more]
             best = min(optimized, key=lambda q: cost.evaluate(q)[0])
             q = optimize_to_tolerance(problem, time, best, terms, tolerance)
-            _, timed = time_parameterized(problem, q, settings, tolerance)
+            timed = time_parameterized(problem, q, settings, tolerance)[1]
             if collisions is None or not collisions.collides(timed.control_positions).any():
                 break
         return timed, True
@@ -267,7 +267,8 @@ class Planner:
             own = list(parts)
             for i in (first, *(k for k in range(len(parts)) if k != first)):
                 arm = self.arms[i]
-                alone = replace(problem[rows], targets=(problem.targets[i][rows],), costs=(), collisions=None)
+                targets, around = (problem.targets[i][rows],), arm.reachability_map.collisions
+                alone = replace(problem[rows], targets=targets, costs=(), collisions=around)
                 nodes = arm.roadmap(alone, 150, random)
                 q = np.empty((len(nodes.q), group.dof))
                 for part, columns in zip(own, group.columns, strict=True):
@@ -276,8 +277,6 @@ class Planner:
                 cost = nodes.cost.copy()
                 near, distance, _ = collisions.between.gradient(q, CLEARANCE)
                 np.add.at(cost, near, (CLEARANCE_WEIGHT * (CLEARANCE - distance)) ** 2)
-                if arm.reachability_map.collisions is not None:
-                    cost += 1e4 * arm.reachability_map.collisions.collides(nodes.q)
                 path = arm.search(replace(nodes, cost=cost), time[rows], joint_motion_weight)
                 own[i] = interpolated(time[rows], nodes.q[path], time)
             motions.append(group.joined(*own))
