@@ -9,9 +9,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 import maniport as mp
 from crane import two_arms
 from maniport.errors import InvalidInputError
-from maniport.motion import MotionProblem, Objective, Planner, RelativePositionCost, plan_motion
+from maniport.motion import Planner, plan_motion
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.objective import Objective
+from maniport.motion.problem import MotionProblem, RelativePositionCost
 from sizes import little_search
 
 TIME = np.linspace(0.0, 3.0, 10)

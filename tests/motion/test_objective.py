@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport import spd
 from maniport.arms import EllipsoidSpec
-from maniport.motion import Objective
+from maniport.motion.objective import Objective
 from maniport.spd.regularization import Regularization
 
 

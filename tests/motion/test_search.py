@@ -5,7 +5,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from maniport import spd
 from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.motion import FeasibleProjector, Objective, SeedBank, nearest_feasible
+from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
+from maniport.motion.objective import Objective
 from maniport.spd.regularization import Regularization
 
 DAMPING = Regularization.absolute(0.003)

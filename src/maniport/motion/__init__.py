@@ -9,15 +9,14 @@ from maniport.motion.exports import export_motion
 from maniport.motion.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import LimitUse, MotionLimits
-from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import place_path
 from maniport.motion.placement.placement import Place, Placement
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.plan.time_parameterization import retime, with_approach
-from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
+from maniport.motion.plan.time_parameterization import retime
+from maniport.motion.problem import Cost
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search import SeedBank
 from maniport.motion.tracker import Control, track
@@ -38,14 +37,11 @@ __all__ = [
     "Limit",
     "LimitUse",
     "MotionLimits",
-    "MotionProblem",
-    "Objective",
     "Place",
     "Placement",
     "PlanSettings",
     "Planner",
     "ReachabilityMap",
-    "RelativePositionCost",
     "RobotMotion",
     "SeedBank",
     "Trajectory",
@@ -56,5 +52,4 @@ __all__ = [
     "retime",
     "robot_model",
     "track",
-    "with_approach",
 ]

@@ -59,26 +59,13 @@ def axis_weights(axes: str) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Objective:
-    """Weights of the costs of an arm, of `track`, `plan_motion` and `nearest_feasible`.
-
-    Attributes
-    ----------
-    arm : Arm
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    damping : Regularization
-        Its ε is added to all eigenvalues before ellipsoids are compared.
-    position_weight : float
-        Weight of the position error [1/m].
-    axis_weights : tuple of three floats
-        Weights of the angles between the axes of the end effector and their targets [1/rad].
-    """
+    """Weights of the costs of an arm."""
 
     arm: Arm
     spec: EllipsoidSpec
-    damping: Regularization
-    position_weight: float = SEARCH_WEIGHT
-    axis_weights: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    damping: Regularization  # its ε is added to all eigenvalues before ellipsoids are compared
+    position_weight: float = SEARCH_WEIGHT  # of the position error [1/m]
+    axis_weights: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of angles between axes and their targets [1/rad]
 
     @classmethod
     def of(

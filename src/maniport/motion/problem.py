@@ -76,26 +76,13 @@ class PostureCost:
 
 @dataclass(frozen=True, eq=False)
 class RelativePositionCost:
-    """Cost of the vector between the end effectors of two arms of a group: w (p_j − p_i − v(t)).
-
-    Attributes
-    ----------
-    group : ArmGroup
-    pair : tuple of two ints
-        Indices i and j.
-    time : ndarray, shape (n,)
-        [s].
-    vectors : ndarray, shape (n, 3)
-        v at these times in the base frame, linear between them [m].
-    position_weight : float
-        Weight w [1/m].
-    """
+    """Cost w (p_j − p_i − v(t)) of the vector between the end effectors of two arms of a group."""
 
     group: ArmGroup
-    pair: tuple[int, int]
-    time: Array
-    vectors: Array
-    position_weight: float = 1000.0
+    pair: tuple[int, int]  # i and j
+    time: Array  # (n,) [s]
+    vectors: Array  # v at these times in the base frame, linear between them (n, 3) [m]
+    position_weight: float = 1000.0  # w [1/m]
 
     def weighing(self, position_weight: float) -> "RelativePositionCost":
         """Return the cost with another weight [1/m]."""
@@ -127,26 +114,13 @@ class RelativePositionCost:
 
 @dataclass(frozen=True)
 class MotionProblem:
-    """Costs at the waypoints of a motion, one row for each, with limits and collisions.
+    """Costs at the waypoints of a motion, one row for each, with limits and collisions."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Times in the demonstration [s].
-    targets : tuple of Targets
-        Ellipsoids, positions and orientations of each arm; their costs are evaluated together, which computes the
-        kinematics once.
-    limits : MotionLimits
-    collisions : Collisions, optional
-    costs : tuple of Cost
-        Further costs.
-    """
-
-    time: Array
-    targets: tuple[Targets, ...]
+    time: Array  # (n,), in the demonstration [s]
+    targets: tuple[Targets, ...]  # of each arm; their costs are evaluated together, which computes the kinematics once
     limits: MotionLimits
     collisions: Collisions | None = None
-    costs: tuple[Cost, ...] = ()
+    costs: tuple[Cost, ...] = ()  # further ones
 
     @property
     def arm(self) -> Arm | ArmGroup:

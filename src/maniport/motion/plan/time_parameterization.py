@@ -77,22 +77,9 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
 
 
 def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike) -> Trajectory:
-    """Begin and end at a home configuration, with straight motions in joint space from rest to rest.
+    """Begin and end at a home configuration (dof,), with straight motions in joint space from rest to rest.
 
-    They use 30 % of the limits of velocity, acceleration and jerk.
-
-    Parameters
-    ----------
-    motion : Trajectory
-        From rest at 0 s to rest, at a constant rate.
-    limits : MotionLimits
-    home : array_like, shape (dof,)
-        Within the position limits [rad] or [m].
-
-    Returns
-    -------
-    Trajectory
-        Longer; its waypoints are passed later.
+    They use 30 % of the limits of velocity, acceleration and jerk. The motion has a constant rate.
     """
     start = limits.arm.require_within_limits(home, "home", single=True)
     rate = (len(motion.control_time) - 1) / motion.control_time[-1]
