@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -40,17 +40,6 @@ class Cost(Protocol):
         """Return the derivatives of the residuals with respect to the joints, shape (m, r, dof)."""
 
 
-@runtime_checkable
-class ToleranceCost(Cost, Protocol):
-    """A cost of a position error: the planner raises its weight until the error is within the tolerance."""
-
-    def weighing(self, position_weight: float) -> Self:
-        """Return the cost with another weight [1/m]."""
-
-    def error(self, q: Array, time: Array) -> Array:
-        """Return the position error, shape (m,) [m]."""
-
-
 def as_costs(costs: Sequence[Cost], arm: Arm | ArmGroup, time: Array) -> tuple[Cost, ...]:
     """Require costs with residuals (m, r) and Jacobians (m, r, dof), tried at two configurations."""
     q = np.tile(0.5 * (arm.lower + arm.upper), (2, 1))
@@ -76,7 +65,10 @@ class PostureCost:
 
 @dataclass(frozen=True, eq=False)
 class RelativePositionCost:
-    """Cost w (p_j − p_i − v(t)) of the vector between the end effectors of two arms of a group."""
+    """Cost w (p_j − p_i − v(t)) of the vector between the end effectors of two arms of a group.
+
+    As for paths, the planner raises its weight until the error is within the position tolerance.
+    """
 
     group: ArmGroup
     pair: tuple[int, int]  # i and j
@@ -136,7 +128,7 @@ class MotionProblem:
 
     def weighing(self, position_weight: float) -> "MotionProblem":
         """Return the problem with another weight of position errors [1/m]."""
-        costs = (own.weighing(position_weight) if isinstance(own, ToleranceCost) else own for own in self.costs)
+        costs = (own.weighing(position_weight) if isinstance(own, RelativePositionCost) else own for own in self.costs)
         return replace(self, targets=tuple(own.weighing(position_weight) for own in self.targets), costs=tuple(costs))
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
@@ -170,5 +162,5 @@ class MotionProblem:
         """Return all position errors [m], shape (n, number of them); None where no position has a cost."""
         parts = zip(self.targets, as_group(self.arm).columns, strict=True)
         errors = [error for own, columns in parts if (error := own.position_error(q[:, columns])) is not None]
-        errors += [own.error(q, self.time) for own in self.costs if isinstance(own, ToleranceCost)]
+        errors += [own.error(q, self.time) for own in self.costs if isinstance(own, RelativePositionCost)]
         return np.stack(errors, axis=1) if errors else None
