@@ -24,10 +24,7 @@ DECIMALS = 9, 7, 5, 4  # of positions, velocities, accelerations and torques in 
 
 
 def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int, list[list[float]]]]:
-    """Iterate over about `rate` control steps a second from 0 s: seconds, nanoseconds, positions and derivatives.
-
-    Controllers interpolate between them.
-    """
+    """Iterate over about `rate` control steps a second from 0 s: seconds, nanoseconds, positions and derivatives."""
     time = motion.control_time - motion.control_time[0]
     stride = max(1, round((len(time) - 1) / (time[-1] * rate)))
     for row in np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1)):

@@ -147,10 +147,7 @@ def plan_motion(
 def _pointwise_bests(
     planner: Planner, problem: MotionProblem, vectors: tuple[Cost, ...], q: Array, most: int = 250
 ) -> list[Array]:
-    """Search pointwise optima (n,) of each arm at most at `most` waypoints, also from a motion (n, dof).
-
-    With vectors between the end effectors they are optima in the sum of squares of all arms.
-    """
+    """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
     rows = evenly_spaced(len(q), most)
     targets, columns = tuple(replace(own[rows], rotations=None) for own in problem.targets), planner.group.columns
     banks = [own.bank.starts_for(part, STARTS) for own, part in zip(planner.arms, targets, strict=True)]
