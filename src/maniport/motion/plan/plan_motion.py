@@ -125,8 +125,8 @@ def plan_motion(
         schedules = [replace(schedule, positions=None) for schedule in schedules]
     problem = MotionProblem(at, targets, limits, collisions, (*extra, *vectors))
     trajectory, coupled = planner.solve(problem, settings, generator, between(step, 0.2, 0.9), separate)
-    trajectory, problem = trajectory.at_waypoints(rows[0]), problem[rows[0]]
-    q = trajectory.joint_positions
+    problem, q = problem[rows[0]], trajectory.joint_positions[rows[0]]  # without those inserted
+    trajectory = replace(trajectory, time=trajectory.time[rows[0]], joint_positions=q)
     if settings.home is not None:
         trajectory = with_approach(trajectory, limits, settings.home)
     step.end(f"{trajectory.control_time[-1]:.1f} s (human {np.ptp(schedules[0].time):.1f} s)")
