@@ -12,6 +12,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.kernels import add_residual
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Targets
+from maniport.motion.trajectory import interpolated
 from maniport.util.validation import Array, as_finite
 
 
@@ -96,7 +97,7 @@ class RelativePositionCost:
 
     def at(self, time: Array) -> Array:
         """Return the target vectors at times (m,), shape (m, 3) [m]."""
-        return np.stack([np.interp(time, self.time, column) for column in self.vectors.T], axis=1)
+        return interpolated(self.time, self.vectors, time)
 
     def _offset(self, q: Array, time: Array) -> Array:
         i, j = self.pair
@@ -115,10 +116,9 @@ class MotionProblem:
     costs: tuple[Cost, ...] = ()  # further ones
 
     @property
-    def arm(self) -> Arm | ArmGroup:
+    def arm(self) -> Any:
         """The arm, or the group of arms, with the margin of the limits."""
-        arm: Arm | ArmGroup = self.limits.arm
-        return arm
+        return self.limits.arm
 
     def __len__(self) -> int:
         return len(self.time)
@@ -148,15 +148,6 @@ class MotionProblem:
             add_residual(residual, jacobian, gradient, hessian)
             square += np.sum(residual**2, axis=1)
         return np.sqrt(square), gradient, hessian
-
-    def distances(self, q: Array) -> list[Array]:
-        """Return the distance of target and achieved ellipsoids of each arm, shapes (n,)."""
-        parts = zip(self.targets, as_group(self.arm).columns, strict=True)
-        return [own.distance(q[:, columns]) for own, columns in parts]
-
-    def distance(self, q: Array) -> Array:
-        """Return the root of the sum of all arms' squared distances (n,)."""
-        return np.asarray(np.linalg.norm(self.distances(q), axis=0))
 
     def position_error(self, q: Array) -> Array | None:
         """Return all position errors [m], shape (n, number of them); None where no position has a cost."""

@@ -155,9 +155,10 @@ def _pointwise_bests(
         starts = np.empty((len(rows), STARTS, q.shape[1]))
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
-        joint = replace(problem[rows], targets=targets, costs=vectors)
-        distances = joint.distances(pointwise_best(joint, starts, q[rows]))
+        best = pointwise_best(replace(problem[rows], targets=targets, costs=vectors), starts, q[rows])
+        parts = [best[:, own] for own in columns]
     else:
-        parts = zip(targets, banks, columns, strict=True)
-        distances = [part.distance(pointwise_best(part, bank, q[rows][:, own])) for part, bank, own in parts]
-    return [interpolated_distance(rows, distance, len(q)) for distance in distances]
+        shares = zip(targets, banks, columns, strict=True)
+        parts = [pointwise_best(part, bank, q[rows][:, own]) for part, bank, own in shares]
+    pairs = zip(targets, parts, strict=True)
+    return [interpolated_distance(rows, own.distance(best), len(q)) for own, best in pairs]
