@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 import maniport as mp
+from evaluate_human_to_panda import Motion, motions
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import distance_preservation, identity_test, smoothness
 from maniport.motion import FeasibleProjector, nearest_feasible
-from maniport.studies.methods import Motion, motions
 from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
 from maniport.transfer.length_field.field import NEAR_SINGULAR
 

@@ -56,8 +56,7 @@ def test_exact_images_are_recovered(outcomes):
 
 
 def test_files_agree(folder, reproduction, outcomes):
-    without_methods = [name for name in run.FILES if not name.startswith("methods.")]
-    assert sorted(path.name for path in folder.iterdir()) == sorted(without_methods)
+    assert sorted(path.name for path in folder.iterdir()) == sorted(run.FILES)
     for name, expected in outcomes.items():
         table = list(csv.DictReader(io.StringIO((folder / f"{name}.csv").read_text(encoding="utf-8"))))
         summary = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))

@@ -1,13 +1,11 @@
 """Tables of the paper's experiments next to its numbers, and how many of these are matched."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from maniport.evaluation import Evaluation
 from maniport.report.values import Metric, Report, Section, Table, describe, software, warning
-from maniport.studies.methods import methods_section
 from maniport.studies.paper.experiments import Experiment, Line
 from maniport.studies.paper.tables import OURS, PAPER
 from maniport.util.notebook import NotebookDisplay
@@ -39,7 +37,6 @@ class Reproduction(NotebookDisplay):
     experiments: tuple[Experiment, ...]
     seed: int
     seconds: float  # of all experiments
-    methods: Mapping[str, Evaluation] | None = None  # comparison of methods, by motion
 
     def __repr__(self) -> str:
         names = ", ".join(experiment.name for experiment in self.experiments)
@@ -49,7 +46,6 @@ class Reproduction(NotebookDisplay):
 @describe.register
 def reproduction_report(reproduction: Reproduction) -> Report:
     """Return a section for each experiment, and the comparison with the paper."""
-    method = [methods_section(reproduction.methods)] if reproduction.methods is not None else []
     run = Section(
         "Run",
         (
@@ -67,7 +63,7 @@ def reproduction_report(reproduction: Reproduction) -> Report:
         "The paper's experiments, repeated",
         "Human-to-robot manipulability transfer by Riemannian ICP: the paper's numbers, its settings repeated, and "
         "maniport's defaults.",
-        (*map(experiment_section, reproduction.experiments), *method, run, compared),
+        (*map(experiment_section, reproduction.experiments), run, compared),
     )
 
 

@@ -3,14 +3,12 @@
 import csv
 import os
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
-from maniport.errors import InvalidInputError
 from maniport.report.page import write_page
 from maniport.report.renderings import write_report
 from maniport.report.values import Report, report_of
-from maniport.studies.methods import compare_methods, methods_report
 from maniport.studies.paper.experiments import DRAWS, Experiment, fit_quietly, human_robot, toy, toy_draw, two_dof
 from maniport.studies.paper.report import Reproduction, experiment_section
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
@@ -18,15 +16,14 @@ from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count
 
-ALL, HUMAN_ROBOT = "all", "human-robot"
-EXPERIMENTS: dict[str, Callable[..., Experiment]] = {"toy": toy, "two-dof": two_dof, HUMAN_ROBOT: human_robot}
+ALL = "all"
+EXPERIMENTS: dict[str, Callable[..., Experiment]] = {"toy": toy, "two-dof": two_dof, "human-robot": human_robot}
 REPORT = "report.html"
 FILES = (
     *(f"{name}{suffix}" for name in EXPERIMENTS for suffix in (".md", ".csv", ".json")),
-    *("methods.md", "methods.json"),
     REPORT,
 )
-"""The files that `reproduce` writes for all experiments, with methods."""
+"""The files that `reproduce` writes for all experiments."""
 
 
 def reproduce(
@@ -35,14 +32,11 @@ def reproduce(
     seed: int = 0,
     progress: Progress | None = None,
     draws: int = DRAWS,
-    methods: Sequence[str] = (),
     overwrite: bool = False,
 ) -> Reproduction:
     """Run one or all of the paper's experiments and write tables to a folder, whole or not at all."""
     names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, ALL)) == ALL else (which,)
     first, count = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
-    if methods and HUMAN_ROBOT not in names:
-        raise InvalidInputError(f"methods are compared in the experiment {HUMAN_ROBOT!r}; found {which!r}")
     require_free(Path(output), FILES, overwrite)
     progress, started = progress or no_progress, clock.perf_counter()
     for adapter in (ParallelTransport(), RiemannianICP(), NearestNeighbor()):
@@ -60,10 +54,6 @@ def reproduce(
                 write_report(
                     folder / f"{name}{suffix}", Report(experiment.title, "", (experiment_section(experiment),))
                 )
-        compared = compare_methods(methods, first, progress) if methods else None
-        reproduction = Reproduction(tuple(experiments), first, clock.perf_counter() - started, compared)
-        if compared is not None:
-            for suffix in (".md", ".json"):
-                write_report(folder / f"methods{suffix}", methods_report(compared))
+        reproduction = Reproduction(tuple(experiments), first, clock.perf_counter() - started)
         write_page(folder / REPORT, report_of(reproduction))
     return reproduction
