@@ -284,8 +284,9 @@ def test_names_of_recordings(tmp_path, monkeypatch, whole):
     a, b, c, d = (tmp_path / name for name in "abcd")
     assert names(a, b) == names(f"{tmp_path}/**/*.bvh") == ["a/walk.bvh", "b/walk.bvh"]
     assert names(a, tmp_path / "b" / "table.csv") == ["table.csv", "walk.bvh"]
+    assert names(a, b, d / "1.c3d") == ["1.c3d", "a/walk.bvh", "b/walk.bvh"]  # only what clashes is renamed
     assert names(f"{tmp_path}/[ab]/*", without=a) == ["b/table.csv", "b/walk.bvh"]
-    assert names(f"{d}/*", c) == ["c/1.c3d/2.c3d", "c/3\\udcff.c3d", "d/1.c3d"]
+    assert names(f"{d}/*", c) == ["3\\udcff.c3d", "c/1.c3d/2.c3d", "d/1.c3d"]
     monkeypatch.chdir(d / "1.c3d")
     for given in (["."], ["../../c/*/../../d/1.c3d"], [d / "1.c3d", "*.json"]):
         assert names(*given) == ["1.c3d"]

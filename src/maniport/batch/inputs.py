@@ -6,6 +6,7 @@ import inspect
 import itertools
 import os
 import pickle
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path, PurePosixPath
@@ -109,13 +110,22 @@ def _name(path: Path, folder: Path | None = None) -> str:
 
 
 def _unique(sources: dict[Path, str]) -> dict[Path, str]:
-    """Put folders before all names where one is another's, or a folder of another's."""
-    names = list(sources.values())
-    parents = {str(parent) for name in names for parent in PurePosixPath(name).parents}
-    if len(set(names)) == len(names) and parents.isdisjoint(names):
-        return sources
-    common = os.path.commonpath([path.parent for path in sources])
-    return {path: as_text(path.relative_to(common).as_posix()) for path in sources}
+    """Put folders before names where one is another's, or a folder of another's."""
+    longer = set[Path]()
+    while not (clashing := _clashing(sources)) <= longer:
+        longer |= clashing
+        common = os.path.commonpath([path.parent for path in longer])
+        sources = sources | {path: as_text(path.relative_to(common).as_posix()) for path in longer}
+    return sources
+
+
+def _clashing(sources: dict[Path, str]) -> set[Path]:
+    """Return the recordings whose name is another's, or a folder of another's, or is in such a folder."""
+    counts = Counter(sources.values())
+    parents = {name: {str(parent) for parent in PurePosixPath(name).parents} for name in counts}
+    folders = set[str]().union(*parents.values())
+    bad = {name for name in counts if counts[name] > 1 or name in folders or not parents[name].isdisjoint(counts)}
+    return {path for path, name in sources.items() if name in bad}
 
 
 def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Collection[str]) -> list[Robot]:
