@@ -11,8 +11,7 @@ import numpy as np
 
 from maniport.estimator import clone
 from maniport.learning.alignment import Alignment, align, matched
-from maniport.learning.gmm import ProfileGMM
-from maniport.learning.mixture import points_each
+from maniport.learning.gmm import ProfileGMM, points_each
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axes
 from maniport.spd.matrix_functions import to_vector
