@@ -15,7 +15,6 @@ from maniport.evaluation.metrics import (
     DistancePreservation,
     Smoothness,
     distance_preservation,
-    identity_test,
     rmse,
     smoothness,
 )
@@ -34,7 +33,6 @@ __all__ = [
     "ellipsoid_extent",
     "evaluate",
     "half_sphere",
-    "identity_test",
     "line_extent",
     "polytope_extent",
     "resemblance",

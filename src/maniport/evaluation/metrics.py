@@ -1,23 +1,20 @@
-"""Metrics of mapped ellipsoids: error, successive distance, distance preservation and identity test.
+"""Metrics of mapped ellipsoids: error, successive distance and distance preservation.
 
 All take SPD matrices with the same regularization on both sides; distances at different ones are not comparable.
 """
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import IdentifiabilityWarning, InvalidInputError
-from maniport.estimator import clone
+from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
-from maniport.transfer import DomainAdapter
 from maniport.util.sampling import evenly_spaced, rank_correlation
-from maniport.util.validation import Array, as_count, as_finite, as_points
+from maniport.util.validation import Array, as_count, as_points
 
 STILL = 1e-9  # Largest distance that counts as rounding
 
@@ -122,9 +119,7 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
     moving = own_steps > STILL
     if not np.any(moving):
-        raise InvalidInputError(
-            f"original does not move: its {len(own)} ellipsoids are equal; successive distances need motion"
-        )
+        raise InvalidInputError(f"original does not move: its {len(own)} ellipsoids are equal")
     largest, median = float(np.max(steps)), float(np.median(steps[moving]))
     return Smoothness(largest, median, largest / float(np.max(own_steps)), median / float(np.median(own_steps[moving])))
 
@@ -147,40 +142,12 @@ def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: i
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=3)
     chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
     first, second = np.triu_indices(len(chosen), 1)
-    distances = (distance_unchecked(points[chosen][first], points[chosen][second]) for points in (images, own))
-    mapped_distances, original_distances = distances
-    if np.ptp(original_distances) <= STILL:
-        raise InvalidInputError(
-            f"original does not vary: all of its pairwise distances are {original_distances[0]:.3g}; distances are "
-            "compared"
-        )
-    angles, varied = axis_angles(images, own, -1), np.ptp(mapped_distances) > STILL
-    rank = rank_correlation(mapped_distances, original_distances) if varied else 0.0
+    apart, own_apart = (distance_unchecked(points[chosen[first]], points[chosen[second]]) for points in (images, own))
+    if np.ptp(own_apart) <= STILL:
+        raise InvalidInputError(f"original does not vary: all of its pairwise distances are {own_apart[0]:.3g}")
+    rank = rank_correlation(apart, own_apart) if np.ptp(apart) > STILL else 0.0
+    angles = axis_angles(images, own, -1)
     return DistancePreservation(rank, float(np.median(angles)) if len(angles) else None)
-
-
-def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -> float:
-    """Fit a clone of an adapter from a domain to itself; the truth is to change nothing.
-
-    Parameters
-    ----------
-    adapter : DomainAdapter
-        Only its parameters are used. A known base orientation becomes the identity.
-    first, second : array_like, shapes (n, d, d) and (m, d, d)
-        Two disjoint sets of samples of the student's domain: teacher and student of the test.
-
-    Returns
-    -------
-    float
-        Root mean squared distance from each of `first` to its image; sampling noise keeps it above zero.
-    """
-    fitted: Any = clone(adapter)
-    if fitted.base_rotation is not None:
-        fitted.set_params(base_rotation=np.eye(as_finite(first, "first").shape[-1]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IdentifiabilityWarning)
-        changes = fitted.fit(first, second).errors(first, first)
-    return float(np.sqrt(np.mean(changes**2)))
 
 
 def _as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int) -> tuple[Array, Array]:
