@@ -12,11 +12,9 @@ from maniport.errors import FileFormatError, InvalidInputError, MissingPackageEr
 from maniport.evaluation import polytope_extent
 from maniport.motion.arm_model import InverseDynamics
 from maniport.studies.tasks import methods, run
-from maniport.studies.tasks.demonstrations import ROBOTS, demonstrations, of_folder, robot_of
-from maniport.studies.tasks.report import TaskStudy, Unit, median_interval, study_report
-from maniport.studies.tasks.score import carry, push, react, read_motion, resist, score
-from maniport.studies.tasks.simulation import ROTOR, SimulatedArm
-from maniport.studies.tasks.task import Task
+from maniport.studies.tasks.run import TaskStudy, Unit, median_interval, study_report
+from maniport.studies.tasks.score import ROTOR, SimulatedArm, carry, push, react, read_motion, resist, score
+from maniport.studies.tasks.task import ROBOTS, Task, demonstrations, of_folder, robot_of
 
 pytest.importorskip("mujoco")
 
@@ -50,10 +48,9 @@ def joint_motion(count=16):
     return ready + np.linspace(0.0, 0.4, count)[:, None] * np.ones(7)
 
 
-def write(path, task, q, names=None):
-    head = names or ["time_s", *(f"{name}_rad" for name in task.arm.joint_names)]
+def write(path, task, q):
     rows = [",".join(map(repr, row)) for row in np.column_stack([task.time, q]).tolist()]
-    path.write_text("\n".join([",".join(head), *rows]) + "\n")
+    path.write_text("\n".join([",".join(["time_s", *(f"{name}_rad" for name in task.arm.joint_names)]), *rows]) + "\n")
     return path
 
 
@@ -176,9 +173,9 @@ def test_report_has_medians_and_failures():
 
 
 def test_bootstrap_covers_the_median():
-    median, low, high = median_interval(np.arange(21.0))
-    assert low < median == 10.0 < high
-    assert median_interval([1.0, 1.0]) == (1.0, 1.0, 1.0)
+    interval = median_interval(np.arange(21.0))
+    assert interval["low"] < interval["median"] == 10.0 < interval["high"]
+    assert median_interval([1.0, 1.0]) == {"median": 1.0, "low": 1.0, "high": 1.0}
 
 
 @pytest.fixture

@@ -28,6 +28,12 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         place(temporary, target)
 
 
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+
+
 @contextmanager
 def folder_written_whole(
     folder: str | os.PathLike[str], own: Collection[str], overwrite: bool = False

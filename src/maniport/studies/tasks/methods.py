@@ -33,8 +33,7 @@ from maniport.motion import MotionLimits
 from maniport.motion.objective import Objective
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path, stages_of
 from maniport.motion.trajectory import interpolated
-from maniport.studies.tasks.demonstrations import Demonstration, StudyRobot
-from maniport.studies.tasks.task import Task
+from maniport.studies.tasks.task import Demonstration, StudyRobot, Task
 from maniport.transfer import DomainAdapter, method_of
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array
