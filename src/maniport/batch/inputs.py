@@ -93,9 +93,9 @@ def _matches(text: str) -> list[tuple[Path, str]]:
 
 def _has_frames(path: Path) -> bool:
     """Whether a path is a folder of keypoints, one JSON file a frame: no result, and no recordings in other formats."""
-    if not path.is_dir() or not any(path.glob("*.json")):
-        return False
-    return not any(file.name in (ABOUT, SUMMARY) or _is_recording(file) for file in path.iterdir())
+    files = list(path.iterdir()) if path.is_dir() else []
+    other = any(file.name in (ABOUT, SUMMARY) or _is_recording(file) for file in files)
+    return not other and any(file.suffix == ".json" for file in files)
 
 
 def _is_recording(path: Path) -> bool:
@@ -169,10 +169,8 @@ def as_setting(value: Any, longest: int = 200) -> str:
 
 
 def _is_plain(value: Any) -> bool:
-    if isinstance(value, dict):
-        return all(map(_is_plain, (*value, *value.values())))
-    if isinstance(value, list | tuple):
-        return all(map(_is_plain, value))
+    if isinstance(value, dict | list | tuple):
+        return all(map(_is_plain, (*value, *value.values()) if isinstance(value, dict) else value))
     return value is None or isinstance(value, bool | int | float | str)
 
 
@@ -181,8 +179,7 @@ def _described(thing: Any) -> Any:
     if isinstance(thing, Path):
         return "file", _of_file(thing)
     if isinstance(thing, np.ndarray):
-        data = np.ascontiguousarray(thing)
-        return "array", thing.dtype.str, thing.shape, hashlib.sha256(data.tobytes()).hexdigest()
+        return "array", thing.dtype.str, thing.shape, hashlib.sha256(thing.tobytes()).hexdigest()
     if isinstance(thing, np.generic):
         return _described(thing.item())
     if thing is None or isinstance(thing, bool | int | float | complex | str | bytes):
@@ -215,8 +212,7 @@ def _state(thing: Any) -> Any:
 def _of_file(path: Path) -> Any:
     """Digest of a file's bytes; of a folder, names and digests of all visible files in it."""
     if path.is_dir():
-        inside = sorted(entry for entry in path.iterdir() if not entry.name.startswith("."))
-        return [(entry.name, _of_file(entry)) for entry in inside]
+        return [(entry.name, _of_file(entry)) for entry in sorted(path.iterdir()) if not entry.name.startswith(".")]
     if path.exists() and not path.is_file():
         raise OSError(f"{path} is no file")  # a pipe or a device has no end
     with open(path, "rb") as stream:

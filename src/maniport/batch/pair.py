@@ -25,7 +25,7 @@ from maniport.pipeline.values import FittedMap, Human, SampledRobot, targets_of
 from maniport.report.values import report_of
 from maniport.report.write import RUN_FILES, export_files, write_run
 from maniport.transfer import load_adapter
-from maniport.util.atomic_io import folder_written_whole, written_whole
+from maniport.util.atomic_io import folder_written_whole, write_text
 
 PAIR = "pair.json"  # file with the settings of a pair and its row of the table
 ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person share
@@ -198,9 +198,8 @@ def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[
         file.parent.mkdir(parents=True, exist_ok=True)
         with collected_warnings() as texts:
             fitted = stages.fit_map(person, None, sampled, job, arm)
-        with written_whole(about) as temporary:
-            text = json.dumps({"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": texts})
-            temporary.write_text(text, encoding="utf-8")
+        content = {"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": texts}
+        write_text(about, json.dumps(content))
         fitted.adapter.save(file)
     if file not in _maps:
         own = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])

@@ -18,7 +18,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, OutputError, arg
 from maniport.motion.exports import SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
-from maniport.util.atomic_io import written_whole
+from maniport.util.atomic_io import write_text
 from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count
@@ -53,9 +53,8 @@ class Batch:
     seconds: float
 
     def __repr__(self) -> str:
-        return (
-            f"Batch({str(self.folder)!r}: {len(self.table)} pairs, {len(self.failed)} failed, {self.kept} done before)"
-        )
+        pairs = f"{len(self.table)} pairs, {len(self.failed)} failed, {self.kept} done before"
+        return f"Batch({str(self.folder)!r}: {pairs})"
 
     @property
     def failed(self) -> tuple[Row, ...]:
@@ -158,8 +157,7 @@ def _claim(folder: Path) -> None:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
-    with written_whole(about) as temporary:
-        temporary.write_text(json.dumps({"maniport": __version__}) + "\n", encoding="utf-8")
+    write_text(about, json.dumps({"maniport": __version__}) + "\n")
 
 
 def _tasks(
