@@ -148,9 +148,7 @@ def as_points(
     value: ArrayLike, name: str, dimension: int | None = None, minimum: int = 2, hint: str = "", copy: bool = True
 ) -> Array:
     """Convert to a set of SPD matrices, shape (n, d, d), with at least `minimum` members; `copy` as in `as_spd`."""
-    plain = vouched(value, dimension, SPD_TOLERANCE, copy)
-    array = as_finite(value, name) if plain is None else plain
-    array = as_spd(array, name, dimension, hint) if plain is None and array.size else array
+    array = as_spd(value, name, dimension, hint, copy)
     if array.ndim != 3:
         raise InvalidInputError(f"{name} must be a set of matrices, shape (n, d, d); found shape {array.shape}")
     if len(array) < minimum:
