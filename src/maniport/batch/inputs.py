@@ -4,6 +4,7 @@ import glob
 import hashlib
 import inspect
 import itertools
+import json
 import os
 import pickle
 from collections import Counter
@@ -162,16 +163,12 @@ def digest(*things: Any) -> str:
 
 def as_setting(value: Any, longest: int = 200) -> str:
     """Return a setting as text, equal for equal settings only: its value, or a name and a digest where that is long."""
-    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-    text = repr(value) if _is_plain(value) else ""
+    try:
+        text = json.dumps(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
+    except (TypeError, ValueError):  # another object, or one that contains itself
+        text = ""
     label = getattr(value, "name", None) or type(value).__name__
     return text if 0 < len(text) <= longest else f"{label} {digest(value)}"
-
-
-def _is_plain(value: Any) -> bool:
-    if isinstance(value, dict | list | tuple):
-        return all(map(_is_plain, (*value, *value.values()) if isinstance(value, dict) else value))
-    return value is None or isinstance(value, bool | int | float | str)
 
 
 def _described(thing: Any) -> Any:

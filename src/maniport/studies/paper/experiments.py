@@ -49,31 +49,30 @@ Keys: ``table``, ``row``, ``paper_rmse`` and ``paper_iterations`` (None where th
 deviation (``_spread``), ``iterations``, ``draws``, and ``warned``, the number of fits with warnings.
 """
 
-TOY_NOTES = (
-    "Student: 100 uniform joint samples of the Panda. Teacher: the same ellipsoids after a random rotation, change of "
-    "dispersion and change of mean for each seed. Evaluated on 10 new ellipsoids; the correct error is 0.",
-    "As in the paper, eigenvalues below 1e-4 are raised to it when the Panda is sampled; no adapter regularizes again.",
+DEFAULTS = (
+    "Our defaults: damping 0.01 instead of a floor of 1e-4, and the known base rotation. Numbers with different "
+    "regularization must not be compared."
 )
-
+TOY_NOTES = (
+    "Student: 100 uniform joint samples of the Panda, with eigenvalues of at least 1e-4. Teacher: the same ellipsoids "
+    "after a random rotation, change of dispersion and change of mean for each seed. Evaluated on 10 new ellipsoids; "
+    "the correct error is 0.",
+)
 ARMS_NOTES = (
     "Trajectories: 20 of 20 points, the same for both arms; smaller sets take every n-th point. Evaluated on three "
     "more, where the student at the same joint angles is the truth: the correct error is 0.",
     "Random samples: 500 uniform ones, sampled separately for each arm as in the paper. Both domains are symmetric "
-    "under rotations in the arm's plane: without the base rotation no method can find it, and errors depend on the "
-    "samples. With the same joint samples the correct error is 0.",
-    "Our defaults: damping 0.01 instead of a floor of 1e-4, and the base rotation (a quarter turn about y) is given. "
-    "Numbers with different regularization must not be compared.",
+    "under rotations in the arm's plane: without the base rotation no method can find it. With the same joint samples "
+    "the correct error is 0.",
+    DEFAULTS,
 )
-
 HUMAN_NOTES = (
     "Trajectories: eight of 50 points; the person's from the authors' published code, the Panda's by following the "
     "same scaled hand paths. Random sets: uniform joint samples, every n-th of 400 for each arm.",
     "There is no ground truth. As in the paper, the error is the distance to a naive baseline: 5000 samples of the "
     "person's domain looked up among 5000 of the Panda's. 'Naive baseline, resampled' is its distance to itself with "
-    "other samples: errors of this size and below are noise. A small error means similarity to the lookup.",
-    "The authors' program divides by the mean squared distance (÷ c²).",
-    "Our defaults: damping 0.01 instead of a floor of 1e-4, for the baseline too, and the base rotation is given (the "
-    "same frame). Numbers with different regularization must not be compared.",
+    "other samples: errors of this size and below are noise.",
+    DEFAULTS,
 )
 
 
