@@ -1,6 +1,5 @@
 """Many recordings on many robots: each pair once, and what is done is not done again."""
 
-import json
 import os
 import time as clock
 import warnings
@@ -18,7 +17,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, OutputError, arg
 from maniport.motion.exports import SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
-from maniport.util.atomic_io import write_text
+from maniport.util.atomic_io import claim
 from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count
@@ -121,7 +120,7 @@ def transfer_batch(
     if SCENE in export_files(config.motion.export) and not pages:
         raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
-    _claim(folder)
+    claim(folder, ABOUT, {"maniport": __version__})
     step = Step(tell, "Check earlier results")
     tasks, rows = _tasks(folder, sources, arms, count, overwrite)
     names, kept = [(source.name, arm.name) for source in sources for arm in arms], len(rows)
@@ -142,22 +141,6 @@ def transfer_batch(
         again = "run the same command" if typed() else "make the same call"
         raise KeyboardInterrupt(f"{done} of {len(names)} pairs are done; {again} to continue") from None
     return Batch(folder, write(), kept, clock.perf_counter() - begun)
-
-
-def _claim(folder: Path) -> None:
-    """Mark a folder that is new, empty but for hidden files, or that of an earlier batch."""
-    about = folder / ABOUT
-    try:
-        earlier = "maniport" in json.loads(about.read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError):
-        earlier = False
-    if not earlier and folder.is_dir() and any(not file.name.startswith(".") for file in folder.iterdir()):
-        raise OutputError(f"{str(folder)!r} holds other things and no batch; give {argument('output')} a new folder")
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
-    write_text(about, json.dumps({"maniport": __version__}) + "\n")
 
 
 def _tasks(

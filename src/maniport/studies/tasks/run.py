@@ -13,7 +13,7 @@ import numpy as np
 
 from maniport.arms import load_arm
 from maniport.arms.collisions import as_collisions, free_configurations
-from maniport.errors import InvalidInputError, ManiportError, OutputError
+from maniport.errors import InvalidInputError, ManiportError
 from maniport.motion import MotionLimits
 from maniport.report.renderings import write_report
 from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software
@@ -29,7 +29,7 @@ from maniport.studies.tasks.task import (
     place,
     robot_of,
 )
-from maniport.util.atomic_io import write_text
+from maniport.util.atomic_io import claim, write_text
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.optional import mujoco
 from maniport.util.progress import Progress, Step
@@ -116,7 +116,7 @@ def study_tasks(
     first, folder = as_count(seed, "seed", minimum=0), Path(output)
     mujoco()  # raises MissingPackageError
     selected = [robot_of(name) for name in robots] if robots else list(ROBOTS[:1] if quick else ROBOTS)
-    _claim(folder, {"maniport": __version__, "seed": first})
+    claim(folder, "study.json", {"maniport": __version__, "seed": first}, ("maniport", "seed"))
     step = Step(progress, "Read recordings")
     motions = [own for own in demonstrations() if not quick or own.name in QUICK]
     motions += [] if recordings is None else list(of_folder(recordings))
@@ -145,19 +145,6 @@ def score_file(motion: str | os.PathLike[str], task: str | os.PathLike[str]) -> 
         "valid", "yes" if is_valid(scores) else "no", "Path within 5 mm, limits kept.", "valid", is_valid(scores)
     )
     return Report(f"{own.recording} on {own.robot}", "", (Section("Scores", (*metrics, valid)),))
-
-
-def _claim(folder: Path, settings: dict[str, Any]) -> None:
-    """Mark a new folder, or require that an earlier run had the same settings."""
-    about = folder / "study.json"
-    if about.is_file():
-        if json.loads(about.read_text(encoding="utf-8")) != settings:
-            raise OutputError(f"{str(folder)!r} holds a study of another seed or version; give a new folder with -o")
-        return
-    if folder.exists() and any(folder.iterdir()):
-        raise OutputError(f"{str(folder)!r} holds other things; give a new folder with -o")
-    (folder / "pairs").mkdir(parents=True, exist_ok=True)
-    write_text(about, json.dumps(settings) + "\n")
 
 
 def _unit(folder: Path, robot: StudyRobot, motion: Demonstration, seed: int) -> Unit:
