@@ -5,6 +5,7 @@ import time as clock
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -172,20 +173,19 @@ def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: i
     step, begun, kept, failed = f"work on {count} pair{'s'[: count != 1]}", clock.perf_counter(), len(rows), 0
     tell(step, kept / count)
     for pairs, outcome in ended:
-        own = outcome
-        if isinstance(outcome, Exception):
-            own = [failed_row(*pair.names, reason(outcome)) for pair in pairs]
+        lost = isinstance(outcome, Exception)
+        own = [failed_row(*pair.names, reason(outcome)) for pair in pairs] if lost else outcome
         for failure in failures(own):
             where = f"{failure['recording']} → {', '.join(failure['robots'])}"
             warnings.warn(f"{where} failed: {failure['reason']}", ManiportWarning, stacklevel=3)
         for row in own:
             names = row["recording"], row["robot"]
             rows[names] = row
-            failed += row["state"] == FAILED
-            if row["state"] != FAILED:
+            if row["state"] == FAILED:
+                failed += 1
+            else:
                 left = (clock.perf_counter() - begun) / (len(rows) - kept - failed) * (count - len(rows))
-                minutes = f"{left / 60.0:.0f} min" if left < 5400.0 else f"{left / 3600.0:.1f} h"
-                rest = f"; {f'{left:.0f} s' if left < 90.0 else minutes} left" if len(rows) < count else ""
+                rest = f"; {timedelta(seconds=round(left))} left" if left else ""
                 tell(" → ".join(names), 1.0, f"{row['verdict']} ({len(rows)} of {count}{rest})")
             tell(step, min(len(rows) / count, ALMOST))
     before = f", {kept} of them before" if kept else ""

@@ -10,14 +10,7 @@ from maniport.evaluation.capability import (
     resemblance,
 )
 from maniport.evaluation.comparison import evaluate, select_method
-from maniport.evaluation.metrics import (
-    RMSE,
-    DistancePreservation,
-    Smoothness,
-    distance_preservation,
-    rmse,
-    smoothness,
-)
+from maniport.evaluation.metrics import RMSE, DistancePreservation, Smoothness, distance_preservation, rmse, smoothness
 from maniport.evaluation.summary import Evaluation, Gaps, Row
 
 __all__ = [

@@ -1,6 +1,8 @@
 """Metrics of mapped ellipsoids: error, successive distance and distance preservation.
 
-All take SPD matrices with the same regularization on both sides; distances at different ones are not comparable.
+All take SPD matrices with the same regularization on both sides; distances at different ones are not comparable. They
+raise `NotSPDError` when a matrix is not SPD, and `InvalidInputError` when the counts differ or there is no motion or
+dispersion to compare.
 """
 
 from dataclasses import dataclass
@@ -88,11 +90,6 @@ def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
     ----------
     truth, mapped : array_like, shape (n, d, d)
         SPD, in the same order, n ≥ 2.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a matrix is not SPD, the counts differ, or the mapped ellipsoids are equal: no dispersion to divide by.
     """
     wanted, images = _as_pair(truth, mapped, "truth", "mapped", minimum=2)
     undivided = float(np.sqrt(np.mean(distance_unchecked(wanted, images) ** 2)))
@@ -109,11 +106,6 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     ----------
     mapped, original : array_like, shape (n, d, d)
         SPD, in the order of time, n ≥ 2.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a matrix is not SPD, the counts differ, or the original does not move.
     """
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=2)
     steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
@@ -133,11 +125,6 @@ def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: i
         SPD, in the same order and the same frame, n ≥ 3.
     most_points : int
         Pairs are taken between at most this many ellipsoids, evenly over their order; axes of all.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a matrix is not SPD, the counts differ, or the original does not vary.
     """
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=3)
     chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))

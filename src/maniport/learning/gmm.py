@@ -100,11 +100,7 @@ class ProfileGMM(NotebookDisplay, Estimator):
         self.tol = tol
 
     def fit(
-        self,
-        time: ArrayLike,
-        ellipsoids: ArrayLike,
-        groups: ArrayLike | None = None,
-        progress: Progress | None = None,
+        self, time: ArrayLike, ellipsoids: ArrayLike, groups: ArrayLike | None = None, progress: Progress | None = None
     ) -> Self:
         """Fit the mixture to all demonstrations together.
 

@@ -21,13 +21,7 @@ from maniport.evaluation import RMSE, rmse
 from maniport.spd import mean
 from maniport.spd.matrix_functions import apply
 from maniport.studies.paper import trajectories
-from maniport.transfer import (
-    DomainAdapter,
-    EllipsoidCorrespondence,
-    NearestNeighbor,
-    ParallelTransport,
-    RiemannianICP,
-)
+from maniport.transfer import DomainAdapter, EllipsoidCorrespondence, NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.transfer.rigid_adapter import RigidMap
 from maniport.transfer.rotation_group import random_rotation
 from maniport.util.defaults import DAMPING
