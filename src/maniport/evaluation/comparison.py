@@ -20,15 +20,7 @@ from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
 from maniport.util.progress import Progress, Step
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import (
-    Array,
-    as_count,
-    as_finite,
-    as_generator,
-    as_points,
-    as_positive_semidefinite,
-    require_shape,
-)
+from maniport.util.validation import Array, as_count, as_finite, as_generator, as_points, as_positive_semidefinite
 
 GAP_POINTS = 64  # Most ellipsoids of a profile whose feasibility gap is searched, evenly spread
 FIELD = "length-field"
@@ -120,9 +112,8 @@ def evaluate(
         raise InvalidInputError(f"truth must have the shape of profile, {np.shape(profile)}; found {np.shape(truth)}")
     as_count(n_domain, "n_domain", minimum=0)
     teacher, student = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
-    if robot is not None:
-        require_shape(student, "student_domain", ("m", spec.size, spec.size), f" for {robot.name!r}")
-    as_points(adapter.student_side(student, "student_domain"), "student_domain")
+    size = None if robot is None else spec.size
+    as_points(adapter.student_side(student, "student_domain"), "student_domain", size)
     random, demonstrated = as_generator(random_state), as_finite(profile, "profile")
     original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
     wanted = None if truth is None else adapter.student_side(truth, "truth")

@@ -13,22 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.errors import ConvergenceWarning, InvalidInputError, NotFittedError, NotSPDError
+from maniport.errors import ConvergenceWarning, InvalidInputError, NotFittedError
 from maniport.estimator import Estimator
 from maniport.learning.mixture import Mixture, expectation_maximization, regressed
-from maniport.spd.matrix_functions import compose
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step, pieces
-from maniport.util.validation import (
-    SPD_TOLERANCE,
-    Array,
-    as_count,
-    as_finite,
-    as_number,
-    as_numbers,
-    as_points,
-    require_shape,
-)
+from maniport.util.validation import Array, as_count, as_number, as_numbers, as_points, require_shape
 
 
 class ProfileGMM(NotebookDisplay, Estimator):
@@ -189,7 +179,7 @@ class ProfileGMM(NotebookDisplay, Estimator):
         ellipsoids : ndarray, shape (n, d, d)
         covariance : ndarray, shape (n, m, m)
             Covariance of vec(log(P^-½ X P^-½)) in Mandel form, P being the predicted ellipsoid and X one of a
-            demonstration, m = d (d + 1) / 2; see `tracking_weights`.
+            demonstration, m = d (d + 1) / 2; see `maniport.learning.tracking_weights`.
 
         Raises
         ------
@@ -207,42 +197,6 @@ class ProfileGMM(NotebookDisplay, Estimator):
             variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m
             covariance = (1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m)
         return (centers, covariance) if return_covariance else centers
-
-
-def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:
-    """Return the weights of a tracking task: large where demonstrations agree.
-
-    Parameters
-    ----------
-    covariance : array_like, shape (n, m, m)
-        Of a profile, in whitened Mandel coordinates at its ellipsoids; see `ProfileGMM.predict`.
-    damping : float
-        ρ ≥ 0: the weights are (C + ρ c I)⁻¹, c the mean variance over all times and directions. A direction has at most
-        1 + 1 / ρ times the weight of one of mean variance.
-
-    Returns
-    -------
-    ndarray, shape (n, m, m)
-        W, dimensionless, for the cost eᵀ W e of the error e = vec(log(M^-½ M_target M^-½)); its mean weight, tr(W) / m
-        averaged over the n times, is one.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a covariance is not positive-semidefinite, all are zero, or one is singular without damping.
-    """
-    array, rho = as_finite(covariance, "covariance"), as_number(damping, "damping", minimum=0.0)
-    require_shape(array, "covariance", ("n", array.shape[-1] if array.ndim else 0, "m"))
-    values, vectors = np.linalg.eigh(0.5 * (array + np.swapaxes(array, -1, -2)))
-    scale = max(float(np.abs(values).max()), np.finfo(np.float64).tiny)  # weights have no unit
-    if values.min() < -1e-10 * scale:
-        raise NotSPDError(f"covariance must have no negative eigenvalue; found {values.min():.3g}")
-    variance = float(values.mean()) / scale
-    values = np.maximum(values / scale, 0.0) + rho * variance
-    if np.any(values <= SPD_TOLERANCE * variance):
-        raise InvalidInputError("covariance is zero, or singular at some time; use a damping above 0")
-    weights = compose(1.0 / values, vectors) / np.mean(1.0 / values)
-    return np.asarray(0.5 * (weights + np.swapaxes(weights, -1, -2)))
 
 
 def points_each(d: int) -> int:

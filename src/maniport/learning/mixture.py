@@ -1,4 +1,4 @@
-"""Gaussian mixtures on time × SPD(d): EM iteration and regression.
+"""Gaussian mixtures on time × SPD(d): EM iteration, regression, and weights from the covariance.
 
 The whitened Mandel coordinates of X at P are vec(log(P^-½ X P^-½)), a vector of m = d (d + 1) / 2 whose length is the
 affine-invariant distance. Parallel transport from P₁ to P₂ along their geodesic, E L Eᵀ with E = (P₂ P₁⁻¹)^½, becomes a
@@ -9,14 +9,15 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import logsumexp, softmax
 
-from maniport.errors import ConvergenceWarning
+from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import whitened_eigh
 from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import apply, bounded, compose, congruence, from_vector, roots, to_vector
 from maniport.spd.mean import mean
-from maniport.util.validation import Array
+from maniport.util.validation import SPD_TOLERANCE, Array, as_finite, as_number, require_shape
 
 MIN_WEIGHT = 1e-8  # A component that explains fewer points is dropped
 
@@ -112,3 +113,39 @@ def _conditional_means(mixture: Mixture, shares: Array, ahead: Array, max_steps:
         stacklevel=4,
     )
     return centers
+
+
+def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:
+    """Return the weights of a tracking task: large where demonstrations agree.
+
+    Parameters
+    ----------
+    covariance : array_like, shape (n, m, m)
+        Of a profile, in whitened Mandel coordinates at its ellipsoids; see `ProfileGMM.predict`.
+    damping : float
+        ρ ≥ 0: the weights are (C + ρ c I)⁻¹, c the mean variance over all times and directions. A direction has at most
+        1 + 1 / ρ times the weight of one of mean variance.
+
+    Returns
+    -------
+    ndarray, shape (n, m, m)
+        W, dimensionless, for the cost eᵀ W e of the error e = vec(log(M^-½ M_target M^-½)); its mean weight, tr(W) / m
+        averaged over the n times, is one.
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        When a covariance is not positive-semidefinite, all are zero, or one is singular without damping.
+    """
+    array, rho = as_finite(covariance, "covariance"), as_number(damping, "damping", minimum=0.0)
+    require_shape(array, "covariance", ("n", array.shape[-1] if array.ndim else 0, "m"))
+    values, vectors = np.linalg.eigh(0.5 * (array + np.swapaxes(array, -1, -2)))
+    scale = max(float(np.abs(values).max()), np.finfo(np.float64).tiny)  # weights have no unit
+    if values.min() < -1e-10 * scale:
+        raise NotSPDError(f"covariance must have no negative eigenvalue; found {values.min():.3g}")
+    variance = float(values.mean()) / scale
+    values = np.maximum(values / scale, 0.0) + rho * variance
+    if np.any(values <= SPD_TOLERANCE * variance):
+        raise InvalidInputError("covariance is zero, or singular at some time; use a damping above 0")
+    weights = compose(1.0 / values, vectors) / np.mean(1.0 / values)
+    return np.asarray(0.5 * (weights + np.swapaxes(weights, -1, -2)))

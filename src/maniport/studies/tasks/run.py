@@ -19,21 +19,12 @@ from maniport.report.renderings import write_report
 from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software
 from maniport.studies.tasks.methods import DIRECT_FORCE, DIRECT_SPEED, POSITION_ONLY, RANDOM, Problem, motions
 from maniport.studies.tasks.score import LESS_IS_BETTER, SCORES, Scores, is_valid, read_motion, score, velocity_share
-from maniport.studies.tasks.task import (
-    ROBOTS,
-    Demonstration,
-    StudyRobot,
-    Task,
-    demonstrations,
-    of_folder,
-    place,
-    robot_of,
-)
+from maniport.studies.tasks.task import ROBOTS, Demonstration, StudyRobot, Task, demonstrations, of_folder, place
 from maniport.util.atomic_io import claim, write_text
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.optional import mujoco
 from maniport.util.progress import Progress, Step
-from maniport.util.validation import Array, as_count
+from maniport.util.validation import Array, as_choice, as_count
 from maniport.version import __version__
 
 QUICK = "freeform 1", "ladder 1", "H-Eval-2", "reach 1"  # Recordings of the quick set, for the first robot
@@ -115,7 +106,8 @@ def study_tasks(
     """
     first, folder = as_count(seed, "seed", minimum=0), Path(output)
     mujoco()  # raises MissingPackageError
-    selected = [robot_of(name) for name in robots] if robots else list(ROBOTS[:1] if quick else ROBOTS)
+    names = robots or list(ROBOTS)[: 1 if quick else None]
+    selected = [ROBOTS[as_choice(name, "robot", ROBOTS)] for name in names]
     claim(folder, "study.json", {"maniport": __version__, "seed": first}, ("maniport", "seed"))
     step = Step(progress, "Read recordings")
     motions = [own for own in demonstrations() if not quick or own.name in QUICK]

@@ -23,7 +23,7 @@ from maniport.util.atomic_io import write_text
 from maniport.util.files import require_mapping
 from maniport.util.input_limits import read_whole
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_finite, as_times, require_shape
+from maniport.util.validation import Array, as_finite, as_times, require_shape
 
 MOST_BYTES = 50_000_000  # of a file
 
@@ -50,22 +50,19 @@ class StudyRobot:
     held_out: bool = False
 
 
-ROBOTS = (
-    StudyRobot("panda", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 4),
-    StudyRobot("xarm7", (0.0, -0.247, 0.0, 0.909, 0.0, 1.156, 0.0), 4),
-    StudyRobot("ur5", (0.0, -1.571, 1.571, -1.571, -1.571, 0.0), 3),
-    StudyRobot("g1_right_arm", (0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0), 4, held_out=True),
-)
+ROBOTS = {
+    robot.name: robot
+    for robot in (
+        StudyRobot("panda", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 4),
+        StudyRobot("xarm7", (0.0, -0.247, 0.0, 0.909, 0.0, 1.156, 0.0), 4),
+        StudyRobot("ur5", (0.0, -1.571, 1.571, -1.571, -1.571, 0.0), 3),
+        StudyRobot("g1_right_arm", (0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0), 4, held_out=True),
+    )
+}
 """Configurations of Franka's MoveIt and of MuJoCo Menagerie; the UR5 turned to the front, the G1 with bent elbow."""
 
 HELD_OUT = ("ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 8")
 """Motions that were never used while methods were tuned."""
-
-
-def robot_of(name: str) -> StudyRobot:
-    """Return a robot of the study by name."""
-    by_name = {robot.name: robot for robot in ROBOTS}
-    return by_name[as_choice(name, "robot", by_name)]
 
 
 def demonstrations() -> Iterator[Demonstration]:
