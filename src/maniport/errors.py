@@ -7,6 +7,7 @@ A message states what is wrong, where (argument or file, index), what was found 
 
 import json
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -89,6 +90,17 @@ class ConvergenceWarning(ManiportWarning):
 
 class IdentifiabilityWarning(ManiportWarning):
     """The data do not determine what was fitted to them."""
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect the texts of warnings in the block, each once; the list has them at its end."""
+    texts: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ManiportWarning)
+        yield texts
+    own = (str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
+    texts += dict.fromkeys(own)
 
 
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:

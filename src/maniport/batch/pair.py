@@ -17,10 +17,9 @@ from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
 from maniport.batch.inputs import Robot, Source, digest
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
-from maniport.errors import ManiportError, on_the_command_line
+from maniport.errors import ManiportError, collected_warnings, on_the_command_line
 from maniport.pipeline import stages
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.transfer import collected_warnings
 from maniport.pipeline.values import FittedMap, Human, SampledRobot, targets_of
 from maniport.report.values import report_of
 from maniport.report.write import RUN_FILES, export_files, write_run

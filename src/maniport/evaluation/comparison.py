@@ -1,7 +1,6 @@
 """Comparison of a fitted adapter with baselines by all metrics, and selection of a method."""
 
 import copy
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.errors import InvalidInputError, collected_warnings
 from maniport.evaluation.metrics import STILL, distance_preservation, rmse, smoothness
 from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT, Evaluation, Gaps, Row
 from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
@@ -129,8 +128,7 @@ def evaluate(
     for i, (row, baseline) in enumerate(methods.items()):
         step(i / len(methods))
         method = adapter if baseline is adapter else with_feasible_set(baseline, robot, spec, bank)
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", ManiportWarning)
+        with collected_warnings() as texts:
             if method is not adapter:
                 method.fit(teacher, student)
             images.append(method.transform(np.concatenate([demonstrated, probes])))
@@ -143,7 +141,7 @@ def evaluate(
                 preservation=distance_preservation(mapped, original) if moves else None,
                 failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
             )
-        measured.append(replace(result, warnings=tuple(dict.fromkeys(str(warning.message) for warning in caught))))
+        measured.append(replace(result, warnings=tuple(texts)))
     measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
     if robot is not None:
         search = {"spec": spec, "bank": bank, "n_starts": n_starts, "damping": adapter.student_regularization}

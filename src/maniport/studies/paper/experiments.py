@@ -4,7 +4,6 @@ Tables I to III, §§ IV-B, V-A and V-B. Each row is fitted with the paper's set
 """
 
 import csv
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import Arm
-from maniport.errors import ManiportWarning
+from maniport.errors import collected_warnings
 from maniport.estimator import clone
 from maniport.evaluation import RMSE, rmse
 from maniport.spd import mean
@@ -233,10 +232,9 @@ def measure(
     errors: dict[str, list[RMSE]] = {name: [] for name in draws[0].evaluation}
     iterations, warned = [], 0
     for draw in draws:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", ManiportWarning)
+        with collected_warnings() as texts:
             fitted = clone(adapter).fit(draw.teacher, draw.student)
-        warned += any(issubclass(warning.category, ManiportWarning) for warning in caught)
+        warned += bool(texts)
         iterations.append(fitted.n_iter_)
         for name, (points, truth) in draw.evaluation.items():
             mapped, target = fitted._compared(points, truth)  # with the damping of the fit

@@ -5,7 +5,6 @@ configuration at a waypoint. All costs are minimized by the same search over the
 weight of joint motion: costs are divided by their standard deviation over the samples first.
 """
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -19,7 +18,7 @@ from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain
-from maniport.errors import ManiportWarning
+from maniport.errors import collected_warnings
 from maniport.evaluation import capability
 from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, line_extent
 from maniport.evaluation.comparison import with_feasible_set
@@ -194,8 +193,7 @@ def fitted(method: str, person: Arm, robot: str, spec: EllipsoidSpec, seed: int)
     unfitted = method_of(method, base_rotation=np.eye(3), damping=DAMPING)
     adapter = with_feasible_set(unfitted, arm, spec, random_state=seed)
     student = sample_domain(arm, 4096, seed + 1, spec=spec, collisions=as_collisions(True, arm))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ManiportWarning)
+    with collected_warnings():
         return adapter.fit(sample_domain(person, 1024, seed, spec=spec), student)
 
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from maniport.arms import Arm, load_arm
 from maniport.arms.collisions import as_collisions
 from maniport.arms.human import myoarm
-from maniport.errors import FileFormatError, InvalidInputError, ManiportWarning
+from maniport.errors import FileFormatError, InvalidInputError, collected_warnings
 from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, polytope_extent
 from maniport.mocap import ArmFit, fit_arms, read_recording
 from maniport.motion.plan.roadmap import IN_PLACE, moved_to_positions
@@ -90,8 +89,7 @@ def of_folder(folder: str | os.PathLike[str]) -> Iterator[Demonstration]:
 
 def _recorded(file: str | os.PathLike[str], side: str = "auto") -> ArmFit:
     """Fit an arm to a recording; differences of model and person are no matter here."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ManiportWarning)
+    with collected_warnings():
         return fit_arms(read_recording(file), side=side).arms[0]
 
 
