@@ -9,7 +9,7 @@ import os
 import pickle
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence, Set
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -40,14 +40,14 @@ class Source:
     path: Path
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Robot:
-    """A robot of a batch with its options."""
+    """A robot of a batch with its options; robots with the same key are equal."""
 
-    name: str  # of its folder
-    job: Settings
     key: str  # digest of the settings
-    settings: Mapping[str, str]  # options as text by name
+    name: str = field(compare=False)  # of its folder
+    job: Settings = field(compare=False)
+    settings: Mapping[str, str] = field(compare=False)  # options as text by name
 
 
 def find_recordings(patterns: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
@@ -142,7 +142,7 @@ def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Colle
             values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
         texts = {name: as_setting(value) for name, value in values.items()}
         if (key := digest(texts)) not in distinct:
-            distinct[key] = Robot(_as_folder(job.robot.name, names), job, key, texts)
+            distinct[key] = Robot(key, _as_folder(job.robot.name, names), job, texts)
     return list(distinct.values())
 
 
@@ -199,7 +199,7 @@ def _state(thing: Any) -> Any:
     if isinstance(thing, ArmGroup):
         return thing.arms, thing.joint_names
     if is_dataclass(thing):
-        names = {field.name for field in fields(thing)}
+        names = {item.name for item in fields(thing)}
         if not isinstance(thing, Recording):
             names -= {"source", "shapes", "notes"}  # shapes count by the hulls of `Collisions`
         return {name: getattr(thing, name) for name in names}
