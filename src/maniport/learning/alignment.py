@@ -57,11 +57,6 @@ class Alignment(NotebookDisplay):
         -------
         ndarray, shape (k, n, ...)
             Arithmetic mean of the values matched with each time.
-
-        Raises
-        ------
-        InvalidInputError
-            When number, lengths or shapes do not fit.
         """
         if len(signals) != len(self.paths):
             raise InvalidInputError(f"signals must be {len(self.paths)}, one a demonstration; found {len(signals)}")
