@@ -21,7 +21,7 @@ from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Evaluation, evaluate, select_method
 from maniport.evaluation.comparison import with_feasible_set
-from maniport.evaluation.summary import BASELINES, IDENTITY, LOOKUP, MEAN_TRANSPORT, TRANSPORT
+from maniport.evaluation.metrics import BASELINES, IDENTITY, LOOKUP, MEAN_TRANSPORT, TRANSPORT
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import evaluation_section

@@ -7,7 +7,7 @@ from maniport import ParallelTransport, RiemannianICP, load_arm, sample_domain, 
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import evaluate
-from maniport.evaluation.summary import BASELINES, IDENTITY, LOOKUP, TRANSPORT
+from maniport.evaluation.metrics import BASELINES, IDENTITY, LOOKUP, TRANSPORT
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.transfer.rigid_adapter import RigidMap
 

@@ -121,7 +121,7 @@ def evaluate(
 ) -> None:
     """Compare a fitted adapter with baselines."""
     from maniport.evaluation import evaluate
-    from maniport.evaluation.summary import BASELINES
+    from maniport.evaluation.metrics import BASELINES
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids
 

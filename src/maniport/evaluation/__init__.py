@@ -10,8 +10,17 @@ from maniport.evaluation.capability import (
     resemblance,
 )
 from maniport.evaluation.comparison import evaluate, select_method
-from maniport.evaluation.metrics import RMSE, DistancePreservation, Smoothness, distance_preservation, rmse, smoothness
-from maniport.evaluation.summary import Evaluation, Gaps, Row
+from maniport.evaluation.metrics import (
+    RMSE,
+    DistancePreservation,
+    Evaluation,
+    Gaps,
+    Row,
+    Smoothness,
+    distance_preservation,
+    rmse,
+    smoothness,
+)
 
 __all__ = [
     "RMSE",

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, collected_warnings
-from maniport.evaluation.metrics import STILL, distance_preservation, rmse, smoothness
-from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT, Evaluation, Gaps, Row
+from maniport.evaluation import metrics
+from maniport.evaluation.metrics import BASELINES, LOOKUP, STILL, TRANSPORT, Evaluation, Gaps, Row
 from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
@@ -136,9 +136,9 @@ def evaluate(
             result = Row(
                 row,
                 "returns samples of the student only: its gap is zero" if row == LOOKUP else "",
-                rmse=None if wanted is None else rmse(wanted, mapped),
-                smoothness=smoothness(mapped, original) if moves else None,
-                preservation=distance_preservation(mapped, original) if moves else None,
+                rmse=None if wanted is None else metrics.rmse(wanted, mapped),
+                smoothness=metrics.smoothness(mapped, original) if moves else None,
+                preservation=metrics.distance_preservation(mapped, original) if moves else None,
                 failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
             )
         measured.append(replace(result, warnings=tuple(texts)))
