@@ -31,6 +31,7 @@ PAPER, OURS = "ours, paper's settings", "ours, defaults"  # How a row is fitted 
 TRAJECTORIES, RANDOM = "trajectories", "random"  # Domains of a row of the paper
 SEPARATE, SAME = "random, sampled separately for each arm", "random, the same joint samples for both arms"
 DRAWS = 10  # Random sets over which errors are averaged
+PRINTED = "table", "row", "paper_rmse", "paper_iterations"  # Keys of a line with numbers of the paper
 
 Domains = tuple[Array, Array]  # Ellipsoids of the teacher and of the student
 Pairs = Mapping[str, Domains]  # By evaluation set: ellipsoids (k, d, d) of the teacher, and the truth
@@ -101,23 +102,15 @@ EVALUATIONS = {
 
 def paper_table(number: str) -> list[PaperRow]:
     """Rows of Table I, II or III, from the top, as in `printed.csv` next to this module."""
-    lines = (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines()
-    rows = [line for line in csv.DictReader(lines[1:]) if line["table"] == number]
-    return [
-        PaperRow(
-            number,
-            place,
-            row["data"],
-            int(row["samples"]),
-            row["method"],
-            dict(zip(EVALUATIONS[number], map(float, row["errors"].split()), strict=True)),
-            row["start"],
-            float(row["exponent"]) if row["exponent"] else None,
-            int(row["most_singular"]) if row["most_singular"] else None,
-            int(row["iterations"]) if row["iterations"] else None,
-        )
-        for place, row in enumerate(rows, start=1)
-    ]
+    lines, rows = (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines(), list[PaperRow]()
+    for row in csv.DictReader(lines[1:]):
+        if row["table"] == number:
+            errors = dict(zip(EVALUATIONS[number], map(float, row["errors"].split()), strict=True))
+            exponent = float(row["exponent"]) if row["exponent"] else None
+            most, iterations = (int(row[key]) if row[key] else None for key in ("most_singular", "iterations"))
+            own = row["data"], int(row["samples"]), row["method"], errors, row["start"], exponent, most, iterations
+            rows.append(PaperRow(number, len(rows) + 1, *own))
+    return rows
 
 
 def adapter_of(row: PaperRow, settings: str, base_rotation: ArrayLike | None, damping: float | None) -> DomainAdapter:
@@ -245,17 +238,9 @@ def measure(
         for form in (form.name for form in fields(RMSE)):
             values = [getattr(error, form) for error in own]
             forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
-        line: Line = {
-            "table": row.table if printed else None,
-            "row": row.row if printed else None,
-            "data": data,
-            "samples": row.label,
-            "method": row.method,
-            "evaluation": name,
-            "paper_rmse": row.rmse[name] if printed else None,
-            "paper_iterations": row.iterations if printed else None,
-            "settings": settings,
-        }
+        paper = row.table, row.row, row.rmse[name], row.iterations
+        line: Line = dict(zip(PRINTED, paper if printed else [None] * 4, strict=True))
+        line |= {"data": data, "samples": row.label, "method": row.method, "evaluation": name, "settings": settings}
         counts = {"iterations": float(np.mean(iterations)), "draws": len(draws), "warned": warned}
         lines.append(line | forms | counts)
     return lines
