@@ -210,21 +210,15 @@ def test_two_arms_of_a_person_go_to_two_of_a_robot(tmp_path):
     assert mp.transfer_batch(["both-arms"], [robot, "rhuman"], tmp_path, **options).kept == 2
 
 
-class Interrupting:
-    def __init__(self, count, act):
-        self.count, self.act = count, act
-
-    def __call__(self, step, fraction, found=""):
-        self.count -= "→" in step
-        if self.count == 0:
-            self.act()
-
-
 def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeypatch):
     run = batch.transfer_batch
 
     def interrupted(*given, progress, **more):
-        return run(*given, progress=Interrupting(1, lambda: os.kill(os.getpid(), signal.SIGINT)), **more)
+        def kill(step, *_):
+            if "→" in step:
+                os.kill(os.getpid(), signal.SIGINT)
+
+        return run(*given, progress=kill, **more)
 
     words = ["batch", str(recordings / "anna"), "-o", str(tmp_path / "dataset"), "--processes", "1", "--no-move"]
     words += ["--start", "1", "--stop", "1.5", "--method", "identity", "--no-collisions", "--json"]
