@@ -4,7 +4,6 @@ One arm of person and robot, or both, which then move as one; the left one is fi
 """
 
 import threading
-import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, as_group
-from maniport.errors import ManiportWarning, NotSPDError
+from maniport.errors import NotSPDError, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
@@ -80,11 +79,9 @@ class Maps:
             note = "it keeps the base orientation of its fit"
             return LiveMap(name, self._loaded.compiled(), self._loaded.map_rotation_, (note,))
         adapter = with_feasible_set(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", ManiportWarning)
+        with collected_warnings() as notes:
             adapter.fit(*self._domains)
-        notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, adapter.compiled(), adapter.map_rotation_, notes)
+        return LiveMap(name, adapter.compiled(), adapter.map_rotation_, tuple(notes))
 
     def get(self, name: str, base_rotation: Array) -> LiveMap:
         """Return the map of a method at a base orientation; the last map until a thread has fitted it.
