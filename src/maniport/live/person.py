@@ -1,7 +1,7 @@
 """The arm of a person, frame by frame: from points to joint angles, causally.
 
 Offline all frames are fitted together, each joint's acceleration weighted against the directions that the points show
-(`maniport.mocap.path_solver`): the most probable path of joints whose accelerations are noise. Here the same
+(`maniport.mocap.arm_path`): the most probable path of joints whose accelerations are noise. Here the same
 is computed from the past alone. Earlier frames give a mean and a covariance of angles and velocities (an extended
 Kalman filter), and each new frame is solved within the joint limits, to convergence, with the weights, residuals and
 pulls of the offline fit. Differences: a joint that no point shows comes to rest, points are neither smoothed nor
@@ -17,8 +17,8 @@ from maniport.arms import EllipsoidSpec
 from maniport.live.kernels import follow, search, trunk_directions, turned_farther, updated
 from maniport.mocap import ArmFit
 from maniport.mocap.arm_path import (
-    FASTEST_JOINT,
     KEY_RATE,
+    LEAST_GAIN,
     MOTION_SCALE,
     RESIDUAL_SCALE,
     joint_priors,
@@ -26,9 +26,8 @@ from maniport.mocap.arm_path import (
     sample_directions,
 )
 from maniport.mocap.cleaning import MIN_JUMP
-from maniport.mocap.data_quality import MEASUREMENT_ERROR, PRIOR
+from maniport.mocap.data_quality import FASTEST_JOINT, MEASUREMENT_ERROR, PRIOR
 from maniport.mocap.directions import Directions, vectors_of
-from maniport.mocap.path_solver import LEAST_GAIN
 from maniport.mocap.roles import SHORTEST, Basis, across_role, direction, points_of
 from maniport.util.validation import Array
 
@@ -59,7 +58,7 @@ class Person:
         self._forward = second == "trunk_front"
         self._linear = np.stack([*vectors.values(), *trunk]).astype(np.float64)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
-        self._body, self._weights = directions.arrays()
+        self._body, self._weights = directions.kinematics.arrays(), directions.weights
         self._samples, self._sampled_directions = sample_directions(directions)
         held = joint_priors(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral

@@ -12,13 +12,8 @@ from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, RecordingError, argument, spoken, typed
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
-from maniport.mocap.arm_path import jump_warning, solve_arm
-from maniport.mocap.data_quality import (
-    AT_LIMIT,
-    gap_warning,
-    model_differences,
-    observability,
-)
+from maniport.mocap.arm_path import solve_arm
+from maniport.mocap.data_quality import AT_LIMIT, gap_warning, jump_warning, model_differences, observability
 from maniport.mocap.directions import Observation, observe, require_human, segment_lengths
 from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.recording import Recording

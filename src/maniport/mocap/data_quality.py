@@ -10,15 +10,18 @@ from maniport.arms.chain import LEFT, RIGHT
 from maniport.arms.human import JOINTS
 from maniport.errors import argument
 from maniport.mocap.arm_fit import ArmFit, about_axis
-from maniport.mocap.directions import AROUND, DEVIATION, ELBOW, FLEXION, TURN, Directions
-from maniport.mocap.path_solver import BLOCK, parts_of
-from maniport.mocap.recording import runs_of
+from maniport.mocap.directions import AROUND, BLOCK, DEVIATION, ELBOW, FLEXION, TURN, Directions
+from maniport.mocap.recording import runs_of, when
 from maniport.util.validation import Array
 
 MEASUREMENT_ERROR = np.radians(1.0)
 """Assumed error of a direction of weight one [rad]; directions of less weight have more of it."""
 
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
+FASTEST_JOINT = 1500.0
+"""A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
+reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32, 1999)."""
+
 AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
 
 
@@ -46,7 +49,7 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
     how much a saturated joint would exceed its limit in a fit without limits.
     """
     arm, errors, excesses = directions.arm, [], []
-    for part in parts_of(len(q), BLOCK):
+    for part in np.array_split(np.arange(len(q)), -(-len(q) // BLOCK)):
         values, slopes = directions.take(part).residual(q[part])
         hessian = np.swapaxes(slopes, 1, 2) @ slopes
         eigenvalues, vectors = np.linalg.eigh(hessian)
@@ -128,4 +131,23 @@ def gap_warning(time: Array, frames: NDArray[np.intp]) -> str:
     return (
         f"{int(missing.sum())} frames in the middle lack points and are omitted: the motion continues on the other "
         f"side of the gap; the longest gap is from {time[start - 1]:.2f} to {time[stop]:.2f} s"
+    )
+
+
+def jump_warning(q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...]) -> str:
+    """Report the frames into which a joint jumps from the preceding frame of the recording; empty without any.
+
+    Joints jump where points are confused, and where the arm hangs straight down: there the plane in which it is raised
+    may rotate by any angle at once.
+    """
+    speed = np.degrees(np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)) / np.diff(time)
+    jumps = np.flatnonzero((speed > FASTEST_JOINT) & (np.diff(frames) == 1)) + 1
+    if not len(jumps):
+        return ""
+    steps = np.degrees(np.abs(q[jumps] - q[jumps - 1]))
+    worst, joint = np.unravel_index(np.argmax(steps), steps.shape)
+    return (
+        f"joints jump in {len(jumps)} of {len(q)} frames, faster than {FASTEST_JOINT:g}°/s "
+        f"({when(time, np.isin(np.arange(len(q)), jumps))}); most {names[joint]}, by {steps[worst, joint]:.1f}° in one "
+        f"frame at {time[jumps[worst]]:.2f} s. They are kept"
     )

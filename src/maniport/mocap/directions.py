@@ -19,8 +19,7 @@ from maniport.arms.kernels import place_points
 from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
-from maniport.mocap.marker_sets import DIRECTIONS
-from maniport.mocap.path_solver import BLOCK, parts_of
+from maniport.mocap.marker_sets import DIRECTIONS, POINTS
 from maniport.mocap.recording import Bools, Recording, runs_of
 from maniport.mocap.roles import (
     Basis,
@@ -31,11 +30,13 @@ from maniport.mocap.roles import (
     trunk_rotation,
     unit,
 )
-from maniport.util.jit import kernel, part
+from maniport.util.jit import kernel
 from maniport.util.validation import Array
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
 """Frames of the arm between which each segment runs; the roles of the recording have the same names."""
+
+BLOCK = 4096  # The most frames that are computed at once
 
 SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
 
@@ -67,8 +68,7 @@ def require_human(arm: Arm) -> None:
             f"fit_arm needs a person with the joints {', '.join(JOINTS)}, in this order; found of {arm.name!r}: "
             f"{', '.join(arm.joint_names)}"
         )
-    missing = {frame for ends in SEGMENTS.values() for frame in ends} - set(arm.frames)
-    if missing:
+    if missing := set(POINTS) - set(arm.frames):
         raise InvalidInputError(
             f"fit_arm needs a person with the frames shoulder, elbow, wrist and hand; {arm.name!r} has no "
             f"{', '.join(sorted(missing))}"
@@ -87,42 +87,34 @@ class Directions:
         """Keep some frames, in any order and repeated or not."""
         return Directions(self.arm, self.names, self.targets[frames])
 
-    def model(self, q: Array) -> tuple[Array, Array]:
-        """Return the directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
-        kinematics, (start, end) = self._kinematics[0], self._kinematics[1].T
-        points, slopes = kinematics(q)
-        vector, slope = points[:, end] - points[:, start], slopes[:, end] - slopes[:, start]
-        length = np.linalg.norm(vector, axis=-1)[..., None]
-        value = vector / length
-        slope = (slope - value[..., None] * (value[..., None, :] @ slope)) / length[..., None]
-        axes = slice(len(self._kinematics[2]), None)
-        return np.concatenate([value, points[:, axes]], axis=1), np.concatenate([slope, slopes[:, axes]], axis=1)
-
     @cached_property
-    def _kinematics(self) -> tuple[PointKinematics, NDArray[np.int64], list[str]]:
-        """Return frames at the ends of segments, then joint axes fixed to the segment above them.
-
-        The indices (n_segments, 2) are those of both ends of each segment among the frames.
-        """
-        segments = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
-        frames = list(dict.fromkeys(frame for ends in segments for frame in ends))
+    def kinematics(self) -> PointKinematics:
+        """The ends of the segments, then joint axes fixed to the segment above them."""
         joints = [AXES[name] for name in self.names if name in AXES]
         axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
-        indices = np.array([[frames.index(end) for end in ends] for ends in segments], dtype=np.int64)
-        return PointKinematics(self.arm.chain, frames, axes), indices, frames
+        return PointKinematics(self.arm.chain, POINTS[: len(self.names) - len(axes) + 1], axes)
 
-    def arrays(self) -> tuple[tuple[Any, ...], Array]:
-        """Return the arguments of `frame_terms` from `offset` to `ends`, and the weights."""
-        kinematics, ends, _ = self._kinematics
-        return (*kinematics.arrays(), ends), np.array([WEIGHTS[name] for name in self.names])
+    @property
+    def weights(self) -> Array:
+        """Weights of the directions, shape (len(names),)."""
+        return np.array([WEIGHTS[name] for name in self.names])
+
+    def model(self, q: Array) -> tuple[Array, Array]:
+        """Return the directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
+        count = sum(name in SEGMENTS for name in self.names)
+        points, changes = self.kinematics(q)
+        vectors, slopes = np.diff(points[:, : count + 1], axis=1), np.diff(changes[:, : count + 1], axis=1)
+        length = np.linalg.norm(vectors, axis=-1)[..., None]
+        values = vectors / length
+        slopes = (slopes - values[..., None] * (values[..., None, :] @ slopes)) / length[..., None]
+        return np.concatenate([values, points[:, count + 1 :]], 1), np.concatenate([slopes, changes[:, count + 1 :]], 1)
 
     def residual(self, q: Array) -> tuple[Array, Array]:
         """Return weighted residuals (n, 3k) and derivatives (n, 3k, dof); zero where targets are missing."""
         values, slopes = self.model(q)
-        weight = np.array([WEIGHTS[name] for name in self.names]) * ~np.isnan(self.targets[..., 0])
-        difference = (values - np.nan_to_num(self.targets)) * weight[..., None]
-        slopes = slopes * weight[..., None, None]
-        return difference.reshape(len(q), -1), slopes.reshape(len(q), -1, self.arm.dof)
+        weight = (self.weights * ~np.isnan(self.targets[..., 0]))[..., None]
+        difference = (values - np.nan_to_num(self.targets)) * weight
+        return difference.reshape(len(q), -1), (slopes * weight[..., None]).reshape(len(q), -1, self.arm.dof)
 
     def errors(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return the errors of the directions of joint angles (n, dof), by segment, each (n,) [rad].
@@ -130,18 +122,18 @@ class Directions:
         Angles between the arm's segments and the recorded ones, and rotations of segments about their own axis that
         bring joint axes to their markers.
         """
-        values = np.concatenate([self.model(q[part])[0] for part in parts_of(len(q), BLOCK)])
+        values = np.concatenate([self.model(part)[0] for part in np.array_split(q, -(-len(q) // BLOCK))])
         half = np.linalg.norm(values - self.targets, axis=-1) / 2  # arccos is inaccurate below 1e-8
         angles, twists = 2 * np.arcsin(np.minimum(half, 1.0)), {}
-        for axis, segment in AROUND.items():
-            if axis in self.names:
-                i, along = self.names.index(axis), values[:, self.names.index(segment)]
+        for i, name in enumerate(self.names):
+            if name in AROUND:
+                along = values[:, self.names.index(AROUND[name])]
                 model, target = (
-                    vectors - np.sum(vectors * along, axis=1)[:, None] * along
-                    for vectors in (values[:, i], self.targets[:, i])
+                    vectors[:, i] - np.sum(vectors[:, i] * along, axis=1)[:, None] * along
+                    for vectors in (values, self.targets)
                 )
                 sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
-                twists[segment] = np.arctan2(sine, cosine)
+                twists[AROUND[name]] = np.arctan2(sine, cosine)
         return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}, twists
 
 
@@ -224,7 +216,7 @@ def segment_lengths(points: Mapping[str, Array], source: str) -> dict[str, float
 
 @kernel
 def frame_terms(  # type: ignore[no-untyped-def]
-    q, offset, placements, axes, slides, coupling, joints, vectors, points, ends, targets, weights, gradient, hessian
+    q, offset, placements, axes, slides, coupling, joints, vectors, points, targets, weights, gradient, hessian
 ):
     """Add Jᵀr and JᵀJ of the residuals of one frame, for the live view, to gradient and hessian; return |r|²."""
     positions, values, slopes = offset.copy(), np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
@@ -232,38 +224,25 @@ def frame_terms(  # type: ignore[no-untyped-def]
         for k in range(len(q)):
             positions[j] += coupling[j, k] * q[k]
     place_points(positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes)
-    return add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian)
-
-
-@part
-def add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Add the terms for points (the first of the values) and directions with their derivatives."""
-    dof = len(gradient)
-    cost, slope = 0.0, np.empty((3, dof))
+    cost = 0.0
     for n in range(len(targets)):
         if weights[n] == 0.0:
             continue
-        if n < len(ends):
-            a, b = ends[n]
-            unit = values[b] - values[a]
+        if n < points - 1:  # from a point to the next
+            unit, slope = values[n + 1] - values[n], slopes[n + 1] - slopes[n]
             length = np.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
             unit /= length
-            for k in range(dof):
-                stretch = 0.0
-                for i in range(3):
-                    slope[i, k] = slopes[b, i, k] - slopes[a, i, k]
-                    stretch += unit[i] * slope[i, k]
-                for i in range(3):
-                    slope[i, k] = (slope[i, k] - unit[i] * stretch) / length
+            stretch = unit[0] * slope[0] + unit[1] * slope[1] + unit[2] * slope[2]
+            for i in range(3):
+                slope[i] = (slope[i] - unit[i] * stretch) / length
         else:
-            unit = values[points + n - len(ends)]
-            slope[:] = slopes[points + n - len(ends)]
+            unit, slope = values[n + 1], slopes[n + 1]
         square = weights[n] * weights[n]
         for i in range(3):
             off = unit[i] - targets[n, i]
             cost += square * off * off
-            for k in range(dof):
+            for k in range(len(q)):
                 gradient[k] += square * off * slope[i, k]
-                for m in range(dof):
+                for m in range(len(q)):
                     hessian[k, m] += square * slope[i, k] * slope[i, m]
     return cost
