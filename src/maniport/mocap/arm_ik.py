@@ -17,7 +17,7 @@ from maniport.mocap.data_quality import AT_LIMIT, gap_warning, jump_warning, mod
 from maniport.mocap.directions import Observation, observe, require_human, segment_lengths
 from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.recording import Recording
-from maniport.mocap.roles import assign_roles, role_position
+from maniport.mocap.roles import role_position, roles_by_side
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
@@ -133,12 +133,7 @@ def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) ->
             f"{spoken('markers')} of both arms must be {{'left': {{...}}, 'right': {{...}}}}; "
             f"found {sorted(map(str, own)) if isinstance(own, Mapping) else own!r}"
         )
-    roles, errors = {}, {}
-    for side in SIDES:
-        try:
-            roles[side] = assign_roles(recording, own.get(side), side)
-        except RecordingError as error:
-            errors[side] = error
+    roles, errors = roles_by_side(recording, own)
     if roles and errors:
         raise RecordingError(
             f"the recording shows the {', '.join(roles)} arm only; {', '.join(map(str, errors.values()))}. In the "
