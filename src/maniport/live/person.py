@@ -96,7 +96,7 @@ class Person:
         noise = (2 * np.pi * held.cutoff) ** 4
         self._constants = noise, self._weights, self._body, self._held, PRIOR_INFORMATION, LEAST_GAIN
         # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
-        self._least_jump = MIN_JUMP / np.array([fit.segment_lengths[name] for name in fit.segments])
+        self._least_jump = MIN_JUMP / np.array(list(fit.segment_lengths.values()))
 
     def vectors(self, positions: Array) -> Array:
         """Compute unit vectors (k + 2, 3) along segments, joint axes and the trunk; nan where a point is not seen."""

@@ -158,8 +158,7 @@ def _fit(recording: Recording, observation: Observation, person: str, step: Step
     require_human(arm)
     directions, time = observation.directions(arm), observation.time
     q = solve_arm(directions, time, roles, step)
-    angles, twists = directions.errors(q)
-    share, reasons, beyond = observability(directions, roles, q)
+    share, unobservable, beyond = observability(directions, roles, q)
     texts = (
         *observation.quality_warnings,
         gap_warning(observation.used.time, observation.frames),
@@ -168,18 +167,15 @@ def _fit(recording: Recording, observation: Observation, person: str, step: Step
     fit = ArmFit(
         arm=arm,
         side_reason=observation.reason,
-        joint_angles=_frozen(q),
-        time=_frozen(time),
-        frames=_frozen(observation.frames),
-        segments=tuple(angles),
-        residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
-        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in twists.items()},
-        observable=_frozen(share > 0.5),
-        observable_share=_frozen(share),
-        reasons=reasons,
+        joint_angles=q,
+        time=time,
+        frames=observation.frames,
+        residuals={name: np.degrees(error) for name, error in directions.errors(q).items()},
+        observable_share=share,
+        unobservable=unobservable,
         segment_lengths=lengths,
-        at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
-        beyond_limit=_frozen(np.degrees(beyond)),
+        at_limit=((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0),
+        beyond_limit=np.degrees(beyond),
         roles=roles,
         notes=observation.notes,
         quality_warnings=tuple(filter(None, texts)),
@@ -198,8 +194,3 @@ def require_person(person: str, side: str, smooth: str = AUTO) -> None:
         )
     as_choice(side, "side", (AUTO, *SIDES))
     as_choice(smooth, "smooth", (AUTO, "off"))
-
-
-def _frozen(array: Any) -> Any:
-    array.setflags(write=False)
-    return array

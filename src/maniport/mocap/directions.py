@@ -116,25 +116,24 @@ class Directions:
         difference = (values - np.nan_to_num(self.targets)) * weight
         return difference.reshape(len(q), -1), (slopes * weight[..., None]).reshape(len(q), -1, self.arm.dof)
 
-    def errors(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return the errors of the directions of joint angles (n, dof), by segment, each (n,) [rad].
+    def errors(self, q: Array) -> dict[str, Array]:
+        """Return the errors of joint angles (n, dof), each (n,) [rad].
 
         Angles between the arm's segments and the recorded ones, and rotations of segments about their own axis that
         bring joint axes to their markers.
         """
         values = np.concatenate([self.model(part)[0] for part in np.array_split(q, -(-len(q) // BLOCK))])
-        half = np.linalg.norm(values - self.targets, axis=-1) / 2  # arccos is inaccurate below 1e-8
-        angles, twists = 2 * np.arcsin(np.minimum(half, 1.0)), {}
+        errors = {}
         for i, name in enumerate(self.names):
-            if name in AROUND:
+            model, target = values[:, i], self.targets[:, i]
+            if name in SEGMENTS:  # arccos is inaccurate below 1e-8
+                errors[name] = 2 * np.arcsin(np.minimum(np.linalg.norm(model - target, axis=-1) / 2, 1.0))
+            else:
                 along = values[:, self.names.index(AROUND[name])]
-                model, target = (
-                    vectors[:, i] - np.sum(vectors[:, i] * along, axis=1)[:, None] * along
-                    for vectors in (values, self.targets)
-                )
+                model, target = (part - np.sum(part * along, axis=1)[:, None] * along for part in (model, target))
                 sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
-                twists[AROUND[name]] = np.arctan2(sine, cosine)
-        return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}, twists
+                errors[f"{AROUND[name]} about its axis"] = np.arctan2(sine, cosine)
+        return errors
 
 
 @dataclass(frozen=True)
