@@ -15,7 +15,7 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.live.kernels import follow, search, trunk_directions, turned_farther, unit_vectors, updated
-from maniport.mocap import ArmFit
+from maniport.mocap import ArmFit, Recording
 from maniport.mocap.arm_path import (
     KEY_RATE,
     LEAST_GAIN,
@@ -28,7 +28,7 @@ from maniport.mocap.arm_path import (
 from maniport.mocap.cleaning import MIN_JUMP
 from maniport.mocap.data_quality import FASTEST_JOINT, MEASUREMENT_ERROR, PRIOR
 from maniport.mocap.directions import Directions, vectors_of
-from maniport.mocap.roles import SHORTEST, Basis, across_role, direction, points_of
+from maniport.mocap.roles import SHORTEST, across_role, direction, points_of
 from maniport.util.validation import Array
 
 MAX_SPEED = math.radians(FASTEST_JOINT)  # Of a person's joints [rad/s]
@@ -82,11 +82,12 @@ class Person:
     def __init__(self, fit: ArmFit):
         self.arm, roles, self.is_noisy = fit.arm, fit.roles, fit.smoothed
         self.points = tuple(points_of(roles))
-        basis = Basis(self.points)
+        identity = np.eye(len(self.points))[..., None]  # a recording of it gives coefficients of the points
+        basis = Recording(self.points, np.repeat(identity, 3, axis=2), np.arange(len(identity)))
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
-        self._linear = np.stack([*vectors.values(), *trunk]).astype(np.float64)
+        self._linear = np.stack([*vectors.values(), *trunk])[..., 0]
         self.count = len(self._linear)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
         self._body, self._weights = directions.kinematics.arrays(), directions.weights

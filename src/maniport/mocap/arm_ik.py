@@ -17,7 +17,7 @@ from maniport.mocap.data_quality import AT_LIMIT, gap_warning, jump_warning, mod
 from maniport.mocap.directions import Observation, observe, require_human, segment_lengths
 from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.recording import Recording
-from maniport.mocap.roles import role_position, roles_by_side
+from maniport.mocap.roles import direction, roles_by_side
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
@@ -113,13 +113,13 @@ def fit_arms(
     trunk, fits = observations[-1].trunk, []
     for observation in observations:
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit = _fit(recording, replace(observation, frames=common, trunk=trunk), person, step)
+        fit = _fit(replace(observation, frames=common, trunk=trunk), person, step)
         step.end(fit.summary)
         fits.append(fit)
     origins = []
     for observation, fit in zip(observations, fits, strict=True):  # of the base frames in the trunk, from the neck
-        neck = role_position(observation.used, observation.roles["trunk_up"][1])
-        shoulder = np.sum(trunk * (observation.points["shoulder"] - neck)[:, :, None], axis=1)[fit.frames]
+        from_neck = direction(observation.used, (fit.roles["trunk_up"][1], fit.roles["shoulder"]))
+        shoulder = np.sum(trunk * from_neck[:, :, None], axis=1)[fit.frames]
         own = fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0]
         origins.append(np.median(shoulder - own, axis=0))
     return HumanMotion(tuple(fits), np.stack(origins) - np.mean(origins, axis=0))
@@ -150,26 +150,22 @@ def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) ->
     return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _fit(recording: Recording, observation: Observation, person: str, step: Step) -> ArmFit:
+def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
     """Fit an arm to an observation."""
-    roles = observation.roles
-    lengths = segment_lengths(observation.points, recording.source)
+    used, frames, roles = observation.used, observation.frames, observation.roles
+    lengths = segment_lengths(used, roles)
     arm = human_arm(person, observation.side, lengths=lengths)
     require_human(arm)
-    directions, time = observation.directions(arm), observation.time
+    directions, time = observation.directions(arm), used.time[frames]
     q = solve_arm(directions, time, roles, step)
     share, unobservable, beyond = observability(directions, roles, q)
-    texts = (
-        *observation.quality_warnings,
-        gap_warning(observation.used.time, observation.frames),
-        jump_warning(q, time, observation.frames, arm.joint_names),
-    )
+    warnings = (gap_warning(used.time, frames), jump_warning(q, time, frames, arm.joint_names))
     fit = ArmFit(
         arm=arm,
         side_reason=observation.reason,
         joint_angles=q,
         time=time,
-        frames=observation.frames,
+        frames=frames,
         residuals={name: np.degrees(error) for name, error in directions.errors(q).items()},
         observable_share=share,
         unobservable=unobservable,
@@ -177,11 +173,10 @@ def _fit(recording: Recording, observation: Observation, person: str, step: Step
         at_limit=((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0),
         beyond_limit=np.degrees(beyond),
         roles=roles,
-        notes=observation.notes,
-        quality_warnings=tuple(filter(None, texts)),
+        notes=used.notes,
         smoothed=observation.smoothed,
     )
-    return replace(fit, quality_warnings=(*model_differences(fit), *fit.quality_warnings))
+    return replace(fit, quality_warnings=(*model_differences(fit), *used.quality_warnings, *filter(None, warnings)))
 
 
 def require_person(person: str, side: str, smooth: str = AUTO) -> None:

@@ -6,7 +6,7 @@ its length is the angle between them [rad] as long as that is small.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,17 +19,9 @@ from maniport.arms.kernels import place_points
 from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
-from maniport.mocap.marker_sets import DIRECTIONS, POINTS
+from maniport.mocap.marker_sets import POINTS
 from maniport.mocap.recording import Bools, Recording, runs_of
-from maniport.mocap.roles import (
-    Basis,
-    direction,
-    find_side,
-    points_of,
-    role_position,
-    trunk_rotation,
-    unit,
-)
+from maniport.mocap.roles import direction, find_side, points_of, role_position, trunk_rotation, unit
 from maniport.util.jit import kernel
 from maniport.util.validation import Array
 
@@ -40,10 +32,7 @@ BLOCK = 4096  # The most frames that are computed at once
 
 SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
 
-ELBOW = JOINTS.index("elbow_flexion")
-TURN = JOINTS.index("pro_sup")
-DEVIATION = JOINTS.index("deviation")
-FLEXION = JOINTS.index("flexion")
+ELBOW, TURN, DEVIATION, FLEXION = map(JOINTS.index, ("elbow_flexion", "pro_sup", "deviation", "flexion"))
 
 AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint with the axis of each pair of markers
 
@@ -143,42 +132,34 @@ class Observation:
     side: str
     reason: str  # why that arm
     roles: dict[str, Any]  # the points of each role
-    used: Recording  # these points, cleaned and filled
-    points: dict[str, Array]  # positions of the roles that are points [m], shape (n_frames, 3)
+    used: Recording  # these points, cleaned and filled, with notes and quality warnings on that only
     trunk: Array  # rotation of the trunk frame, shape (n_frames, 3, 3)
     frames: NDArray[np.intp]  # the frames in which trunk and arm are fully observed, shape (n,)
-    notes: tuple[str, ...]  # on repairs
-    quality_warnings: tuple[str, ...]  # on repairs that change the result, except omitted frames
     smoothed: bool  # whether points were noisy and are smoothed
-
-    @property
-    def time(self) -> Array:
-        """Times of those frames [s]."""
-        return self.used.time[self.frames]
 
     def directions(self, arm: Arm) -> Directions:
         """Return the directions of segments and joint axes in the trunk frame, in those frames."""
         vectors = vectors_of(self.used, self.roles, str(arm.side))
         world = np.stack(list(vectors.values()), axis=1)[self.frames]
-        local = np.einsum("nij,nki->nkj", self.trunk[self.frames], world)
-        return Directions(arm, tuple(vectors), unit(local))
+        return Directions(arm, tuple(vectors), unit(np.einsum("nij,nki->nkj", self.trunk[self.frames], world)))
 
 
 def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, smooth: bool) -> Observation:
     """Choose the arm, clean its points and find the frames in which it is fully observed."""
     chosen, reason, roles = find_side(recording, markers, side)
-    points_used = points_of(roles)
-    whole = unswapped(without_zeros(recording), points_used)
-    repaired = without_outliers(whole.select(points_used)).fill_gaps()
+    names = points_of(roles)
+    whole = unswapped(without_zeros(replace(recording, notes=(), quality_warnings=())), names)
+    repaired = without_outliers(whole.select(names)).fill_gaps()
     used = smoothed(repaired, smooth)
-    notes = list(used.notes[len(recording.notes) :])
-    points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
-    hand = points["hand"] - points["wrist"] if "hand" in points and "hand" not in (markers or {}) else None
-    if hand is not None and np.nanmedian(np.linalg.norm(hand, axis=-1)) < SHORTEST_SEGMENT:
-        notes.append(f"hand: {', '.join(roles['hand'])} coincides with the wrist and was not used")  # end sites may
-        del roles["hand"], points["hand"]
+    notes = list(used.notes)
+    if "hand" in roles and "hand" not in (markers or {}):  # ends of chains may coincide with the wrist
+        length = np.linalg.norm(direction(used, (roles["wrist"], roles["hand"])), axis=-1)
+        if np.nanmedian(length) < SHORTEST_SEGMENT:
+            notes.append(f"hand: {', '.join(roles.pop('hand'))} coincides with the wrist and was not used")
     trunk = trunk_rotation(used, roles)
-    lost: dict[str, Bools] = {role: np.isnan(position[:, 0]) for role, position in points.items()}
+    lost: dict[str, Bools] = {
+        role: np.isnan(role_position(used, roles[role])[:, 0]) for role in POINTS if role in roles
+    }
     lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
     out = np.any(list(lost.values()), axis=0)
     if out.all():
@@ -186,31 +167,30 @@ def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, 
         raise RecordingError(f"no frame of {used.source!r} has all required points; missing are: {worst} of the frames")
     for start, stop in runs_of(out):
         missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
-        notes.append(
-            f"{stop - start} frames omitted, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"
-        )
-    frames = np.flatnonzero(~out)
-    quality_warnings = used.quality_warnings[len(recording.quality_warnings) :]
-    is_smoothed = used.positions is not repaired.positions and smooth
-    return Observation(chosen, reason, roles, used, points, trunk, frames, tuple(notes), quality_warnings, is_smoothed)
+        times = f"{used.time[start]:.2f}–{used.time[stop - 1]:.2f} s"
+        notes.append(f"{stop - start} frames omitted, {times}: {missing} missing")
+    is_smoothed = smooth and used is not repaired
+    used = replace(used, notes=tuple(notes))
+    return Observation(chosen, reason, roles, used, trunk, np.flatnonzero(~out), is_smoothed)
 
 
-def vectors_of(points: Recording | Basis, roles: Mapping[str, Any], side: str) -> dict[str, Array]:
+def vectors_of(points: Recording, roles: Mapping[str, Any], side: str) -> dict[str, Array]:
     """Return vectors along segments and joint axes, by the keys of `Directions`, in the axes of the points."""
     ends = {name: pair for name, pair in SEGMENTS.items() if all(end in roles for end in pair)}
     vectors = {name: direction(points, (roles[a], roles[b])) for name, (a, b) in ends.items()}
     return vectors | {name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles}
 
 
-def segment_lengths(points: Mapping[str, Array], source: str) -> dict[str, float]:
+def segment_lengths(used: Recording, roles: Mapping[str, Any]) -> dict[str, float]:
     """Return the lengths of recorded segments (median)."""
     lengths = {}
     for name, (start, end) in SEGMENTS.items():
-        if start in points and end in points:
-            lengths[name] = float(np.nanmedian(np.linalg.norm(points[end] - points[start], axis=-1)))
+        if start in roles and end in roles:
+            vectors = direction(used, (roles[start], roles[end]))
+            lengths[name] = float(np.nanmedian(np.linalg.norm(vectors, axis=-1)))
             if not SHORTEST_SEGMENT < lengths[name] < LONGEST_SEGMENT:
                 raise RecordingError(
-                    f"the {name} in {source!r} is {lengths[name]:.4g} m long, from {start} to {end}; allowed are "
+                    f"the {name} in {used.source!r} is {lengths[name]:.4g} m long, from {start} to {end}; allowed are "
                     f"{SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m: check the unit, and that the points differ"
                 )
     return lengths

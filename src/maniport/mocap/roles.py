@@ -144,23 +144,12 @@ def roles_by_side(
     return roles, errors
 
 
-class Basis:
-    """A recording of unknown points: expressions linear in them become their coefficients."""
-
-    def __init__(self, names: tuple[str, ...]):
-        self._rows = dict(zip(names, np.eye(len(names)), strict=True))
-
-    def point(self, name: str) -> Array:
-        """Return one for the point, zero for all others."""
-        return self._rows[name]
-
-
-def role_position(recording: Recording | Basis, names: Group) -> Array:
+def role_position(recording: Recording, names: Group) -> Array:
     """Return the mean of the named points [m], shape (n_frames, 3); nan where one of them is missing."""
     return np.asarray(np.mean([recording.point(name) for name in names], axis=0))
 
 
-def direction(recording: Recording | Basis, pair: Any) -> Array:
+def direction(recording: Recording, pair: Any) -> Array:
     """Return the vector from one group of points to another [m]."""
     return role_position(recording, pair[1]) - role_position(recording, pair[0])
 

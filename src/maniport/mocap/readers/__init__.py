@@ -60,7 +60,6 @@ class ImportOptions:
         positions: ArrayLike,
         time: ArrayLike | None = None,
         unit: str = "",
-        origin: str = "stated in the file",
         notes: Sequence[str] = (),
         quality_warnings: Sequence[str] = (),
     ) -> Recording:
@@ -68,7 +67,7 @@ class ImportOptions:
 
         `names` that repeat are numbered. `positions` (n_frames, n_points, 3) are in the unit of the file; nan, and
         points farther than 1e12, are missing. `time` [s] is None where the file has neither times nor a rate. `unit`
-        is empty where the file does not state it; `origin` describes why it is this one. The rest is as in `Recording`.
+        is empty where neither the file nor its format states it. The rest is as in `Recording`.
 
         Raises
         ------
@@ -109,24 +108,24 @@ class ImportOptions:
                 break
         times, points, ordered = in_order(times, points)
         raw = Recording(tuple(unique), points, times, as_text(file.name))
-        scale, unit_note = self._scale(raw, unit, origin)
+        scale, unit_note = self._scale(raw, unit)
         notes, warnings = (unit_note, *notes, *ordered), (*quality_warnings, *_bodies_warning(raw))
         return without_zeros(replace(raw, positions=raw.positions * scale, notes=notes, quality_warnings=warnings))
 
-    def _scale(self, recording: Recording, declared: str, origin: str) -> tuple[float, str]:
+    def _scale(self, recording: Recording, declared: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
         unit, (ends, length) = self.unit or known_unit(declared), _upper_arm(recording)
         fitting = [name for name in UNITS if name != "dm" and UPPER_ARM[0] <= length * UNITS[name] <= UPPER_ARM[1]]
         if unit is not None:
             low, high = POSSIBLE_UPPER_ARM
             if ends and not low <= length * UNITS[unit] <= high:
-                cause = argument("unit", unit) if self.unit else f"the unit {unit}, {origin},"
+                cause = argument("unit", unit) if self.unit else f"the unit of the file, {unit},"
                 better = (f"; {argument('unit', fit)} makes it {length * UNITS[fit]:.3g} m" for fit in fitting)
                 raise InvalidInputError(
                     f"{cause} makes the upper arm ({ends}) {length * UNITS[unit]:.3g} m long; possible are {low} to "
                     f"{high} m{''.join(better)}"
                 )
-            return UNITS[unit], f"unit set by the caller: {unit}" if self.unit else f"unit {unit}, {origin}"
+            return UNITS[unit], f"unit {unit}, {'set by the caller' if self.unit else 'of the file'}"
         if not fitting:
             cause = f"the upper arm ({ends}) has {length:.4g} units" if ends else "no points are those of an upper arm"
             raise InvalidInputError(
@@ -200,10 +199,6 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
 def shipped_recording(name: str) -> Path:
     """Return the path of a recording that comes with the package: "ladder", "freeform" or "both-arms".
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     UnknownNameError
@@ -242,8 +237,7 @@ def _format_of(file: Path) -> str:
     """Return the key of `READERS` for a file: by its content, else by its ending."""
     if os.path.isdir(file) and any(file.glob("*.json")):
         return ".json"
-    suffix, hint = file.suffix.lower(), f"; bundled recordings: {', '.join(map(repr, SHIPPED))}"
-    kind = None
+    suffix, kind, hint = file.suffix.lower(), None, f"; bundled recordings: {', '.join(map(repr, SHIPPED))}"
     # False of names that no file has; formats of the user go by their ending
     if os.path.exists(file) and isinstance(READERS.get(suffix, ""), str):
         existing_file(file, (), RECORDING_BYTES)
@@ -259,8 +253,6 @@ def _format_of(file: Path) -> str:
 
 def _by_content(head: bytes) -> str | None:
     """Return the ending that belongs to the first bytes of a file, or None."""
-    if head.startswith((b"PK", b"\x93NUMPY")):
-        return ".npz" if head.startswith(b"PK") else ".npy"
     if len(head) > 1 and head[1] == 0x50 and 0 < head[0] < 9:  # 9 and more may begin a text
         return ".c3d"
     text = decoded(head).lstrip()
@@ -271,8 +263,10 @@ def _by_content(head: bytes) -> str | None:
         return ".mot"
     if text.startswith("<"):
         return ".mvnx" if "<mvnx" in text else None
-    starts = {"PathFileType": ".trc", "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv"}
-    starts |= {"{": ".json", "[": ".json"}
+    starts = {
+        "PK": ".npz", "\ufffdNUMPY": ".npy", "{": ".json", "[": ".json", "PathFileType": ".trc",
+        "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv",
+    }  # fmt: skip
     return next((ending for start, ending in starts.items() if text.startswith(start)), None)
 
 

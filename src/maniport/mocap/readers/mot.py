@@ -60,8 +60,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
             f"with _r or _l; found {', '.join(columns[1:])[:300]}"
         )
     points |= {name: np.tile(np.array(point), (len(table), 1)) for name, point in TRUNK.items()}
-    positions, origin = np.stack(list(points.values()), axis=1), "as in the model of the arm"
-    return options.recording(file, list(points), positions, table[:, 0], "m", origin, notes, quality_warnings)
+    positions = np.stack(list(points.values()), axis=1)
+    return options.recording(file, list(points), positions, table[:, 0], "m", notes, quality_warnings)
 
 
 def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:

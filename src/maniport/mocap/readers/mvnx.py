@@ -59,4 +59,4 @@ def read(file: Path, options: ImportOptions) -> Recording:
         raise ValueError("the file holds no frames")
     time = np.arange(len(rows)) / rate if 0 < rate < np.inf else times if np.isfinite(times).all() else None
     positions = np.array(rows).reshape(len(rows), -1, 3)
-    return options.recording(file, names, positions, time, "m", origin="as in all MVNX files")
+    return options.recording(file, names, positions, time, "m")

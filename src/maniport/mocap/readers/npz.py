@@ -82,10 +82,8 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
     if positions.ndim != 3 or positions.shape[-1] != 3 or positions.dtype.kind not in "fiu":
         raise ValueError(f"positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}")
     require_size(*positions.shape[:2])
-    if positions.dtype.kind != "f" or positions.dtype.itemsize < 4:
-        positions = positions.astype(np.float64)
     count, beside = positions.shape[1], file.with_suffix(".names.txt")
-    unit, origin, notes = next(map(str, arrays.get("unit", np.array("")).flat), ""), "stated in the file", []
+    unit, notes = next(map(str, arrays.get("unit", np.array("")).flat), ""), []
     names = arrays["names"].tolist() if "names" in arrays else None
     if names is None and beside.exists():
         names = list(filter(None, map(str.strip, decoded(read_whole(beside, (), SETTINGS_BYTES)).splitlines())))
@@ -97,12 +95,12 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
             cause = f"{' and '.join(fits)} both fit" if fits else f"recognized by their number are {listed}"
             advice = f"write one name per line into '{beside.name}' next to it"
             raise ValueError(f"{count} joints without names; {advice} ({cause})")
-        names, origin = skeletons[fits[0]], f"as in {fits[0]}"
+        names = skeletons[fits[0]]
         notes = [f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"]
     names = [name.decode("utf-8", "replace") if isinstance(name, bytes) else name for name in names]
     if len(names) != count or not all(isinstance(name, str) for name in names):
         raise ValueError(f"names must be {count} texts, one for each point; found {len(names)}: {str(names)[:80]}")
-    return options.recording(file, names, positions, _time(arrays, len(positions), options), unit, origin, notes)
+    return options.recording(file, names, positions, _time(arrays, len(positions), options), unit, notes)
 
 
 def _time(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOptions) -> NDArray[Any] | None:
@@ -133,9 +131,7 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses:
     positions = np.concatenate([_joints(bones, angles[part, :66], root[part]) for part in parts])
     lengths = f"lengths of a person of {body_height} m"
     notes = [f"pose parameters without the body model: directions of bones from a T-pose, {lengths}"]
-    return options.recording(
-        file, ["pelvis", *bones], positions, _time(arrays, count, options), "m", "as in AMASS", notes
-    )
+    return options.recording(file, ["pelvis", *bones], positions, _time(arrays, count, options), "m", notes)
 
 
 def _bones(body_height: float) -> dict[str, tuple[str, Array]]:
