@@ -7,8 +7,8 @@ from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.motion import BrakingLimit, CollisionLimit, Controller, ControlProblem, ControlState
-from maniport.motion.costs.posture import PostureCost
 from maniport.motion.objective import FOLLOWING_WEIGHT, Linearization, Objective
+from maniport.motion.problem import PostureCost
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -12,8 +12,9 @@ from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import MotionLimits, Objective, ReachabilityMap, SeedBank, place_path
+from maniport.motion import MotionLimits, ReachabilityMap, SeedBank, place_path
 from maniport.motion.demands import demands_of
+from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import as_workspace, fixed_place
 from maniport.motion.placement.problem import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost

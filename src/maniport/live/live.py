@@ -19,8 +19,8 @@ from maniport.live.robot import CONTROL_STEP, Robot
 from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, MotionClock, largest
 from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, Planner, PlanSettings, plan_motion
-from maniport.motion.costs.cost import as_costs
 from maniport.motion.plan.plan_settings import require_free
+from maniport.motion.problem import as_costs
 from maniport.pipeline import Config, TransferResult
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING

@@ -8,13 +8,12 @@ import numpy as np
 from maniport.arms import EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
 from maniport.live.led_arm import Target
-from maniport.motion import Limit, MotionLimits, Objective
+from maniport.motion import Limit, MotionLimits
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
-from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit
-from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
+from maniport.motion.objective import FOLLOWING_WEIGHT, Damping, Objective
+from maniport.motion.problem import Cost, PostureCost
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array

@@ -22,10 +22,9 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError
-from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.objective import Targets
+from maniport.motion.problem import Cost, PostureCost
 from maniport.util.validation import Array
 
 LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach

@@ -13,17 +13,15 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.controller import LM_DAMPING, Controller, ControlProblem, ControlState
-from maniport.motion.costs.cost import Cost, as_costs
-from maniport.motion.costs.orientation import POINTING, axis_weights
-from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
+from maniport.motion.objective import FOLLOWING_WEIGHT, POINTING, Damping, axis_weights
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.planner import Planner
+from maniport.motion.problem import Cost, PostureCost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Part, Progress, Step, between, ignore_fraction

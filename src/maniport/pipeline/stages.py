@@ -224,7 +224,7 @@ def measure(
                 placement=None if moved.placements is None else moved.placements[i],
                 motion=motion,
                 gap=np.interp(np.arange(len(motion.target)), rows, nearest.distance),
-                collisions=own.collisions,
+                collisions=own.reachability_map.collisions,
             )
         )
     return tuple(results)

@@ -15,10 +15,10 @@ import numpy as np
 from maniport.arms import VELOCITY, Arm, ArmGroup, as_group
 from maniport.errors import NotSPDError, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
-from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
+from maniport.motion import Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
 from maniport.motion.limits import BrakingLimit
-from maniport.motion.objective import FOLLOWING_WEIGHT
+from maniport.motion.objective import FOLLOWING_WEIGHT, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
 from maniport.spd.affine_invariant import distance_unchecked

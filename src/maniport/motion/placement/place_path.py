@@ -28,8 +28,7 @@ from maniport.motion.placement.search import WEIGHT, best_placements
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
-from maniport.motion.search.descent import pointwise_best
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank, pointwise_best
 from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
@@ -145,9 +144,7 @@ def place_path(  # type: ignore[misc]
         "path": path, "profile": profile, "collisions": collisions, "reachability_map": reachability_map, "bank": bank,
         "demands": demands,
     }  # fmt: skip
-    paths, profiles, models, maps, banks, demanded = (
-        of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
-    )
+    paths, profiles, models, maps, banks, demanded = (of_each(value, name, arm) for name, value in arguments.items())
     fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "Place path")
@@ -162,7 +159,7 @@ def place_path(  # type: ignore[misc]
     objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
     for i, objective in enumerate(objectives):
         index = "" if len(arms) == 1 else f"s[{i}]"
-        targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
+        targets.append(objective.checked(profiles[i], f"profile{index}"))
         require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
         positions.append(as_metres(paths[i], f"path{index}"))
         count = (len(targets[0]), 3)
