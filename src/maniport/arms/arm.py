@@ -213,7 +213,7 @@ class Arm(JointSpace):
         `InvalidInputError` for an arm without masses.
         """
         array = self.configurations(q)
-        terms = self._kinematics.dynamics(array.reshape(-1, self.dof), inertia=False)
+        terms = self._kinematics.dynamics(array.reshape(-1, self.dof))
         if terms is None:
             raise InvalidInputError(f"the description of {self.name!r} has no masses")
         return terms.gravity.reshape(array.shape)
@@ -230,7 +230,7 @@ class Arm(JointSpace):
     @cached_property
     def _inertia_fault(self) -> str:
         """Why the joint-space inertia cannot be inverted; empty where it can."""
-        terms = self._kinematics.dynamics(self.sample(1, 0), gravity=False)
+        terms = self._kinematics.dynamics(self.sample(1, 0))
         if terms is None:
             return "has none"
         values, vectors = np.linalg.eigh(terms.inertia[0])

@@ -140,7 +140,7 @@ def weighting(
         return Weighting(scale)
     accelerated, terms = spec.kind == "acceleration", None
     if limits is not None or accelerated:
-        terms = kinematics.dynamics(q, gravity=limits is not None, inertia=accelerated, changes=changes)
+        terms = kinematics.dynamics(q, changes)
     if limits is not None and terms is not None:
         held = np.abs(terms.gravity)
         scale = np.maximum(limits - held, LEAST_TORQUE * limits)
@@ -200,7 +200,7 @@ def with_derivatives(
 
     Jacobians (n, 6, dof) are those in the joints, (n, 6, joints), times the coupling.
     """
-    from maniport.arms.kernels import add_weight_changes, fill_derivatives  # here: Numba takes its time
+    from maniport.arms.kernels import fill_derivatives  # here: Numba takes its time
 
     # Numba compiles once more for arrays that are not contiguous
     plain, rows = (np.ascontiguousarray(own) for own in weights.rows(jacobian, spec))
@@ -213,10 +213,12 @@ def with_derivatives(
     arrays = np.ascontiguousarray(of_joints), rows, np.ascontiguousarray(coupling), weighted
     fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, results)
     of_scale, of_inertia = weights.scale_changes, weights.inertia_changes
-    if of_scale is not None or of_inertia is not None:
-        of_scale = np.empty((0, dof, dof)) if of_scale is None else of_scale
-        of_inertia = np.empty((0, dof, dof, dof)) if of_inertia is None else of_inertia
-        add_weight_changes(plain, weighted, of_scale, of_inertia, results)
+    if of_scale is not None:
+        half = np.einsum("nxi,nik,nyi->nkxy", plain, of_scale, plain, optimize=True)
+        results += half + np.swapaxes(half, -1, -2)
+    if of_inertia is not None:
+        half = plain[:, None] @ of_inertia @ np.swapaxes(weighted, -1, -2)[:, None]
+        results -= half + np.swapaxes(half, -1, -2)
     if spec.kind != "force":
         return ellipsoids, results
     force = manipulability(rows, spec.kind)
