@@ -10,12 +10,12 @@ from pathlib import Path
 from maniport.arms.arm import Arm
 from maniport.arms.chain import RIGHT, Chain, read_embedded
 from maniport.arms.human import PERSONS, human_arm
-from maniport.arms.loaders.document import XACRO, RobotXML, parsed
-from maniport.arms.loaders.limbs import Limb, one_side
-from maniport.arms.loaders.mjcf import Mjcf
+from maniport.arms.loaders import mjcf, urdf
+from maniport.arms.loaders.document import XACRO, parsed
+from maniport.arms.loaders.limbs import Limb, Limbs, one_side
 from maniport.arms.loaders.model import RobotModel
 from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
-from maniport.arms.loaders.urdf import Urdf
+from maniport.arms.loaders.serial import chain_to
 from maniport.arms.restriction import restrict
 from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
 from maniport.util.input_limits import ROBOT_BYTES, existing_file
@@ -24,19 +24,19 @@ Robot = str | os.PathLike[str]
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
 
-def _source(path: Path) -> RobotXML:
+def read_model(path: Path) -> RobotModel:
     """Read a URDF or an MJCF, depending on the root element."""
-    text, root = parsed(path)
-    for kind in (Urdf, Mjcf):
-        if root.tag == kind.tag:
-            return kind.checked(path, text, root)
-    raise FileFormatError(
-        f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root.tag}>"
-    )
+    root = parsed(path)
+    formats = {"robot": urdf.read, "mujoco": mjcf.read}
+    if root.tag not in formats:
+        raise FileFormatError(
+            f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root.tag}>"
+        )
+    return formats[root.tag](path, root)
 
 
 def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
-    return RobotModel(_source(path)).chain(frame, joints)
+    return chain_to(read_model(path), frame, joints)
 
 
 READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml, XACRO: _read_xml}
@@ -158,7 +158,7 @@ def read_arm(
     folders = (*mesh_folders, *file.folders)
     limb = None
     if file.side is not None:
-        limb = one_side(RobotModel(_source(file.path)).limbs().all(), file.side, text)
+        limb = one_side(Limbs(read_model(file.path)).all(), file.side, text)
         frame = limb.frame if frame is None else frame
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
@@ -183,7 +183,7 @@ def robot_limbs(name_or_path: Robot) -> tuple[list[Limb], Limb | None]:
     file = _robot_file(name_or_path)
     if READERS[file.path.suffix.lower()] is not _read_xml:
         return [], None
-    limbs = RobotModel(_source(file.path)).limbs().all()
+    limbs = Limbs(read_model(file.path)).all()
     if file.side is not None:
         return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
     alone = len([limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]) == 1

@@ -1,11 +1,10 @@
 """Limbs of a robot and their default end effectors."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-import pinocchio as pin
-
+from maniport.arms.loaders.model import RobotBody, RobotModel
 from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
 
 _SIDES = ("left", "right", "l", "r")
@@ -18,24 +17,6 @@ class Limb:
     frame: str  # the end effector's site, else the body that carries the gripper, else the outermost body
     joints: tuple[str, ...]  # with one axis, from the base
     fork: str | None  # last body shared with another of the longest limbs; None if it is fixed
-
-
-def named_frames(model: pin.Model) -> dict[str, int]:
-    """Map names of bodies and sites to indices; bodies have priority."""
-    names: dict[str, int] = {}
-    for kind in (pin.FrameType.BODY, pin.FrameType.OP_FRAME):
-        for index, frame in enumerate(model.frames):
-            if frame.type == kind:
-                names.setdefault(frame.name, index)
-    return names
-
-
-def body_above(model: pin.Model, frame: int) -> int:
-    """Return the index of the body that a frame is attached to; 0 without one."""
-    above = model.frames[frame].parentFrame
-    while above and model.frames[above].type != pin.FrameType.BODY:
-        above = model.frames[above].parentFrame
-    return int(above)
 
 
 def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
@@ -51,70 +32,67 @@ def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
 
 
 class Limbs:
-    """The limbs of a robot, by the last joint of each."""
+    """The limbs of a robot, by the last moving body of each; fingers are no limbs unless their joints are `wanted`."""
 
-    def __init__(
-        self,
-        model: pin.Model,
-        names: Mapping[int, Sequence[str]],  # of the joints with one axis that each joint of the model consists of
-        leaders: Mapping[str, str],  # by the joints that follow them
-        wanted: Collection[str] = (),  # names of joints that are not fingers
-    ):
-        self.model, self._names, self._wanted = model, names, wanted
-        owners = {name: j for j, own in names.items() for name in own}
-        coupled = set()  # leaders of joints on other branches, such as the other finger
-        for follower, leader in leaders.items():
-            place = owners.get(follower)
-            if place is None and model.existFrame(follower):  # a fixed joint with a mimic
-                place = model.frames[model.getFrameId(follower)].parentJoint
-            if leader in owners and place is not None and owners[leader] not in model.supports[place]:
-                coupled.add(leader)
-        beyond = dict.fromkeys(range(model.njoints), 0)  # largest number of moving joints beyond each
-        self._below: dict[int, list[int]] = {j: [] for j in range(model.njoints)}
-        for j in sorted(names, reverse=True):  # children follow their parents
-            moving, parent = len(names[j]) + beyond[j], model.parents[j]
-            if moving:
-                self._below[parent].append(j)
-                beyond[parent] = max(beyond[parent], moving)
+    def __init__(self, model: RobotModel, wanted: Collection[str] = ()):
+        self.model, self._wanted = model, set(wanted)
+        self._paths: dict[str, list[RobotBody]] = {}  # bodies with joints from the base to each body
+        self._below: dict[str, list[RobotBody]] = {name: [] for name in model.bodies}  # next moving bodies
+        for body in model.bodies.values():
+            above = [] if body.parent is None else self._paths[body.parent]
+            self._paths[body.name] = [*above, body] if body.joints else above
+            if above and body.joints:
+                self._below[above[-1].name].append(body)
+        moving = [body for body in model.bodies.values() if body.joints]
+        beyond = {body.name: 0 for body in moving}  # largest number of moving joints beyond each
+        for body in reversed(moving):
+            for child in self._below[body.name]:
+                beyond[body.name] = max(beyond[body.name], len(child.joints) + beyond[child.name])
+        owners = {name: body.name for body in model.bodies.values() for name in body.welds}
+        owners |= {joint.name: body.name for body in moving for joint in body.joints}
+        coupled = {  # leaders of joints on other branches, such as the other finger
+            rule.leader for name, rule in model.followers.items()
+            if rule.leader in owners and name in owners
+            and owners[rule.leader] not in [body.name for body in self._paths[owners[name]]]
+        }  # fmt: skip
 
-        def is_hand(joint: int) -> bool:
-            fingers = [name for child in self._below[joint] for name in names[child]]
-            if not 0 < beyond[joint] < len(self._joints(joint)) or not self._beyond(joint).isdisjoint(wanted):
+        def is_hand(body: RobotBody) -> bool:
+            below = self._below[body.name]
+            if not 0 < beyond[body.name] < len(self._joints(body.name)) or self._beyond(body.name) & self._wanted:
                 return False
-            return len(self._below[joint]) > 1 or any(name in coupled or _is_finger(name) for name in fingers)
+            fingers = [joint.name for child in below for joint in child.joints]
+            return len(below) > 1 or any(name in coupled or _is_finger(name) for name in fingers)
 
-        tops = [j for j in names if names[j] and not beyond[j]]
-        self._ends = list(dict.fromkeys(next((j for j in self._path(top) if is_hand(j)), top) for top in tops))
+        tops = [self._paths[body.name] for body in moving if not beyond[body.name]]
+        self._ends = list(dict.fromkeys(next(filter(is_hand, path), path[-1]).name for path in tops))
 
     def all(self) -> list[Limb]:
         """Return all limbs, the longest first."""
         joints, limbs = {end: self._joints(end) for end in self._ends}, []
         longest = [end for end in joints if len(joints[end]) == max(map(len, joints.values()))]
         for end in sorted(self._ends, key=lambda end: -len(joints[end])):
-            supports = [self.model.supports[other] for other in longest if other != end]
-            shared = [j for j in self._path(end) if any(j in support for support in supports)]
-            bodies = [
-                str(frame.name) for frame in self.model.frames
-                if shared and frame.type == pin.FrameType.BODY and frame.parentJoint == max(shared)
-            ]  # fmt: skip
-            limbs.append(Limb(self.end_frame(end), joints[end], bodies[0] if bodies else None))
+            others = {id(body) for other in longest if other != end for body in self._paths[other]}
+            shared = [body.name for body in self._paths[end] if id(body) in others]
+            limbs.append(Limb(self.end_frame(end), joints[end], shared[-1] if shared else None))
         return limbs
 
     def fingers(self) -> set[str]:
         """Return the names of the joints beyond all hands."""
         return set[str]().union(*(self._beyond(end) for end in self._ends))
 
-    def choose(self, source: str) -> str:
+    def choose(self) -> str:
         """Choose the end of the limb with most of the wanted joints, or of most joints."""
-        wanted = set(self._wanted)
+        source, wanted = self.model.path, self._wanted
         size = {end: (len(wanted.intersection(self._joints(end))), len(self._joints(end))) for end in self._ends}
         most = max(size.values(), default=(0, 0))
         ends = [end for end in self._ends if size[end] == most]
         if not ends:
             raise InvalidInputError(f"{source}: has no movable joint")
-        shared = [j for j in self._path(ends[0]) if all(j in self.model.supports[end] for end in ends)]
-        if len(ends) > 1 and most[0] and sum(name in wanted for j in shared for name in self._names[j]) == most[0]:
-            ends = [max(j for j in shared if wanted.intersection(self._names[j]))]
+        if len(ends) > 1 and most[0]:
+            shared = [body for body in self._paths[ends[0]] if all(body in self._paths[end] for end in ends)]
+            chosen = [[joint.name in wanted for joint in body.joints] for body in shared]
+            if sum(map(sum, chosen)) == most[0]:
+                ends = [[body.name for body, own in zip(shared, chosen, strict=True) if any(own)][-1]]
         if len(ends) > 1:
             candidates = nearest_first("hand", [self.end_frame(end) for end in ends])
             raise InvalidInputError(
@@ -123,42 +101,33 @@ class Limbs:
             )
         return self.end_frame(ends[0])
 
-    def end_frame(self, joint: int) -> str:
+    def end_frame(self, end: str) -> str:
         """Return the end-effector site, else the body that carries all further joints, else the outermost body."""
-        model, frames = self.model, self.model.frames
-        sites = [
-            name for name, index in named_frames(model).items()
-            if frames[index].type == pin.FrameType.OP_FRAME and frames[index].parentJoint == joint
-        ]  # fmt: skip
-        if marked := _with_usual_name(sites, ("pinch_site", "pinch", "attachment_site")):
+        bodies, sites = self.model.bodies, self.model.sites
+        rigid = [name for name, path in self._paths.items() if path and path[-1].name == end]  # with that body
+        on_end = [site for site, (body, _) in sites.items() if body in rigid and site not in bodies]
+        if marked := _with_usual_name(on_end, ("pinch_site", "pinch", "attachment_site")):
             return marked
-        ends = {
-            body_above(model, model.getFrameId(model.names[child], pin.FrameType.JOINT)) for child in self._below[joint]
-        }
-        if not ends:
-            bodies = [i for i, f in enumerate(frames) if f.type == pin.FrameType.BODY and f.parentJoint == joint]
-            ends = set(bodies) - {body_above(model, i) for i in bodies}
+        tops = {str(child.parent) for child in self._below[end]}
+        if not tops:
+            tops = set(rigid) - {str(bodies[name].parent) for name in rigid}
             usual = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
-            if named := _with_usual_name([str(frames[i].name) for i in bodies if i in ends], usual):
+            if named := _with_usual_name([name for name in rigid if name in tops], usual):
                 return named
-        ancestors = []
-        for body in ends:
-            line = [body]
-            while line[-1]:
-                line.append(body_above(model, line[-1]))
-            ancestors.append(line)
-        return str(frames[next(body for body in ancestors[0] if all(body in line for line in ancestors))].name)
+        lines = [self.model.line(name) for name in tops]
+        return next(name for name in lines[0] if all(name in line for line in lines))
 
-    def _path(self, end: int) -> list[int]:
-        return [j for j in self.model.supports[end] if j and self._names[j]]
+    def _joints(self, end: str) -> tuple[str, ...]:
+        return tuple(joint.name for body in self._paths[end] for joint in body.joints)
 
-    def _joints(self, end: int) -> tuple[str, ...]:
-        return tuple(name for j in self._path(end) for name in self._names[j])
-
-    def _beyond(self, joint: int) -> set[str]:
-        """Names of the joints beyond a joint."""
-        beyond = (j for j in self._names if j != joint and joint in self.model.supports[j])
-        return {name for j in beyond for name in self._names[j]}
+    def _beyond(self, end: str) -> set[str]:
+        """Names of the joints beyond a body."""
+        names, waiting = set[str](), list(self._below[end])
+        while waiting:
+            body = waiting.pop()
+            names.update(joint.name for joint in body.joints)
+            waiting += self._below[body.name]
+        return names
 
 
 def _with_usual_name(names: Collection[str], usual: Sequence[str]) -> str | None:
