@@ -185,7 +185,7 @@ ROD = '<collision name="rod"><origin xyz="0.1 0 0" rpy="0 1 0"/><geometry>{}</ge
 def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
     digger = write_digger(tmp_path)
     whole = load_arm(digger, frame="bucket")
-    volumes = [volume(surface) for surface in whole.geometry.surfaces(None)]
+    volumes = [volume(surface) for surface in whole.surfaces()]
     rod = ROD.format('<cylinder radius="0.05" length="0.3"/>')
     text = digger.read_text().replace('<link name="boom">', f'<link name="boom">{rod}')
     digger.write_text(text.replace('filename="boom.stl"', 'filename="gone.stl"'))
@@ -193,7 +193,7 @@ def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
     lamp = 0.02**3
     assert arm.geometry.stand_ins == ("boom",)
     assert whole.geometry.stand_ins == ()
-    actual = [volume(surface) for surface in arm.geometry.surfaces(None)]
+    actual = [volume(surface) for surface in arm.surfaces()]
     assert actual[1] - lamp == pytest.approx(np.pi * 0.05**2 * 0.3, rel=0.02)  # a mesh of flat sides
     assert [actual[0], actual[2]] == [volumes[0], volumes[2]]
     assert Arm(mirrored(arm.chain)).geometry.stand_ins == ("boom",)

@@ -311,4 +311,4 @@ class Arm(JointSpace):
             One for each joint index with shapes, ascending; empty if the description has no shapes. `FileFormatError`
             when the robot's file or a mesh is missing or cannot be read.
         """
-        return self.geometry.surfaces(15_000)
+        return self.geometry.surfaces
