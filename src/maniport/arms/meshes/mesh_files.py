@@ -75,9 +75,7 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
     elif kind in ("gltf", "glb"):
         text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if kind == "glb" else content
         _require_sane(path, json.loads(text.decode("utf-8")))
-    scene = load_scene(
-        io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True, process=False
-    )
+    scene = load_scene(io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True, process=False)
     triangles = 0
     for name in scene.graph.nodes_geometry:
         pose, geometry = scene.graph[name]
