@@ -8,12 +8,11 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Joint, Mesh, Shape
-from maniport.arms.loaders.document import LARGEST, body_inertia, numbers
+from maniport.arms.loaders.document import LARGEST, MeshPaths, body_inertia, is_file, numbers
 from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
-from maniport.arms.meshes.mesh_paths import MeshPaths, is_file
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 

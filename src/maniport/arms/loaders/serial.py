@@ -7,8 +7,7 @@ import numpy as np
 
 from maniport.arms.chain import PRISMATIC, Body, Chain, Frame, Joint, check_names, moved_inertia
 from maniport.arms.loaders.document import read_shapes
-from maniport.arms.loaders.limbs import Limbs
-from maniport.arms.loaders.model import RobotBody, RobotModel
+from maniport.arms.loaders.model import Limbs, RobotBody, RobotModel
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.util.validation import Array
 

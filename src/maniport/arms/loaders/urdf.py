@@ -9,11 +9,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Mesh, Shape, pose
-from maniport.arms.loaders.document import body_inertia, numbers
+from maniport.arms.loaders.document import MeshPaths, body_inertia, numbers
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
-from maniport.arms.meshes.mesh_paths import MeshPaths
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import LINKS, NESTING, require_at_most
 from maniport.util.validation import Array
