@@ -38,7 +38,7 @@ def restrict(
     if base is not None:
         placement = chain.frames[base].placement
         turn = _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]  # gravity keeps its direction
-        part = _expressed_in(part, np.linalg.inv(placement), base)
+        part = _expressed_in(part, np.asarray(np.linalg.inv(placement), dtype=np.float64), base)
         part = replace(part, gravity=tuple((turn.T @ chain.gravity).tolist()))
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for name in (*(wanted or ()), *held):
