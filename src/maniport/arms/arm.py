@@ -192,7 +192,9 @@ class Arm(JointSpace):
     def posed_ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
         """Return the results of `forward` and `ellipsoids`."""
         poses, jacobians, _ = self._motions(q)
-        rows = self._weights(q, spec).rows(jacobians.reshape(-1, 6, self.dof), spec)[1]
+        weight = self._weights(q, spec)[0]
+        rows = jacobians.reshape(-1, 6, self.dof)[:, spec.rows]
+        rows = rows if weight is None else rows @ weight
         return poses, manipulability(rows.reshape(*poses.shape[:-2], *rows.shape[1:]), spec.kind)
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
@@ -203,7 +205,7 @@ class Arm(JointSpace):
         """
         poses, jacobians, own = self._motions(q)
         flat, weights = jacobians.reshape(-1, 6, self.dof), self._weights(q, spec, changes=True)
-        ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, weights)
+        ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, *weights)
         ellipsoids, changes = (part.reshape(*poses.shape[:-2], *part.shape[1:]) for part in (ellipsoids, changes))
         return poses, jacobians, ellipsoids, changes
 
@@ -237,7 +239,7 @@ class Arm(JointSpace):
         free = values[0] <= 1e-12 * values[-1]
         return f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates" if free else ""
 
-    def _weights(self, q: ArrayLike, spec: EllipsoidSpec, changes: bool = False) -> Any:
+    def _weights(self, q: ArrayLike, spec: EllipsoidSpec, changes: bool = False) -> tuple[Array | None, Array | None]:
         """Weights of the joints for a specification at checked configurations."""
         limits = self._limits(spec.kind) if isinstance(self.checked_spec(spec).joint_weights, str) else None
         flat = np.asarray(q, dtype=np.float64).reshape(-1, self.dof)
