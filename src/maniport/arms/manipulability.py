@@ -127,7 +127,7 @@ def weighting(
     slopes = None
     if limits is not None and terms is not None:
         held = limits - np.abs(terms.gravity)
-        scale = np.maximum(held, LEAST_TORQUE * limits)
+        scale = np.asarray(np.maximum(held, LEAST_TORQUE * limits), dtype=np.float64)
         if changes:  # ∂S/∂q_k, (n, joint, k)
             slopes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
             slopes[scale > held] = 0.0
