@@ -43,18 +43,14 @@ class Hull:
                 count = min(most - len(chosen), 1 + len(best) // 4)  # a new corner may make its neighbors redundant
                 chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
             corners = outline[chosen]
-        hull = ConvexHull(corners)
-        number = np.empty(len(corners), dtype=int)
-        number[hull.vertices] = np.arange(len(hull.vertices))
-        corners = np.ascontiguousarray(corners[hull.vertices])
-        vertices, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        vertices, skin = coal.StdVec_Vec3s(), 0.0
         vertices.extend(list(corners))
-        faces.extend([coal.Triangle(*row) for row in number[hull.simplices].tolist()])
-        solid, skin = coal.Convex(vertices, faces), 0.0
+        solid = coal.Convex.convexHull(vertices, True, "Qt")
+        corners = np.ascontiguousarray(solid.points())
         if len(outline) > len(corners):
             here, there, sphere = coal.Transform3s(), coal.Transform3s(), coal.Sphere(0.0)
-            request, result = coal.DistanceRequest(), coal.DistanceResult()
-            for point in outline[(outline @ hull.equations[:, :3].T + hull.equations[:, 3] > 0.0).any(axis=1)]:
+            request, result, faces = coal.DistanceRequest(), coal.DistanceResult(), ConvexHull(corners).equations
+            for point in outline[(outline @ faces[:, :3].T + faces[:, 3] > 0.0).any(axis=1)]:
                 there.setTranslation(point)
                 result.clear()
                 skin = max(skin, coal.distance(solid, here, sphere, there, request, result))
