@@ -7,7 +7,7 @@ import numpy as np
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
-from maniport.spd.kernels.loops import diagonalize, release
+from maniport.spd.kernels.loops import EPS2, release
 from maniport.transfer.length_field.field import ROUNDED
 from maniport.util.jit import kernel, part
 from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
@@ -137,16 +137,20 @@ def _field(u, table, inverse_square):  # type: ignore[no-untyped-def]
     size, square, near = len(u), 0.0, table[len(u)].copy()
     for k in range(size):
         square += u[k] * u[k]
-    for k in range(size):
         for j in range(len(near)):
             near[j] += table[k, j] * u[k]
-    first, second, third = 0.0, 0.0, 0.0
+    shift, first, second, third = 0.5 * inverse_square * square, 0.0, 0.0, 0.0
     for j in range(len(near)):
-        near[j] = np.exp(near[j] - 0.5 * inverse_square * square)
-    for j in range(len(near)):
-        first += table[size + 1, j] * near[j]
-        second += table[size + 2, j] * near[j]
-        third += table[size + 3, j] * near[j]
+        # exp(x) as exp(x / 256)^256, which becomes vector instructions as np.exp does not; below −40 it is negligible
+        x = max(near[j] - shift, -40.0) / 256.0
+        power = 1.0 + x / 7.0 * (1.0 + x / 8.0)
+        for factor in range(6, 0, -1):
+            power = 1.0 + x / factor * power
+        for _ in range(8):
+            power *= power
+        first += table[size + 1, j] * power
+        second += table[size + 2, j] * power
+        third += table[size + 3, j] * power
     return first, second, third
 
 
@@ -178,9 +182,35 @@ def _fill_features(u, parts, soft):  # type: ignore[no-untyped-def]
 
 @part
 def diagonalize_one(a, v):  # type: ignore[no-untyped-def]
-    """Turn one matrix into diag(A) and eigenvectors V, unsorted."""
+    """Turn the upper triangle of one matrix into a diagonal by cyclic Jacobi; V gets the eigenvectors, unsorted."""
     n = len(a)
-    diagonalize(a.reshape(n, n, 1), v.reshape(n, n, 1), np.empty((2, 1)))
+    for i in range(n):
+        for j in range(n):
+            v[i, j] = 1.0 if i == j else 0.0
+    for _ in range(40):
+        turned = False
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                gap, entry = a[q, q] - a[p, p], a[p, q]
+                if not entry * entry > EPS2 * abs(a[p, p] * a[q, q]):
+                    continue
+                turned = True
+                twice = -2.0 * entry if gap < 0.0 else 2.0 * entry
+                tangent = twice / (abs(gap) + np.sqrt(gap * gap + twice * twice))
+                cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+                sine = tangent * cosine
+                a[p, p] -= tangent * entry
+                a[q, q] += tangent * entry
+                a[p, q] = 0.0
+                for k in range(n):
+                    if k != p and k != q:
+                        i, j, m, o = min(k, p), max(k, p), min(k, q), max(k, q)
+                        x, y = a[i, j], a[m, o]
+                        a[i, j], a[m, o] = cosine * x - sine * y, sine * x + cosine * y
+                    x, y = v[k, p], v[k, q]
+                    v[k, p], v[k, q] = cosine * x - sine * y, sine * x + cosine * y
+        if not turned:
+            break
 
 
 @part

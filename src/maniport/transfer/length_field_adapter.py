@@ -201,8 +201,8 @@ class LengthField(DomainAdapter):
     def compiled(self) -> "CompiledMap":
         """Return the map as a callable for one ellipsoid at a time, for control loops.
 
-        It gives what `transform` gives, up to rounding. It takes about three microseconds for
-        d = 3 and allocates nothing when it is given `out`. Take it once, after `fit`; a later `fit` does not change it.
+        It maps as `transform` does, up to rounding, in about 2 µs for d = 3, and allocates nothing when it is given
+        `out`. Take it once, after `fit`; a later `fit` does not change it.
         """
         d = self._dimension()
         from maniport.transfer.control import compiled_map, map_lengths

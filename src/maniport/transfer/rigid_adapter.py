@@ -80,7 +80,7 @@ class RigidAdapter(DomainAdapter):
     def compiled(self) -> "CompiledMap":
         """Return the map as a callable for one ellipsoid at a time, for control loops.
 
-        It maps as `transform` does, in 2 to 3 µs for d = 3, and allocates nothing when it is given `out`.
+        It maps as `transform` does, in less than 2 µs for d = 3, and allocates nothing when it is given `out`.
         Take it once, after `fit`; a later `fit` does not change it.
 
         Raises
