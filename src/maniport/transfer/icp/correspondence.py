@@ -118,10 +118,14 @@ class EllipsoidCorrespondence(SmallerCorrespondence):
 
     def one_way(self, seeking: Array, sought: Array) -> Callable[[Array], tuple[Indices, Array]]:
         """Match by score."""
-        matcher = ScoreMatcher(*(EllipsoidFeatures.of(points, self.log_shapes) for points in (seeking, sought)))
+        (directions, shapes), (others, other_shapes) = (_features(x, self.log_shapes) for x in (seeking, sought))
+        order = np.argsort(other_shapes[:, 0], kind="stable")
+        positions = np.searchsorted(other_shapes[order, 0], shapes[:, 0])
+        others, other_shapes = (np.ascontiguousarray(x[order].T) for x in (others.swapaxes(1, 2), other_shapes))
 
         def partners(rotation: Array) -> tuple[Indices, Array]:
-            index, score = matcher.query(rotation)
+            index, score = np.empty(len(shapes), np.intp), np.empty(len(shapes))
+            _search(np.dot(directions, rotation.T), shapes, positions, others, other_shapes, order, index, score)
             best = score.max()
             return index, (score / best) ** self.exponent if best > 0 else np.ones_like(score)
 
@@ -147,43 +151,14 @@ def correspondence_of(value: str | Correspondence) -> Correspondence:
     )
 
 
-@dataclass(frozen=True)
-class EllipsoidFeatures:
-    """The features that the score compares."""
-
-    directions: Array  # (n, 2, d): unit eigenvectors of the smallest and largest eigenvalue; zero where undefined
-    shapes: Array  # (n, 2): condition number λ_max / λ_min, and volume (product of the semi-axes)
-
-    @classmethod
-    def of(cls, points: Array, ratios: bool = False) -> "EllipsoidFeatures":
-        """Measure SPD matrices, shape (n, d, d); with `ratios` the shapes are logarithms."""
-        values, vectors = eigh(points)
-        gaps = np.stack([values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]], axis=1) / values[:, [1, -1]]
-        directions = np.stack([vectors[:, :, 0], vectors[:, :, -1]], axis=1)
-        directions *= (gaps > EQUAL_EIGENVALUES)[:, :, None]
-        shapes = np.stack([values[:, -1] / values[:, 0], np.sqrt(np.prod(values, axis=-1))], axis=1)
-        return cls(directions, np.log(shapes) if ratios else shapes)
-
-
-class ScoreMatcher:
-    """Two clouds, prepared for matching by the largest score under many rotations."""
-
-    def __init__(self, teacher: EllipsoidFeatures, student: EllipsoidFeatures):
-        order = np.argsort(student.shapes[:, 0], kind="stable")
-        positions = np.searchsorted(student.shapes[order, 0], teacher.shapes[:, 0])
-        self._directions = teacher.directions
-        sorted_directions = np.ascontiguousarray(student.directions[order].transpose(1, 2, 0))
-        sorted_shapes = np.ascontiguousarray(student.shapes[order].T)
-        self._clouds = teacher.shapes, positions, sorted_directions, sorted_shapes, order
-
-    def query(self, rotation: Array | None = None) -> tuple[Indices, Array]:
-        """For every teacher ellipsoid, rotated, the index of the student's with the largest score, and the score."""
-        directions = self._directions
-        if rotation is not None:
-            directions = (directions.reshape(-1, len(rotation)) @ rotation.T).reshape(directions.shape)
-        index, score = np.empty(len(directions), np.intp), np.empty(len(directions))
-        _search(directions, *self._clouds, index, score)
-        return index, score
+def _features(points: Array, ratios: bool) -> tuple[Array, Array]:
+    """Return shortest and longest axes (n, 2, d), zero where undefined, and condition numbers and volumes (n, 2)."""
+    values, vectors = eigh(points)
+    gaps = np.stack([values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]], axis=1) / values[:, [1, -1]]
+    directions = np.stack([vectors[:, :, 0], vectors[:, :, -1]], axis=1)
+    directions *= (gaps > EQUAL_EIGENVALUES)[:, :, None]
+    shapes = np.stack([values[:, -1] / values[:, 0], np.sqrt(np.prod(values, axis=-1))], axis=1)
+    return directions, np.log(shapes) if ratios else shapes
 
 
 @kernel
