@@ -15,14 +15,14 @@ from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
 from maniport.transfer.baselines import IdentityMap, NearestNeighbor
+from maniport.transfer.icp import RiemannianICP
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
     GeodesicCorrespondence,
     Matches,
 )
-from maniport.transfer.length_field_adapter import LengthField
-from maniport.transfer.riemannian_icp import RiemannianICP
+from maniport.transfer.length_field import LengthField
 from maniport.transfer.rigid_adapter import MeanTransport, ParallelTransport
 from maniport.util.validation import as_choice
 

@@ -6,10 +6,9 @@ import numba
 import numpy as np
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, ROUNDED
 from maniport.spd.kernels.loops import release
 from maniport.spd.kernels.single import compose, congruence, diagonalize, multiply
-from maniport.transfer.length_field.field import ROUNDED
 from maniport.util.jit import kernel, part
 from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
 

@@ -24,9 +24,10 @@ from maniport.spd.kernels.loops import (
     power_congruence_loop,
     release_loop,
 )
-from maniport.util.validation import Array
+from maniport.util.validation import SPD_TOLERANCE, Array
 
 MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150  # Range of the eigenvalues that an exponential or power may produce
+ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 
 ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
 
