@@ -10,7 +10,7 @@ from maniport.spd.kernels import compose
 from maniport.spd.matrix_functions import to_vector
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.adapter_file import Attribute, Schema, positive
+from maniport.transfer.adapter_file import POSITIVE, Attribute, Schema
 from maniport.transfer.length_field.field import MAX_NEAR_SINGULAR, LengthsMap, as_axis, inverse
 from maniport.transfer.length_field.fit import (
     TIE,
@@ -96,7 +96,7 @@ class LengthField(DomainAdapter):
     """
 
     schema: ClassVar[Schema] = DomainAdapter.schema | {
-        "width_": Attribute((), positive),
+        "width_": Attribute((), POSITIVE),
         "centers_": Attribute(("m", "D"), as_finite),
         "lengths_": Attribute(("m", 3), as_finite),
         "axis_": Attribute(("axis",), _as_unit_vector_or_empty),
