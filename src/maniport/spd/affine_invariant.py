@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotSPDError
-from maniport.spd.kernels import Pair, cholesky, compose, congruence, congruence_eigh, distances, eigh, factored
+from maniport.spd.kernels import Pair, cholesky, compose, congruence, congruence_eigh, distances, factored
 from maniport.spd.matrix_functions import bounded
 from maniport.util.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
@@ -179,17 +179,11 @@ def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     return congruence(pair.end @ rotation, congruence(pair.start_inverse, vector))
 
 
-def recentered(factor: Array, points: Array) -> Array:
-    """Build G X Gᵀ; raises where that is not exact. Input unchecked."""
-    results = congruence(factor, points)
-    _require_exact(_rounding_between(factor, points, eigh(results)[0]))
-    return results
-
-
 def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
     """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½; raises where they are not exact. Input unchecked."""
     values, vectors = congruence_eigh(inverse_root, points)
-    _require_exact(_rounding_between(inverse_root, points, values))
+    with np.errstate(divide="ignore", over="ignore"):
+        _require_exact(_rounding(points, inverse_root) / np.maximum(values[..., 0], 0.0))
     return values, vectors
 
 
@@ -213,12 +207,6 @@ def _rounding(matrices: Array, inverse: Array) -> Array:
     """Bound the distance by which rounding moves A, given G with A⁻¹ = Gᵀ G: tr(A) tr(A⁻¹) bounds the condition."""
     per_condition = 8.0 * float(np.finfo(np.float64).eps)  # measured against fifty digits
     return np.asarray(per_condition * np.trace(matrices, axis1=-2, axis2=-1) * np.sum(inverse**2, axis=(-2, -1)))
-
-
-def _rounding_between(factor: Array, points: Array, values: Array) -> Array:
-    """Bound how far rounding moves G X Gᵀ, whose eigenvalues are given: infinitely where one is not positive."""
-    with np.errstate(divide="ignore", over="ignore"):
-        return np.asarray(_rounding(points, factor) / np.maximum(values[..., 0], 0.0))
 
 
 def _growth(logarithms: Array, t: Array | float) -> Array:

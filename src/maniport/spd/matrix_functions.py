@@ -29,12 +29,10 @@ __all__ = [
     "congruence",
     "expm",
     "from_vector",
-    "invsqrtm",
     "logarithm",
     "logm",
     "powm",
     "roots",
-    "sqrtm",
     "symmetrize",
     "to_vector",
 ]
@@ -117,36 +115,6 @@ def powm(points: ArrayLike, exponent: float) -> Array:
     """
     s = as_number(exponent, "exponent")
     return apply(as_spd(points, "points", copy=False), bounded(lambda values: values**s, "exponent"))
-
-
-def sqrtm(points: ArrayLike) -> Array:
-    """SPD square root P^½ of SPD matrices, shape (..., d, d).
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-    """
-    return apply(as_spd(points, "points", copy=False), np.sqrt)
-
-
-def invsqrtm(points: ArrayLike) -> Array:
-    """Inverse SPD square root P^-½ of SPD matrices, shape (..., d, d).
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-    """
-    return apply(as_spd(points, "points", copy=False), lambda values: 1.0 / np.sqrt(values))
 
 
 def to_vector(symmetric: ArrayLike) -> Array:

@@ -12,45 +12,37 @@ from maniport.spd.kernels.single import compose, congruence, diagonalize, multip
 from maniport.util.jit import kernel, part
 from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
 
-OTHER_ARRAYS = 3
-REASONS = {
-    1: "is not symmetric and finite",
-    2: "or its image is not positive-definite and finite",
-}
-
 
 @kernel
 def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ, released from the student's damping."""
+    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ, released from the student's damping; return whether it is possible."""
     n, (power, epsilon, student) = len(left), numbers
     if point.shape != (n, n) or out.shape != (n, n):
-        return 3
+        return False
     a, b, v, x = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n)
     if not damp(point, a, epsilon):
-        return 1
+        return False
     congruence(left, a, b)
     diagonalize(a, v)
     lowest, highest = MAX_EIGENVALUE, MIN_EIGENVALUE
     for i in range(n):
         x[i] = a[i, i] ** power
         if not (a[i, i] > 0.0 and MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE):
-            return 2
+            return False
         lowest, highest = min(lowest, x[i]), max(highest, x[i])
     if not lowest > SPD_TOLERANCE**power * highest:  # a singular X, whose zero was rounded up
-        return 2
+        return False
     multiply(right, v, b)
     compose(x, b, a)
     if student > 0.0:
         diagonalize(a, v)
         for i in range(n):
             if not a[i, i] > 0.0:
-                return 2
+                return False
             x[i] = release(a[i, i], student)
         compose(x, v, a)
-    for i in range(n):
-        for j in range(n):
-            out[i, j] = a[i, j]
-    return 0
+    out[:] = a
+    return True
 
 
 class CompiledMap(Protocol):
@@ -61,7 +53,7 @@ class CompiledMap(Protocol):
 
 
 def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
-    """Return the map of ellipsoids (d, d) by what is compiled."""
+    """Return the map of ellipsoids (d, d) by a kernel that returns whether it is possible."""
     shape = (d, d)
     function(np.eye(d), *terms, np.empty(shape))  # compiles it, or loads it
     if not numba.config.DISABLE_JIT:
@@ -71,23 +63,27 @@ def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
         if out is None:
             out = np.empty(shape)
         try:
-            failed = function(point, *terms, out)
+            possible = function(point, *terms, out)
         except TypeError:
-            failed = OTHER_ARRAYS
-        if failed:
-            _refuse(failed, shape, point, out)
+            possible = False
+        if not possible:
+            _refuse(shape, point, out)
         return out
 
     mapped.__doc__ = CompiledMap.__call__.__doc__
     return mapped
 
 
-def _refuse(failed: int, shape: tuple[int, int], point: Array, out: Array) -> NoReturn:
-    if failed == OTHER_ARRAYS:
-        text = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
-        raise InvalidInputError(f"point and out must be C-contiguous float64 arrays of shape {shape}; found {text}")
-    reason = REASONS[failed]
-    raise NotSPDError(f"point {reason}: {np.array2string(np.asarray(point), precision=4, separator=', ')}")
+def _refuse(shape: tuple[int, int], point: Array, out: Array) -> NoReturn:
+    for array in (point, out):
+        fits = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == np.float64
+        if not (fits and array.flags.c_contiguous):
+            text = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
+            raise InvalidInputError(f"point and out must be C-contiguous float64 arrays of shape {shape}; found {text}")
+    raise NotSPDError(
+        "point and its image must be symmetric, finite and positive-definite; found "
+        f"{np.array2string(point, precision=4, separator=', ')}"
+    )
 
 
 @kernel
@@ -98,11 +94,11 @@ def map_lengths(point, base_rotation, numbers, parts, table, out):  # type: igno
     """
     n = len(base_rotation)
     if point.shape != (n, n) or out.shape != (n, n):
-        return 3
+        return False
     epsilon, student, power, shift, level, inverse_square, soft = numbers
     a, b, v, x, u = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n * (n + 1) // 2)
     if not damp(point, a, epsilon):
-        return 1
+        return False
     congruence(base_rotation, a, b)
     diagonalize(a, v)
     trace = 0.0
@@ -110,7 +106,7 @@ def map_lengths(point, base_rotation, numbers, parts, table, out):  # type: igno
         trace += a[i, i]
     for i in range(n):
         if not a[i, i] > ROUNDED * trace:
-            return 2
+            return False
         x[i] = power * np.log(a[i, i]) + shift
     compose(x, v, a)
     _fill_mandel(a, u)
@@ -123,12 +119,10 @@ def map_lengths(point, base_rotation, numbers, parts, table, out):  # type: igno
         if student > 0.0:
             x[i] = release(x[i], student)
         if not MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE:
-            return 2
+            return False
     compose(x, v, a)
-    for i in range(n):
-        for j in range(n):
-            out[i, j] = a[i, j]
-    return 0
+    out[:] = a
+    return True
 
 
 @part(fastmath=True)
