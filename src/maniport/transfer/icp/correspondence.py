@@ -52,28 +52,19 @@ class Correspondence(ABC):
         """Prepare two recentered clouds, shapes (n, d, d) and (m, d, d); return their matches by rotation."""
 
 
-class SmallerCorrespondence(Correspondence):
-    """Base of the correspondences that give each ellipsoid of the smaller cloud, or the teacher's, a partner."""
+def _between(partners: Callable[[Array], tuple[Indices, Array]], teacher_seeks: bool) -> Matching:
+    """Match each ellipsoid of the smaller cloud with its partner under the rotation of that cloud."""
 
-    @abstractmethod
-    def one_way(self, seeking: Array, sought: Array) -> Callable[[Array], tuple[Indices, Array]]:
-        """Prepare two clouds; return a function of the rotation of the first that gives partners and weights."""
+    def match(rotation: Array) -> Matches:
+        partner, weight = partners(rotation if teacher_seeks else rotation.T)
+        own, weight = np.arange(len(partner)), weight / weight.sum()
+        return Matches(own, partner, weight) if teacher_seeks else Matches(partner, own, weight)
 
-    def between(self, teacher: Array, student: Array) -> Matching:
-        """Match each ellipsoid of the smaller cloud."""
-        teacher_seeks = len(teacher) <= len(student)
-        partners = self.one_way(*((teacher, student) if teacher_seeks else (student, teacher)))
-
-        def match(rotation: Array) -> Matches:
-            partner, weight = partners(rotation if teacher_seeks else rotation.T)
-            own, weight = np.arange(len(partner)), weight / weight.sum()
-            return Matches(own, partner, weight) if teacher_seeks else Matches(partner, own, weight)
-
-        return match
+    return match
 
 
 @dataclass(frozen=True)
-class GeodesicCorrespondence(SmallerCorrespondence):
+class GeodesicCorrespondence(Correspondence):
     """Match every ellipsoid with the one at the smallest affine-invariant distance, found exactly.
 
     Matches have equal weights. Matching and rotation have one objective, so that no iteration raises the cost.
@@ -83,14 +74,15 @@ class GeodesicCorrespondence(SmallerCorrespondence):
     Besl and McKay, A method for registration of 3-D shapes, IEEE TPAMI 14, 1992.
     """
 
-    def one_way(self, seeking: Array, sought: Array) -> Callable[[Array], tuple[Indices, Array]]:
+    def between(self, teacher: Array, student: Array) -> Matching:
         """Match with the nearest."""
+        seeking, sought = sorted((teacher, student), key=len)
         index, weight = NeighborIndex(sought), np.ones(len(seeking))
-        return lambda rotation: (index.query(congruence(rotation, seeking))[0], weight)
+        return _between(lambda rotation: (index.query(congruence(rotation, seeking))[0], weight), seeking is teacher)
 
 
 @dataclass(frozen=True)
-class EllipsoidCorrespondence(SmallerCorrespondence):
+class EllipsoidCorrespondence(Correspondence):
     """Match every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 18).
 
     The score ``w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|)``, between 0 and 4, compares the
@@ -116,8 +108,9 @@ class EllipsoidCorrespondence(SmallerCorrespondence):
         as_number(self.exponent, "exponent", minimum=0.0)
         as_flag(self.log_shapes, "log_shapes")
 
-    def one_way(self, seeking: Array, sought: Array) -> Callable[[Array], tuple[Indices, Array]]:
+    def between(self, teacher: Array, student: Array) -> Matching:
         """Match by score."""
+        seeking, sought = sorted((teacher, student), key=len)
         (directions, shapes), (others, other_shapes) = (_features(x, self.log_shapes) for x in (seeking, sought))
         order = np.argsort(other_shapes[:, 0], kind="stable")
         positions = np.searchsorted(other_shapes[order, 0], shapes[:, 0])
@@ -129,7 +122,7 @@ class EllipsoidCorrespondence(SmallerCorrespondence):
             best = score.max()
             return index, (score / best) ** self.exponent if best > 0 else np.ones_like(score)
 
-        return partners
+        return _between(partners, seeking is teacher)
 
 
 CORRESPONDENCES: dict[str, Callable[[], Correspondence]] = {

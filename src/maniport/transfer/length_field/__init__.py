@@ -38,22 +38,12 @@ def _as_unit_vector_or_empty(value: Any, name: str) -> None:
 
 
 class LengthField(DomainAdapter):
-    """Keep every axis and rescale its length toward the feasible ellipsoids.
+    """Keep every axis and rescale its length toward the feasible ellipsoids; equations (36) to (40).
 
-    The images of a rigid map are 0.2 to 0.5 on average from the student's feasible set. Ellipsoids with the same axes
-    and other lengths are near it: one smooth scalar function gives the change of an axis's logarithmic length from
-    the ellipsoid and that length. With the teacher's ellipsoids T in the student's frame and damped,
-
-        f(T) = exp(L + h(x, L)),   L = log(k Tˢ) − ℓ̄ I,   x = vec L,   ℓ̄ added back at the end,
-
-    where s makes the dispersions equal and k the volumes of the means, ℓ̄ is the mean logarithm of the student's mean,
-    and h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j exp(−|φ(x) − φ(c_j)|² / 2w²) a_jr, r = 0, 1, 2, with centers c_j among the
-    samples. φ(x) = x; if the student's first joint covers at least 300°, features that are invariant to rotation about
-    its axis. The map is smooth, also where two lengths are equal; its results are SPD for every input, and far from the
-    samples it is k Tˢ. In each iteration of the fit, the projector finds the feasible ellipsoids nearest to the images,
-    and a weighted ridge regression moves the lengths toward them. See `docs/method/length_field.md`.
-
-    Where the map folds it has no inverse: `inverse_transform` refuses images there, and all images of a map that folds
+    One smooth scalar function gives the change of an axis's logarithmic length from the ellipsoid and that length. In
+    each iteration of the fit, the projector finds the feasible ellipsoids nearest to the images, and a weighted ridge
+    regression moves the lengths toward them. The results are SPD for every input; far from the samples the map is
+    k Tˢ. Where it folds it has no inverse: `inverse_transform` refuses images there, and all images of a map that folds
     at too many of its centers.
 
     Parameters
@@ -61,8 +51,7 @@ class LengthField(DomainAdapter):
     damping, base_rotation
         As in `ParallelTransport`; the default damping is that of the projector, if it has one.
     projector : callable, optional
-        Finds the nearest feasible ellipsoids: `maniport.FeasibleProjector` of an arm, or any function of ellipsoids
-        with the student's damping, shape (n, d, d), that returns the nearest ones with the same damping; see
+        Finds the nearest feasible ellipsoids: `maniport.FeasibleProjector` of an arm, or any
         `maniport.transfer.length_field.fit.Projector`. Default: the student's samples; images are then at least as far
         away as neighboring samples. It is not saved with the adapter.
     n_samples : int
@@ -70,7 +59,7 @@ class LengthField(DomainAdapter):
     n_centers : int, optional
         Number of centers, the farthest among the samples. Default: 300, or all of fewer samples.
     width : float
-        w by the student's dispersion.
+        Kernel width w by the student's dispersion.
     ridge : float
         Penalty of the field's own norm; more makes it smoother and leaves it farther from the nearest ellipsoids.
     n_rounds : int
@@ -83,12 +72,8 @@ class LengthField(DomainAdapter):
         The same, and the map's smoothness, at held-out samples; see `maniport.transfer.length_field.fit`.
     from_samples_ : bool
         Whether there was no projector.
-    width_ : float
-        w.
-    centers_ : ndarray, shape (m, D)
-        c_j, D = d (d + 1) / 2.
-    lengths_ : ndarray, shape (m, 3)
-        a_jr.
+    width_, centers_, lengths_ : float; ndarrays, shapes (m, D), D = d (d + 1) / 2, and (m, 3)
+        w, centers c_j and coefficients a_jr.
     axis_ : ndarray, shape (3,) or (0,)
         Axis of symmetry of the feasible set, a unit vector in the student's frame; empty where there is none.
     rotation_, dispersion_ratio_

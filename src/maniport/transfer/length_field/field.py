@@ -190,33 +190,13 @@ def harmonics(axis: Array) -> Array:
 def features(parts: Array, soft: float) -> Array:
     """Smooth functions (n, 6) of `harmonics` (n, 6) that no turn about the axis changes."""
     along, mean, a, b, c, e = parts.T
-    once, twice, both = _radii(parts, soft)
+    first, second = a * a + b * b, c * c + e * e
+    once, twice = np.sqrt(first + soft**2), np.sqrt(second + soft**2)
+    scale = 1.0 / (once * np.sqrt(first + 4.0 * second + soft**2))
     together, against = (a * a - b * b) * c + 2.0 * a * b * e, 2.0 * a * b * c - (a * a - b * b) * e
-    scale = 1.0 / (once * both)
     return np.stack([along, mean, once, twice, together * scale, against * scale], axis=1)
 
 
-def features_changing(parts: Array, soft: float) -> Array:
-    """Return derivatives of `features` by `harmonics`, shape (n, 6, 6)."""
-    _, _, a, b, c, e = parts.T
-    once, twice, both = _radii(parts, soft)
-    scale, derivatives = 1.0 / (once * both), np.zeros((len(parts), 6, 6))
-    derivatives[:, 0, 0] = derivatives[:, 1, 1] = 1.0
-    derivatives[:, 2, 2:4] = parts[:, 2:4] / once[:, None]
-    derivatives[:, 3, 4:6] = parts[:, 4:6] / twice[:, None]
-    zero = np.zeros_like(a)
-    shrinking = np.stack([a / once**2, b / once**2, zero, zero], axis=1)
-    shrinking += np.stack([a, b, 4.0 * c, 4.0 * e], axis=1) / both[:, None] ** 2
-    squares, product = a * a - b * b, 2.0 * a * b
-    rates = (
-        (squares * c + product * e, [2.0 * (a * c + b * e), 2.0 * (a * e - b * c), squares, product]),
-        (product * c - squares * e, [2.0 * (b * c - a * e), 2.0 * (a * c + b * e), product, -squares]),
-    )
-    for row, (value, rate) in enumerate(rates, start=4):
-        derivatives[:, row, 2:] = scale[:, None] * (np.stack(rate, axis=1) - value[:, None] * shrinking)
-    return derivatives
-
-
-def _radii(parts: Array, soft: float) -> tuple[Array, Array, Array]:
-    once, twice = (np.sum(parts[:, first : first + 2] ** 2, axis=1) for first in (2, 4))
-    return np.sqrt(once + soft**2), np.sqrt(twice + soft**2), np.sqrt(once + 4.0 * twice + soft**2)
+def features_changing(parts: Array, soft: float, step: float = 1e-100) -> Array:
+    """Return derivatives of `features` by `harmonics`, shape (n, 6, 6), exact by complex steps."""
+    return np.stack([features(parts + 1j * step * unit, soft).imag / step for unit in np.eye(6)], axis=2)

@@ -5,7 +5,7 @@ The fit repeats: find the nearest feasible ellipsoids to the images, rescale tow
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,28 +27,15 @@ Projector = Callable[[Array], Any]
 
 An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be turned. An
 attribute `damping`, relative to the mean eigenvalue of a domain, is the field's default.
+
+A projector that also knows where the student can move is faster, and its fit is better: `projector.search(damping)`
+begins a search among ellipsoids that carry this damping ε [unit of M], and `search.nearest(points, neighbors)` returns
+the nearest ellipsoids (n, d, d) and how the way there changes with each joint, (n, k, d, d).
 """
 
 TIE = 1e-6
 """Difference of logarithms, and of their squared distances, up to which samples are equally suited. It is far above
 rounding (1e-13), so that rounding does not choose between the mirror images in a symmetric domain."""
-
-
-class ProjectorSearch(Protocol):
-    """A search that starts from its last results."""
-
-    def nearest(self, points: Array, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
-        """Return the nearest ellipsoids (n, d, d), and how the way there changes with each joint, (n, k, d, d)."""
-        ...
-
-
-@runtime_checkable
-class SearchingProjector(Protocol):
-    """A projector that is faster, and whose fit is better, since it returns where the student can move."""
-
-    def search(self, damping: float) -> ProjectorSearch:
-        """Begin a search among ellipsoids that carry this damping ε [unit of M]."""
-        ...
 
 
 class NearestSamples:
@@ -64,7 +51,7 @@ class NearestSamples:
 
 def as_projector(projector: Any) -> Any:
     """Check that a projector is callable or can search."""
-    if not callable(projector) and not isinstance(projector, SearchingProjector):
+    if not callable(projector) and not hasattr(projector, "search"):
         raise InvalidInputError(
             f"projector must be callable, such as maniport.FeasibleProjector(arm); found {projector!r}"
         )
@@ -80,7 +67,7 @@ class Samples:
         self.x = to_vector(compose(self.values, self.vectors))
         self._projector = projector
         self._search, self._neighbors = None, None
-        if isinstance(projector, SearchingProjector):
+        if hasattr(projector, "search"):
             self._search = projector.search(damping)
             if len(points) > neighbors:
                 self._neighbors = np.asarray(cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1], np.intp)
