@@ -9,11 +9,12 @@ the points themselves, some eps (κ_P + κ_Q). Where that is a distance of more 
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from maniport.errors import NotSPDError
-from maniport.spd.kernels import Pair, cholesky, compose, congruence, congruence_eigh, distances, factored
-from maniport.spd.matrix_functions import bounded
+from maniport.spd.kernels import Pair, cholesky, compose, congruence, congruence_eigh, distances, factored, roots
+from maniport.spd.matrix_functions import apply, bounded, logarithm, to_vector
 from maniport.util.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
 
@@ -41,6 +42,7 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
     return distances(points_a, points_b)
 
 
+Indices = NDArray[np.intp]
 distance_unchecked = distances  # Same as `distance` on float64 arrays that are known to be SPD
 
 
@@ -177,6 +179,48 @@ def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     # (P₂ P₁⁻¹)^½ = K (V Uᵀ) F⁻¹ with P₁ = F Fᵀ, P₂ = K Kᵀ and F⁻¹ K = U σ Vᵀ: no root, and no product, of both points
     rotation = np.swapaxes(pair.left @ pair.right, -1, -2)
     return congruence(pair.end @ rotation, congruence(pair.start_inverse, vector))
+
+
+class NeighborIndex:
+    """Exact nearest neighbors among SPD matrices under the affine-invariant distance."""
+
+    def __init__(self, points: Array):
+        self.points = points
+        # A congruence changes no affine-invariant distance, and about the identity the two metrics agree best.
+        _, self._whitening = roots(apply(apply(points, np.log).mean(axis=0), np.exp))
+        self._cloud, vectors = self._seen(points)
+        self._tree = cKDTree(vectors)
+
+    def query(self, queries: Array) -> tuple[Indices, Array]:
+        """For every query, shape (n, d, d), the index of the nearest point and the distance to it, shapes (n,)."""
+        queried, vectors = self._seen(queries)
+        best, distance = np.zeros(len(queried), np.intp), np.full(len(queried), np.inf)
+        open_queries = np.arange(len(queried))
+        count = min(8, len(self._cloud))
+        while len(open_queries):
+            block = max(1, 16_000_000 // (count * queried[0].nbytes))  # bounds the memory [bytes]
+            still_open = []
+            for part in np.split(open_queries, range(block, len(open_queries), block)):
+                lower, candidates = self._tree.query(vectors[part], k=[*range(1, count + 1)])
+                distances = distance_unchecked(queried[part][:, None], self._cloud[candidates])
+                choice, rows = np.argmin(distances, axis=1), np.arange(len(part))
+                best[part], distance[part] = candidates[rows, choice], distances[rows, choice]
+                still_open.append(part[lower[:, -1] < distance[part]])
+            if count == len(self._cloud):
+                break
+            open_queries = np.concatenate(still_open)
+            count = min(4 * count, len(self._cloud))
+        return best, distance
+
+    def _seen(self, points: Array) -> tuple[Array, Array]:
+        """Return points (n, d, d) about the identity, and the vectors of their logarithms."""
+        whitened = congruence(self._whitening, points)
+        return whitened, to_vector(logarithm(whitened))
+
+
+def nearest(queries: Array, points: Array) -> tuple[Indices, Array]:
+    """Index of the nearest of `points` (m, d, d) and the distance to it, for every query (n, d, d)."""
+    return NeighborIndex(points).query(queries)
 
 
 def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.estimator import Estimator
-from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.affine_invariant import distance_unchecked, nearest
 from maniport.spd.kernels import congruence, release
 from maniport.spd.mean import dispersion, mean
-from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization, damped_again, without_damping
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from maniport.spd.affine_invariant import nearest
 from maniport.spd.kernels import power_congruence
 from maniport.spd.matrix_functions import apply, congruence, roots
-from maniport.spd.neighbors import nearest
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.validation import Array

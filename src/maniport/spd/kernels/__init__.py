@@ -7,12 +7,10 @@ number of threads.
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config
-from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels.loops import (
@@ -134,26 +132,6 @@ def cholesky(matrices: Array) -> tuple[Array, Array]:
 def symmetrize(matrices: Array) -> Array:
     """Average a matrix with its transpose, to remove rounding."""
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
-
-
-@cache
-def mandel_indices(d: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Row and column of each entry of a Mandel vector: the diagonal first, then the rows of the triangle above it."""
-    orders = tuple(np.r_[np.arange(d), above] for above in np.triu_indices(d, 1))
-    for indices in orders:
-        indices.flags.writeable = False
-    return orders[0], orders[1]
-
-
-@cache
-def mandel_basis(d: int) -> Array:
-    """Orthonormal basis of the symmetric matrices, shape (d (d + 1) / 2, d, d)."""
-    rows, columns = mandel_indices(d)
-    basis = np.zeros((len(rows), d, d))
-    entry = np.arange(len(rows))
-    basis[entry, rows, columns] = basis[entry, columns, rows] = np.where(rows == columns, 1.0, np.sqrt(0.5))
-    basis.flags.writeable = False
-    return basis
 
 
 def _run(

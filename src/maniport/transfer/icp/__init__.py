@@ -76,23 +76,21 @@ class RiemannianICP(RigidAdapter):
         self.most_singular = most_singular
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        transport = as_choice(self.start, "start", ("parallel-transport", "identity")) == "parallel-transport"
-        count, selective = (
-            as_count(self.n_starts, "n_starts", minimum=0),
-            as_flag(self.require_improvement, "require_improvement"),
-        )
+        d, count = teacher.shape[-1], as_count(self.n_starts, "n_starts", minimum=0)
+        selective = as_flag(self.require_improvement, "require_improvement")
+        if as_choice(self.start, "start", ("parallel-transport", "identity")) == "identity":
+            self.rotation_ = np.eye(d)
         clouds = recenter(teacher, self.teacher_mean_, self.dispersion_ratio_), recenter(student, self.student_mean_)
-        matched = clouds
+        matched, others = clouds, list[Array]()
         if self.most_singular is not None:
             limit = as_count(self.most_singular, "most_singular", minimum=2)
             matched = _most_singular(clouds[0], limit), _most_singular(clouds[1], limit)
-        first, others, d = self.rotation_ if transport else np.eye(teacher.shape[-1]), list[Array](), teacher.shape[-1]
         if self.base_rotation is None and count > 0 and d <= 6:  # beyond, m × m derivatives in each step take minutes
             others = rotations_by_voting(*matched, count)
         icp = ICP(*matched, correspondence_of(self.correspondence))
         # Clouds of arms are nearly symmetric: between two draws of the Panda's own domain, a rotation with a cost 1.2 %
         # lower was off by 180°.
-        start, best = best_registration(icp, first, others, margin=0.05 if selective else 0.0)
+        start, best = best_registration(icp, self.rotation_, others, margin=0.05 if selective else 0.0)
         pair, run, self.stop_reason_ = CloudPair(*clouds), best, best.reason
         self.found_rotation_, self.start_kept_ = best.rotation, False
         self.rotation_, self.cost_ = best.rotation, best.cost

@@ -45,17 +45,6 @@ class ICP:
         self.teacher, self.student, self.correspondence = teacher, student, correspondence
         self._match, self._factors, self._tol = correspondence.between(teacher, student), cholesky_factors(student), tol
 
-    def subsampled(self, limit: int) -> "ICP":
-        """Return the same with at most `limit` ellipsoids of the smaller cloud, evenly chosen."""
-        teacher, student = self.teacher, self.student
-        if min(len(teacher), len(student)) <= limit:
-            return self
-        if len(teacher) <= len(student):
-            teacher = teacher[evenly_spaced(len(teacher), limit)]
-        else:
-            student = student[evenly_spaced(len(student), limit)]
-        return ICP(teacher, student, self.correspondence, self._tol)
-
     def problem(self, rotation: Array) -> RotationProblem:
         """Match under `rotation` (eq. 18) and return the rotation problem (eq. 15)."""
         matches = self._match(rotation)
@@ -97,7 +86,10 @@ def best_registration(
     start = icp.run(first, max_iter)
     if not others:
         return start, start
-    part = icp.subsampled(limit)
+    clouds = [icp.teacher, icp.student]
+    smaller = int(len(icp.student) < len(icp.teacher))
+    clouds[smaller] = clouds[smaller][evenly_spaced(len(clouds[smaller]), limit)]
+    part = ICP(clouds[0], clouds[1], icp.correspondence)
     ahead = min((part.run(other, 2, 1e-3) for other in others), key=lambda run: run.cost)
     # a part of the cloud may mislead: the best has to beat the first rotation on all of it
     best = replace(icp.run(ahead.rotation, max_iter), start=ahead.start)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, ROUNDED, compose, congruence, eigh, mandel_basis
-from maniport.spd.matrix_functions import apply, from_vector, to_vector
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, ROUNDED, compose, congruence, eigh
+from maniport.spd.matrix_functions import apply, from_vector, mandel_basis, to_vector
 from maniport.util.validation import Array, as_numbers
 
 ILL_CONDITIONED = "points, or their images, are too ill-conditioned for floating-point numbers"
@@ -183,7 +183,7 @@ def harmonics(axis: Array) -> Array:
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     across /= np.linalg.norm(across)
     frame = np.stack([across, np.cross(axis, across), axis])
-    xx, yy, zz, xy, xz, yz = to_vector(congruence(frame, from_vector(np.eye(6)))).T
+    xx, yy, zz, xy, xz, yz = to_vector(congruence(frame, mandel_basis(3))).T
     return np.stack([zz, (xx + yy) / np.sqrt(2.0), xz, yz, (xx - yy) / np.sqrt(2.0), xy])
 
 

@@ -13,11 +13,10 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
 from maniport.errors import InvalidInputError
-from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.affine_invariant import NeighborIndex, distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.kernels import compose, congruence, symmetrize
 from maniport.spd.matrix_functions import apply, logarithm, to_vector
-from maniport.spd.neighbors import NeighborIndex
 from maniport.transfer.length_field.field import NEAR_SINGULAR, LengthsMap, axiswise, least_singular, powers
 from maniport.util.sampling import rank_correlation
 from maniport.util.validation import Array, as_finite, as_points, require_shape
