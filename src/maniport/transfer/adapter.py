@@ -178,8 +178,8 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
             back = congruence(self.base_rotation_.T, back)
         return without_damping(back, float(self.teacher_damping_)).reshape(regular.shape)
 
-    def compiled(self) -> Callable[[Array], Array]:
-        """Return the map of one ellipsoid (d, d) at a time, as a callable: `maniport.transfer.control.CompiledMap`."""
+    def compiled(self) -> Callable[..., Array]:
+        """Return the map of one ellipsoid (d, d) at a time, as a callable."""
         self._dimension()
         return self.transform
 

@@ -1,6 +1,7 @@
 """One ellipsoid at a time, for control loops: a fitted map as a small callable that allocates nothing."""
 
-from typing import Any, NoReturn, Protocol
+from collections.abc import Callable
+from typing import Any, NoReturn
 
 import numba
 import numpy as np
@@ -24,13 +25,11 @@ def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-de
         return False
     congruence(left, a, b)
     diagonalize(a, v)
-    lowest, highest = MAX_EIGENVALUE, MIN_EIGENVALUE
     for i in range(n):
-        x[i] = a[i, i] ** power
-        if not (a[i, i] > 0.0 and MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE):
-            return False
-        lowest, highest = min(lowest, x[i]), max(highest, x[i])
-    if not lowest > SPD_TOLERANCE**power * highest:  # a singular X, whose zero was rounded up
+        x[i] = a[i, i] ** power if a[i, i] > 0.0 else 0.0
+    lowest, highest = x.min(), x.max()
+    # the last bound refuses a singular X, whose zero was rounded up
+    if not (lowest >= MIN_EIGENVALUE and highest <= MAX_EIGENVALUE and lowest > SPD_TOLERANCE**power * highest):
         return False
     multiply(right, v, b)
     compose(x, b, a)
@@ -45,15 +44,8 @@ def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-de
     return True
 
 
-class CompiledMap(Protocol):
-    """The map of a fitted adapter for one ellipsoid at a time; made by `compiled()` of the adapter."""
-
-    def __call__(self, point: Array, out: Array | None = None) -> Array:
-        """Map one ellipsoid of the teacher to the student."""
-
-
-def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
-    """Return the map of ellipsoids (d, d) by a kernel that returns whether it is possible."""
+def compiled_map(function: Any, d: int, *terms: Array) -> Callable[..., Array]:
+    """Return the map of an ellipsoid (d, d) into `out` by a kernel that returns whether it is possible."""
     shape = (d, d)
     function(np.eye(d), *terms, np.empty(shape))  # compiles it, or loads it
     if not numba.config.DISABLE_JIT:
@@ -70,7 +62,6 @@ def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
             _refuse(shape, point, out)
         return out
 
-    mapped.__doc__ = CompiledMap.__call__.__doc__
     return mapped
 
 

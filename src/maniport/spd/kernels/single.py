@@ -66,11 +66,5 @@ def multiply(left, v, b):  # type: ignore[no-untyped-def]
 @part
 def congruence(left, a, b):  # type: ignore[no-untyped-def]
     """Set A ← L A Lᵀ; overwrite B."""
-    n = len(a)
     multiply(left, a, b)
-    for i in range(n):
-        for j in range(i, n):
-            total = 0.0
-            for k in range(n):
-                total += b[i, k] * left[j, k]
-            a[i, j] = a[j, i] = total
+    multiply(b, left.T, a)

@@ -1,6 +1,7 @@
 """The length field: rescale eigenvalues toward the student's feasible set and keep the teacher's axes."""
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,17 +18,12 @@ from maniport.transfer.length_field.fit import (
     FieldReport,
     NearestSamples,
     Samples,
-    as_projector,
     centers_among,
     fitted,
     reported,
 )
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_flag, as_number
-
-if TYPE_CHECKING:
-    from maniport.transfer.control import CompiledMap
-
 
 HELD_OUT = 400  # Most samples that are held out of the fit
 
@@ -122,7 +118,10 @@ class LengthField(DomainAdapter):
         damping = float(self.student_damping_)
         if getattr(self.projector, "needs_damping", False) and damping == 0.0:
             raise InvalidInputError(f"LengthField needs damping with the projector {self.projector!r}")
-        projector = NearestSamples(student) if self.projector is None else as_projector(self.projector)
+        projector = NearestSamples(student) if self.projector is None else self.projector
+        if not callable(projector) and not hasattr(projector, "search"):
+            text = "projector must be callable, such as maniport.FeasibleProjector(arm)"
+            raise InvalidInputError(f"{text}; found {projector!r}")
         self.width_, self.centers_, self.lengths_ = width * self.student_dispersion_, np.zeros((0, 1)), np.zeros((0, 3))
         seen, held_out = _split(self._field(), teacher, most)
         samples = Samples(self._field(), seen, projector, damping)
@@ -178,7 +177,7 @@ class LengthField(DomainAdapter):
             )
         return back
 
-    def compiled(self) -> "CompiledMap":
+    def compiled(self) -> Callable[..., Array]:
         """Return the map as a callable for one ellipsoid at a time, for control loops.
 
         It maps as `transform` does, up to rounding, in about 2 µs for d = 3, and allocates nothing when it is given

@@ -48,15 +48,6 @@ class NearestSamples:
         return np.asarray(self._index.points[self._index.query(points)[0]])
 
 
-def as_projector(projector: Any) -> Any:
-    """Check that a projector is callable or can search."""
-    if not callable(projector) and not hasattr(projector, "search"):
-        raise InvalidInputError(
-            f"projector must be callable, such as maniport.FeasibleProjector(arm); found {projector!r}"
-        )
-    return projector
-
-
 class Samples:
     """The teacher's samples (n, d, d) that a field is fitted to or measured at."""
 
