@@ -32,7 +32,7 @@ def demonstrations(count, seed=0):
 
 def deviation(profile, covariance, ellipsoids):
     """Return distances from the mean profile in standard deviations of the demonstrations, shape (n,)."""
-    whitening = mp.spd.invsqrtm(profile)
+    whitening = mp.spd.powm(profile, -0.5)
     error = mp.spd.to_vector(mp.spd.logm(whitening @ ellipsoids @ whitening))
     return np.sqrt(np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error))
 

@@ -27,7 +27,7 @@ from maniport.estimator import clone
 from maniport.evaluation import distance_preservation, smoothness
 from maniport.motion import FeasibleProjector, nearest_feasible
 from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
-from maniport.transfer.length_field.field import NEAR_SINGULAR
+from maniport.transfer.length_field.field import NEAR_SINGULAR, least_singular
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96
@@ -150,7 +150,8 @@ def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpe
 
 def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
     """Return the smallest singular value, the orientation-reversing share, and the largest error of the inverse."""
-    squeezed = adapter._field().singular_values(adapter.teacher_side(fresh))
+    field = adapter._field()
+    squeezed = least_singular(field.slopes(*field.base(adapter.teacher_side(fresh))))
     sure, worst = squeezed >= INVERTIBLE, 0.0
     for one, image in zip(fresh[sure][:50], images[sure][:50], strict=True):
         try:

@@ -93,7 +93,7 @@ def test_bic_finds_the_number_of_separate_components(count, scatter):
 
 def covariance_tensor(ellipsoids, covariance):
     """E[L_ij L_kl] of tangents L = P^½ V P^½ at ellipsoids P, shape (n, 3, 3, 3, 3)."""
-    root = spd.sqrtm(ellipsoids)[:, None]
+    root = spd.powm(ellipsoids, 0.5)[:, None]
     basis = root @ spd.from_vector(np.eye(6)) @ root
     return np.einsum("nab,naij,nbkl->nijkl", covariance, basis, basis, optimize=True)
 

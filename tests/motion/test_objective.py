@@ -27,7 +27,8 @@ def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
     targets = objective.targets(target, positions, metric, rotations)
 
     def residual(q):
-        log = spd.to_vector(spd.logm(spd.whiten(panda.ellipsoids(q, spec) + lift, target + lift)))
+        root = spd.powm(target + lift, -0.5)
+        log = spd.to_vector(spd.logm(root @ (panda.ellipsoids(q, spec) + lift) @ root))
         poses = panda.forward(q)
         axes = [weights[k] * (poses[:, :3, k] - rotations[:, :, k]) for k in (0, 2)]
         return np.hstack([(half @ log[..., None])[..., 0], 5.0 * (poses[:, :3, 3] - positions), *axes])
