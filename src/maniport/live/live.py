@@ -65,7 +65,7 @@ class Live:
     clock : callable or None
         Returns the time on this machine [s]. None: simulated time; commands keep the limits at the times of frames.
     costs, limits
-        As in `maniport.motion.Control`; the time of costs is that of the robot's clock.
+        As in `maniport.track`; the time of costs is that of the robot's clock.
     random_state, progress : optional
         Seed of the search for a start; as in `maniport.transfer_recording`.
 

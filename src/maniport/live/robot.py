@@ -12,8 +12,6 @@ from maniport.motion import Limit, MotionLimits, Objective
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.posture import PostureCost
-from maniport.motion.limits import BrakingLimit, CollisionLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.sampling import evenly_spaced
@@ -55,17 +53,13 @@ class Robot:
             parts = list(zip(self._objectives, group.split(q), strict=True))
             ellipsoids = [own.damped(own.arm.ellipsoids(part, own.spec)) for own, part in parts]
             self._candidates = q, ellipsoids, [own.arm.forward(part)[:, :3, 3] for own, part in parts]
-        self._collision = None
-        if collisions is not None and collisions.checked:
-            self._collision = CollisionLimit(collisions, separation_share=0.0)
-        braking = BrakingLimit(limits.lower, limits.upper, limits.velocity, limits.acceleration)
-        self._controller = Controller(limits.arm, braking, self._collision, costs, own_limits)
+        self._controller = Controller(
+            limits.arm, limits.velocity, limits.acceleration, collisions, 0.0, costs, own_limits
+        )
         self.rest(start)
 
     def rest(self, q: Array) -> None:
         """Be at rest in a configuration (dof,), without any memory of earlier steps."""
-        if self._collision is not None:
-            self._collision.reset()
         self._reference, self._reference_time = q, -math.inf
         self._set(ControlState.at_rest(q))
 
@@ -109,7 +103,10 @@ class Robot:
                 self._choose_reference(targets)
                 self._reference_time = time
         steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
-        predicted = tuple(_predicted(own) for own in targets)
+        predicted = tuple(
+            own.position if own.position is None or own.velocity is None else own.position + PREDICTION * own.velocity
+            for own in targets
+        )
         for step in range(1, steps + 1):
             rows, share = [], step / steps
             for objective, first, last in zip(self._objectives, before, targets, strict=True):
@@ -119,8 +116,9 @@ class Robot:
                     if first.position is not None and position is not None:
                         position = first.position + share * (position - first.position)
                 rows.append(objective.targets(ellipsoid[None], None if position is None else position[None]))
-            posture = PostureCost(self._reference, weight)
-            problem = ControlProblem(tuple(rows), posture, time, None, HORIZON, predicted, self._differentials)
+            problem = ControlProblem(
+                tuple(rows), self._reference, weight, time, None, HORIZON, predicted, self._differentials
+            )
             self._set(self._controller.step(problem, self._state, elapsed / steps, speed_share))
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:
@@ -143,11 +141,3 @@ class Robot:
             self._set(self._controller.brake(self._state, elapsed / steps))
             if self.resting:
                 break
-
-
-def _predicted(target: Target) -> Array | None:
-    """Return the positions of an arm's target at the ends of the intervals of the horizon, shape (h, 3)."""
-    if target.position is None:
-        return None
-    moved = target.position if target.velocity is None else target.position + PREDICTION * target.velocity
-    return np.repeat(moved[None], len(HORIZON), axis=0)

@@ -4,11 +4,11 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 """
 
 from maniport.motion.arm_model import robot_model
+from maniport.motion.collision_limit import Limit
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost
 from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
-from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import place_path
@@ -22,15 +22,12 @@ from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
 from maniport.motion.search.seed_bank import SeedBank
-from maniport.motion.tracker import Control, track
+from maniport.motion.tracker import track
 from maniport.motion.trajectory import Clearance, Trajectory
 
 __all__ = [
     "ArmMotion",
-    "BrakingLimit",
     "Clearance",
-    "CollisionLimit",
-    "Control",
     "ControlProblem",
     "ControlState",
     "Controller",
