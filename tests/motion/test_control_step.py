@@ -5,7 +5,7 @@ import pytest
 
 from maniport.arms import Arm, load_arm
 from maniport.arms.collisions import Collisions
-from maniport.motion import Controller, ControlProblem, ControlState
+from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.objective import FOLLOWING_WEIGHT, Linearization, Objective
 
 

@@ -5,7 +5,6 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 
 from maniport.motion.arm_model import robot_model
 from maniport.motion.collision_limit import Limit
-from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost
 from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
@@ -28,9 +27,6 @@ from maniport.motion.trajectory import Clearance, Trajectory
 __all__ = [
     "ArmMotion",
     "Clearance",
-    "ControlProblem",
-    "ControlState",
-    "Controller",
     "Cost",
     "FeasibleEllipsoids",
     "FeasibleProjector",

@@ -39,22 +39,13 @@ LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
 
 @dataclass(frozen=True, eq=False)
 class ControlState:
-    """State of an arm between two control steps.
+    """State of an arm between two control steps."""
 
-    Attributes
-    ----------
-    q, velocity : ndarray, shape (dof,)
-        Joint positions [rad or m], and velocities of the last step [1/s].
-    dt : float, optional
-        Duration of the last step [s]; None before the first step.
-    solved : bool
-        False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were
-        violated as little as possible, or the arm braked if this would have led to a collision.
-    """
-
-    q: Array
-    velocity: Array
-    dt: float | None = None
+    q: Array  # (dof,) [rad or m]
+    velocity: Array  # (dof,), of the last step [1/s]
+    dt: float | None = None  # duration of the last step [s]; None before the first step
+    # False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were violated
+    # as little as possible, or the arm braked if this would have led to a collision.
     solved: bool = True
 
     @classmethod
@@ -65,55 +56,26 @@ class ControlState:
 
 @dataclass(frozen=True, eq=False)
 class ControlProblem:
-    """Costs of one control step.
+    """Costs of one control step."""
 
-    Attributes
-    ----------
-    targets : tuple of Targets
-        Targets of each arm, one row.
-    reference : ndarray, shape (dof,)
-        Reference configuration q_ref.
-    reference_weight : float
-        Its weight w [1/rad or 1/m].
-    time : float
-        Time of further costs [s].
-    previous_positions : tuple of ndarray, shape (3,), or None
-        Target positions of each arm in the last step [m]; None for no damping by the position error.
-    horizon : tuple of float
-        Durations of h intervals after the step for which velocities are planned, too [s].
-    predicted_positions : tuple of ndarray, shape (3,), or None
-        Target positions of each arm in these intervals [m].
-    differentials : tuple, optional
-        `Objective.differentials` of each arm at the present configuration. Default: computed.
-    """
-
-    targets: tuple[Targets, ...]
-    reference: Array
-    reference_weight: float
-    time: float = 0.0
+    targets: tuple[Targets, ...]  # of each arm, one row
+    reference: Array  # q_ref, (dof,)
+    reference_weight: float  # w [1/rad or 1/m]
+    time: float = 0.0  # of further costs [s]
+    # (3,), target positions of each arm in the last step [m]; None for no damping by the position error
     previous_positions: tuple[Array | None, ...] | None = None
-    horizon: tuple[float, ...] = ()
-    predicted_positions: tuple[Array | None, ...] = ()
+    horizon: tuple[float, ...] = ()  # durations of intervals after the step for which velocities are planned, too [s]
+    predicted_positions: tuple[Array | None, ...] = ()  # (3,), target positions of each arm in these intervals [m]
+    # `Objective.differentials` of each arm at the present configuration; None: to be computed
     differentials: tuple[tuple[Array, Array, Array, Array], ...] | None = None
 
 
 class Controller:
-    """Moves an arm or a group of arms, step by step.
+    """Moves an arm or a group of arms, step by step, within its position limits.
 
-    Parameters
-    ----------
-    arm : Arm or ArmGroup
-        With its position limits.
-    velocity, acceleration : ndarray, shape (dof,)
-        Largest magnitudes [rad or m, per second and second²]; infinite where a joint has no limit.
-    collisions : Collisions, optional
-        A step is taken only if neither it nor braking after it collides.
-    separation_share : float
-        As in `maniport.motion.collision_limit.CollisionLimit`.
-    costs : sequence of Cost
-        Further costs.
-    limits : sequence of Limit
-        Further hard limits.
+    `velocity` and `acceleration` (dof,) are the largest magnitudes, infinite where a joint has no limit. A step is
+    taken only if neither it nor braking after it collides; `separation_share` is that of `CollisionLimit`. `costs` and
+    `limits` are further ones.
     """
 
     def __init__(
