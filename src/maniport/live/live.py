@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.live.frames import as_frame
-from maniport.live.led_arm import LedArm, Target
-from maniport.live.person import Person
+from maniport.live.person import LedArm, Person, Target
 from maniport.live.robot import CONTROL_STEP, Robot
 from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, MotionClock, largest
+from maniport.live.transport import as_frame
 from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, Planner, PlanSettings, plan_motion
 from maniport.motion.costs.cost import as_costs

@@ -7,7 +7,7 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
-from maniport.live.led_arm import Target
+from maniport.live.person import Target
 from maniport.motion import Limit, MotionLimits, Objective
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
