@@ -58,12 +58,12 @@ class CollisionLimit:
 
     A pair within the margin moves apart, but no faster than with a share of the velocity limits, so that the program
     stays solvable. With a share of 0 approaching is forbidden only, and an arm may always rest; so it is for joints
-    without a velocity limit. Distances are computed again after joint motion of 0.045 rad or m, and are linear in
-    between.
+    without a velocity limit.
     """
 
     margin, reach = 0.02, 0.1  # smallest distance of pairs, and largest distance of pairs that count [m]
     time_constant = 0.1  # with which the clearance is used up [s]
+    linear_range = 0.045  # of joint motion, in which distances are linear [rad or m]
 
     def __init__(self, collisions: Collisions, separation_share: float):
         speeds = collisions.arm.velocity_limits
@@ -74,7 +74,7 @@ class CollisionLimit:
 
     def inequalities(self, q: Array, dt: float) -> tuple[Array, Array]:
         """Return G and h of G Δq ≤ h, shapes (k, dof) and (k,), for the k pairs within reach."""
-        if self._q is None or (q - self._q) @ (q - self._q) > 0.045**2:
+        if self._q is None or (q - self._q) @ (q - self._q) > self.linear_range**2:
             self._q = q.copy()
             self._distance, self._slope = self._collisions.gradient(q[None], self.reach, scaled=True)[1:]
         slope = self._slope
