@@ -63,7 +63,7 @@ class CollisionLimit:
 
     margin, reach = 0.02, 0.1  # smallest distance of pairs, and largest distance of pairs that count [m]
     time_constant = 0.1  # with which the clearance is used up [s]
-    linear_range = 0.045  # of joint motion, in which distances are linear [rad or m]
+    linear_range = 0.09  # of joint motion, in which distances are nearly linear [rad or m]
 
     def __init__(self, collisions: Collisions, separation_share: float):
         speeds = collisions.arm.velocity_limits
