@@ -45,7 +45,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
 PATCHES: dict[str, tuple[Any, str, Any]] = {
     "no relaxation": (arm_planner, "relaxed", lambda problem, at, q, terms, weight, tolerance: q),
     "no joint descent of the placement": (search.PlacementTrajectoryCost, "improved", lambda problem, state: state),
-    "1 planned placement": (search, "PLANS", 1),
+    "1 planned placement": (search, "PLANNED", 1),
     "planning time scale 2": (arm_planner, "PLANNING_TIME_SCALE", 2.0),
     "smoothness / 3": (arm_planner, "SMOOTHNESS", arm_planner.SMOOTHNESS / 3.0),
     "smoothness · 3": (arm_planner, "SMOOTHNESS", arm_planner.SMOOTHNESS * 3.0),

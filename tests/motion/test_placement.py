@@ -15,7 +15,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion import MotionLimits, Objective, ReachabilityMap, SeedBank, place_path
 from maniport.motion.demands import demands_of
 from maniport.motion.placement.place_path import as_workspace, fixed_place
-from maniport.motion.placement.problem import SCALE, TILT, ArmPath, PlacementProblem
+from maniport.motion.placement.placement import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
 from maniport.report import report_of

@@ -1,7 +1,7 @@
 """Placement of hand paths relative to robot arms that minimizes the distance to target ellipsoids."""
 
 from collections.abc import Sequence
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +11,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_compatible
 from maniport.motion.demands import Demand
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.placement.placement import Placement
-from maniport.motion.placement.problem import (
+from maniport.motion.placement.placement import (
     HEADING,
     OFFSET,
     SCALE,
@@ -20,9 +19,10 @@ from maniport.motion.placement.problem import (
     TILT,
     YAW,
     ArmPath,
+    Place,
+    Placement,
     PlacementProblem,
     base_rotations,
-    named,
 )
 from maniport.motion.placement.search import WEIGHT, best_placements
 from maniport.motion.plan.plan_settings import PlanSettings
@@ -48,17 +48,7 @@ from maniport.util.validation import (
 )
 
 
-@overload
-def place_path(path: ArrayLike, profile: ArrayLike, arm: Arm, **options: Any) -> Placement: ...
-
-
-@overload
 def place_path(
-    path: Sequence[ArrayLike], profile: Sequence[ArrayLike], arm: ArmGroup | Sequence[Arm], **options: Any
-) -> tuple[Placement, ...]: ...
-
-
-def place_path(  # type: ignore[misc]
     path: Any,
     profile: Any,
     arm: Any,
@@ -79,7 +69,7 @@ def place_path(  # type: ignore[misc]
     rank: int = 1,
     random_state: Any = 0,
     progress: Progress | None = None,
-) -> Placement | tuple[Placement, ...]:
+) -> Any:
     """Find the scale, yaw, offset and optional tilt that minimize the distance to target ellipsoids.
 
     Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
@@ -187,11 +177,11 @@ def place_path(  # type: ignore[misc]
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
         error = np.asarray(aims.position_error(q))
         placed.append(Placement(
-            **vars(named(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
+            **vars(Place.of(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
             profile=ellipsoids, spec=spec, center=center, map_rotation=rotation,
             base_orientation=base_rotations(best.place[None])[0], position_error=error,
             reachable=error <= 1e-3, joint_positions=q,
-            candidates=tuple(named(other.place, other.distance[i]) for other in results),
+            candidates=tuple(Place.of(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)
     step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
