@@ -17,7 +17,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.mocap import shipped_recording
-from maniport.motion import place_path
+from maniport.motion import place_path, plan_motion
 
 CALIBRATION = 24.0  # end of the part that is used for calibration [s]
 GAP = 24.5, 25.0  # missing points [s]
@@ -31,7 +31,8 @@ def calibrate(recording, robot, clock):
     joints = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(joints))
     path = place_path(person.arm.forward(joints)[:, :3, 3], target, robot, map_rotation=adapter.map_rotation_)
-    return person, mp.Live(person, adapter, robot, path=path, clock=clock)
+    plan = plan_motion(robot, path.profile, paths=path.path, time=person.time[::8]).trajectory.joint_positions
+    return person, mp.Live(person, adapter, robot, path=path, start=plan[0], reference=plan, clock=clock)
 
 
 def play(live, recording, fast, page):

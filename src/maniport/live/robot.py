@@ -47,12 +47,14 @@ class Robot:
             Objective.of(arm, own, damping, FOLLOWING_WEIGHT, positive=True)
             for arm, own in zip(group.arms, group.specs(spec), strict=True)
         ]
-        self._candidates = None  # configurations to stay near, and the damped ellipsoids and positions of each arm
+        # configurations to stay near, with a weight [1/rad] that is high enough that a robot that cannot follow fast
+        # enough stays on its branch of configurations, and low enough that the end effector is on its path where that
+        # is feasible
+        self._candidates, self._weight = start[None], 1e-2
         if reference is not None:
-            q = reference[evenly_spaced(len(reference), 500)]
-            parts = list(zip(self._objectives, group.split(q), strict=True))
-            ellipsoids = [own.damped(own.arm.ellipsoids(part, own.spec)) for own, part in parts]
-            self._candidates = q, ellipsoids, [own.arm.forward(part)[:, :3, 3] for own, part in parts]
+            self._candidates, self._weight = reference[evenly_spaced(len(reference), 500)], 0.5
+        parts = zip(self._objectives, group.split(self._candidates), strict=True)
+        self._there = [own.arm.posed_ellipsoids(q, own.spec) for own, q in parts]  # poses and ellipsoids of each arm
         self._controller = Controller(
             limits.arm, limits.velocity, limits.acceleration, collisions, 0.0, costs, own_limits
         )
@@ -94,14 +96,9 @@ class Robot:
         `speed_share` is the share of the velocity limits to use, `time` that of the robot's clock [s]. The reference is
         looked up anew after `reference_period` [s].
         """
-        weight = 1e-2
-        if self._candidates is not None:
-            # high enough that a robot that cannot follow fast enough stays on its branch of configurations, and low
-            # enough that the end effector is on its path where that is feasible [1/rad]
-            weight = 0.5
-            if time - self._reference_time > reference_period:
-                self._choose_reference(targets)
-                self._reference_time = time
+        if time - self._reference_time > reference_period:
+            self._choose_reference(targets)
+            self._reference_time = time
         steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
         predicted = tuple(
             own.position if own.position is None or own.velocity is None else own.position + PREDICTION * own.velocity
@@ -117,21 +114,18 @@ class Robot:
                         position = first.position + share * (position - first.position)
                 rows.append(objective.targets(ellipsoid[None], None if position is None else position[None]))
             problem = ControlProblem(
-                tuple(rows), self._reference, weight, time, None, HORIZON, predicted, self._differentials
+                tuple(rows), self._reference, self._weight, time, None, HORIZON, predicted, self._differentials
             )
             self._set(self._controller.step(problem, self._state, elapsed / steps, speed_share))
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:
         """Choose the candidate nearest to the present configuration of those that suit the targets best."""
-        assert self._candidates is not None
-        q, ellipsoids, positions = self._candidates
-        cost = np.zeros(len(q))
-        for i, (target, position, _) in enumerate(targets):
-            damped = np.broadcast_to(self._objectives[i].damped(target), ellipsoids[i].shape)
-            cost += distance_unchecked(damped, ellipsoids[i]) ** 2
+        cost = np.zeros(len(self._candidates))
+        for own, (poses, ellipsoids), (target, position, _) in zip(self._objectives, self._there, targets, strict=True):
+            cost += distance_unchecked(own.damped(target), own.damped(ellipsoids)) ** 2
             if position is not None:
-                cost += np.sum((6.0 * (positions[i] - position)) ** 2, axis=1)  # [1/m]
-        near = q[np.argsort(cost)[:count]]
+                cost += np.sum((6.0 * (poses[:, :3, 3] - position)) ** 2, axis=1)  # [1/m]
+        near = self._candidates[np.argsort(cost)[:count]]
         self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
 
     def brake(self, elapsed: float) -> None:
