@@ -56,7 +56,6 @@ def main(folder, *options):
     folder.mkdir(parents=True, exist_ok=True)
     recording, robot = mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0), mp.load_arm("panda")
     person, live = calibrate(recording.crop(stop=CALIBRATION), robot, None if "--fast" in options else clock.monotonic)
-    print(f"points of a frame: {', '.join(live.points)}")
     page = None
     if "--view" in options:
         from maniport.viewer.server import Onlooker  # needs viser
