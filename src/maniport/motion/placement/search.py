@@ -13,7 +13,7 @@ are solved for the placement first, (C − Bᵀ A⁻¹ B) p = Bᵀ A⁻¹ g − 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -131,17 +131,6 @@ def _planned(
     return tuple(trajectories)
 
 
-class BorderedDerivatives(NamedTuple):
-    """Slopes of a trajectory, and those in the free numbers of its placement."""
-
-    gradient: Array
-    hessian: Array
-    band: Array
-    place_gradient: Array  # (k,)
-    coupling: Array  # B, (n, dof, k)
-    place_hessian: Array  # C, (k, k)
-
-
 class PlacementTrajectoryCost:
     """Cost of a placement and the trajectories there; `terms` are of each arm."""
 
@@ -166,57 +155,46 @@ class PlacementTrajectoryCost:
         parts = zip(self.waypoints, state[1], strict=True)
         return PlannedPlacement(*state, cost, tuple(waypoints.targets.distance(q) for waypoints, q in parts))
 
-    def evaluate(self, state: State) -> tuple[float, list[BorderedDerivatives]]:
-        """Cost, and slopes of each arm."""
+    def evaluate(self, state: State) -> tuple[float, Any]:
+        """Cost; slopes of the trajectory of each arm with its coupling B (n, dof, k), and h (k,) and C (k, k)."""
         (place, trajectories), free = state, self.problem.free
-        total, slopes = 0.0, []
+        total, arms, gradient, hessian = 0.0, [], np.zeros(free.sum()), np.zeros((free.sum(), free.sum()))
         for waypoints, cost, q in zip(self.waypoints, self.costs, trajectories, strict=True):
             waypoints.move(place)
-            value, (gradient, blocks, band) = cost.evaluate(q)
-            total, weights, dof = total + value, cost.weights, q.shape[1]
+            value, slopes = cost.evaluate(q)
+            weights, dof = cost.weights, q.shape[1]
             border = waypoints.hessian[:, :, dof:][:, :, free]
-            slopes.append(
-                BorderedDerivatives(
-                    gradient,
-                    blocks,
-                    band,
-                    weights @ waypoints.gradient[:, dof:][:, free],
-                    weights[:, None, None] * border[:, :dof],
-                    np.tensordot(weights, border[:, dof:][:, free], 1),
-                )
-            )
-        return total, slopes
+            total += value
+            gradient += weights @ waypoints.gradient[:, dof:][:, free]
+            hessian += np.tensordot(weights, border[:, dof:][:, free], 1)
+            arms.append((*slopes, weights[:, None, None] * border[:, :dof]))
+        return total, (arms, gradient, hessian)
 
-    def trial(self, state: State, slopes: list[BorderedDerivatives], damping: float) -> tuple[State, float]:
+    def trial(self, state: State, slopes: Any, damping: float) -> tuple[State, float]:
         """State after a damped step, within the limits, and the expected decrease of the cost."""
-        (place, trajectories), free = state, self.problem.free
-        place_gradient, place_hessian = (
-            np.sum([arm.place_gradient for arm in slopes], axis=0),
-            np.sum([arm.place_hessian for arm in slopes], axis=0),
-        )
-        inner, pull, solutions, damped = place_hessian, place_gradient, [], []
-        for cost, q, arm in zip(self.costs, trajectories, slopes, strict=True):
-            own = damping * (np.einsum("nii->ni", arm.hessian) + arm.band[0])
-            sides = np.concatenate([arm.gradient[..., None], arm.coupling], axis=2)
-            solution = cost.solve(sides, arm.hessian, arm.band, cost.blocked(q, arm.gradient), own)
-            inner = inner - np.tensordot(arm.coupling, solution[..., 1:], ((0, 1), (0, 1)))
-            pull = pull - np.tensordot(solution[..., 0], arm.coupling, 2)
-            solutions.append(solution)
-            damped.append(own)
+        (place, trajectories), free, (arms, gradient, hessian) = state, self.problem.free, slopes
+        inner, pull, solutions = hessian, gradient, []
+        for cost, q, (slope, blocks, band, coupling) in zip(self.costs, trajectories, arms, strict=True):
+            damped = damping * (np.einsum("nii->ni", blocks) + band[0])
+            sides = np.concatenate([slope[..., None], coupling], axis=2)
+            solution = cost.solve(sides, blocks, band, cost.blocked(q, slope), damped)
+            inner = inner - np.tensordot(coupling, solution[..., 1:], ((0, 1), (0, 1)))
+            pull = pull - np.tensordot(solution[..., 0], coupling, 2)
+            solutions.append((solution, damped))
         at, lower, upper = place[free], self.problem.lower[free], self.problem.upper[free]
-        weight = np.diag(place_hessian)
-        loose = ~(((at <= lower) & (place_gradient > 0.0)) | ((at >= upper) & (place_gradient < 0.0)) | (weight <= 0.0))
+        weight = np.diag(hessian)
+        loose = ~(((at <= lower) & (gradient > 0.0)) | ((at >= upper) & (gradient < 0.0)) | (weight <= 0.0))
         inner = inner + np.diag((damping + 1e-9) * weight)  # path and arm may turn together at no cost
         step = np.zeros(len(at))
         step[loose] = -np.linalg.solve(inner[np.ix_(loose, loose)], pull[loose])
         moved = place.copy()
         moved[free] = np.clip(at + step, lower, upper)
         moved = self.problem.within(moved[None])[0][0]
-        expected = float(step @ (damping * weight * step - place_gradient))
+        expected = float(step @ (damping * weight * step - gradient))
         trial = []
-        for cost, q, solution, own, arm in zip(self.costs, trajectories, solutions, damped, slopes, strict=True):
+        for cost, q, (solution, damped), (slope, *_) in zip(self.costs, trajectories, solutions, arms, strict=True):
             change = -(solution[..., 0] + solution[..., 1:] @ step)
-            expected += float(np.sum(change * (own * change - arm.gradient)))
+            expected += float(np.sum(change * (damped * change - slope)))
             trial.append(cost.within(q + change))
         return (moved, tuple(trial)), expected
 
