@@ -72,14 +72,6 @@ def test_configurations_that_collide_are_not_reached(hand):
         assert clearance_of(collisions, moved(arm, None, start, goal)).min() < 0.0
 
 
-def test_pairs_within_the_margin_move_apart(hand):
-    arm, collisions, q, clearance = hand
-    for start in q[(clearance > 0.002) & (clearance < 0.015)][:2]:
-        path = clearance_of(collisions, moved(arm, collisions, start, start, np.inf))
-        assert path[-1] > 0.019
-        assert np.all(np.diff(path) > -1e-4)
-
-
 WIDE = Arm.from_dh("wide", [[0.0, 0.0, 0.1, 0.0]] * 7, -9.0, 9.0)
 SLOW = np.full(7, 5.0), np.full(7, 2.0)  # velocities and accelerations
 

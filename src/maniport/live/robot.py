@@ -55,9 +55,7 @@ class Robot:
             self._candidates, self._weight = reference[evenly_spaced(len(reference), 500)], 0.5
         parts = zip(self._objectives, group.split(self._candidates), strict=True)
         self._there = [own.arm.posed_ellipsoids(q, own.spec) for own, q in parts]  # poses and ellipsoids of each arm
-        self._controller = Controller(
-            limits.arm, limits.velocity, limits.acceleration, collisions, 0.0, costs, own_limits
-        )
+        self._controller = Controller(limits.arm, limits.velocity, limits.acceleration, collisions, costs, own_limits)
         self.rest(start)
 
     def rest(self, q: Array) -> None:

@@ -1,5 +1,6 @@
 """A simulated robot that executes the commands of `maniport.Live`, without hardware."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -65,11 +66,9 @@ class Simulation:
         self.robot.move(state.joint_positions, state.joint_velocities, time - (self._time or time))
         self._time, arms = time, []
         self.lag = max(self.lag, float(np.abs(self.robot.q - state.joint_positions).max()))
-        group = as_group(self._live.robot)
-        for arm, own, columns in zip(state.arms, group.arms, group.columns, strict=True):
-            position = own.forward(self.robot.q[columns])[:3, 3]
-            error = None if arm.target_position is None else float(np.linalg.norm(position - arm.target_position))
-            arms.append(replace(arm, position=position, position_error=error))
+        for arm, pose in zip(state.arms, as_group(self._live.robot).forward(self.robot.q), strict=True):
+            error = None if arm.target_position is None else math.dist(pose[:3, 3], arm.target_position)
+            arms.append(replace(arm, position=pose[:3, 3], position_error=error))
         state = replace(state, joint_positions=self.robot.q, arms=tuple(arms))
         if state.position_error is not None and state.state not in (REACHING, HOLDING):
             self.errors.append(state.position_error)

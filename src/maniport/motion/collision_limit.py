@@ -56,19 +56,15 @@ class CollisionLimit:
 
         J Δq ≥ −(1 − exp(−dt / time_constant)) (D − margin)
 
-    A pair within the margin moves apart, but no faster than with a share of the velocity limits, so that the program
-    stays solvable. With a share of 0 approaching is forbidden only, and an arm may always rest; so it is for joints
-    without a velocity limit.
+    A pair within the margin comes no nearer.
     """
 
     margin, reach = 0.02, 0.1  # smallest distance of pairs, and largest distance of pairs that count [m]
     time_constant = 0.1  # with which the clearance is used up [s]
     linear_range = 0.09  # of joint motion, in which distances are nearly linear [rad or m]
 
-    def __init__(self, collisions: Collisions, separation_share: float):
-        speeds = collisions.arm.velocity_limits
-        finite = np.zeros(collisions.arm.dof) if speeds is None else np.where(np.isfinite(speeds), speeds, 0.0)
-        self._collisions, self._separation_speeds = collisions, separation_share * finite
+    def __init__(self, collisions: Collisions):
+        self._collisions = collisions
         self._q: Array | None = None
         self._distance, self._slope = np.empty(0), np.empty((0, 0))
 
@@ -82,4 +78,4 @@ class CollisionLimit:
             return np.empty((0, len(q))), np.empty(0)
         distance = self._distance + slope @ (q - self._q)
         allowed = -np.expm1(-dt / self.time_constant) * (distance - self.margin)
-        return -slope, np.maximum(allowed, -dt * np.abs(slope) @ self._separation_speeds)
+        return -slope, np.maximum(allowed, 0.0)

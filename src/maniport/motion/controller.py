@@ -74,8 +74,7 @@ class Controller:
     """Moves an arm or a group of arms, step by step, within its position limits.
 
     `velocity` and `acceleration` (dof,) are the largest magnitudes, infinite where a joint has no limit. A step is
-    taken only if neither it nor braking after it collides; `separation_share` is that of `CollisionLimit`. `costs` and
-    `limits` are further ones.
+    taken only if neither it nor braking after it collides. `costs` and `limits` are further ones.
     """
 
     def __init__(
@@ -84,7 +83,6 @@ class Controller:
         velocity: Array,
         acceleration: Array,
         collisions: Collisions | None = None,
-        separation_share: float = 0.1,
         costs: Sequence[Cost] = (),
         limits: Sequence[Limit] = (),
     ):
@@ -97,7 +95,7 @@ class Controller:
         self._collisions = collisions if collisions is not None and collisions.checked else None
         self._costs, self._limits = tuple(costs), as_own_limits(limits, group)
         if self._collisions is not None:
-            self._limits = (*self._limits, CollisionLimit(self._collisions, separation_share))
+            self._limits = (*self._limits, CollisionLimit(self._collisions))
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
         self._reaches = [float(np.linalg.norm(positions, axis=1).max()) for positions in samples]  # from the base [m]
 

@@ -99,7 +99,7 @@ def track(
     speeds = speed_limits(arm, velocity_limits)
     accelerations = as_limits(arm, acceleration_limits, "acceleration_limits")
     costs = as_costs(costs, arm, schedules[0].time)
-    controller = Controller(arm, speeds, accelerations, model, costs=costs, limits=limits)
+    controller = Controller(arm, speeds, accelerations, model, costs, limits)
     step, sampled = Step(progress, "Track trajectory"), [own.sampled(control_rate) for own in schedules]
     joints, held = follow(controller, np.clip(begin, arm.lower, arm.upper), sampled, between(step, 0.0, 1.0))
     trajectory = Trajectory.of_positions(group, schedules[0].time, sampled[0].time, joints)

@@ -155,14 +155,16 @@ def place_path(
         targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
         require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
         positions.append(as_metres(paths[i], f"path{index}"))
-        count = (len(targets[0]), 3)
-        require_shape(positions[i], f"path{index}", count, ", one point for each ellipsoid of the profile")
+        count = len(targets[0])
+        require_shape(positions[i], f"path{index}", (count, 3), ", one point for each ellipsoid of the profile")
     times = _times(time, positions)
     center = np.concatenate(positions).mean(axis=0)
     rotation = np.eye(3) if map_rotation is None else as_rotation(map_rotation, "map_rotation", 3)
     members = tuple(
-        ArmPath(objectives[i], (positions[i] - center) @ rotation.T, targets[i], maps[i], turned)
-        for i, turned in enumerate(_turned(needed, rotation, len(targets[0])) for needed in demanded)
+        ArmPath(
+            objectives[i], (positions[i] - center) @ rotation.T, targets[i], maps[i], _turned(needed, rotation, count)
+        )
+        for i, needed in enumerate(demanded)
     )
     outline = np.concatenate([member.path for member in members])
     problem = PlacementProblem(members, outline, times, fixed, lower, upper, bounds)
@@ -175,12 +177,11 @@ def place_path(
         aims = member.targets(best.place)
         q = pointwise_best(aims, samples.starts_for(aims, budget.pointwise_starts), q, part)
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
-        error = np.asarray(aims.position_error(q))
         placed.append(Placement(
             **vars(Place.of(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
             profile=ellipsoids, spec=spec, center=center, map_rotation=rotation,
-            base_orientation=base_rotations(best.place[None])[0], position_error=error,
-            reachable=error <= 1e-3, joint_positions=q,
+            base_orientation=base_rotations(best.place[None])[0], position_error=np.asarray(aims.position_error(q)),
+            joint_positions=q,
             candidates=tuple(Place.of(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)

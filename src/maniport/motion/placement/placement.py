@@ -5,7 +5,6 @@ the path's center [m]. The path is rotated by the yaw about the vertical. The ba
 vertical is rotated by the inverse in its frame.
 """
 
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,13 +18,12 @@ from maniport.motion.demands import Demand
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.spd.kernels import congruence
-from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, require_shape
 
-DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.save` writes
+DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.write_data` writes
 SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)
 SIZE = 7
 
@@ -100,8 +98,6 @@ class Placement(Place, NotebookDisplay):
         Rotation of the ellipsoids by the adapter, which also rotates the path.
     position_error : ndarray, shape (n,)
         Distance of the end effector from the waypoint there [m].
-    reachable : ndarray of bool, shape (n,)
-        Whether that is at most 1 mm.
     joint_positions : ndarray, shape (n, dof)
         Joint positions of the pointwise optimum [rad or m]: not a motion, they may jump.
     candidates : tuple of Place
@@ -115,10 +111,14 @@ class Placement(Place, NotebookDisplay):
     center: Array
     map_rotation: Array
     position_error: Array
-    reachable: NDArray[np.bool_]
     pointwise_best: Array
     joint_positions: Array
     candidates: tuple[Place, ...] = ()
+
+    @property
+    def reachable(self) -> NDArray[np.bool_]:
+        """Whether each position error is at most 1 mm, shape (n,)."""
+        return np.asarray(self.position_error <= 1e-3)
 
     @property
     def rotation(self) -> Array:
@@ -139,19 +139,8 @@ class Placement(Place, NotebookDisplay):
         require_shape(ellipsoids, "profile", ("n", size, size))
         return congruence(self.spec.rotation(self.rotation), ellipsoids)
 
-    def save(self, folder: str | os.PathLike[str], time: ArrayLike | None = None, *, overwrite: bool = False) -> None:
-        """Write `DATA_FILES` to a folder, whole or not at all: ellipsoids and path, with their times (n,) [s] if known.
-
-        Raises
-        ------
-        OutputError
-            When the folder holds earlier ones that may not be overwritten, or other things, or cannot be written.
-        """
-        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
-            self.write_data(staging, time)
-
     def write_data(self, folder: Path, time: ArrayLike | None = None) -> None:
-        """Write `DATA_FILES` into an existing folder."""
+        """Write `DATA_FILES` into an existing folder: ellipsoids and path, with their times (n,) [s] if known."""
         save_ellipsoids(folder / DATA_FILES[0], self.profile, time)
         save_path(folder / DATA_FILES[1], self.path, time)
 
