@@ -30,14 +30,13 @@ from maniport.util.validation import LATEST, Array, as_number, require_shape
 class Live:
     """A robot that follows a person, frame by frame, with one or several arms.
 
-    `step` estimates the person's arms in a frame, maps their ellipsoids with fitted adapters, and moves the robot
-    toward these ellipsoids and the positions of the hands in the placed paths, within joint limits and without
-    collisions, whatever the frames are. Where an arm of the person is not seen or jumps, the robot brakes and rests
-    until it is seen again. Each thread needs its own instance.
+    `step` maps the ellipsoids of the person's arms in a frame with fitted adapters, and moves the robot toward these
+    ellipsoids and the positions of the hands in the placed paths, within joint limits and without collisions. Where an
+    arm of the person is not seen or jumps, the robot brakes and rests until it is seen again.
 
     The robot moves for the time that passes on this machine between two steps, whatever times the frames have: its
     commands keep the limits when they are sent as they are returned. With ``clock=None`` it moves for the time between
-    two frames (simulated time), and the same frames give the same motion.
+    two frames (simulated time), and the same frames give the same motion. Each thread needs its own instance.
 
     Parameters
     ----------

@@ -72,13 +72,11 @@ def place_path(
 ) -> Any:
     """Find the scale, yaw, offset and optional tilt that minimize the distance to target ellipsoids.
 
-    Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
-    for the best ones trajectories are planned through some waypoints of the path, and placement and trajectory are
-    improved together. The ellipsoids rotate with the path.
+    Thousands of placements are compared by samples of the arm; for the best ones trajectories are planned through some
+    waypoints, and placement and trajectory are improved together. The ellipsoids rotate with the path.
 
-    The paths of several arms, such as those of both hands, keep their relation: they are scaled, rotated and moved
-    together, about the mean of all their waypoints. The costs of the arms are summed; collisions between them are not
-    checked.
+    The paths of several arms keep their relation: they are scaled, rotated and moved together, about the mean of all
+    their waypoints. The costs of the arms are summed; collisions between them are not checked.
 
     Parameters
     ----------
@@ -93,7 +91,7 @@ def place_path(
         Times of the waypoints [s], which weigh them. Default: equal weights.
     demands : sequence of (EllipsoidSpec, ndarray of shape (n, 3)), optional
         Vectors that are rotated and scaled with the path, which the arm's ellipsoids should contain, such as those of
-        `maniport.motion.demands.demands_of`, for a robot that follows at the person's speed. Default: none.
+        `maniport.motion.demands.demands_of`.
     map_rotation : array_like, shape (3, 3), optional
         Rotation of the ellipsoids by the adapter, to be applied to the path. Default: the identity.
     scale : float or (float, float), optional
@@ -112,10 +110,8 @@ def place_path(
         Collision model of planned trajectories; True: self-collisions. The path stays above a table.
     reachability_map : maniport.motion.ReachabilityMap, optional
         Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
-    rank : int
-        Rank of the returned placement among the `candidates`, from 1.
-    random_state : optional
-        Random seed.
+    rank, random_state : int
+        Rank of the returned placement among the `candidates`, from 1; random seed.
 
     Returns
     -------
