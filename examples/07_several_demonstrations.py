@@ -54,12 +54,11 @@ def main(folder):
 
     demonstrated = alignment.warp([arm.forward(q)[:, :3, 3] for q in joints]).mean(axis=0)
     path = demonstrated + np.array([0.0, 0.0, 0.1])
-    start = None
+    start = mp.nearest_feasible(arm, profile[:1], positions=path[:1]).joint_positions[0]
     for name, weights in (("without", None), ("with", tracking_weights(covariance))):
         motion = mp.track(
             arm, profile, time=alignment.time, path=path, weights=weights, start=start, position_cost=10.0
         ).arms[0]
-        start = motion.joint_positions[0]  # the same start for both
         error = 1e3 * motion.position_error
         rms = np.sqrt(np.mean(deviation(profile, covariance, motion.achieved) ** 2))
         print(

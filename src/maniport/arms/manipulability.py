@@ -132,7 +132,8 @@ def weighting(
             slopes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
             slopes[scale > held] = 0.0
     if not accelerated:
-        weight = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)[..., None] * np.eye(q.shape[1])
+        diagonal = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)
+        weight = np.asarray(diagonal[..., None] * np.eye(q.shape[1]), dtype=np.float64)
         if slopes is None:
             return weight, None
         return weight, np.einsum("njk,jl->nkjl", -2.0 * slopes / scale[..., None] ** 3, np.eye(q.shape[1]))

@@ -17,7 +17,6 @@ from maniport.errors import NotSPDError, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
-from maniport.motion.limits import BrakingLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
@@ -222,8 +221,7 @@ class ViewState:
         self.robot, self.sides, self.playback = robot, tuple(sides), playback
         self.methods = self.sides[0].maps.names
         self._columns = as_group(robot).columns
-        limits = robot.lower, robot.upper, speed_limits(robot, None), np.full(robot.dof, np.inf)
-        self._controller = Controller(robot, BrakingLimit(*limits))
+        self._controller = Controller(robot, speed_limits(robot, None), np.full(robot.dof, np.inf))
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
         self.places: Future[list[Placement]] | None = None  # of the hands' paths, of each side
         self._jump = True
