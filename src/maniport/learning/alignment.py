@@ -128,17 +128,16 @@ def align(
         for a, b in counted(pairs, len(pairs) + k, step):
             apart[a, b] = apart[b, a] = matched(data[b], data[a])[1]
         chosen = int(np.argmin(apart.sum(axis=0)))
-    matches = [matched(data[chosen], other, same=i == chosen) for i, other in enumerate(data)]
+    own = np.repeat(np.arange(len(data[chosen]))[:, None], 2, axis=1), 0.0
+    matches = [own if i == chosen else matched(data[chosen], other) for i, other in enumerate(data)]
     paths, distances = zip(*matches, strict=True)
     warped = np.stack([_means(profile, path) for profile, path in zip(data, paths, strict=True)])
     step.end(f"{k} demonstrations, {len(clocks[chosen])} times")
     return Alignment(clocks[chosen].copy(), warped, paths, np.array(distances), chosen)
 
 
-def matched(reference: Array, profile: Array, same: bool = False) -> tuple[Path, float]:
+def matched(reference: Array, profile: Array) -> tuple[Path, float]:
     """Return matched indices of two profiles, shape (l, 2), and sqrt(Σ d²) along them."""
-    if same:
-        return np.repeat(np.arange(len(profile))[:, None], 2, axis=1), 0.0
     path, cost = cheapest_path(distance_unchecked(reference[:, None], profile[None]) ** 2)
     return path, float(np.sqrt(cost))
 
