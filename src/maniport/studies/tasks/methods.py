@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from maniport.arms import Arm, EllipsoidSpec, load_arm
-from maniport.arms.collisions import Collisions, as_collisions
+from maniport.arms.collisions import Collisions
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain
 from maniport.errors import collected_warnings
@@ -57,9 +57,9 @@ class Problem:
         return self.task.arm.narrowed(limits.lower, limits.upper)
 
     @cached_property
-    def collisions(self) -> Collisions | None:
+    def collisions(self) -> Collisions:
         """Self-collisions of the robot."""
-        return as_collisions(True, self.arm)
+        return Collisions.of(self.arm)
 
     @cached_property
     def stages(self) -> tuple[Rows, Rows, Array]:
@@ -192,7 +192,7 @@ def fitted(method: str, person: Arm, robot: str, spec: EllipsoidSpec, seed: int)
     arm = load_arm(robot)
     unfitted = method_of(method, base_rotation=np.eye(3), damping=DAMPING)
     adapter = with_feasible_set(unfitted, arm, spec, random_state=seed)
-    student = sample_domain(arm, 4096, seed + 1, spec=spec, collisions=as_collisions(True, arm))
+    student = sample_domain(arm, 4096, seed + 1, spec=spec, collisions=True)
     with collected_warnings():
         return adapter.fit(sample_domain(person, 1024, seed, spec=spec), student)
 
@@ -219,8 +219,8 @@ def _search(problem: Problem, cost: Cost, owners: Rows, q: Array, weight: float)
     """Choose one of the nodes q (m, dof) for each of the waypoints, `owners` (m,)."""
     arm, rows = problem.arm, np.unique(owners)
     error = np.linalg.norm(arm.forward(q)[:, :3, 3] - problem.task.path[owners], axis=1)
-    bad = (error > IN_PLACE) | (False if problem.collisions is None else problem.collisions.collides(q))
-    roadmap = Roadmap(q, cost(owners, q), np.searchsorted(owners, [*rows, len(problem.task.time)])).without(bad)
+    roadmap = Roadmap(q, cost(owners, q), np.searchsorted(owners, [*rows, len(problem.task.time)]))
+    roadmap = roadmap.without((error > IN_PLACE) | problem.collisions.collides(q))
     time = problem.task.time[rows]
     assert arm.velocity_limits is not None
     largest = 0.6 * arm.velocity_limits * np.diff(time, prepend=time[0] - 1.0)[:, None]

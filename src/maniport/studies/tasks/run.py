@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import load_arm
-from maniport.arms.collisions import as_collisions, free_configurations
+from maniport.arms.collisions import free_configurations
 from maniport.errors import InvalidInputError, ManiportError
 from maniport.motion import MotionLimits
 from maniport.report.renderings import write_report
@@ -133,9 +133,8 @@ def score_file(motion: str | os.PathLike[str], task: str | os.PathLike[str]) -> 
         Metric(name.replace("_", " "), f"{value:.4g} {SCORES.get(name, '')}".strip(), "", name, value)
         for name, value in scores.items()
     ]
-    valid = Metric(
-        "valid", "yes" if is_valid(scores) else "no", "Path within 5 mm, limits kept.", "valid", is_valid(scores)
-    )
+    good = is_valid(scores)
+    valid = Metric("valid", "yes" if good else "no", "Path within 5 mm, limits kept.", "valid", good)
     return Report(f"{own.recording} on {own.robot}", "", (Section("Scores", (*metrics, valid)),))
 
 
@@ -184,7 +183,7 @@ def problem_of(robot: StudyRobot, demonstration: Demonstration, seed: int = 0, s
 def _samples(robot: str, seed: int) -> Array:
     """Collision-free configurations of a robot."""
     arm, generator = MotionLimits.of(load_arm(robot)).arm, np.random.default_rng(seed)
-    return np.asarray(free_configurations(arm, 60_000, generator, collisions=as_collisions(True, arm)))
+    return np.asarray(free_configurations(arm, 60_000, generator, collisions=True))
 
 
 def rows_of(scores: Sequence[tuple[str, Scores]]) -> Iterator[Row]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import Arm, load_arm
-from maniport.arms.collisions import as_collisions
+from maniport.arms.collisions import Collisions
 from maniport.arms.human import myoarm
 from maniport.errors import FileFormatError, InvalidInputError, collected_warnings
 from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, polytope_extent
@@ -127,14 +127,14 @@ def place(robot: StudyRobot, hand: Array, samples: Array) -> Array:
     collision.
     """
     arm, middle = load_arm(robot.name), 0.5 * (hand.min(axis=0) + hand.max(axis=0))
-    collisions = as_collisions(True, arm)
+    collisions = Collisions.of(arm)
     center, positions = arm.forward(np.array(robot.ready))[:3, 3], arm.forward(samples)[:, :3, 3]
     for scale in 0.9 ** np.arange(30):
         path = center + scale * (hand - middle)
         rows = path[evenly_spaced(len(path), 24)]
         near = np.argsort(np.linalg.norm(positions - rows[:, None], axis=2), axis=1)[:, :40]
         q, error = moved_to_positions(arm, samples[near.ravel()], np.repeat(rows, 40, axis=0))
-        usable = (error <= IN_PLACE) & ~(False if collisions is None else collisions.collides(q))
+        usable = (error <= IN_PLACE) & ~collisions.collides(q)
         if np.all(usable.reshape(-1, 40).sum(axis=1) >= 20):
             return np.asarray(path)
     raise InvalidInputError(f"{robot.name!r} does not reach the path at any scale")
