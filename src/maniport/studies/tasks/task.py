@@ -35,7 +35,6 @@ class Demonstration:
     arm: Arm
     time: Array  # (n,) from 0 [s]
     joint_angles: Array  # (n, 7)
-    held_out: bool = False
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,6 @@ class StudyRobot:
     ready: tuple[float, ...]  # usual configuration [rad]
     elbow: int
     shoulder: int = 2
-    held_out: bool = False
 
 
 ROBOTS = {
@@ -55,13 +53,13 @@ ROBOTS = {
         StudyRobot("panda", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 4),
         StudyRobot("xarm7", (0.0, -0.247, 0.0, 0.909, 0.0, 1.156, 0.0), 4),
         StudyRobot("ur5", (0.0, -1.571, 1.571, -1.571, -1.571, 0.0), 3),
-        StudyRobot("g1_right_arm", (0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0), 4, held_out=True),
+        StudyRobot("g1_right_arm", (0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0), 4),
     )
 }
 """Configurations of Franka's MoveIt and of MuJoCo Menagerie; the UR5 turned to the front, the G1 with bent elbow."""
 
-HELD_OUT = ("ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 8")
-"""Motions that were never used while methods were tuned."""
+HELD_OUT = {"ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 8", "g1_right_arm"}
+"""Motions, and a robot, that were never used while methods were tuned."""
 
 
 def demonstrations() -> Iterator[Demonstration]:
@@ -116,7 +114,7 @@ def _demonstration(name: str, arm: Arm, time: Array, joint_angles: Array, rate: 
     """Resample a motion at a rate [Hz]."""
     at = np.arange(0.0, time[-1] - time[0] + 1e-9, 1.0 / rate)
     q = np.stack([np.interp(at, time - time[0], column) for column in joint_angles.T], axis=1)
-    return Demonstration(name, arm, at, q, name in HELD_OUT)
+    return Demonstration(name, arm, at, q)
 
 
 def place(robot: StudyRobot, hand: Array, samples: Array) -> Array:
