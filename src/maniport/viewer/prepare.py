@@ -19,9 +19,10 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.options import HumanOptions
 from maniport.transfer import load_adapter
 from maniport.util.defaults import AUTO, BOTH, DAMPING
+from maniport.util.process import in_background
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import Array
-from maniport.viewer.state import LOADED, Maps, Playback, Side, ViewState, in_background
+from maniport.viewer.state import LOADED, Maps, Playback, Side, ViewState
 
 TEACHER_SAMPLES = 2048
 STUDENT_SAMPLES = 4096

@@ -3,12 +3,10 @@
 One arm of person and robot, or both, which then move as one; the left one is first everywhere.
 """
 
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -23,24 +21,11 @@ from maniport.motion.tracker import follow
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.rotation_group import orthonormal
+from maniport.util.process import in_background
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 LOADED = "adapter file"  # Name of an adapter that was given fitted
-
-
-def in_background(work: Callable[..., Any], *args: Any) -> "Future[Any]":
-    """Call a function in a thread for which nothing waits when the program ends."""
-    future: Future[Any] = Future()
-
-    def run() -> None:
-        try:
-            future.set_result(work(*args))
-        except Exception as error:  # noqa: BLE001 - raised again by the result
-            future.set_exception(error)
-
-    threading.Thread(target=run, name="live view", daemon=True).start()
-    return future
 
 
 @dataclass(frozen=True, eq=False)
