@@ -83,7 +83,7 @@ class Person:
         self.arm, roles, self.is_noisy = fit.arm, fit.roles, fit.smoothed
         self.points = tuple(points_of(roles))
         identity = np.eye(len(self.points))[..., None]  # a recording of it gives coefficients of the points
-        basis = Recording(self.points, np.repeat(identity, 3, axis=2), np.arange(len(identity)))
+        basis = Recording(self.points, np.repeat(identity, 3, axis=2), np.arange(float(len(identity))))
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"

@@ -10,7 +10,7 @@ import numpy as np
 from maniport.arms import PERSONS
 from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import human_arm
-from maniport.errors import InvalidInputError, RecordingError, argument, spoken, typed
+from maniport.errors import InvalidInputError, RecordingError, spoken
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_path import solve_arm
 from maniport.mocap.data_quality import AT_LIMIT, gap_warning, jump_warning, model_differences, observability
@@ -182,10 +182,5 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
 def require_person(person: str, side: str, smooth: str = AUTO) -> None:
     """Check options of `fit_arm`."""
     as_choice(person, "person", PERSONS)
-    if side == BOTH:
-        takes = "maniport transfer, batch, live and view" if typed() else "fit_arms and transfer_recording"
-        raise InvalidInputError(
-            f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
-        )
     as_choice(side, "side", (AUTO, *SIDES))
     as_choice(smooth, "smooth", (AUTO, "off"))

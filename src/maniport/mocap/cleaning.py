@@ -25,11 +25,6 @@ from maniport.util.validation import Array
 
 MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
 
-CUTOFFS = np.geomspace(0.8, 12.0, 15)  # Candidate cutoff frequencies, at which half the amplitude is left [Hz]
-
-LEAST_SHARE = 0.003
-"""Smallest cutoff as a share of the frame rate: below it rounding of the equations moves points by millimeters."""
-
 
 def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, Array, list[str]]:
     """Omit frames, a share of at most `most`, whose time does not exceed that of every frame before."""
@@ -93,7 +88,7 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
 def without_outliers(recording: Recording) -> Recording:
     """Mark points as missing in short runs of frames in which they are elsewhere and come back."""
     step = 1.0 / recording.rate if len(recording) > 2 else np.inf
-    lost = [_outliers(recording.positions[:, i], step) for i in range(len(recording.names))]
+    lost = [_outliers(track, step) for track in np.moveaxis(recording.positions, 1, 0)]
     return _marked_missing(recording, np.stack(lost, axis=1), "outlier")
 
 
@@ -147,12 +142,14 @@ def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.0
     noise, and runs of less than 12 frames are kept.
     """
     rate, positions, cutoffs = recording.rate, recording.positions.copy(), []
-    amounts = np.array([noise(positions[:, i]) for i in range(len(recording.names))])
-    noisy = np.flatnonzero((amounts > large_noise) & (rate >= 20.0) & (LEAST_SHARE * rate <= CUTOFFS[-1]))
+    # Cutoff frequencies, at which half the amplitude is left [Hz]; of lower ones rounding moves points by millimeters.
+    candidates = [f for f in np.geomspace(0.8, 12.0, 15) if 0.003 * rate <= f < 0.45 * rate]
+    amounts = np.array([noise(track) for track in np.moveaxis(positions, 1, 0)])
+    noisy = np.flatnonzero((amounts > large_noise) & (rate >= 20.0) & bool(candidates))
     for i in noisy if smooth else ():
         for start, stop in runs_of(np.isfinite(positions[:, i, 0])):
             if stop - start >= 12:
-                positions[start:stop, i], cutoff = _robust_spline(positions[start:stop, i], rate)
+                positions[start:stop, i], cutoff = _robust_spline(positions[start:stop, i], rate, candidates)
                 cutoffs.append(cutoff)
     if not len(noisy) or (smooth and not cutoffs):
         return recording
@@ -180,31 +177,29 @@ def _span(values: Array | list[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _robust_spline(track: Array, rate: float) -> tuple[Array, float]:
+def _robust_spline(track: Array, rate: float, cutoffs: Sequence[float]) -> tuple[Array, float]:
     """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
     n, tails = len(track), 4.0  # degrees of freedom of Student's distribution
     median_chi_squared = 2.366  # with three degrees of freedom
-    cutoffs = [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
     pattern, penalty = np.array([-1.0, 3.0, -3.0, 1.0]), np.zeros((4, n))  # third differences; DᵀD as lower bands
     for offset in range(4):
         for k in range(4 - offset):
             penalty[offset, k : n - 3 + k] += pattern[k] * pattern[k + offset]
     waves = (2 * np.sin(np.pi * (np.arange(n) + 0.5) / (2 * n))) ** 6
     weight, least = np.ones(n), max(noise(track) ** 2, 1e-18)
-    smooth, used = track, float(cutoffs[0])
     for _ in range(6):
-        best = np.inf
+        fits = []  # score, cutoff and smooth track
         for frequency in cutoffs:
             strength = (2 * np.sin(np.pi * min(frequency / rate, 0.5))) ** -6.0  # half the amplitude at the cutoff
             bands = strength * penalty
             bands[0] += weight
-            result = solveh_banded(bands, weight[:, None] * track, lower=True)
+            smooth = solveh_banded(bands, weight[:, None] * track, lower=True)
             freedom = np.sum(1 / (1 + strength / weight.mean() * waves))
-            error = np.sum(weight * np.sum((track - result) ** 2, axis=-1)) / weight.sum()
-            if (score := error / (1 - freedom / n) ** 2) < best:
-                best, smooth, used = score, result, float(frequency)
+            error = np.sum(weight * np.sum((track - smooth) ** 2, axis=-1)) / weight.sum()
+            fits.append((error / (1 - freedom / n) ** 2, float(frequency), smooth))
+        _, cutoff, smooth = min(fits, key=lambda fit: fit[0])
         squares = np.sum((track - smooth) ** 2, axis=-1)
         # A short outlier counts less; frames where motion is too fast for the spline for longer do not.
         scale = median_filter(squares, 15, mode="nearest") / median_chi_squared
         weight = (tails + 3) / (tails + squares / np.maximum(scale, least))
-    return smooth, used
+    return smooth, cutoff

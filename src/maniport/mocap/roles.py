@@ -61,11 +61,11 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
     middle = tuple(name for group in roles["trunk_up"] for name in group)
     # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
     # possible, brings the elbow 0.27 m inward.
-    for role, start, names, most in (
+    for role, start, group, most in (
         ("shoulder", "trunk_up", middle, 0.05),
         ("elbow", "shoulder", roles["shoulder"], 0.3),
     ):
-        displacement = np.sum(direction(recording, (names, roles[role])) * inward, axis=-1)
+        displacement = np.sum(direction(recording, (group, roles[role])) * inward, axis=-1)
         if np.isfinite(displacement).any() and (median := float(np.nanmedian(displacement))) > most:
             raise RecordingError(
                 f"{role} of the {side} arm: {'+'.join(roles[role])} is {median:.2f} m to the {other} of {start} "
