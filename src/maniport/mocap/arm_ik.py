@@ -159,7 +159,6 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
     directions, time = observation.directions(arm), used.time[frames]
     q = solve_arm(directions, time, roles, step)
     share, unobservable, beyond = observability(directions, roles, q)
-    warnings = (gap_warning(used.time, frames), jump_warning(q, time, frames, arm.joint_names))
     fit = ArmFit(
         arm=arm,
         side_reason=observation.reason,
@@ -176,7 +175,8 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
         notes=used.notes,
         smoothed=observation.smoothed,
     )
-    return replace(fit, quality_warnings=(*model_differences(fit), *used.quality_warnings, *filter(None, warnings)))
+    warnings = (*model_differences(fit), *used.quality_warnings, *gap_warning(fit, used.time), *jump_warning(fit))
+    return replace(fit, quality_warnings=warnings)
 
 
 def require_person(person: str, side: str, smooth: str = AUTO) -> None:

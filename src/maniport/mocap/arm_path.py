@@ -62,7 +62,7 @@ def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
     neutral = np.clip(0.0, arm.lower, arm.upper)
     lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
     cutoff = np.full(arm.dof, 30.0)
-    for joint in unobservable_joints(arm, roles):
+    for joint in unobservable_joints(roles):
         cutoff[joint] = 10.0
         if "hand" not in roles:
             lower[joint] = upper[joint] = neutral[joint]

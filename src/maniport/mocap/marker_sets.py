@@ -40,9 +40,7 @@ def load_names(file: str) -> Any:
     return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
-_DATA = load_names("marker_sets.yaml")
-
-MARKER_SETS: dict[str, Mapping[str, Sequence[Any]]] = _DATA["marker_sets"]
+MARKER_SETS: dict[str, Mapping[str, Sequence[Any]]] = load_names("marker_sets.yaml")["marker_sets"]
 """For each marker set and role the alternatives; the first whose points are recorded counts.
 
 An alternative has the form of the argument ``markers`` of `fit_arm`, for the right arm: a name or names (their
@@ -99,16 +97,13 @@ def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = Fals
     if role in DIRECTIONS:
         if isinstance(choice, str) or not isinstance(choice, Sequence) or len(choice) != 2:
             raise InvalidInputError(f"{where} must be a pair of points or of lists (from, to); found {choice!r}")
-        groups = list(choice)
-    else:
-        nested = isinstance(choice, Sequence) and len(choice) == 1 and isinstance(choice[0], list | tuple)
-        groups = [choice[0] if nested else choice]  # groups are nested in pairs, and often here
-    for i, group in enumerate(groups):
-        names = (group,) if isinstance(group, str) else tuple(group) if isinstance(group, Sequence) else ()
-        if not names or not all(isinstance(name, str) for name in names):
-            raise InvalidInputError(f"{where} must be one name or a list of names; found {group!r}")
-        groups[i] = tuple(map(other_side, names)) if mirrored else names
-    return tuple(groups) if role in DIRECTIONS else groups[0]
+        return tuple(as_choice_of_names("", group, where, mirrored) for group in choice)
+    if isinstance(choice, Sequence) and len(choice) == 1 and isinstance(choice[0], list | tuple):
+        choice = choice[0]  # groups are nested in pairs, and often here
+    names = (choice,) if isinstance(choice, str) else tuple(choice) if isinstance(choice, Sequence) else ()
+    if not names or not all(isinstance(name, str) for name in names):
+        raise InvalidInputError(f"{where} must be one name or a list of names; found {choice!r}")
+    return tuple(map(other_side, names)) if mirrored else names
 
 
 def _key(name: str) -> str:
