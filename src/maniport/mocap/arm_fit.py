@@ -174,11 +174,6 @@ class HumanMotion(NotebookDisplay):
         return self.arms[0].time
 
     @property
-    def frames(self) -> NDArray[np.intp]:
-        """Their indices in the recording, shape (n,)."""
-        return self.arms[0].frames
-
-    @property
     def hands(self) -> Array:
         """Paths of the hands in the common frame, shape (n_arms, n, 3) [m]."""
         paths = [fit.arm.forward(fit.joint_angles)[:, :3, 3] for fit in self.arms]
@@ -195,17 +190,12 @@ class HumanMotion(NotebookDisplay):
             *shared,
         )
 
-    @property
-    def summary(self) -> str:
-        """Frames and residuals of each arm in one line."""
-        return "; ".join(fit.summary for fit in self.arms)
-
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.time)
 
     def __repr__(self) -> str:
-        return f"HumanMotion({' and '.join(repr(fit.arm.name) for fit in self.arms)}, {self.summary})"
+        return f"HumanMotion({', '.join(map(repr, self.arms))})"
 
     def repetitions(self) -> list[tuple[float, float]]:
         """Find (start, stop) [s] of each time that the hand with the longer path moves out and back."""

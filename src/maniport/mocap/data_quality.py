@@ -9,7 +9,7 @@ from maniport.arms.chain import LEFT, RIGHT
 from maniport.arms.human import JOINTS
 from maniport.errors import argument
 from maniport.mocap.arm_fit import ArmFit
-from maniport.mocap.directions import AROUND, BLOCK, DEVIATION, ELBOW, FLEXION, TURN, Directions
+from maniport.mocap.directions import AXES, BLOCK, DEVIATION, ELBOW, FLEXION, TURN, Directions
 from maniport.mocap.recording import runs_of, when
 from maniport.util.validation import Array
 
@@ -70,7 +70,7 @@ def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> l
     """
     medians = {name: row["median"] for name, row in fit.residual_summary().items()}
     exchanged = []
-    for axis, segment in AROUND.items():
+    for axis, (_, segment) in AXES.items():
         if (median := medians.pop(f"{segment} about its axis", 0.0)) > 25.0:
             first, second = fit.roles[axis]
             exchanged.append(

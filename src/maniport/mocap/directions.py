@@ -34,10 +34,8 @@ SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
 
 ELBOW, TURN, DEVIATION, FLEXION = map(JOINTS.index, ("elbow_flexion", "pro_sup", "deviation", "flexion"))
 
-AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint with the axis of each pair of markers
-
-AROUND = {"elbow_axis": "upper arm", "wrist_axis": "forearm"}
-"""The segment that rotates about its own axis with each pair of markers."""
+AXES = {"elbow_axis": (ELBOW, "upper arm"), "wrist_axis": (FLEXION, "forearm")}
+"""The joint with the axis of each pair of markers, and the segment that rotates about its own axis with them."""
 
 MARKED = {"right": 1.0, "left": -1.0}
 """Sign of the axes of elbow (medial to lateral) and wrist (ulnar to radial); a left arm is a mirror image."""
@@ -79,7 +77,7 @@ class Directions:
     @cached_property
     def kinematics(self) -> PointKinematics:
         """The ends of the segments, then joint axes fixed to the segment above them."""
-        joints = [AXES[name] for name in self.names if name in AXES]
+        joints = [AXES[name][0] for name in self.names if name in AXES]
         axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
         return PointKinematics(self.arm.chain, POINTS[: len(self.names) - len(axes) + 1], axes)
 
@@ -118,10 +116,10 @@ class Directions:
             if name in SEGMENTS:  # arccos is inaccurate below 1e-8
                 errors[name] = 2 * np.arcsin(np.minimum(np.linalg.norm(model - target, axis=-1) / 2, 1.0))
             else:
-                along = values[:, self.names.index(AROUND[name])]
+                along = values[:, self.names.index(AXES[name][1])]
                 model, target = (part - np.sum(part * along, axis=1)[:, None] * along for part in (model, target))
                 sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
-                errors[f"{AROUND[name]} about its axis"] = np.arctan2(sine, cosine)
+                errors[f"{AXES[name][1]} about its axis"] = np.arctan2(sine, cosine)
         return errors
 
 

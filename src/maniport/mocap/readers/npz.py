@@ -34,20 +34,6 @@ from maniport.util.input_limits import (
 )
 from maniport.util.validation import Array
 
-KEYS = {
-    "names": "names joint_names joints_names keypoint_names marker_names labels",
-    "positions": "positions joints joint_positions global_joint_positions joints3d keypoints3d keypoints_3d keypoints "
-    "markers points xyz",
-    "time": "time times t timestamps",
-    "rate": "rate fps mocap_framerate mocap_frame_rate frame_rate framerate",
-    "poses": "poses",
-    "root": "root_orient global_orient",
-    "body": "pose_body body_pose",
-    "trans": "trans transl",
-    "unit": "unit units",
-}
-"""Names of arrays: the first that is in the file counts."""
-
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read an ``.npz`` or ``.npy`` file; see `maniport.mocap.readers.read_recording`."""
@@ -61,7 +47,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 raise ValueError(f"not a readable .npy file: {error}") from None
             return _points(file, options, {"positions": np.asarray(positions)})
     names = array_names(file, "recording")
-    chosen = {what: next((key for key in keys.split() if key in names), None) for what, keys in KEYS.items()}
+    keys: dict[str, list[str]] = load_names("file_keys.yaml")["arrays"]
+    chosen = {what: next((key for key in own if key in names), None) for what, own in keys.items()}
     loaded = load_arrays(file, "recording", [key for key in chosen.values() if key])
     arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}
     poses = [arrays[key] for key in ("poses", "root", "body") if key in arrays][: 1 if "poses" in arrays else 2]
