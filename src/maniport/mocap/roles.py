@@ -7,16 +7,8 @@ import numpy as np
 
 from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.errors import InvalidInputError, RecordingError, argument, nearest_first, spoken, unknown_name
-from maniport.mocap.marker_sets import (
-    ARM,
-    DIRECTIONS,
-    MARKER_SETS,
-    ROLES,
-    Group,
-    alternatives,
-    as_choice_of_names,
-    find_roles,
-)
+from maniport.mocap import marker_sets
+from maniport.mocap.marker_sets import ARM, DIRECTIONS, ROLES, Group, as_choice_of_names, find_roles
 from maniport.mocap.recording import Recording
 from maniport.util.defaults import AUTO
 from maniport.util.validation import Array, as_choice
@@ -25,34 +17,30 @@ SHORTEST = 1e-4  # Shortest vector that has a direction [m]
 
 
 def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right") -> dict[str, Any]:
-    """Return the points that are assigned to each role of one arm and the trunk.
+    """Return the points of each role of one arm and the trunk.
 
-    Raises
-    ------
-    RecordingError
-        When a role that an arm needs has no points, or the points of the arm are those of the other side, by their
-        names or by their positions.
+    Raises `RecordingError` when roles lack points, or points are those of the other arm by their names or positions.
     """
     marker_set, roles = assigned_roles(recording, markers, side)
     other = SIDES[side == RIGHT]
     own, theirs = (find_roles(recording.observed, name)[1] for name in (side, other))
     if missing := missing_roles(roles):
         usual = {role: usual_names(role, marker_set, side) for role in missing}
-        needed = "; ".join(f"{role} (usually {names})" for role, names in usual.items())
         names = nearest_first(" ".join(usual.values()).replace("'", ""), recording.observed)
         listed = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
-        advice = f" The {other} arm is available: use {argument('side', other)}."
+        has_other = set(missing) & set(ARM) and set(ARM) <= theirs.keys()
+        advice = f" The {other} arm is available: use {argument('side', other)}." if has_other else ""
         raise RecordingError(
-            f"missing{f' in {recording.source!r}' if recording.source else ''}: {needed}."
-            f"{advice if set(missing) & set(ARM) and set(ARM) <= theirs.keys() else ''} "
-            f"Points of the recording, nearest first: {listed or 'none'}. "
+            f"missing{f' in {recording.source!r}' if recording.source else ''}: "
+            f"{'; '.join(f'{role} (usually {names})' for role, names in usual.items())}.{advice} Points of the "
+            f"recording, nearest first: {listed or 'none'}. "
             f"Assign points to roles with {argument('markers', example_markers(missing))}"
         )
-    of_other = {name for role in ARM for name in theirs.get(role, ())} - {
-        name for role in ARM for name in own.get(role, ())
-    }
+    own_names, other_names = (
+        set(points_of({role: names[role] for role in ARM if role in names})) for names in (own, theirs)
+    )
     for role in ARM:
-        if wrong := [name for name in roles[role] if name in of_other]:
+        if wrong := [name for name in roles[role] if name in other_names - own_names]:
             raise RecordingError(
                 f"{role} of the {side} arm: {', '.join(map(repr, wrong))} is a point of the {other} one; "
                 f"give {argument('side', other)} or other {argument('markers')}"
@@ -61,10 +49,8 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
     middle = tuple(name for group in roles["trunk_up"] for name in group)
     # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
     # possible, brings the elbow 0.27 m inward.
-    for role, start, group, most in (
-        ("shoulder", "trunk_up", middle, 0.05),
-        ("elbow", "shoulder", roles["shoulder"], 0.3),
-    ):
+    cases = ("shoulder", "trunk_up", middle, 0.05), ("elbow", "shoulder", roles["shoulder"], 0.3)
+    for role, start, group, most in cases:
         displacement = np.sum(direction(recording, (group, roles[role])) * inward, axis=-1)
         if np.isfinite(displacement).any() and (median := float(np.nanmedian(displacement))) > most:
             raise RecordingError(
@@ -131,9 +117,7 @@ def find_side(
     return moving, reason, roles[moving]
 
 
-def roles_by_side(
-    recording: Recording, markers: Mapping[str, Any]
-) -> tuple[dict[str, dict[str, Any]], dict[str, RecordingError]]:
+def roles_by_side(recording: Recording, markers: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, RecordingError]]:
     """Return the roles of each arm with its markers, and the errors of the arms that are not recorded."""
     roles, errors = {}, {}
     for side in SIDES:
@@ -203,7 +187,7 @@ def example_markers(missing: Iterable[str]) -> dict[str, Any]:
 
 def usual_names(role: str, marker_set: str, side: str) -> str:
     """Return the usual names of a role, those of the recording's own marker set first."""
-    sets = dict.fromkeys([marker_set, *reversed(MARKER_SETS)])
-    usual = [names for name in sets for names in alternatives(name, role, side)[:1]][:3]
+    sets = dict.fromkeys([marker_set, *reversed(marker_sets.MARKER_SETS)])
+    usual = [names for name in sets for names in marker_sets.alternatives(name, role, side)[:1]][:3]
     pairs = usual if role in DIRECTIONS else [(group,) for group in usual]
     return " or ".join(" to ".join("+".join(map(repr, group)) for group in pair) for pair in pairs)
