@@ -10,7 +10,7 @@ from maniport.arms import load_arm
 from maniport.arms.human import middle_of
 from maniport.errors import RecordingError
 from maniport.mocap import Recording, fit_arm, fit_arms, read_recording, synthetic_recording
-from maniport.mocap.marker_sets import other_side
+from maniport.mocap.roles import other_side
 
 DATA = Path(__file__).parent / "data"
 SIDES = ("left", "right")

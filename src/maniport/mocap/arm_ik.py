@@ -15,9 +15,8 @@ from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_path import solve_arm
 from maniport.mocap.data_quality import AT_LIMIT, gap_warning, jump_warning, model_differences, observability
 from maniport.mocap.directions import Observation, observe, require_human, segment_lengths
-from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.recording import Recording
-from maniport.mocap.roles import direction, roles_by_side
+from maniport.mocap.roles import ARM, TRUNK, direction, roles_by_side
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice

@@ -18,8 +18,8 @@ from scipy.ndimage import median_filter
 from scipy.special import comb
 
 from maniport.errors import InvalidInputError, argument, spoken
-from maniport.mocap.marker_sets import other_side
 from maniport.mocap.recording import LONGEST_GAP, Bools, Recording, runs_of, when
+from maniport.mocap.roles import other_side
 from maniport.util.defaults import AUTO
 from maniport.util.validation import Array
 

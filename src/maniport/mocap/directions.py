@@ -19,9 +19,8 @@ from maniport.arms.kernels import place_points
 from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
-from maniport.mocap.marker_sets import POINTS
 from maniport.mocap.recording import Bools, Recording, runs_of
-from maniport.mocap.roles import direction, find_side, points_of, role_position, trunk_rotation, unit
+from maniport.mocap.roles import POINTS, direction, find_side, points_of, role_position, trunk_rotation, unit
 from maniport.util.jit import kernel
 from maniport.util.validation import Array
 

@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike
 from maniport.arms.chain import SIDES
 from maniport.errors import FileFormatError, InvalidInputError, argument, as_text, spoken, unknown_name
 from maniport.mocap.cleaning import in_order, without_zeros
-from maniport.mocap.marker_sets import find_roles, load_names, whole_bodies
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import MAX_POSITION, Recording
-from maniport.mocap.roles import direction
+from maniport.mocap.roles import ARM, direction, find_roles, load_names, whole_bodies
 from maniport.util.defaults import RECORDINGS
 from maniport.util.input_limits import (
     FRAMES,
@@ -231,6 +230,25 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
     positions[low] = np.nan
     text = f"{100 * low.mean():.1f} % of all points have a confidence below {least} and count as missing"
     return [text] if low.any() else []
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of points out of reach
+def arm_error(names: Sequence[str], positions: Array) -> float:
+    """Measure how unlike arms the points (n, k, 3) with these names in order are; below 1 they are arms.
+
+    Of arms the bones keep their lengths (standard deviation below 5 %) and differ by less than 15 % between the sides.
+    """
+    lengths = []
+    for side in ("left", "right"):
+        roles = find_roles(names, side)[1]
+        points = positions[:, [names.index(roles[role][0]) for role in ARM]].astype(np.float64)
+        bones = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+        lengths.append(bones[np.isfinite(bones).all(axis=1) & (bones > 0).all(axis=1)])
+    if not all(map(len, lengths)):
+        return np.inf
+    left, right = (np.median(bones, axis=0) for bones in lengths)
+    changes = [np.std(bones, axis=0) / np.median(bones, axis=0) / 0.05 for bones in lengths]
+    return float(np.max([*changes, np.abs(left - right) / np.maximum(left, right) / 0.15]))
 
 
 def _format_of(file: Path) -> str:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import FileFormatError
-from maniport.mocap.marker_sets import arm_error, load_names
-from maniport.mocap.readers import ImportOptions, drop_untrusted, require_size
+from maniport.mocap.readers import ImportOptions, arm_error, drop_untrusted, require_size
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import Recording
+from maniport.mocap.roles import load_names
 from maniport.util.input_limits import FRAMES, KEYPOINTS_BYTES, PLACES, SETTINGS_BYTES, read_whole, require_at_most
 
 KEYS: dict[str, Any] = load_names("file_keys.yaml")["json"]

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
-from maniport.mocap.marker_sets import arm_error, load_names
-from maniport.mocap.readers import ImportOptions, require_size
+from maniport.mocap.readers import ImportOptions, arm_error, require_size
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
 from maniport.mocap.recording import Recording
+from maniport.mocap.roles import load_names
 from maniport.util.files import array_names, load_arrays, read_npy
 from maniport.util.input_limits import (
     FRAMES,
