@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm
 from maniport.arms.human import JOINTS, LONGEST_SEGMENT
-from maniport.arms.kernels import place_points
 from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.recording import Bools, Recording, runs_of
 from maniport.mocap.roles import POINTS, direction, find_side, points_of, role_position, trunk_rotation, unit
-from maniport.util.jit import kernel
 from maniport.util.validation import Array
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
@@ -191,37 +189,3 @@ def segment_lengths(used: Recording, roles: Mapping[str, Any]) -> dict[str, floa
                     f"{SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m: check the unit, and that the points differ"
                 )
     return lengths
-
-
-@kernel
-def frame_terms(  # type: ignore[no-untyped-def]
-    q, offset, placements, axes, slides, coupling, joints, vectors, points, targets, weights, gradient, hessian
-):
-    """Add Jᵀr and JᵀJ of the residuals of one frame, for the live view, to gradient and hessian; return |r|²."""
-    positions, values, slopes = offset.copy(), np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
-    for j in range(len(offset)):
-        for k in range(len(q)):
-            positions[j] += coupling[j, k] * q[k]
-    place_points(positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes)
-    cost = 0.0
-    for n in range(len(targets)):
-        if weights[n] == 0.0:
-            continue
-        if n < points - 1:  # from a point to the next
-            unit, slope = values[n + 1] - values[n], slopes[n + 1] - slopes[n]
-            length = np.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
-            unit /= length
-            stretch = unit[0] * slope[0] + unit[1] * slope[1] + unit[2] * slope[2]
-            for i in range(3):
-                slope[i] = (slope[i] - unit[i] * stretch) / length
-        else:
-            unit, slope = values[n + 1], slopes[n + 1]
-        square = weights[n] * weights[n]
-        for i in range(3):
-            off = unit[i] - targets[n, i]
-            cost += square * off * off
-            for k in range(len(q)):
-                gradient[k] += square * off * slope[i, k]
-                for m in range(len(q)):
-                    hessian[k, m] += square * slope[i, k] * slope[i, m]
-    return cost
