@@ -100,11 +100,11 @@ class ImportOptions:
             raise InvalidInputError(f"time must be numbers [s], shape (n,); found {times.dtype}, shape {times.shape}")
         times = times.astype(np.float64)
         step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-        for unit_of_time, scale in {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}.items():
-            if step * scale <= 1.0 < step:
-                times = times * scale
-                notes.append(f"times recognized as {unit_of_time}: as seconds, frames would be {step:.4g} s apart")
-                break
+        if 1.0 < step <= 1e9:
+            power = int(np.ceil(np.log10(step) / 3))
+            times = times * 1e-3**power
+            name = ("milliseconds", "microseconds", "nanoseconds")[power - 1]
+            notes.append(f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart")
         times, points, ordered = in_order(times, points)
         raw = Recording(tuple(unique), points, times, as_text(file.name))
         scale, unit_note = self._scale(raw, unit)
@@ -290,16 +290,9 @@ def _by_content(head: bytes) -> str | None:
 
 def _bodies_warning(recording: Recording) -> list[str]:
     """Report which of several bodies is used."""
-    for side in SIDES:
-        first, *others = whole_bodies(recording.observed, side) or ("",)
-        if others:
-            shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
-            return [
-                f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a "
-                "whole arm is used. Assign a point of another one to use that: "
-                f"{argument('markers', {'shoulder': shoulder})}"
-            ]
-    return []
+    bodies = next(filter(None, (whole_bodies(recording.observed, side) for side in SIDES)), {})
+    advice = f"the first is used; a point of another one in {argument('markers')} selects that one"
+    return [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"] if len(bodies) > 1 else []
 
 
 def _first(names: Sequence[str], most: int) -> str:

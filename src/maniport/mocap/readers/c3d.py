@@ -160,8 +160,5 @@ def _frame_count(header: int, values: dict[str, list[Any]]) -> int:
     if all(len(end) == 2 for end in ends):
         first, last = (int(end[0]) % 2**16 + 2**16 * (int(end[1]) % 2**16) for end in ends)
         return last - first + 1
-    for name in ("LONG_FRAMES", "FRAMES"):
-        count = (values.get(f"POINT:{name}") or [0.0])[0]
-        if isinstance(count, float) and math.isfinite(count) and count > header:
-            return int(count)
-    return header
+    counts = [count for name in ("LONG_FRAMES", "FRAMES") for count in values.get(f"POINT:{name}", [])[:1]]
+    return next((int(count) for count in counts if isinstance(count, float) and header < count < np.inf), header)
