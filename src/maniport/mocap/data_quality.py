@@ -13,9 +13,7 @@ from maniport.mocap.directions import AXES, BLOCK, DEVIATION, ELBOW, FLEXION, TU
 from maniport.mocap.recording import runs_of, when
 from maniport.util.validation import Array
 
-MEASUREMENT_ERROR = np.radians(1.0)
-"""Assumed error of a direction of weight one [rad]; directions of less weight have more of it."""
-
+MEASUREMENT_ERROR = np.radians(1.0)  # Of a direction of weight one [rad], assumed; less weight means more error
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
 FASTEST_JOINT = 1500.0
 """A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
@@ -63,10 +61,8 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
 def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> list[str]:
     """Report differences of the model and the person; empty where the model follows well.
 
-    Observable joints exceed a limit in over 20 % of the frames by more than `small` [degrees]; more than `large` may be
-    a fault of the points. Residuals of segments are large from 5° (median). Rotations about a segment's axis have up to
-    15° in good recordings, as markers lie at some distance from the joints, and 36° to 169° with exchanged markers:
-    large is 25°.
+    More than `large` [degrees] beyond a limit may be a fault of the points. Rotations about a segment's axis have up to
+    15° in good recordings, as markers lie at some distance from the joints, and 36° to 169° with exchanged markers.
     """
     medians = {name: row["median"] for name, row in fit.residual_summary().items()}
     exchanged = []
@@ -124,11 +120,7 @@ def gap_warning(fit: ArmFit, time: Array) -> list[str]:
 
 
 def jump_warning(fit: ArmFit) -> list[str]:
-    """Report the frames into which a joint jumps from the preceding frame of the recording.
-
-    Joints jump where points are confused, and where the arm hangs straight down: there the plane in which it is raised
-    may rotate by any angle at once.
-    """
+    """Report the frames into which a joint jumps from the preceding frame of the recording."""
     steps = np.degrees(np.abs(np.diff(fit.joint_angles, axis=0, prepend=fit.joint_angles[:1])))
     is_next = np.diff(fit.frames, prepend=-1) == 1
     jumps = is_next & (steps.max(axis=1) > FASTEST_JOINT * np.diff(fit.time, prepend=-np.inf))

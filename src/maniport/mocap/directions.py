@@ -47,15 +47,11 @@ decide what upper arm and forearm leave open, and do not pull those two aside wh
 
 def require_human(arm: Arm) -> None:
     """Raise `InvalidInputError` unless an arm has the joints of a human arm, in their order, and its frames."""
-    if arm.joint_names != JOINTS:
+    missing = sorted(set(POINTS) - set(arm.frames))
+    if arm.joint_names != JOINTS or missing:
         raise InvalidInputError(
-            f"fit_arm needs a person with the joints {', '.join(JOINTS)}, in this order; found of {arm.name!r}: "
-            f"{', '.join(arm.joint_names)}"
-        )
-    if missing := set(POINTS) - set(arm.frames):
-        raise InvalidInputError(
-            f"fit_arm needs a person with the frames shoulder, elbow, wrist and hand; {arm.name!r} has no "
-            f"{', '.join(sorted(missing))}"
+            f"a human arm needs the joints {', '.join(JOINTS)}, in this order, and the frames {', '.join(POINTS)}; found "
+            f"of {arm.name!r}: the joints {', '.join(arm.joint_names)}, without the frames {missing}"
         )
 
 
