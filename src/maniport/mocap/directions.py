@@ -50,8 +50,8 @@ def require_human(arm: Arm) -> None:
     missing = sorted(set(POINTS) - set(arm.frames))
     if arm.joint_names != JOINTS or missing:
         raise InvalidInputError(
-            f"a human arm needs the joints {', '.join(JOINTS)}, in this order, and the frames {', '.join(POINTS)}; found "
-            f"of {arm.name!r}: the joints {', '.join(arm.joint_names)}, without the frames {missing}"
+            f"a human arm needs the joints {', '.join(JOINTS)}, in this order, and the frames {', '.join(POINTS)}; "
+            f"{arm.name!r} has the joints {', '.join(arm.joint_names)}, without the frames {missing}"
         )
 
 
