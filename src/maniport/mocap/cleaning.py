@@ -82,7 +82,7 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
                 f"{pair[0]} and {pair[1]} were swapped in {swapped.sum()} frames and were exchanged "
                 f"({when(recording.time, swapped)})"
             )
-    return _changed(recording, positions, quality_warnings=texts)
+    return _changed(recording, positions, [], texts)
 
 
 def without_outliers(recording: Recording) -> Recording:
@@ -121,17 +121,15 @@ def _marked_missing(recording: Recording, lost: Bools, cause: str) -> Recording:
         for name, frames in zip(recording.names, lost.T, strict=True)
         if frames.any()
     ]
-    return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes)
+    return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes, [])
 
 
-def _changed(
-    recording: Recording, positions: Array, notes: Sequence[str] = (), quality_warnings: Sequence[str] = ()
-) -> Recording:
+def _changed(recording: Recording, positions: Array, notes: list[str], warnings: list[str]) -> Recording:
     """Return the recording with other positions and messages; the same object where there are no messages."""
-    if not notes and not quality_warnings:
+    if not notes and not warnings:
         return recording
-    notes, quality_warnings = (*recording.notes, *notes), (*recording.quality_warnings, *quality_warnings)
-    return replace(recording, positions=positions, notes=notes, quality_warnings=quality_warnings)
+    texts = (*recording.notes, *notes), (*recording.quality_warnings, *warnings)
+    return replace(recording, positions=positions, notes=texts[0], quality_warnings=texts[1])
 
 
 def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.004) -> Recording:
@@ -157,7 +155,7 @@ def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.0
     how = f"; {argument('smooth', AUTO)} smooths them"
     if smooth:
         how = f", smoothed up to {_span(cutoffs)} Hz; {argument('smooth', 'off')} keeps them"
-    return _changed(recording, positions, (), [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"])
+    return _changed(recording, positions, [], [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"])
 
 
 def noise(track: Array, order: int = 6) -> float:

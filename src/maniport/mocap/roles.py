@@ -19,6 +19,8 @@ from maniport.util.defaults import AUTO
 from maniport.util.validation import Array, as_choice
 
 Group = tuple[str, ...]  # Names of points that are averaged
+Roles = dict[str, Any]  # The group of each role, or the pair of groups
+Markers = Mapping[str, Any] | None  # Points that a user assigns to roles
 
 POINTS = ("shoulder", "elbow", "wrist", "hand")  # Roles of a point, or of the mean of several
 
@@ -72,16 +74,15 @@ def other_side(name: str) -> str:
     return before + colon + pattern.sub(lambda match: _OTHER_SIDE[match[0]], bare, count=1)
 
 
-def find_roles(names: Iterable[str], side: str = "right", body: str | None = None) -> tuple[str, dict[str, Any]]:
+def find_roles(names: Sequence[str], side: str = RIGHT, body: str = "") -> tuple[str, Roles]:
     """Return the marker set of a recording, and the points of each role."""
-    points = list(names)
-    bodies = whole_bodies(points, side)
-    return _roles_among(bodies.get(body or "", next(iter(bodies.values()), points)), side)
+    bodies = whole_bodies(names, side)
+    return _roles_among(bodies.get(body, next(iter(bodies.values()), names)), side)
 
 
-def whole_bodies(names: Iterable[str], side: str, most: int = 20) -> dict[str, list[str]]:
+def whole_bodies(names: Sequence[str], side: str, most: int = 20) -> dict[str, Sequence[str]]:
     """Return the points of each person with a whole arm and a trunk, by prefix; `most` prefixes are tried."""
-    bodies: dict[str, list[str]] = {}
+    bodies: dict[str, Any] = {}
     for name in names:
         bodies.setdefault(name.rpartition(":")[0], []).append(name)
     if len(bodies) == 1:
@@ -90,7 +91,7 @@ def whole_bodies(names: Iterable[str], side: str, most: int = 20) -> dict[str, l
     return {body: own for body, own in list(bodies.items())[:most] if needed <= _roles_among(own, side)[1].keys()}
 
 
-def alternatives(marker_set: str, role: str, side: str = "right") -> list[Any]:
+def alternatives(marker_set: str, role: str, side: str) -> list[Any]:
     """Return the alternatives of a marker set for a role on one side: groups of names, or pairs of groups."""
     where = f"MARKER_SETS[{marker_set!r}][{role!r}]"
     choices = MARKER_SETS[marker_set].get(role, ())
@@ -116,7 +117,7 @@ def _key(name: str) -> str:
     return re.sub(r"[_ .\-]", "", name.rpartition(":")[2]).lower()
 
 
-def _roles_among(names: Sequence[str], side: str) -> tuple[str, dict[str, Any]]:
+def _roles_among(names: Sequence[str], side: str) -> tuple[str, Roles]:
     by_key = {_key(name): name for name in reversed(names)}
 
     def recorded(choice: Any) -> Any:
@@ -140,7 +141,7 @@ def _roles_among(names: Sequence[str], side: str) -> tuple[str, dict[str, Any]]:
     return best, {role: roles[role] for role in ROLES if role in roles}
 
 
-def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right") -> dict[str, Any]:
+def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGHT) -> Roles:
     """Return the points of each role of one arm and the trunk.
 
     Raises `RecordingError` when roles lack points, or points are those of the other arm by their names or positions.
@@ -183,9 +184,7 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
     return roles
 
 
-def assigned_roles(
-    recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right"
-) -> tuple[str, dict[str, Any]]:
+def assigned_roles(recording: Recording, markers: Markers = None, side: str = RIGHT) -> tuple[str, Roles]:
     """Return the marker set of a recording and the points of each role, even if roles are missing."""
     as_choice(side, "side", SIDES)
     if not isinstance(markers, Mapping | None):
@@ -201,16 +200,14 @@ def assigned_roles(
         if name not in recording.observed:
             raise RecordingError(f"markers: point {name!r} is missing in every frame of {recording.source!r}")
     bodies = {name.rpartition(":")[0] for name in names}
-    marker_set, roles = find_roles(recording.observed, side, bodies.pop() if len(bodies) == 1 else None)
+    marker_set, roles = find_roles(recording.observed, side, bodies.pop() if len(bodies) == 1 else "")
     roles |= chosen
     if "trunk_left" in chosen and "trunk_front" not in chosen:
         roles["trunk_front"] = None  # otherwise a name of the marker set would overrule the user's choice
     return marker_set, {role: roles[role] for role in ROLES if roles.get(role)}
 
 
-def find_side(
-    recording: Recording, markers: Mapping[str, Any] | None = None, side: str = AUTO
-) -> tuple[str, str, dict[str, Any]]:
+def find_side(recording: Recording, markers: Markers = None, side: str = AUTO) -> tuple[str, str, Roles]:
     """Choose the arm; return it with the reason and its roles."""
     if side != AUTO:
         return side, "selected by the user", assign_roles(recording, markers, side)

@@ -19,15 +19,7 @@ from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import MAX_POSITION, Recording
 from maniport.mocap.roles import ARM, direction, find_roles, load_names, whole_bodies
 from maniport.util.defaults import RECORDINGS
-from maniport.util.input_limits import (
-    FRAMES,
-    PLACES,
-    POINTS,
-    RECORDING_BYTES,
-    as_path,
-    existing_file,
-    require_at_most,
-)
+from maniport.util.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, as_path, existing_file, require_at_most
 from maniport.util.validation import Array, as_choice, as_number
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}

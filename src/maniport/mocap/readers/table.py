@@ -116,8 +116,8 @@ def _one_row_a_point(file: Path, options: ImportOptions, table: Table, columns: 
     times, frames = np.unique(numbers[:, 0], return_inverse=True)
     require_size(len(times), len(names))
     pairs = frames * len(names) + np.array([names[label] for label in labels])
-    if len(np.unique(pairs)) < len(pairs):
-        again = int(np.flatnonzero(np.bincount(pairs)[pairs] > 1)[1])
+    if (count := np.bincount(pairs)).max() > 1:
+        again = int(np.flatnonzero(count[pairs] > 1)[1])
         raise ValueError(f"line {table.rows[again][0]}: this point occurs twice at one time")
     positions = np.full((len(times) * len(names), 3), np.nan)
     positions[pairs] = numbers[:, 1:]
