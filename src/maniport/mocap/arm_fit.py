@@ -84,7 +84,7 @@ class ArmFit(NotebookDisplay):
         return f"ArmFit({self.arm.name!r}, {self.summary})"
 
     def only(self, keep: NDArray[Any]) -> "ArmFit":
-        """Keep some of the frames, by a mask or by their indices; statistics over all frames are not computed again."""
+        """Keep some of the frames, by a mask or by their indices; statistics stay those of all frames."""
         residuals = {name: values[keep] for name, values in self.residuals.items()}
         per_frame = {name: getattr(self, name)[keep] for name in ("joint_angles", "time", "frames", "beyond_limit")}
         return replace(self, residuals=residuals, **per_frame)

@@ -5,10 +5,8 @@ recorded segment lengths change with the skin. The residual of a segment is ``u(
 its length is the angle between them [rad] as long as that is small.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +17,7 @@ from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.recording import Bools, Recording, runs_of
-from maniport.mocap.roles import POINTS, direction, find_side, points_of, role_position, trunk_rotation, unit
+from maniport.mocap.roles import POINTS, Roles, direction, find_side, points_of, role_position, trunk_rotation, unit
 from maniport.util.validation import Array
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
@@ -122,7 +120,7 @@ class Observation:
 
     side: str
     reason: str  # why that arm
-    roles: dict[str, Any]  # the points of each role
+    roles: Roles
     used: Recording  # these points, cleaned and filled, with notes and quality warnings on that only
     trunk: Array  # rotation of the trunk frame, shape (n_frames, 3, 3)
     frames: NDArray[np.intp]  # the frames in which trunk and arm are fully observed, shape (n,)
@@ -135,7 +133,7 @@ class Observation:
         return Directions(arm, tuple(vectors), unit(np.einsum("nij,nki->nkj", self.trunk[self.frames], world)))
 
 
-def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, smooth: bool) -> Observation:
+def observe(recording: Recording, markers: Roles | None, side: str, smooth: bool) -> Observation:
     """Choose the arm, clean its points and find the frames in which it is fully observed."""
     chosen, reason, roles = find_side(recording, markers, side)
     names = points_of(roles)
@@ -165,14 +163,14 @@ def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, 
     return Observation(chosen, reason, roles, used, trunk, np.flatnonzero(~out), is_smoothed)
 
 
-def vectors_of(points: Recording, roles: Mapping[str, Any], side: str) -> dict[str, Array]:
+def vectors_of(points: Recording, roles: Roles, side: str) -> dict[str, Array]:
     """Return vectors along segments and joint axes, by the keys of `Directions`, in the axes of the points."""
     ends = {name: pair for name, pair in SEGMENTS.items() if all(end in roles for end in pair)}
     vectors = {name: direction(points, (roles[a], roles[b])) for name, (a, b) in ends.items()}
     return vectors | {name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles}
 
 
-def segment_lengths(used: Recording, roles: Mapping[str, Any]) -> dict[str, float]:
+def segment_lengths(used: Recording, roles: Roles) -> dict[str, float]:
     """Return the lengths of recorded segments (median)."""
     lengths = {}
     for name, (start, end) in SEGMENTS.items():

@@ -236,7 +236,7 @@ def find_side(recording: Recording, markers: Markers = None, side: str = AUTO) -
     return moving, reason, roles[moving]
 
 
-def roles_by_side(recording: Recording, markers: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, RecordingError]]:
+def roles_by_side(recording: Recording, markers: Mapping[str, Any]) -> tuple[Roles, dict[str, RecordingError]]:
     """Return the roles of each arm with its markers, and the errors of the arms that are not recorded."""
     roles, errors = {}, {}
     for side in SIDES:
