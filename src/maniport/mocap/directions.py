@@ -7,6 +7,7 @@ its length is the angle between them [rad] as long as that is small.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +134,7 @@ class Observation:
         return Directions(arm, tuple(vectors), unit(np.einsum("nij,nki->nkj", self.trunk[self.frames], world)))
 
 
-def observe(recording: Recording, markers: Roles | None, side: str, smooth: bool) -> Observation:
+def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Observation:
     """Choose the arm, clean its points and find the frames in which it is fully observed."""
     chosen, reason, roles = find_side(recording, markers, side)
     names = points_of(roles)

@@ -39,6 +39,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if not isinstance(frames, list) or not frames:
         raise ValueError("the file holds no frames")
     require_at_most(len(frames), FRAMES, "frames")
+    frames = [frame if isinstance(frame, dict) else {"points": frame} for frame in frames]
     bodies = [_points(frame) for frame in frames]
     names = _names(head, bodies)
     require_size(len(bodies), len(names))
@@ -50,7 +51,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if mediapipe and {"left_hip", "right_hip"} <= set(names):
         # In MediaPipe's landmarks of the image the hips are anywhere, and their depth is zero.
         middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)
-        x, y, depth = np.nanmedian(np.abs(middle), axis=0) if np.isfinite(middle).any() else (0.0, 0.0, 0.0)
+        x, y, depth = np.nanmedian(np.abs(middle), axis=0) if np.isfinite(middle).all(axis=1).any() else (0.0, 0.0, 0.0)
         if depth < 0.05 and max(x, y) > 0.2:
             raise ValueError(_IN_IMAGE)
     notes = drop_untrusted(positions, table[..., 3])
@@ -58,12 +59,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if names is orders["by_count"][17] and arm_error(orders["human36m"], positions) < arm_error(names, positions):
         names = orders["human36m"]
         notes.append("17 keypoints taken in the order of Human3.6M, not of COCO: in it the arms keep their lengths")
-    several = sum(
-        isinstance(frame, dict) and len(frame.get(_first(frame, KEYS["people"], list), ())) > 1 for frame in frames
-    )
-    if several:
+    if several := sum(len(frame.get(_first(frame, KEYS["people"], list), ())) > 1 for frame in frames):
         notes.append(f"several people in {several} frames; the first one was taken")
-    clocks = [_first(frame, KEYS["seconds"]) if isinstance(frame, dict) else "" for frame in frames]
+    clocks = [_first(frame, KEYS["seconds"]) for frame in frames]
     time: Any = None
     if all(clocks):
         time = [_number(frame[key]) * KEYS["seconds"][key] for frame, key in zip(frames, clocks, strict=True)]
