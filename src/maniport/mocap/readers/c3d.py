@@ -79,9 +79,8 @@ def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
         else:
             parameters.append((group, name, _values(section[body + 2 : end], section[3], name)))
         at = end
-    orphan = next((name for group, name, _ in parameters if group not in groups), None)
-    if orphan is not None:
-        raise ValueError(f"its parameters are damaged: {orphan} belongs to no group")
+    if orphans := [name for group, name, _ in parameters if group not in groups]:
+        raise ValueError(f"its parameters are damaged: {orphans[0]} belongs to no group")
     return {f"{groups[group]}:{name}": values for group, name, values in parameters}
 
 
