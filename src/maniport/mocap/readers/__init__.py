@@ -282,7 +282,7 @@ def _by_content(head: bytes) -> str | None:
 
 def _bodies_warning(recording: Recording) -> list[str]:
     """Report which of several bodies is used."""
-    bodies = next(filter(None, (whole_bodies(recording.observed, side) for side in SIDES)), {})
+    bodies = max((whole_bodies(recording.observed, side) for side in SIDES), key=len)
     advice = f"the first is used; a point of another one in {argument('markers')} selects that one"
     return [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"] if len(bodies) > 1 else []
 
@@ -295,9 +295,9 @@ def _upper_arm(recording: Recording) -> tuple[str, float]:
     """Return the ends of an upper arm and its median length in the unit of the points; nan without one."""
     for side in SIDES:
         roles = find_roles(recording.observed, side)[1]
-        if "shoulder" in roles and "elbow" in roles:
+        if {"shoulder", "elbow"} <= roles.keys():
             length = np.linalg.norm(direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1)
-            if len(length := length[np.isfinite(length)]):
-                median = float(np.quantile(length, 0.5, method="lower"))  # not the mean of two units
+            if np.isfinite(length).any():
+                median = float(np.nanquantile(length, 0.5, method="lower"))  # not the mean of two units
                 return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
     return "", np.nan

@@ -24,14 +24,7 @@ from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import load_names
 from maniport.util.files import array_names, load_arrays, read_npy
-from maniport.util.input_limits import (
-    FRAMES,
-    RECORDING_BYTES,
-    SETTINGS_BYTES,
-    existing_file,
-    read_whole,
-    require_at_most,
-)
+from maniport.util.input_limits import RECORDING_BYTES, SETTINGS_BYTES, existing_file, read_whole
 from maniport.util.validation import Array
 
 
@@ -111,7 +104,7 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses:
     if wrong or not count or sum(part[0].size for part in poses) < 66 or root.shape[1:] != (3,):
         shapes = " and ".join(f"{part.shape} of {part.dtype}" for part in (*poses, root))
         raise ValueError(f"poses must be numbers of shape (n, 66 or more), and trans of shape (n, 3); found {shapes}")
-    require_at_most(count, FRAMES, "frames")
+    require_size(count, 66 // 3)
     angles = np.concatenate([part.reshape(count, -1) for part in poses], axis=1)
     bones = _bones(body_height)
     parts = [slice(first, first + 20_000) for first in range(0, count, 20_000)]  # limits the memory
