@@ -22,9 +22,9 @@ from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.errors import FileFormatError
 from maniport.live.transport import read_frame
 from maniport.mocap import read_recording, shipped_recording
-from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.c3d import DEC, MIPS
 from maniport.mocap.readers.mot import RAJAGOPAL
+from maniport.mocap.roles import load_names
 from maniport.motion.motion_limits import MotionLimits
 from maniport.transfer import load_adapter
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
