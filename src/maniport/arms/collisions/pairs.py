@@ -111,7 +111,7 @@ class _Selection:
         disabled: Collection[frozenset[str]],
         fine: Collection[Part],  # parts that need finer hulls
     ):
-        enclosed = [hulls_of(group.arms[body.arm], body.part, body.part in fine) for body in bodies]
+        enclosed = [hulls_of(body.part, body.part in fine) for body in bodies]
         hulls = [
             replace(hull, name=body.name, joint=body.link)
             for body, own in zip(bodies, enclosed, strict=True) for hull in own
