@@ -99,7 +99,7 @@ def test_distances_are_those_of_mujoco_and_depths_those_of_qhull(checked):
             data.mocap_pos[i] = poses[hull.joint][:3, 3]
             mujoco.mju_mat2Quat(data.mocap_quat[i], poses[hull.joint][:3, :3].ravel())
         mujoco.mj_kinematics(model, data)
-        ours = solids.distances(q[None], pairs, np.ones((1, len(pairs)), dtype=bool))[0]
+        ours = solids.contacts(q[None], pairs).distances
         theirs = [mujoco.mj_geomDistance(model, data, a, b, 10.0, np.zeros(6)) for a, b in pairs.tolist()]
         ours += solids._skins[pairs].sum(axis=1)
         for distance, reference, pair in zip(ours, theirs, pairs, strict=True):
@@ -133,7 +133,7 @@ def test_slopes_are_derivatives_of_the_distances(checked):
 
 def test_the_fast_test_frees_no_configuration_that_collides(checked):
     q, pairs, solids = checked.arm.sample(300, 5), checked._pairs, checked._solids
-    exact = solids.distances(q, pairs, np.ones((len(q), len(pairs)), dtype=bool))[0].reshape(len(q), -1)
+    exact = solids.contacts(q, pairs).distances.reshape(len(q), -1)
     for margin in (0.0, 0.03):
         near = solids.maybe_near(q, pairs, margin)
         assert np.all(exact[~near] > margin)
