@@ -8,7 +8,7 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion import FeasibleProjector, Objective, SeedBank, nearest_feasible
 from maniport.spd.regularization import Regularization
 
-DAMPING = Regularization.absolute(0.003)
+DAMPING = Regularization(epsilon=0.003)
 """About a hundredth of the mean eigenvalue of the Panda's ellipsoids."""
 
 

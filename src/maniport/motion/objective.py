@@ -18,7 +18,7 @@ from maniport.motion.costs.ellipsoid import EllipsoidCost
 from maniport.motion.costs.orientation import OrientationCost
 from maniport.motion.costs.position import PoseCost, PositionCost
 from maniport.motion.kernels import add_residual
-from maniport.spd.matrix_functions import roots
+from maniport.spd.kernels import roots
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array, as_points, as_square

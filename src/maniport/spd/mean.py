@@ -72,14 +72,14 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     state = _State.at(apply(np.einsum("n,nij->ij", w, apply(data, np.log)), np.exp), data, w)  # log-Euclidean mean
     if state is None:
         raise NotSPDError("points are too ill-conditioned for their mean: rounding makes them indefinite about it")
-    steps, reason = 0, ""
-    while state.norm > tol and not reason:
+    steps = 0
+    while state.norm > tol:
         following = _line_search(state, data, w) if steps < limit else None
-        if following is not None:
-            state, steps = following, steps + 1
-        else:
-            reason = f"after {limit} steps" if steps == limit else "because rounding allows no further progress"
+        if following is None:
+            break
+        state, steps = following, steps + 1
     if state.norm > max(tol, state.rounding):
+        reason = f"after {limit} steps" if steps == limit else "because rounding allows no further progress"
         warnings.warn(
             f"the mean of {len(data)} matrices stopped {reason} at gradient norm {state.norm:.3g}; wanted {tol:.3g}",
             ConvergenceWarning,

@@ -16,7 +16,8 @@ from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
-from maniport.spd.matrix_functions import apply, congruence, from_vector, logarithm, roots, to_vector
+from maniport.spd.kernels import congruence, roots
+from maniport.spd.matrix_functions import apply, from_vector, logarithm, to_vector
 from maniport.studies.paper import trajectories
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES

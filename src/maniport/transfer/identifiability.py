@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from maniport.spd.matrix_functions import apply, mandel_basis, roots, to_vector
+from maniport.spd.kernels import roots
+from maniport.spd.matrix_functions import apply, mandel_basis, to_vector
 from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
 from maniport.util.jit import kernel
 from maniport.util.validation import Array

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from maniport.spd.affine_invariant import nearest
-from maniport.spd.kernels import power_congruence
-from maniport.spd.matrix_functions import apply, congruence, roots
+from maniport.spd.kernels import congruence, power_congruence, roots
+from maniport.spd.matrix_functions import apply
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.validation import Array

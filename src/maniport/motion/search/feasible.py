@@ -141,7 +141,7 @@ class FeasibleProjector:
 
     def search(self, damping: float) -> "FeasibleSearch":
         """Begin a search for ellipsoids that carry another damping ε > 0 [unit of M]."""
-        epsilon = Regularization.absolute(as_number(damping, "damping", above=0.0))
+        epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
         return FeasibleSearch(replace(self.objective, damping=epsilon), self.bank)
 
     def __deepcopy__(self, memo: Any) -> "FeasibleProjector":

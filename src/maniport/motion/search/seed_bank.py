@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.motion.arm_model import require_compatible
 from maniport.motion.objective import Targets, as_damping
-from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
+from maniport.spd.kernels import congruence, roots
+from maniport.spd.matrix_functions import apply, to_vector
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array, as_count
 
