@@ -27,7 +27,7 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     """Fréchet (Karcher, geometric) mean: the point with the least weighted sum of squared distances.
 
     Riemannian Newton with line search, started from the log-Euclidean mean. The cost is geodesically convex and
-    its Hessian at least the identity, so that the mean is unique and the step always well defined.
+    its Hessian at least the identity, so that the mean is unique and the step always well defined; equation (6).
 
     Parameters
     ----------
@@ -54,11 +54,6 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     ------
     NotSPDError, InvalidInputError
         When a matrix is not SPD, there is none, or the weights do not fit.
-
-    Notes
-    -----
-    The Hessian of ½ d²(P, X) has the eigenvalues x coth x, x = (log λ_j − log λ_k) / 2, in the eigenbasis of
-    P^-½ X P^-½ (the Jacobi fields of the space, whose sectional curvature there is −(log λ_j − log λ_k)² / 4).
 
     References
     ----------
