@@ -124,7 +124,7 @@ def outcome(setting: Setting, seed: int) -> Outcome:
 
 def best_for_copies(adapter: mp.RiemannianICP, teacher: Array, student: Array) -> Array:
     """Return the best rotation for the true pairs of copies, after both clouds are recentered as in a fit."""
-    sides = adapter.teacher_regularization.apply(teacher, ""), adapter.student_regularization.apply(student, "")
+    sides = adapter.teacher_side(teacher), adapter.student_side(student)
     moved = recenter(sides[0], adapter.teacher_mean_, adapter.dispersion_ratio_)
     fixed = recenter(sides[1], adapter.student_mean_)
     problem = RotationProblem(cholesky(fixed), moved, np.full(len(fixed), 1.0 / len(fixed)))

@@ -7,12 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import (
-    ILL_CONDITIONED,
-    compose,
-    eigh,
-    require_in_range,
-)
+from maniport.spd.kernels import ILL_CONDITIONED, compose, eigh, require_in_range
 from maniport.util.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
 
 _above = cache(np.triu_indices)  # Rows and columns of the entries above the diagonal

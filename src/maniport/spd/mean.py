@@ -11,16 +11,7 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
 from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.util.jit import kernel
-from maniport.util.validation import (
-    Array,
-    as_choice,
-    as_count,
-    as_finite,
-    as_number,
-    as_points,
-    as_spd,
-    require_shape,
-)
+from maniport.util.validation import Array, as_choice, as_count, as_finite, as_number, as_points, as_spd, require_shape
 
 
 def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10, max_iter: int = 50) -> Array:

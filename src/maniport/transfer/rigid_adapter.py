@@ -72,7 +72,8 @@ class RigidAdapter(DomainAdapter):
 
     def _map_rotation(self) -> Array:
         """Polar factor of S̄^½ R T̄^-½."""
-        return orthonormal(roots(self.student_mean_)[0] @ self.rotation_ @ roots(self.teacher_mean_)[1])
+        left, _, right = self._rigid_map.factors
+        return orthonormal(right @ left)
 
     def compiled(self) -> Callable[..., Array]:
         """Return the map as a callable for one ellipsoid at a time, for control loops.
