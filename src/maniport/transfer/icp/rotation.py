@@ -100,6 +100,7 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
     congruence_loop(inverse, turned, whitened)
     eigh_loop(whitened, values, vectors)
     logs = np.log(values)
+    rates = logs / values
     for pair in range(count):
         for x in range(d):
             cost += weights[pair] * logs[pair, x] ** 2
@@ -124,8 +125,8 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
                 if abs(gap) < NEAR * middle:  # there the logarithm of the middle is the middle of the logarithms
                     slope = 2.0 * (2.0 - (log_low + log_high)) / (middle * middle)
                 else:
-                    slope = 4.0 * (log_low / low - log_high / high) / gap
-                own = weight * (slope * high * high + 4.0 * log_low * high / low)
+                    slope = 4.0 * (rates[pair, x] - rates[pair, y]) / gap
+                own = weight * (slope * high * high + 4.0 * rates[pair, x] * high)
                 mixed = weight * (slope * low * high + 2.0 * (log_low + log_high))
                 for k in range(m):
                     change = own * moves[k, x, y] + mixed * moves[k, y, x]
