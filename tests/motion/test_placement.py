@@ -23,7 +23,7 @@ from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 
-DAMPING = Regularization.absolute(0.003)
+DAMPING = Regularization(epsilon=0.003)
 TIME = np.linspace(0.0, 2.0, 12)
 START = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
 FOUR = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)

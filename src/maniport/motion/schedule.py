@@ -15,7 +15,8 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.objective import Damping, Objective, Targets
 from maniport.spd.affine_invariant import geodesic
-from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
+from maniport.spd.kernels import congruence, roots, symmetrize
+from maniport.spd.matrix_functions import apply
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
 
