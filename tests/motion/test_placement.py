@@ -12,13 +12,14 @@ from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import MotionLimits, ReachabilityMap, SeedBank, place_path
+from maniport.motion import MotionLimits, SeedBank, place_path
 from maniport.motion.demands import demands_of
 from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import as_workspace, fixed_place
 from maniport.motion.placement.placement import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization

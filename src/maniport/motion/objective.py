@@ -254,10 +254,7 @@ class Targets:
         return self._log_changes(values, vectors, changes)
 
     def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
-        """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given.
-
-        `velocity` are velocity ellipsoids (n, d, d), `changes` their derivatives (n, dof, d, d).
-        """
+        """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
         singular, achieved = np.zeros(len(velocity), bool), velocity
         if self.objective.spec.kind == "force":
             values, vectors = eigh(velocity)
