@@ -223,11 +223,17 @@ class LimitUse:
     """Largest shares of limits that a motion uses, by rows of `QUANTITIES`; 1 is the limit.
 
     A share of a position is measured from the middle of the joint's range.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+    shares, times : ndarray, shape (6, dof)
+        Largest shares, and when [s].
     """
 
     joint_names: tuple[str, ...]
-    shares: Array  # (6, dof)
-    times: Array  # (6, dof), when [s]
+    shares: Array
+    times: Array
 
     @property
     def largest(self) -> dict[str, tuple[str, float, float]]:
