@@ -8,37 +8,36 @@ from typing import TYPE_CHECKING, Any
 
 from maniport.version import __version__
 
+__all__ = [
+    "Arm", "ArmGroup", "Collisions", "EllipsoidSpec", "FeasibleProjector", "IdentityMap", "LearnedProfile",
+    "LengthField", "Live", "MeanTransport", "MotionResult", "NearestNeighbor", "ParallelTransport", "ProfileGMM",
+    "Recording", "RiemannianICP", "SeedBank", "TransferResult", "__version__", "align", "arms", "batch", "domain",
+    "errors", "evaluate", "evaluation", "fit_arm", "fit_arms", "follow_profile", "learn", "learning", "live",
+    "load_adapter", "load_arm", "load_arms", "mocap", "motion", "nearest_feasible", "pipeline", "progress",
+    "read_recording", "report", "sample_domain", "spd", "track", "transfer", "transfer_batch", "transfer_recording",
+    "write_figures", "write_results",
+]  # fmt: skip
+
 _NAMES = {
-    "batch": ("transfer_batch",),
     "arms": ("Arm", "ArmGroup", "EllipsoidSpec", "load_arm", "load_arms"),
     "arms.collisions": ("Collisions",),
-    "mocap": ("Recording", "fit_arm", "fit_arms", "read_recording"),
+    "batch": ("transfer_batch",),
     "domain": ("sample_domain",),
-    "errors": (),
     "evaluation": ("evaluate",),
-    "live": ("Live",),
-    "pipeline": ("LearnedProfile", "MotionResult", "TransferResult", "follow_profile", "learn", "transfer_recording"),
     "learning": ("ProfileGMM", "align"),
-    "spd": (),
-    "report": (),
-    "report.figures": ("write_figures",),
-    "report.console": ("progress",),
-    "report.write": ("write_results",),
+    "live": ("Live",),
+    "mocap": ("Recording", "fit_arm", "fit_arms", "read_recording"),
     "motion": ("FeasibleProjector", "SeedBank", "nearest_feasible", "track"),
+    "pipeline": ("LearnedProfile", "MotionResult", "TransferResult", "follow_profile", "learn", "transfer_recording"),
+    "report.console": ("progress",),
+    "report.figures": ("write_figures",),
+    "report.write": ("write_results",),
     "transfer": (
-        "LengthField",
-        "NearestNeighbor",
-        "ParallelTransport",
-        "IdentityMap",
-        "MeanTransport",
-        "RiemannianICP",
+        *("IdentityMap", "LengthField", "MeanTransport", "NearestNeighbor", "ParallelTransport", "RiemannianICP"),
         "load_adapter",
     ),
 }
 _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
-_PACKAGES = [module for module in _NAMES if "." not in module]
-
-__all__ = sorted([*_MODULE_OF, *_PACKAGES, "__version__"])
 
 if TYPE_CHECKING:
     from maniport import (
@@ -76,7 +75,7 @@ if TYPE_CHECKING:
     from maniport.report.console import progress
     from maniport.report.figures import write_figures
     from maniport.report.write import write_results
-    from maniport.transfer import (
+    from maniport.transfer import (  # fmt: skip
         IdentityMap,
         LengthField,
         MeanTransport,
@@ -88,15 +87,15 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'maniport' has no attribute {name!r}")
     if name in _MODULE_OF:
         value = getattr(importlib.import_module(f"maniport.{_MODULE_OF[name]}"), name)
-    elif name in _PACKAGES:
-        value = importlib.import_module(f"maniport.{name}")
     else:
-        raise AttributeError(f"module 'maniport' has no attribute {name!r}")
+        value = importlib.import_module(f"maniport.{name}")
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

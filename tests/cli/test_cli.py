@@ -11,6 +11,7 @@ import maniport
 from maniport import cli, load_arm, pipeline
 from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
+from maniport.pipeline.settings import plan_settings
 from maniport.report import write
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from sizes import little_search, panda_profile
@@ -221,8 +222,8 @@ def track(run, monkeypatch, tmp_path):
     save_ellipsoids(tmp_path / "p.npz", np.tile(np.eye(3), (3, 1, 1)), [0.0, 1.0, 2.0])
 
     def asked(arm, profiles, time, paths, config, **_):
-        config.motion.control(arm)
-        raise AskedError(config.motion)
+        plan_settings(config, arm)
+        raise AskedError(config)
 
     monkeypatch.setattr(pipeline, "follow_profile", asked)
 
@@ -246,7 +247,7 @@ def test_units_of_the_command_line_are_converted(track):
     assert asked.orientation == (0.0, 0.0, -1.0)
     np.testing.assert_allclose(asked.home, np.radians([float(word) for word in home.split(",")]))
     lower = panda.lower + 0.05 * (panda.upper - panda.lower)
-    control = asked.control(panda)
+    control = plan_settings(asked, panda)
     np.testing.assert_allclose(control.motion_limits.lower, lower, atol=1e-12)
     assert "table" in np.array(control.collisions.pairs)
 

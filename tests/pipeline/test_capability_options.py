@@ -8,8 +8,8 @@ import pytest
 from maniport import Arm, load_arm, transfer_recording
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.pipeline.config import Config
+from maniport.pipeline.settings import settings_of
 from maniport.pipeline.stages import sample_robot
-from maniport.pipeline.transfer import settings_of
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from maniport.pipeline.transfer import settings_of
     [({}, None), ({"ellipsoids": "force"}, "joint-limits"), ({"ellipsoids": "force", "joint_weights": "unit"}, None)],
 )
 def test_force_ellipsoids_have_torque_limits_by_default(options, weights):
-    assert Config().changed(**options).transfer.spec.joint_weights == weights
+    assert Config().changed(**options).spec.joint_weights == weights
 
 
 @pytest.mark.parametrize(("options", "text"), [

@@ -2,7 +2,7 @@
 
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import wraps
 from math import degrees, inf, isfinite, radians
@@ -14,15 +14,14 @@ from typer.core import TyperCommand
 
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
 from maniport.pipeline.config import OPTIONS, Config
-from maniport.pipeline.option import Option
-from maniport.pipeline.options import RobotOptions
+from maniport.pipeline.option import NAMES, NUMBERS_BY_NAME, Option
 from maniport.report.console import Console
-from maniport.util.defaults import BOTH, RECORDINGS
+from maniport.util.atomic_io import require_room
+from maniport.util.defaults import BOTH
 from maniport.version import __version__
 
 UsageError: Any = typer.BadParameter.__base__  # Typer has no public name for it
-RECORDING = f"Recording: {', '.join(RECORDINGS)}, a folder of keypoints, or a bundled name."
-NO_ROBOT = Config(robot=RobotOptions(robot=()))  # defaults of commands that need no robot
+NO_ROBOT = Config(robot=())  # defaults of commands that need no robot
 
 app = typer.Typer(
     name="maniport",
@@ -79,8 +78,9 @@ class _Command(TyperCommand):
             row = parameter.get_help_record(ctx)
             parameter.hidden = hidden  # type: ignore[attr-defined]
             if row is not None and (not hidden or "all" in ctx.meta):
-                title = getattr(parameter, "rich_help_panel", None)
-                groups.setdefault(title or ("Options" if row[0].startswith("-") else "Arguments"), []).append(row)
+                option, title = row[0].startswith("-"), getattr(parameter, "rich_help_panel", None)
+                row = row if option else (row[0].partition(" <")[0], row[1])
+                groups.setdefault(title or ("Options" if option else "Arguments"), []).append(row)
         for title, rows in groups.items():
             with formatter.section(title):
                 formatter.write_dl(rows, col_max=32)
@@ -103,6 +103,8 @@ SHARED = {
     "verbose": typer.Option("--verbose", "-v", help="Print the complete report."),
 }
 """Flags of all commands."""
+FILE = typer.Option("--config", help="YAML file of options, as run.yaml in a result folder.", metavar="FILE")
+PANELS = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}
 
 
 def command(
@@ -124,37 +126,36 @@ def command(
     """
     chosen = [
         replace(described, common=described.common or name in common)
-        for name, (section, described) in OPTIONS.items()
-        if {name, section} & set(names) and described.typed and name not in without
+        for name, described in OPTIONS.items()
+        if {name, described.section} & set(names) and described.typed and name not in without
     ]
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
-        usual = replace(defaults or Config(), verb=verb.__name__)
+        usual, own = (
+            replace(defaults or Config(), verb=verb.__name__),
+            inspect.signature(verb, eval_str=True).parameters,
+        )
 
         @wraps(verb)
         def run(**typed: Any) -> None:
             _, *flags = [typed.pop(name) for name in SHARED]
-            console = Console(*flags)
-            file = typed.pop("config_file", None)
-            inputs = {"recording", "profile", "path"}
-            config = usual if file is None else Config.load(file, usual, inputs.union(option.name for option in chosen))
-            values = {option.name: typed.pop(option.name) for option in chosen}
+            file, values = typed.pop("config_file", None), {option.name: typed.pop(option.name) for option in chosen}
+            used = {"recording", "profile", "path", *values}
+            config = usual if file is None else Config.load(file, usual, used)
             values = {o.name: o.parse(values[o.name]) for o in chosen if values[o.name] not in (None, [])}
-            made = {"config": in_si_units(config.changed(**values), values), "console": console}
+            if "profile" in values:
+                values.setdefault("path", None)  # that of a file belongs to the profile of the file
+            made = {"config": in_si_units(config.changed(**values), values), "console": Console(*flags)}
             verb(**typed, **{name: value for name, value in made.items() if name in own})
 
-        own = inspect.signature(verb, eval_str=True).parameters
         kinds = {option.name: _annotation(option, usual) for option in chosen}
-        if chosen:
-            help = "YAML file of options, as run.yaml in a result folder."
-            kinds["config_file"] = Annotated[Path | None, typer.Option("--config", help=help, metavar="FILE")]
+        kinds |= {"config_file": Annotated[Path | None, FILE]} if chosen else {}
         shared = {name: Annotated[bool, settings] for name, settings in SHARED.items()}
-        parameters = [parameter for name, parameter in own.items() if name not in ("config", "console")]
-        for group, default in ((kinds, None), (shared, False)):
-            parameters += [
-                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-                for name, kind in group.items()
-            ]
+        parameters = [parameter for name, parameter in own.items() if name not in ("config", "console")] + [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+            for group, default in ((kinds, None), (shared, False))
+            for name, kind in group.items()
+        ]
         parameters.sort(key=lambda parameter: parameter.default is not inspect.Parameter.empty)
         run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -166,23 +167,23 @@ def command(
 
 def _annotation(option: Option, usual: Config) -> Any:
     """Make the annotation of an option's parameter; None is a value that was not typed."""
-    section, default = OPTIONS[option.name][0], usual.value(option.name)
-    panel = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}.get(section)
+    default = getattr(usual, option.name)
+    listed = option.repeated or option.kind in (NAMES, NUMBERS_BY_NAME)
+    kind = option.kind if option.kind in (bool, int) else list[str] if listed else str
+    if option.name in ("recording", "profile"):
+        return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]
     words = "|".join(option.choices)
     metavar = option.metavar or (words if 0 < len(words) <= 24 else option.unit)
     metavar = metavar or ("FILE" if option.is_file else {int: "N", float: "X"}.get(option.kind, "NAME"))
     help = option.help + (f": {', '.join(option.choices)}" if option.choices and metavar == "NAME" else "")
     if default not in (None, ()):
         help += f" (default {option.text(default)})"
-    plain = option.kind in (bool, int) and not option.choices
-    several = option.repeated or (option.element is str and option.kind in (tuple, Mapping))
-    kind = option.kind if plain else list[str] if several else str
     settings = typer.Option(
         option.flag if option.kind is not bool else f"{option.flag}/--no-{option.flag[2:]}",
         help=help,
         hidden=not option.common,
         metavar=metavar,
-        rich_help_panel=panel,
+        rich_help_panel=PANELS.get(option.section),
         autocompletion=(lambda: list(option.choices)) if option.choices else None,
     )
     return Annotated[kind | None, settings]
@@ -195,31 +196,29 @@ def in_si_units(config: Config, typed: dict[str, Any]) -> Config:
         lock = {name: _position("--lock", name, value, *joints.get(name, ("", -inf, inf)))
                 for name, value in typed["lock"].items()}  # fmt: skip
         config = config.changed(lock=lock)
-    if typed.get("home") is not None:
+    if (home := typed.get("home")) is not None:
         from maniport.motion import MotionLimits
+        from maniport.pipeline.settings import load_robot
 
-        arm = config.robot.load(config.human.side == BOTH)
-        arm = MotionLimits.of(arm, config.motion.limits, config.motion.joint_limit_margin).arm
-        if len(typed["home"]) != arm.dof:
+        arm = MotionLimits.of(load_robot(config), config.limits, config.joint_limit_margin).arm
+        if len(home) != arm.dof:
             names = ", ".join(arm.joint_names)
-            raise InvalidInputError(f"--home must have {arm.dof} numbers, for {names}; found {len(typed['home'])}")
-        rows = zip(arm.joint_names, typed["home"], arm.joint_units, arm.lower, arm.upper, strict=True)
+            raise InvalidInputError(f"--home must have {arm.dof} numbers, for {names}; found {len(home)}")
+        rows = zip(arm.joint_names, home, arm.joint_units, arm.lower, arm.upper, strict=True)
         config = config.changed(home=tuple(_position("--home", *row) for row in rows))
     return config
 
 
 def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
     """Return unit, lower and upper limit of all joints by name, also of those that do not move."""
-    options, both = config.robot, config.human.side == BOTH
-    if not (both or options.several):
-        from maniport.arms.loaders import read_arm
+    from maniport.arms.loaders import read_arm
+    from maniport.pipeline.settings import load_robot, names_several
 
-        frame = options.frame[0] if options.frame else None
-        chain = read_arm(options.robot[0], frame, options.joints or None, options.base)
-        return dict(zip(chain.coordinates, zip(chain.units, chain.lower, chain.upper, strict=True), strict=True))
-    group = replace(options, lock=None).load(both)
-    limits = zip(group.joint_units, group.lower, group.upper, strict=True)
-    return dict(zip(group.joint_names, limits, strict=True))
+    if config.side == BOTH or names_several(config):
+        group = load_robot(config.changed(lock=None))
+        return dict(zip(group.joint_names, zip(group.joint_units, group.lower, group.upper, strict=True), strict=True))
+    chain = read_arm(config.robot[0], config.frame[0] if config.frame else None, config.joints or None, config.base)
+    return dict(zip(chain.coordinates, zip(chain.units, chain.lower, chain.upper, strict=True), strict=True))
 
 
 def _position(
@@ -238,15 +237,13 @@ def _position(
 
 def names_robot(config: Config) -> bool:
     """Whether a robot was named; raise where its options are without one."""
-    if not config.robot.robot and (config.robot != NO_ROBOT.robot or config.motion.export):
+    if not config.robot and (config.changes("robot").keys() - {"robot"} or config.export):
         raise InvalidInputError("options of a robot, and --export, need --robot")
-    return bool(config.robot.robot)
+    return bool(config.robot)
 
 
 def require_suffix(output: Path, *suffixes: str) -> None:
     """Raise unless a file with one of these suffixes can be written there."""
-    from maniport.util.atomic_io import require_room
-
     if output.suffix not in suffixes:
         raise InvalidInputError(f"output must end in {' or '.join(suffixes)}; found {str(output)!r}")
     require_room(output)

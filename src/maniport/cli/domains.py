@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
+import maniport
 from maniport.cli.application import NO_ROBOT, Overwrite, command, names_robot, require_suffix
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
@@ -13,13 +14,15 @@ from maniport.report.console import Console
 from maniport.report.renderings import as_numbers, write_report
 from maniport.report.values import report_of
 from maniport.util.defaults import AUTO
+from maniport.util.files import load_ellipsoids, save_ellipsoids
+from maniport.util.validation import as_choice
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
 TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
 StudentDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")]
 Adapter = Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")]
-CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
+CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 
 
 @command(*CHAIN, "side", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
@@ -32,13 +35,11 @@ def domain(
     n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
 ) -> None:
     """Sample the ellipsoids of an arm within its joint limits."""
-    from maniport.domain import sample_domain
-    from maniport.util.files import save_ellipsoids
+    from maniport.pipeline.settings import load_single_arm
 
     require_suffix(output, ".npz")
-    human, spec = config.human, config.transfer.spec
-    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side)
-    ellipsoids = sample_domain(body, n, config.seed, spec=spec)
+    body, spec = load_single_arm(config.changed(robot=arm), config.side), config.spec
+    ellipsoids = maniport.sample_domain(body, n, config.seed, spec=spec)
     save_ellipsoids(output, ellipsoids)
     console.finish(
         {"arm": body.name, "frame": body.frame, "ellipsoids": len(ellipsoids), "output": str(output)},
@@ -47,7 +48,7 @@ def domain(
 
 
 @command(
-    "robot", *CHAIN, "method", "damping", "base_rotation", "ellipsoids", "part", "seed",
+    "robot", "method", "damping", "base_rotation", "ellipsoids", "part", "seed",
     common=("damping", "base_rotation"), defaults=NO_ROBOT.changed(method="icp"),
     without=("hand_targets", "pose"),
     example="maniport fit person.npz panda.npz -o adapter.npz",
@@ -64,18 +65,17 @@ def fit(
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
     from maniport.evaluation.comparison import with_feasible_set
+    from maniport.pipeline.settings import load_single_arm
     from maniport.transfer import method_of
-    from maniport.util.files import load_ellipsoids
 
     require_suffix(output, ".npz")
-    if (transfer := config.transfer).method == AUTO:
+    if config.method == AUTO:
         raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
-    arm, seed = config.robot.load_arm() if names_robot(config) else None, config.seed
+    arm = load_single_arm(config) if names_robot(config) else None
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
-    rotation = None if unknown_base_rotation else transfer.rotation
-    adapter = method_of(transfer.method, damping=transfer.damping or None, base_rotation=rotation, random_state=seed)
-    if arm is not None:
-        adapter = with_feasible_set(adapter, arm, transfer.spec, random_state=seed)
+    rotation, damping = None if unknown_base_rotation else config.rotation, config.damping or None
+    adapter = method_of(config.method, damping=damping, base_rotation=rotation, random_state=config.seed)
+    adapter = with_feasible_set(adapter, arm, config.spec, random_state=config.seed)
     with console.progress() as progress:
         progress("Fit transfer", 0.0)
         adapter.fit(*domains)
@@ -93,11 +93,8 @@ def apply(
     inverse: Annotated[bool, typer.Option("--inverse", help="Map from student to teacher.")] = False,
 ) -> None:
     """Map ellipsoids with a fitted adapter."""
-    from maniport.transfer import load_adapter
-    from maniport.util.files import load_ellipsoids, save_ellipsoids
-
     require_suffix(output, ".npz")
-    fitted = load_adapter(adapter)
+    fitted = maniport.load_adapter(adapter)
     points, time = load_ellipsoids(profile)
     with console.progress():  # prints warnings
         mapped = fitted.inverse_transform(points) if inverse else fitted.transform(points)
@@ -106,7 +103,7 @@ def apply(
 
 
 @command(
-    "robot", *CHAIN, "ellipsoids", "part", "seed", without=("hand_targets", "pose"), defaults=NO_ROBOT,
+    "robot", "ellipsoids", "part", "seed", without=("hand_targets", "pose"), defaults=NO_ROBOT,
     example="maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md",
 )  # fmt: skip
 def evaluate(
@@ -120,20 +117,18 @@ def evaluate(
     methods: Methods = None,
 ) -> None:
     """Compare a fitted adapter with baselines."""
-    from maniport.evaluation import evaluate
     from maniport.evaluation.summary import BASELINES
-    from maniport.transfer import load_adapter
-    from maniport.util.files import load_ellipsoids
+    from maniport.pipeline.settings import load_single_arm
 
     if output is not None:
         require_suffix(output, ".md", ".json")
-    arm, fitted = config.robot.load_arm() if names_robot(config) else None, load_adapter(adapter)
+    arm, fitted = load_single_arm(config) if names_robot(config) else None, maniport.load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
+    rows = _rows(methods) or BASELINES
     with console.progress() as progress:
-        evaluation = evaluate(
-            fitted, *sets, robot=arm, spec=config.transfer.spec, rows=_rows(methods) or BASELINES,
-            random_state=config.seed, progress=progress,
-        )  # fmt: skip
+        evaluation = maniport.evaluate(
+            fitted, *sets, robot=arm, spec=config.spec, rows=rows, random_state=config.seed, progress=progress
+        )
     report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
     if output is not None:
         write_report(output, report)
@@ -155,36 +150,35 @@ def reproduce(
     task: Annotated[Path | None, typer.Option("--task", help="Task study: task of the joints, .json.")] = None,
 ) -> None:
     """Repeat the paper's experiments, or run the task study."""
-    if which == "tasks":
-        if methods is not None or overwrite:
-            raise InvalidInputError("tasks takes no --methods or --overwrite")
-        if (score is None) != (task is None):
-            raise InvalidInputError("--score and --task: expected both or neither")
-        from maniport.studies.tasks.run import score_file, study_tasks
+    if which != "tasks":
+        if quick or robots or recordings or score or task:
+            raise InvalidInputError("--quick, --robots, --recordings, --score and --task are options of tasks")
+        from maniport.studies.paper.run import reproduce
 
-        if score is not None and task is not None:
-            console.print_report(score_file(score, task))
-            return
-        folder = output or Path("maniport-tasks")
+        output = output or Path("maniport-paper")
         with console.progress() as progress:
-            names = [name.strip() for name in robots.split(",")] if robots else ()
-            study = study_tasks(folder, config.seed, progress, quick=quick, robots=names, recordings=recordings)
-        console.print_report(report_of(study), output=str(folder))
+            result = reproduce(which, output, config.seed, progress, methods=_rows(methods), overwrite=overwrite)
+        console.print_report(report_of(result), output=str(output))
         return
-    if quick or robots or recordings or score or task:
-        raise InvalidInputError("--quick, --robots, --recordings, --score and --task are options of tasks")
-    from maniport.studies.paper.run import reproduce
+    if methods is not None or overwrite:
+        raise InvalidInputError("tasks takes no --methods or --overwrite")
+    if (score is None) != (task is None):
+        raise InvalidInputError("--score and --task: expected both or neither")
+    from maniport.studies.tasks.run import score_file, study_tasks
 
-    output = output or Path("maniport-paper")
+    if score is not None and task is not None:
+        console.print_report(score_file(score, task))
+        return
+    output = output or Path("maniport-tasks")
+    names = [name.strip() for name in robots.split(",")] if robots else ()
     with console.progress() as progress:
-        result = reproduce(which, output, config.seed, progress, methods=_rows(methods), overwrite=overwrite)
-    console.print_report(report_of(result), output=str(output))
+        study = study_tasks(output, config.seed, progress, quick=quick, robots=names, recordings=recordings)
+    console.print_report(report_of(study), output=str(output))
 
 
 def _rows(methods: str | None) -> tuple[str, ...]:
     """Split names of rows at commas; "all" means every row, None the default rows."""
     from maniport.transfer import METHODS
-    from maniport.util.validation import as_choice
 
     if methods is None or methods == "all":
         return tuple(METHODS) if methods else ()

@@ -22,6 +22,7 @@ from maniport.motion import Cost, Limit, MotionLimits, Placement, Planner, PlanS
 from maniport.motion.costs.cost import as_costs
 from maniport.motion.plan.plan_settings import require_free
 from maniport.pipeline import Config, TransferResult
+from maniport.pipeline.settings import plan_settings
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -191,7 +192,7 @@ class Live:
         robot = result.robot if len(result.arms) > 1 else result.arm.robot
         defaults: dict[str, Any] = {"spec": result.spec, "random_state": result.random_state}
         if result.motion is not None:
-            control = (result.config or Config()).motion.control(robot)
+            control = plan_settings(result.config or Config(), robot)
             paths = [arm.placement for arm in result.arms if arm.placement is not None]
             joints = result.motion.trajectory.joint_positions
             defaults |= {"motion_limits": control.motion_limits, "collisions": control.collisions}

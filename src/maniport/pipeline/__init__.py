@@ -11,9 +11,9 @@ _MODULE_OF = {
     "LearnedProfile": "demonstrations",
     "MotionResult": "results",
     "TransferResult": "results",
-    "follow_profile": "transfer",
+    "follow_profile": "following",
     "learn": "demonstrations",
-    "transfer_recording": "transfer",
+    "transfer_recording": "stages",
 }
 
 __all__ = [
@@ -23,8 +23,9 @@ __all__ = [
 if TYPE_CHECKING:
     from maniport.pipeline.config import Config
     from maniport.pipeline.demonstrations import LearnedProfile, learn
+    from maniport.pipeline.following import follow_profile
     from maniport.pipeline.results import MotionResult, TransferResult
-    from maniport.pipeline.transfer import follow_profile, transfer_recording
+    from maniport.pipeline.stages import transfer_recording
 
 
 def __getattr__(name: str) -> Any:

@@ -19,6 +19,7 @@ from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.mocap.directions import SEGMENTS
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import SavedResult
+from maniport.pipeline.settings import fit_options, read_part
 from maniport.spd.matrix_functions import from_vector, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import AUTO
@@ -197,7 +198,7 @@ def learn(
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
     config = (config or Config()).changed(allowed=("human", "transfer", "learning"), **options)
-    spec, person = config.transfer.spec, config.human.person
+    spec, person = config.spec, config.person
     demonstrations = _demonstrations(recordings, _intervals(recordings, segments), config, progress)
     motions = [demonstration.motion for demonstration in demonstrations]
     arms, bases = _mean_arms(person, motions), np.mean([motion.bases for motion in motions], axis=0)
@@ -213,10 +214,10 @@ def learn(
         ellipsoids.append(blocks.reshape(len(rows), *[len(arms) * spec.size] * 2))
         paths = [arm.forward(q)[:, :3, 3] + base for (arm, q), base in zip(pairs, bases, strict=True)]
         hands.append(np.concatenate(paths, axis=1))
-    regularization = Regularization(config.transfer.damping or None).fitted(np.concatenate(ellipsoids))
+    regularization = Regularization(config.damping or None).fitted(np.concatenate(ellipsoids))
     profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
     alignment = align(profiles, times, progress=progress)
-    mixture = ProfileGMM(config.learning.components, MAX_COMPONENTS, random_state=config.seed)
+    mixture = ProfileGMM(config.components, MAX_COMPONENTS, random_state=config.seed)
     model = mixture.fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
     profile, covariance = model.predict(time, return_covariance=True)
@@ -266,10 +267,10 @@ def _demonstrations(
     recordings: Sequence[Recording | str | Path], parts: list[Any], config: Config, progress: Progress | None
 ) -> tuple[Demonstration, ...]:
     """Fit the person's arms to each recording, and cut the fits."""
-    demonstrations, options = list[Demonstration](), config.human.fit_options
+    demonstrations, options = list[Demonstration](), fit_options(config)
     step = Step(progress, "Fit human arms")
     for source, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
-        recording = config.human.read(source)
+        recording = read_part(source, config)
         name = Path(recording.source).name or "a recording"
         first, last = recording.time[0], recording.time[-1]
         for start, stop in [] if segments == AUTO else filter(None, segments):
