@@ -23,7 +23,7 @@ from maniport.batch.inputs import digest
 from maniport.errors import ManiportError
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.config import Config
-from maniport.pipeline.settings import Settings, load_robot, settings_of
+from maniport.pipeline.settings import load_robot, settings_of
 from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
 from sizes import SMALL, little_search
@@ -58,8 +58,7 @@ def short_work():
     results = {}
 
     def quick(recording, config=None, *, progress=None, **options):
-        config = config.config if isinstance(config, Settings) else config or Config()
-        config = config.changed(**{**SMALL, **options})
+        config = (config or Config()).changed(**{**SMALL, **options})
         if config.method == AUTO:
             config = config.changed(method="parallel-transport")
         same = replace(config, recording=(), start=None, stop=None, export=(), verb="")

@@ -129,7 +129,12 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
 def _human(pair: Pair, humans: list[tuple[Any, Human, Warnings]]) -> tuple[Human, Warnings]:
     """Fit the person, or take the fit with the same options for another robot from `humans`."""
     job, rate = pair.robot.job, pair.robot.job.config.profile_rate
-    options = job.config.changes("human"), job.spec, rate, np.array(job.stands).tolist() if len(job.arms) > 1 else None
+    options = (
+        job.config.changes("human"),
+        job.config.spec,
+        rate,
+        np.array(job.stands).tolist() if len(job.arms) > 1 else None,
+    )
     for same, human, texts in humans:
         if same == options:
             return human, texts

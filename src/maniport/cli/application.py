@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import wraps
-from math import degrees, inf, isfinite, radians
+from math import inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -96,7 +96,7 @@ def _help_all(context: typer.Context, wanted: bool) -> None:
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the output folder.")]
-SHARED = {
+FLAGS = {
     "help_all": typer.Option("--help-all", callback=_help_all, is_eager=True, help="Show help with all options."),
     "json": typer.Option("--json", help="Print the result as JSON."),
     "quiet": typer.Option("--quiet", "-q", help="Print only errors and the result table."),
@@ -108,53 +108,37 @@ PANELS = {"human": "Recording and person", "robot": "Robot", "transfer": "Transf
 
 
 def command(
-    *names: str, example: str, defaults: Config | None = None, without: Iterable[str] = (), common: Iterable[str] = ()
+    *names: str, example: str, defaults: Config | None = None, without: Iterable[str] = ()
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Add a command whose parameters `config` and `console` come from generated options.
+    """Add a command with a parameter for each option of `names`, which are sections of the configuration or options.
 
-    Parameters
-    ----------
-    *names : str
-        Sections of the configuration, or options.
-    example : str
-    defaults : Config, optional
-        Defaults of the command.
-    without : iterable of str
-        Options of the sections that the command does not have.
-    common : iterable of str
-        Further options that ``--help`` shows.
+    The function gets them as `config`; a `console` has the flags of all commands.
     """
-    chosen = [
-        replace(described, common=described.common or name in common)
-        for name, described in OPTIONS.items()
-        if {name, described.section} & set(names) and described.typed and name not in without
-    ]
+    chosen = [o for o in OPTIONS.values() if {o.name, o.section} & set(names) and o.typed and o.name not in without]
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
-        usual, own = (
-            replace(defaults or Config(), verb=verb.__name__),
-            inspect.signature(verb, eval_str=True).parameters,
-        )
+        usual = replace(defaults or Config(), verb=verb.__name__)
+        own = inspect.signature(verb, eval_str=True).parameters
 
         @wraps(verb)
         def run(**typed: Any) -> None:
-            _, *flags = [typed.pop(name) for name in SHARED]
-            file, values = typed.pop("config_file", None), {option.name: typed.pop(option.name) for option in chosen}
-            used = {"recording", "profile", "path", *values}
-            config = usual if file is None else Config.load(file, usual, used)
-            values = {o.name: o.parse(values[o.name]) for o in chosen if values[o.name] not in (None, [])}
-            if "profile" in values:
-                values.setdefault("path", None)  # that of a file belongs to the profile of the file
-            made = {"config": in_si_units(config.changed(**values), values), "console": Console(*flags)}
-            verb(**typed, **{name: value for name, value in made.items() if name in own})
+            _, *flags = [typed.pop(name) for name in FLAGS]
+            made: dict[str, Any] = {"console": Console(*flags)}
+            if chosen:
+                file, texts = typed.pop("config_file"), {o.name: typed.pop(o.name) for o in chosen}
+                config = usual if file is None else Config.load(file, usual, {"recording", "profile", "path", *texts})
+                values = {o.name: o.parse(texts[o.name]) for o in chosen if texts[o.name] not in (None, [])}
+                if "profile" in values:
+                    values.setdefault("path", None)  # that of a file belongs to the profile of the file
+                made["config"] = in_si_units(config.changed(**values), values)
+            verb(**typed, **made)
 
-        kinds = {option.name: _annotation(option, usual) for option in chosen}
+        kinds = {o.name: _annotation(o, usual) for o in chosen}
         kinds |= {"config_file": Annotated[Path | None, FILE]} if chosen else {}
-        shared = {name: Annotated[bool, settings] for name, settings in SHARED.items()}
+        kinds |= {name: Annotated[bool | None, flag] for name, flag in FLAGS.items()}
         parameters = [parameter for name, parameter in own.items() if name not in ("config", "console")] + [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-            for group, default in ((kinds, None), (shared, False))
-            for name, kind in group.items()
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+            for name, kind in kinds.items()
         ]
         parameters.sort(key=lambda parameter: parameter.default is not inspect.Parameter.empty)
         run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -191,11 +175,8 @@ def _annotation(option: Option, usual: Config) -> Any:
 
 def in_si_units(config: Config, typed: dict[str, Any]) -> Config:
     """Convert `lock` and `home`, where they were typed, to rad or m; this loads the robot."""
-    if typed.get("lock"):
-        joints = _joints(config)  # those that the robot lacks are refused when it is loaded
-        lock = {name: _position("--lock", name, value, *joints.get(name, ("", -inf, inf)))
-                for name, value in typed["lock"].items()}  # fmt: skip
-        config = config.changed(lock=lock)
+    if lock := typed.get("lock"):
+        config = config.changed(lock=_converted("--lock", lock, _joints(config)))
     if (home := typed.get("home")) is not None:
         from maniport.motion import MotionLimits
         from maniport.pipeline.settings import load_robot
@@ -204,8 +185,9 @@ def in_si_units(config: Config, typed: dict[str, Any]) -> Config:
         if len(home) != arm.dof:
             names = ", ".join(arm.joint_names)
             raise InvalidInputError(f"--home must have {arm.dof} numbers, for {names}; found {len(home)}")
-        rows = zip(arm.joint_names, home, arm.joint_units, arm.lower, arm.upper, strict=True)
-        config = config.changed(home=tuple(_position("--home", *row) for row in rows))
+        joints = dict(zip(arm.joint_names, zip(arm.joint_units, arm.lower, arm.upper, strict=True), strict=True))
+        values = _converted("--home", dict(zip(arm.joint_names, home, strict=True)), joints)
+        config = config.changed(home=tuple(values.values()))
     return config
 
 
@@ -215,29 +197,36 @@ def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
     from maniport.pipeline.settings import load_robot, names_several
 
     if config.side == BOTH or names_several(config):
-        group = load_robot(config.changed(lock=None))
-        return dict(zip(group.joint_names, zip(group.joint_units, group.lower, group.upper, strict=True), strict=True))
-    chain = read_arm(config.robot[0], config.frame[0] if config.frame else None, config.joints or None, config.base)
-    return dict(zip(chain.coordinates, zip(chain.units, chain.lower, chain.upper, strict=True), strict=True))
-
-
-def _position(
-    option: str, name: str, value: float, unit: str, low: float, high: float, rounding: float = 5e-3
-) -> float:
-    """Convert a position from degrees if the unit is rad; a limit that was rounded as printed counts as the limit."""
-    turns = unit == "rad"
-    least, most = (degrees(low), degrees(high)) if turns else (low, high)
-    if isfinite(least) and not least - rounding <= value <= most + rounding:
-        sign = "°" if turns else " m"
-        raise InvalidInputError(
-            f"{option}: {name} is {value:g}{sign}; allowed are {least:.2f}{sign} to {most:.2f}{sign}, with the margin"
+        joints: Any = load_robot(config.changed(lock=None))
+        names, units = joints.joint_names, joints.joint_units
+    else:
+        joints = read_arm(
+            config.robot[0], config.frame[0] if config.frame else None, config.joints or None, config.base
         )
-    return min(max(radians(value) if turns else value, float(low)), float(high))
+        names, units = joints.coordinates, joints.units
+    return dict(zip(names, zip(units, joints.lower, joints.upper, strict=True), strict=True))
+
+
+def _converted(
+    option: str, values: dict[str, float], joints: dict[str, tuple[str, float, float]], rounding: float = 5e-3
+) -> dict[str, float]:
+    """Convert positions of joints from degrees, and require the limits; a limit rounded as printed counts as it."""
+    converted = {}
+    for name, value in values.items():
+        unit, low, high = joints.get(name, ("", -inf, inf))  # unknown joints are refused when the robot is loaded
+        factor, sign = (radians(1.0), "°") if unit == "rad" else (1.0, " m")
+        least, most = low / factor, high / factor
+        if isfinite(least) and not least - rounding <= value <= most + rounding:
+            raise InvalidInputError(
+                f"{option}: {name} is {value:g}{sign}; allowed are {least:.2f}{sign} to {most:.2f}{sign}"
+            )
+        converted[name] = min(max(value * factor, float(low)), float(high))
+    return converted
 
 
 def names_robot(config: Config) -> bool:
     """Whether a robot was named; raise where its options are without one."""
-    if not config.robot and (config.changes("robot").keys() - {"robot"} or config.export):
+    if not config.robot and (config.export or len(config.changes("robot")) > 1):
         raise InvalidInputError("options of a robot, and --export, need --robot")
     return bool(config.robot)
 

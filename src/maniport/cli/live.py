@@ -16,7 +16,7 @@ import typer
 import maniport
 from maniport import pipeline
 from maniport.cli.application import command
-from maniport.cli.transfer import prepared
+from maniport.cli.transfer import only_recording
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import LIVE, OPTIONS, Config
 from maniport.report.console import Console
@@ -58,8 +58,8 @@ def live(
         raise InvalidInputError("--simulate takes the frames of the recording; leave out all options of the transport")
     with console.progress() as progress:
         transport = None if simulate else _opened(udp, host, send)  # raises where a port cannot be opened
-        settings, recording = prepared(config, console, progress)
-        result = pipeline.transfer_recording(recording, settings)
+        recording = only_recording(config, console)
+        result = pipeline.transfer_recording(recording, config, progress=progress)
         follower = maniport.Live.of(result, progress=progress, clock=None if transport is None else monotonic)
     if (placement := result.arms[0].placement) is not None:
         console.print(f"Scale {placement.scale:.2f} of the person's motion")
@@ -87,8 +87,10 @@ def _simulate(console: Console, live: Any, person: Any, recording: Any) -> None:
     from maniport.live.simulation import Simulation
 
     simulation, frames, page = Simulation(live), recording.select(live.points), None
-    if find_spec("viser") is None or len(as_group(live.robot)) > 1:
-        console.warn("the 3D view needs " + ("robots of one arm" if find_spec("viser") else how_to_install("view")))
+    if len(as_group(live.robot)) > 1:
+        console.warn("the 3D view needs robots of one arm")
+    elif find_spec("viser") is None:
+        console.warn(f"the 3D view needs viser; {how_to_install('view')}")
     else:
         from maniport.viewer.server import Onlooker
 

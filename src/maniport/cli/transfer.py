@@ -18,7 +18,6 @@ from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.process import ending_in_order, interrupt
-from maniport.util.progress import Progress
 from maniport.util.validation import as_times
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
@@ -50,26 +49,24 @@ def transfer(config: Config, console: Console, output: Output, overwrite: Overwr
     require_free_results(output, ("left", "right") if config.side == BOTH else (), overwrite)
     export_files(config.export)  # raises where a package is missing
     with console.progress() as progress:
-        settings, recording = prepared(config, console, progress)
-        title = Path(recording.source).stem.capitalize()
-        console.print(f"{title} → {settings.robot.name}: {recording.duration:.1f} s")
-        result = pipeline.transfer_recording(recording, settings)
+        recording = only_recording(config, console)
+        title = f"{Path(recording.source).stem.capitalize()} → {Path(config.robot[0]).stem}"
+        console.print(f"{title}: {recording.duration:.1f} s")
+        result = pipeline.transfer_recording(recording, config, progress=progress)
         report = write_results(result, output, progress, config.export, overwrite=overwrite)
     console.print_report(report, output=str(output))
 
 
-def prepared(config: Config, console: Console, progress: Progress) -> tuple[Any, Any]:
-    """Check all options for the robot and read the only recording; print its warnings before the long work."""
-    from maniport.pipeline.settings import read_part, settings_of
-
+def only_recording(config: Config, console: Console) -> Any:
+    """Read the recording of a configuration; print its warnings before the long work."""
     if len(config.recording) != 1:
         raise InvalidInputError(
             f"recording: exactly one file is required, as an argument or in --config; found {len(config.recording)}"
         )
-    settings, recording = settings_of(config, progress), read_part(config.recording[0], config)
+    recording = pipeline.read_part(config.recording[0], config)
     for text in recording.quality_warnings:
         console.warn(text)
-    return settings, recording
+    return recording
 
 
 def _execution(help: str, *flags: str) -> Any:
@@ -77,26 +74,22 @@ def _execution(help: str, *flags: str) -> Any:
 
 
 @command(
-    "human", "robot", "transfer", "motion", "batch", "seed", defaults=BATCH,
+    "recording", "human", "robot", "transfer", "motion", "batch", "seed", defaults=BATCH,
     example="maniport batch 'recordings/**/*.bvh' --robot panda -o dataset",
 )  # fmt: skip
 def batch(
     config: Config,
     console: Console,
     output: Output,
-    recordings: Annotated[
-        list[str] | None, typer.Argument(help="Recordings, folders of them, and quoted patterns 'a/**/*.bvh'.")
-    ] = None,
     processes: Annotated[int | None, _execution("Processes; default: number of cores.")] = None,
     dask: Annotated[str | None, _execution("HOST:PORT of a Dask scheduler.")] = None,
     ray: Annotated[bool, _execution("Use Ray.", "--ray")] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Process recordings on robots; resume an interrupted run."""
+    """Process recordings, folders and quoted patterns such as 'a/**/*.bvh' on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
     from maniport.batch.table import PAGE, failures
 
-    config = config.changed(recording=recordings) if recordings else config
     options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}
     try:
         with console.progress() as progress, ending_in_order(interrupt):
@@ -124,22 +117,20 @@ def learn(config: Config, console: Console, output: Output, overwrite: Overwrite
 
     With --robot, a robot follows the profile (folder OUTPUT-robot).
     """
-    from maniport.pipeline.settings import read_part, settings_of
     from maniport.report.write import LEARNED_FILES, RUN_FILES, export_files, write_results
 
     require_free(output, LEARNED_FILES, overwrite)
-    folder, followed, settings = Path(f"{output}-robot"), None, None
+    folder, followed, segments = Path(f"{output}-robot"), None, _segments(config)
     if names_robot(config):  # its options are checked before the long work
         require_free(folder, RUN_FILES, overwrite)
         export_files(config.export)
-        settings = settings_of(config)
-    segments = _segments(config)
+        pipeline.settings_of(config)
     with console.progress() as progress:
-        recordings = [read_part(file, config) for file in config.recording]
+        recordings = [pipeline.read_part(file, config) for file in config.recording]
         learned = replace(pipeline.learn(recordings, segments, config, progress=progress), config=config)
         report = write_results(learned, output, progress, overwrite=overwrite)
-        if settings is not None:
-            result = pipeline.transfer_recording(learned, replace(settings, progress=progress))
+        if config.robot:
+            result = pipeline.transfer_recording(learned, config, progress=progress)
             followed = write_results(result, folder, progress, config.export, overwrite=overwrite)
     robot = {} if followed is None else {"robot": {**as_numbers(followed), "output": str(folder)}}
     console.print_report(report, output=str(output), **robot)
@@ -163,7 +154,7 @@ def _segments(config: Config) -> list[Any] | None:
 
 @command(
     "profile", "path", "robot", "scale", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt",
-    "rank", "seed", without=("hand_targets", "pose"), common=("workspace",),
+    "rank", "seed", without=("hand_targets", "pose"),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
 )  # fmt: skip
 def place(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
@@ -171,13 +162,13 @@ def place(config: Config, console: Console, output: Output, overwrite: Overwrite
     from maniport.motion import place_path
     from maniport.motion.placement.placement import DATA_FILES
     from maniport.pipeline.following import bounded_profiles
-    from maniport.pipeline.settings import load_single_arm, plan_settings
+    from maniport.pipeline.settings import plan_settings
 
     require_free(output, files := (*DATA_FILES, CONFIG), overwrite)
     target, positions, time = _targets(config)
     if positions is None:
         raise InvalidInputError("--path is needed: a file of positions of the hand")
-    spec, arm = config.spec, load_single_arm(config)
+    spec, arm = config.spec, pipeline.load_single_arm(config)
     (targets,), control = bounded_profiles([target], spec), plan_settings(config, arm)
     with console.progress() as progress:
         placed = place_path(
@@ -199,13 +190,12 @@ def place(config: Config, console: Console, output: Output, overwrite: Overwrite
 )  # fmt: skip
 def track(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
     """Plan a robot motion that follows a target profile and path."""
-    from maniport.pipeline.settings import load_single_arm
     from maniport.report.write import EXECUTION_FILES, export_files, write_results
 
     require_free(output, EXECUTION_FILES, overwrite)
     export_files(config.export)
     target, positions, time = _targets(config)
-    arm, paths = load_single_arm(config), None if positions is None else [positions]
+    arm, paths = pipeline.load_single_arm(config), None if positions is None else [positions]
     time = None if time is None else as_times(time, f"time of {config.profile!r}", fewest=2)
     with console.progress() as progress:
         result = pipeline.follow_profile(arm, [target], time, paths, config, progress=progress)

@@ -171,12 +171,10 @@ def learn(
 ) -> LearnedProfile:
     """Learn one profile of ellipsoids, and one path of the hand, from several demonstrations of a motion.
 
-    One arm or both are fitted to each recording. The ellipsoids of both are blocks of one matrix, of which d² is the
-    sum of the d² of the arms, so that the arms are aligned together. All ellipsoids are those of arms with the mean of
-    all lengths, so that they are comparable. Demonstrations are brought to common times by
-    `maniport.learning.align`; a `maniport.learning.ProfileGMM` over time gives mean and covariance of the
-    ellipsoid at each time. Their agreement is measured, also by leave-one-out. Left and right may be
-    mixed: the rarer are mirrored.
+    One arm or both are fitted to each recording; the ellipsoids of both are blocks of one matrix, so that the arms are
+    aligned together. All ellipsoids are those of arms with the mean of all lengths. `maniport.learning.align` brings
+    the demonstrations to common times, a `maniport.learning.ProfileGMM` over time gives mean and covariance of the
+    ellipsoid at each time. Left and right may be mixed: the rarer are mirrored.
 
     Parameters
     ----------
@@ -246,10 +244,8 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments 
             continue
         parts[index] = [tuple(as_numbers(pair, "a segment (start, stop) [s]", 2).tolist()) for pair in part]
         times = [time for pair in sorted(parts[index]) for time in pair]
-        if any(after <= before for before, after in zip(times[::2], times[1::2], strict=True)):
-            raise InvalidInputError(f"a segment must begin before it ends; found {part!r}")
-        if times != sorted(times):
-            raise InvalidInputError(f"segments must not overlap, or they agree by themselves; found {part!r}")
+        if times != sorted(times) or any(start == stop for start, stop in parts[index]):
+            raise InvalidInputError(f"segments must begin before they end, and must not overlap; found {part!r}")
     if AUTO not in parts:
         _require_two(sum(map(len, parts)))
     return parts
@@ -257,18 +253,15 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments 
 
 def _require_two(count: int) -> None:
     if count < 2:
-        raise InvalidInputError(
-            f"at least two demonstrations are needed; found {count}: give several recordings, or "
-            f"{argument('segments')} of one"
-        )
+        text = f"give several recordings, or {argument('segments')} of one"
+        raise InvalidInputError(f"at least two demonstrations are needed; found {count}: {text}")
 
 
 def _demonstrations(
     recordings: Sequence[Recording | str | Path], parts: list[Any], config: Config, progress: Progress | None
 ) -> tuple[Demonstration, ...]:
     """Fit the person's arms to each recording, and cut the fits."""
-    demonstrations, options = list[Demonstration](), fit_options(config)
-    step = Step(progress, "Fit human arms")
+    demonstrations, step = list[Demonstration](), Step(progress, "Fit human arms")
     for source, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
         recording = read_part(source, config)
         name = Path(recording.source).name or "a recording"
@@ -278,13 +271,12 @@ def _demonstrations(
                 raise InvalidInputError(
                     f"segments of {name} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
                 )
-        motion = fit_arms(recording, **options)
+        motion = fit_arms(recording, **fit_options(config))
         texts = tuple(f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings))
         for segment in motion.repetitions() if segments == AUTO else segments:
             start, stop = segment or (first, last)
             kept = (motion.time >= start) & (motion.time <= stop)
-            frames = int(kept.sum())
-            if frames < MIN_FRAMES:
+            if (frames := int(kept.sum())) < MIN_FRAMES:
                 raise InvalidInputError(
                     f"{name} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is fully observed; "
                     f"a demonstration needs at least {MIN_FRAMES}"
@@ -293,9 +285,9 @@ def _demonstrations(
             demonstrations.append(Demonstration(title, recording, motion.only(kept), texts))
     _require_two(len(demonstrations))
     step.end(f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}")
-    again = Counter(demonstration.name for demonstration in demonstrations)
+    names = Counter(own.name for own in demonstrations)
     return tuple(
-        replace(own, name=f"{own.name} ({number})") if again[own.name] > 1 else own
+        replace(own, name=f"{own.name} ({number})") if names[own.name] > 1 else own
         for number, own in enumerate(demonstrations, 1)
     )
 
@@ -304,10 +296,11 @@ def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
     """Return each arm of the person, of the side of most demonstrations, with the mean of the recorded lengths."""
     arms = []
     for fits in zip(*(motion.arms for motion in motions), strict=True):
-        sides = Counter(fit.arm.side for fit in fits)
-        recorded = {
-            name: [fit.segment_lengths[name] for fit in fits if name in fit.segment_lengths] for name in SEGMENTS
+        sides, recorded = Counter(fit.arm.side for fit in fits), [fit.segment_lengths for fit in fits]
+        means = {
+            name: float(np.mean([own[name] for own in recorded if name in own]))
+            for name in SEGMENTS
+            if any(name in own for own in recorded)
         }
-        means = {name: float(np.mean(lengths)) for name, lengths in recorded.items() if lengths}
         arms.append(human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means))
     return arms

@@ -92,7 +92,7 @@ def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     """Sample the robot within its limits."""
     assert settings.control is not None
     step, limits = Step(settings.progress, "Sample robot"), settings.control.motion_limits
-    planner = Planner.of(limits, settings.spec.bounded, settings.control.collisions, generator)  # type: ignore[arg-type]
+    planner = Planner.of(limits, settings.config.spec.bounded, settings.control.collisions, generator)  # type: ignore[arg-type]
     step.end()
     return planner
 

@@ -46,64 +46,68 @@ class Option:
         """SI units in a unit of the command line, one for all numbers or one for each."""
         return [COMMAND_LINE_UNITS.get(unit, ("", 1.0))[1] for unit in self.unit.split(",")]
 
-    def check(self, value: Any) -> Any:
-        """Return a valid value of plain type, or raise `InvalidInputError`."""
+    def check(self, value: Any, typed: bool = False) -> Any:
+        """Return a valid value of plain type, or raise `InvalidInputError`; `typed`: on the command line."""
         if value is None:
             return self.default if self.required else None
         value = os.fspath(value) if isinstance(value, os.PathLike) else value
         if self.kind == NAMES:
             parts = value if isinstance(value, list | tuple) else (value,)
             return tuple(os.fspath(part) if isinstance(part, os.PathLike) else part for part in parts)
-        if self.unchecked:
+        if self.unchecked and not typed:
             return _as_tuple(value)
-        if self.choices and (self.kind is str or isinstance(value, str)):
-            return as_choice(value, self.name, self.choices)
-        unit = COMMAND_LINE_UNITS.get(self.unit, (self.unit,))[0]
-        return self._checked(value, self.name + (f" [{unit}]" if unit else ""), self.bounds)
-
-    def _checked(self, value: Any, label: str, bounds: Bounds) -> Any:
+        if self.choices and (self.kind is str or (isinstance(value, str) and not _numbers(value))):
+            return as_choice(value, self.flag if typed else self.name, self.choices)
+        unit = self.unit if typed else COMMAND_LINE_UNITS.get(self.unit, (self.unit,))[0]
+        label = (self.flag if typed else self.name) + (f" [{unit}]" if unit else "")
         if self.kind is bool:
             return as_flag(value, label)
         if self.kind is int:
-            return as_count(value, label, int(bounds.get("minimum", 0)))
+            return as_count(value, label, int(self.bounds.get("minimum", 0)))
         if self.kind is float:
-            return as_number(value, label, **bounds)
+            factor = self.factors[0] if typed else 1.0
+            bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
+            return as_number(value, label, **Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
         if self.kind is not str:
-            return tuple(as_numbers(value, label, self.count, **bounds).tolist())
+            return tuple(as_numbers(value, label, self.count).tolist())
         if not isinstance(value, str):
             raise InvalidInputError(f"{label} must be text; found {value!r}")
         return value
 
     def parse(self, typed: Any) -> Any:
         """Convert what was typed on the command line: text, texts, a number or a flag."""
-        label = self.flag + (f" [{self.unit}]" if self.unit else "")
         if self.kind == NUMBERS_BY_NAME:
-            return _assignments(label, typed)
+            return self._assignments(typed)
         if self.kind == NAMES:
             words = typed if self.repeated else [word.strip() for text in typed for word in text.split(",")]
             if not all(words):
-                raise InvalidInputError(f"{label} must be names separated by commas; found {','.join(typed)!r}")
+                raise InvalidInputError(f"{self.flag} must be names separated by commas; found {','.join(typed)!r}")
             return tuple(words)
         if self.repeated:
-            return tuple(self._vector(label, text) for text in typed)
-        if self.choices and (self.kind is str or not ("," in typed or _numbers(typed))):
-            return as_choice(typed, self.flag, self.choices)
-        if self.kind in (bool, int, str):
-            return self._checked(typed, label, self.bounds)
-        if self.kind is not float:
-            return self._vector(label, typed)
-        (factor,) = self.factors
-        bounds = {key: float(value) / factor for key, value in self.bounds.items()}  # type: ignore[arg-type]
-        return self._checked(typed, label, Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
+            return tuple(map(self._vector, typed))
+        if self.kind in (bool, int, float, str) or (self.choices and not _numbers(typed)):
+            return self.check(typed, typed=True)
+        return self._vector(typed)
 
-    def _vector(self, label: str, text: str) -> tuple[float, ...]:
+    def _vector(self, text: str) -> tuple[float, ...]:
         numbers = _numbers(text)
         if not numbers or self.count not in (None, len(numbers)):
-            words = f"{' or '.join(self.choices)}, or " if self.choices else ""
             count = "" if self.count is None else f"{self.count} "
-            raise InvalidInputError(f"{label} must be {words}{count}numbers separated by commas; found {text!r}")
+            raise InvalidInputError(f"{self.flag} must be {count}numbers separated by commas; found {text!r}")
         factors = self.factors if len(self.factors) > 1 else self.factors * len(numbers)
         return tuple(number * factor for number, factor in zip(numbers, factors, strict=True))
+
+    def _assignments(self, texts: Sequence[str]) -> dict[str, float]:
+        """Convert texts such as lift=0.2 to numbers by name."""
+        numbers: dict[str, float] = {}
+        for text in texts:
+            name, _, number = (part.strip() for part in text.rpartition("="))
+            if len(_numbers(number)) != 1:
+                raise InvalidInputError(f"{self.flag} must be NAME=NUMBER, such as lift=0.2; found {text!r}")
+            if name in numbers:
+                raise InvalidInputError(f"{self.flag}: {name} is set twice; found {numbers[name]:g} and {number}")
+            numbers[name] = float(number)
+        return numbers
 
     def text(self, value: Any) -> str:
         """Write a value as it is typed on the command line."""
@@ -162,16 +166,3 @@ def _numbers(text: str) -> tuple[float, ...]:
         return tuple(float(word) for word in text.split(","))
     except ValueError:
         return ()
-
-
-def _assignments(label: str, texts: Sequence[str]) -> dict[str, float]:
-    """Convert texts such as lift=0.2 to numbers by name."""
-    numbers: dict[str, float] = {}
-    for text in texts:
-        name, _, number = (part.strip() for part in text.rpartition("="))
-        if len(_numbers(number)) != 1:
-            raise InvalidInputError(f"{label} must be NAME=NUMBER, such as lift=0.2; found {text!r}")
-        if name in numbers:
-            raise InvalidInputError(f"{label}: {name} is set twice; found {numbers[name]:g} and {number}")
-        numbers[name] = float(number)
-    return numbers

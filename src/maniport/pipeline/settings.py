@@ -44,14 +44,9 @@ class Settings:
         return [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in self.arms]
 
     @property
-    def spec(self) -> EllipsoidSpec:
-        """Ellipsoids of the robot."""
-        return self.config.spec
-
-    @property
     def specs(self) -> tuple[EllipsoidSpec, ...]:
         """Ellipsoids of each arm."""
-        return as_group(self.robot).specs(self.spec)
+        return as_group(self.robot).specs(self.config.spec)
 
 
 def settings_of(config: Config, progress: Progress | None = None) -> Settings:

@@ -43,7 +43,7 @@ MIN_FRAMES = 3  # frames without which there is no motion
 
 def transfer_recording(
     recording: Recording | LearnedProfile | str | Path,
-    config: Config | Settings | None = None,
+    config: Config | None = None,
     *,
     progress: Progress | None = None,
     **options: Any,
@@ -57,8 +57,8 @@ def transfer_recording(
     ----------
     recording : Recording, LearnedProfile, str or Path
         A recording, its file, or a profile that `maniport.learn` made from several.
-    config : Config or Settings, optional
-        Options of the run; settings are those of `settings_of`, and have the progress and all options.
+    config : Config, optional
+        Options of the run.
     progress : callable, optional
         Called with the name of a stage, the fraction done and, at its end, a message.
     **options
@@ -76,11 +76,8 @@ def transfer_recording(
     ManiportError
         When an option does not exist or an input cannot be used; options are checked before any long work.
     """
-    if isinstance(config, Settings):
-        settings = config
-    else:
-        config = (config or Config()).changed(allowed=("human", "robot", "transfer", "motion"), **options)
-        settings = settings_of(_with_source(config, recording), progress)
+    config = (config or Config()).changed(allowed=("human", "robot", "transfer", "motion"), **options)
+    settings = settings_of(_with_source(config, recording), progress)
     with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round equally with any number of cores
         if not isinstance(recording, LearnedProfile):
             recording = load(recording, settings)
@@ -160,9 +157,9 @@ def _require_frames(recording: Recording, count: int, what: str) -> None:
 def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Human:
     """Fit one or both arms of the person; a learned profile has its arms already."""
     if isinstance(recording, LearnedProfile):
-        if recording.spec != settings.spec:
+        if recording.spec != settings.config.spec:
             raise InvalidInputError(
-                f"spec must be that of the learned profile, {recording.spec}; found {settings.spec}"
+                f"spec must be that of the learned profile, {recording.spec}; found {settings.config.spec}"
             )
         parts, reference = recording.each_arm(), recording.reference
         profiles, hands = [part.profile for part in parts], [part.path for part in parts]
@@ -170,7 +167,7 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
     else:
         motion = fit_arms(recording, **fit_options(settings.config), progress=settings.progress)
         _require_frames(recording, len(motion), "frames with the arm fully observed")
-        profiles = [fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in motion.arms]
+        profiles = [fit.arm.ellipsoids(fit.joint_angles, settings.config.spec) for fit in motion.arms]
         hands = list(motion.hands)
     own, count = len(motion.arms), len(settings.arms)
     if own > count:
@@ -195,12 +192,14 @@ def sample_robot(settings: Settings) -> SampledRobot:
         else:
             planner = planner_of(settings, generator)
     weightless = [arm.name for arm in settings.arms if arm.chain.inertia is None]
-    if settings.spec.kind == "force" and settings.spec.joint_weights == JOINT_LIMITS and weightless:
+    if settings.config.spec.kind == "force" and settings.config.spec.joint_weights == JOINT_LIMITS and weightless:
         text = f"forces are without gravity: the description of {weightless[0]!r} has no masses"
         warnings.warn(text, ManiportWarning, stacklevel=2)
     step = Step(settings.progress, "Sample robot ellipsoids")
     collisions = None if planner is None else planner.collisions
-    domains = sample_domain(settings.robot, settings.config.n_student, seed, spec=settings.spec, collisions=collisions)
+    domains = sample_domain(
+        settings.robot, settings.config.n_student, seed, spec=settings.config.spec, collisions=collisions
+    )
     step.end()
     return SampledRobot(planner, tuple(domains) if domains.ndim == 4 else (domains,), generator)
 
@@ -235,7 +234,7 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
 def sample_teacher(person: Arm, settings: Settings) -> Array:
     """Sample the domain of a person's arm, shape (n_teacher, d, d)."""
     step = Step(settings.progress, "Sample human ellipsoids")
-    domain = sample_domain(person, settings.config.n_teacher, settings.config.seed, spec=settings.spec)
+    domain = sample_domain(person, settings.config.n_teacher, settings.config.seed, spec=settings.config.spec)
     step.end()
     return domain
 
@@ -245,7 +244,7 @@ def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, larg
 
     All paths get the mean rotation of the maps, with a warning where two differ by more than `largest_turn` [deg].
     """
-    adapters, spec, orientation = [own.adapter for own in maps], settings.spec, settings.config.orientation
+    adapters, spec, orientation = [own.adapter for own in maps], settings.config.spec, settings.config.orientation
     profiles = [adapter.transform(profile) for adapter, profile in zip(adapters, human.profiles, strict=True)]
     strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
     turns = [adapter.map_rotation_ for adapter in adapters]
@@ -291,10 +290,10 @@ def evaluate(
         if evaluation is None and baselines:
             evaluation = compare_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], profile, robot=part.robot, spec=settings.specs[i],
-                bank=robot.bank(i, settings.spec), n_domain=0, random_state=settings.config.seed,
+                bank=robot.bank(i, settings.config.spec), n_domain=0, random_state=settings.config.seed,
                 progress=settings.progress,
             )  # fmt: skip
-        if part.motion is not None and settings.spec.part != "rotation":
+        if part.motion is not None and settings.config.spec.part != "rotation":
             turn = own.adapter.map_rotation_[:3, :3] if place is None else place.rotation @ place.map_rotation
             joints = part.motion.joint_positions
             capabilities = compare_capabilities(fit.arm, fit.joint_angles, part.robot, joints, fit.time, turn)
@@ -306,5 +305,5 @@ def evaluate(
         ))  # fmt: skip
     return TransferResult(
         robot=as_group(settings.robot), arms=tuple(transfers), motion=motion, random_state=settings.config.seed,
-        recording=human.recording, spec=settings.spec, base_rotation=settings.config.rotation,
+        recording=human.recording, spec=settings.config.spec, base_rotation=settings.config.rotation,
     )  # fmt: skip

@@ -188,10 +188,10 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         if metrics["distance"].value["median"] <= NEAR_DISTANCE:
             continue
         parts = arm.mean_distance
-        if motion.path is not None and parts.path >= max(parts.infeasible, parts.motion):
+        if motion.path is not None and parts["path"] >= max(parts["infeasible"], parts["motion"]):
             command = _track(result, "no-path", path=False)
             return "The path constraint dominates the distance: try without it.", command
-        if parts.motion > parts.infeasible:
+        if parts["motion"] > parts["infeasible"]:
             command = _track(result, "all", joint_limit_margin=0.0)
             return "Limits dominate the distance: use the whole range of the joints.", command
         evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
