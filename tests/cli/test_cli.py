@@ -9,6 +9,7 @@ import pytest
 
 import maniport
 from maniport import cli, load_arm, pipeline
+from maniport.errors import ManiportError
 from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
 from maniport.pipeline.settings import plan_settings
@@ -212,36 +213,25 @@ def test_every_command_has_help_with_an_example(run):
             assert out.index("Motion:") < out.index("--position-tolerance")
 
 
-class AskedError(Exception):
-    """Configuration that the library gets, instead of the work."""
-
-
 @pytest.fixture
 def track(run, monkeypatch, tmp_path):
-    """Call `maniport track` with options; return exit code, standard error, and the configuration of the library."""
+    """Call `maniport track` with options; return standard error, and the configurations that the library got."""
     save_ellipsoids(tmp_path / "p.npz", np.tile(np.eye(3), (3, 1, 1)), [0.0, 1.0, 2.0])
+    configs = []
 
-    def asked(arm, profiles, time, paths, config, **_):
+    def stop(arm, profiles, time, paths, config, **_):
         plan_settings(config, arm)
-        raise AskedError(config)
+        configs.append(config)
+        raise ManiportError("no work")
 
-    monkeypatch.setattr(pipeline, "follow_profile", asked)
-
-    def call(*words):
-        try:
-            code, _, err = run("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)
-        except AskedError as caught:
-            return 0, "", caught.args[0]
-        return code, err, None
-
-    return call
+    monkeypatch.setattr(pipeline, "follow_profile", stop)
+    return lambda *words: (run("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)[2], configs)
 
 
 def test_units_of_the_command_line_are_converted(track):
     panda, home = load_arm("panda"), "0,-45,0,-135,0,90,45"
     words = ("--position-tolerance", 12, "--speed-scale", 0.5, "--joint-limit-margin", 5, "--home", home, "--table", 0)
-    code, err, asked = track(*words, "--orientation", "0,0,-1")
-    assert (code, err) == (0, "")
+    _, (asked,) = track(*words, "--orientation", "0,0,-1")
     assert asked.position_tolerance == pytest.approx(0.012)
     assert asked.speed_scale == 0.5
     assert asked.orientation == (0.0, 0.0, -1.0)
@@ -269,7 +259,6 @@ def test_units_of_the_command_line_are_converted(track):
 def test_wrong_options_end_with_one_sentence_before_any_work(track, tmp_path, monkeypatch, words, found):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "limits.yaml").write_text("joints: {joint1: {velocity: 1}}")
-    code, err, _ = track(*words)
-    assert code == 2
-    assert found in err
+    err, configs = track(*words)
+    assert (found in err, configs) == (True, [])
     assert "╭" not in err

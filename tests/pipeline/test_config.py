@@ -50,10 +50,6 @@ def test_wrong_values_are_refused(options):
         Config().changed(positon_tolerance=0.01)
 
 
-def test_options_are_described():
-    assert all(0 < len(described.help.split()) <= 12 for described in OPTIONS.values())
-
-
 def test_units_of_elements_are_converted():
     assert OPTIONS["pose"].parse(["0,0.3,0,90"]) == ((0.0, 0.3, 0.0, pytest.approx(np.pi / 2)),)
 

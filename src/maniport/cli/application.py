@@ -2,7 +2,7 @@
 
 import inspect
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import wraps
 from math import inf, isfinite, radians
@@ -14,7 +14,7 @@ from typer.core import TyperCommand
 
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
 from maniport.pipeline.config import OPTIONS, Config
-from maniport.pipeline.option import NAMES, NUMBERS_BY_NAME, Option
+from maniport.pipeline.option import NAMES, Option
 from maniport.report.console import Console
 from maniport.util.atomic_io import require_room
 from maniport.util.defaults import BOTH
@@ -152,7 +152,7 @@ def command(
 def _annotation(option: Option, usual: Config) -> Any:
     """Make the annotation of an option's parameter; None is a value that was not typed."""
     default = getattr(usual, option.name)
-    listed = option.repeated or option.kind in (NAMES, NUMBERS_BY_NAME)
+    listed = option.repeated or option.kind in (NAMES, Mapping[str, float])
     kind = option.kind if option.kind in (bool, int) else list[str] if listed else str
     if option.name in ("recording", "profile"):
         return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]

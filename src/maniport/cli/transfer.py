@@ -15,7 +15,7 @@ from maniport.report.console import Console
 from maniport.report.renderings import as_numbers
 from maniport.report.values import report_of
 from maniport.util.atomic_io import folder_written_whole, require_free
-from maniport.util.defaults import AUTO, BOTH
+from maniport.util.defaults import BOTH
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.process import ending_in_order, interrupt
 from maniport.util.validation import as_times
@@ -120,14 +120,13 @@ def learn(config: Config, console: Console, output: Output, overwrite: Overwrite
     from maniport.report.write import LEARNED_FILES, RUN_FILES, export_files, write_results
 
     require_free(output, LEARNED_FILES, overwrite)
-    folder, followed, segments = Path(f"{output}-robot"), None, _segments(config)
+    folder, followed = Path(f"{output}-robot"), None
     if names_robot(config):  # its options are checked before the long work
         require_free(folder, RUN_FILES, overwrite)
         export_files(config.export)
         pipeline.settings_of(config)
     with console.progress() as progress:
-        recordings = [pipeline.read_part(file, config) for file in config.recording]
-        learned = replace(pipeline.learn(recordings, segments, config, progress=progress), config=config)
+        learned = replace(pipeline.learn(config.recording, config=config, progress=progress), config=config)
         report = write_results(learned, output, progress, overwrite=overwrite)
         if config.robot:
             result = pipeline.transfer_recording(learned, config, progress=progress)
@@ -136,20 +135,6 @@ def learn(config: Config, console: Console, output: Output, overwrite: Overwrite
     console.print_report(report, output=str(output), **robot)
     if followed is not None and not console.as_json:
         console.print_report(followed, output=str(folder))
-
-
-def _segments(config: Config) -> list[Any] | None:
-    """Convert the segments of each recording to times."""
-    texts, count = config.segments, len(config.recording)
-    texts = texts * count if texts == (AUTO,) else texts
-    if len(texts) not in (0, count):
-        raise InvalidInputError(f"--segments is needed for each of the {count} recordings; found {len(texts)}")
-    try:
-        return [
-            AUTO if text == AUTO else [tuple(map(float, part.split(":"))) for part in text.split(",")] for text in texts
-        ] or None
-    except ValueError:
-        raise InvalidInputError(f"--segments must be {AUTO}, or times such as 2:4,4:5.6 [s]; found {texts}") from None
 
 
 @command(

@@ -11,9 +11,19 @@ import yaml
 
 from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
 from maniport.pipeline.option import option, options_of, plain
-from maniport.util import defaults
 from maniport.util.atomic_io import written_whole
-from maniport.util.defaults import AUTO, BOTH
+from maniport.util.defaults import (
+    AUTO,
+    BOTH,
+    DAMPING,
+    MARGIN,
+    PERSON,
+    POSITION_TOLERANCE,
+    RATE,
+    ROBOT,
+    STUDENT_SAMPLES,
+    TEACHER_SAMPLES,
+)
 from maniport.util.files import line_of, read_settings
 from maniport.util.validation import Array, as_finite, as_rotation
 from maniport.version import __version__
@@ -24,6 +34,9 @@ if TYPE_CHECKING:
 CONFIG = "run.yaml"  # file of the configuration in a result folder
 UNIT, JOINT_LIMITS = "unit", "joint-limits"  # joint weights
 FREE, CONSTANT = "free", "constant"  # orientation of the end effector, or tilt of the base
+UNITS, AXES = ("m", "dm", "cm", "mm", "inch", "CMU"), ("pointing", "whole")
+HAND_TARGETS = "placed", "relative"
+METHODS = AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"
 
 SECTIONS = "human", "robot", "transfer", "motion", "placement", "learning", "batch"
 _run, _human, _robot, _transfer, _motion, _placement, _learning, _batch = (
@@ -53,20 +66,18 @@ class Config:
     path: str | None = _run(None, "Positions of the hand, one for each ellipsoid, .npz", is_file=True, common=True)
     seed: int = _run(0, "Random seed", minimum=0, common=True)
 
-    unit: str | None = _human(
-        None, "Unit of length; recognized by default", choices=("m", "dm", "cm", "mm", "inch", "CMU"), common=True
-    )
+    unit: str | None = _human(None, "Unit of length; recognized by default", choices=UNITS, common=True)
     fps: float | None = _human(None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True)
     start: float | None = _human(None, "Start of the part that is used", "s", common=True)
     stop: float | None = _human(None, "End of the part that is used", "s", common=True)
     markers: str | None = _human(None, "JSON file of points by role", is_file=True, unchecked=True, common=True)
-    person: str = _human(defaults.PERSON, "Arm model: myoarm, rhuman", common=True)
+    person: str = _human(PERSON, "Arm model: myoarm, rhuman", common=True)
     side: str = _human(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
     smooth: str = _human(AUTO, "Smoothing of noisy points", choices=(AUTO, "off"))
 
     robot: tuple[str, ...] = _robot(
-        (defaults.ROBOT,), "Name, or URDF, MJCF or xacro file; repeatable", metavar="NAME", repeated=True,
-        is_file=True, common=True,
+        (ROBOT,), "Name, or URDF, MJCF or xacro file; repeatable", repeated=True, metavar="NAME", is_file=True,
+        common=True,
     )  # fmt: skip
     frame: tuple[str, ...] = _robot((), "End-effector frame; of two arms LEFT,RIGHT", metavar="FRAME", common=True)
     joints: tuple[str, ...] = _robot((), "Moving joints; the others are fixed", metavar="J1,J2,…")
@@ -80,49 +91,39 @@ class Config:
     )  # fmt: skip
     payload: float = _robot(0.0, "Mass that the end effector carries", "kg", minimum=0.0, common=True)
     payload_center: tuple[float, ...] = _robot(
-        (0.0, 0.0, 0.0), "Center of the payload in the end-effector frame", "m", metavar="X,Y,Z", count=3
+        (0.0,) * 3, "Center of the payload in the end-effector frame", "m", count=3
     )
-    hand_targets: str = _robot(
-        "placed", "Positions of several arms: placed paths, or relative positions", choices=("placed", "relative")
-    )
-    mesh_folders: tuple[str, ...] = _robot(
-        (), "Folder of additional meshes; repeatable", metavar="FOLDER", repeated=True, is_file=True
-    )
+    hand_targets: str = _robot("placed", "Positions of several arms: placed paths, or relative", choices=HAND_TARGETS)
+    mesh_folders: tuple[str, ...] = _robot((), "Folder of additional meshes; repeatable", repeated=True, is_file=True)
 
-    method: str = _transfer(
-        defaults.METHOD, "Transfer method", common=True, unchecked=True,
-        choices=(AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"),
-    )  # fmt: skip
+    method: str = _transfer(AUTO, "Transfer method", choices=METHODS, unchecked=True, common=True)
     ellipsoids: str = _transfer("velocity", "Ellipsoids", choices=("velocity", "force", "acceleration"), common=True)
     part: str = _transfer("translation", "Part of the velocity", choices=("translation", "rotation", "full"))
     joint_weights: str | tuple[float, ...] | None = _transfer(
-        None, "Joint weights; default: unit for velocity, else joint-limits", unchecked=True,
-        choices=(UNIT, JOINT_LIMITS), metavar="WORD|W1,W2,…",
+        None, "Joint weights; default: unit for velocity, else joint-limits", choices=(UNIT, JOINT_LIMITS),
+        metavar="WORD|W1,W2,…", unchecked=True,
     )  # fmt: skip
-    damping: float = _transfer(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
+    damping: float = _transfer(DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
     base_rotation: tuple[float, ...] = _transfer(
-        (0.0, 0.0, 0.0), "Rotation from human trunk to robot base", "deg", metavar="ROLL,PITCH,YAW", count=3,
-        unchecked=True,
-    )  # fmt: skip
-    n_teacher: int = _transfer(defaults.TEACHER_SAMPLES, "Samples of the human domain", minimum=2)
-    n_student: int = _transfer(defaults.STUDENT_SAMPLES, "Samples of the robot domain", minimum=2)
+        (0.0,) * 3, "Rotation from human trunk to robot base", "deg", metavar="ROLL,PITCH,YAW", count=3, unchecked=True
+    )
+    n_teacher: int = _transfer(TEACHER_SAMPLES, "Samples of the human domain", minimum=2)
+    n_student: int = _transfer(STUDENT_SAMPLES, "Samples of the robot domain", minimum=2)
 
     move: bool = _motion(True, "Plan a trajectory", common=True)
     position_tolerance: float = _motion(
-        defaults.POSITION_TOLERANCE, "Position tolerance, 95th percentile", "mm", above=0.0, common=True
+        POSITION_TOLERANCE, "Position tolerance, 95th percentile", "mm", above=0.0, common=True
     )
     speed_scale: float = _motion(1.0, "Maximum speed relative to the person", above=0.0, common=True)
     orientation: str | tuple[float, ...] = _motion(
         FREE, "Orientation: free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", CONSTANT),
         metavar="WORD|X,Y,Z", count=3, common=True,
     )  # fmt: skip
-    orientation_axes: str = _motion(
-        "pointing", "Constrained axes: z (pointing) or all (whole)", choices=("pointing", "whole")
-    )
-    rate: float = _motion(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0, maximum=10_000.0)
+    orientation_axes: str = _motion("pointing", "Constrained axes: z (pointing) or all (whole)", choices=AXES)
+    rate: float = _motion(RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0, maximum=10_000.0)
     limits: str | None = _motion(None, "YAML file of joint limits", is_file=True, common=True, unchecked=True)
     joint_limit_margin: float = _motion(
-        defaults.MARGIN, "Share of joint ranges kept free at either end", "%", minimum=0.0, maximum=0.4
+        MARGIN, "Free share of joint ranges at either end", "%", minimum=0.0, maximum=0.4
     )
     home: tuple[float, ...] | None = _motion(
         None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", unchecked=True

@@ -182,7 +182,7 @@ def learn(
         At least two demonstrations: recordings, or segments of them.
     segments : "auto" or sequence, one entry for each recording, optional
         Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
-        (`maniport.mocap.ArmFit.repetitions`); None for the whole recording.
+        (`maniport.mocap.ArmFit.repetitions`); None for the whole recording. Default: those of `config`.
     config : Config, optional
         Options of the persons, the ellipsoids and the learning.
     progress : callable, optional
@@ -197,6 +197,8 @@ def learn(
     """
     config = (config or Config()).changed(allowed=("human", "transfer", "learning"), **options)
     spec, person = config.spec, config.person
+    if segments is None and config.segments:
+        segments = AUTO if config.segments == (AUTO,) else config.segments
     demonstrations = _demonstrations(recordings, _intervals(recordings, segments), config, progress)
     motions = [demonstration.motion for demonstration in demonstrations]
     arms, bases = _mean_arms(person, motions), np.mean([motion.bases for motion in motions], axis=0)
@@ -242,6 +244,7 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments 
         if part is None or part == AUTO:
             parts[index] = part or [None]
             continue
+        part = [pair.split(":") for pair in part.split(",")] if isinstance(part, str) else part
         parts[index] = [tuple(as_numbers(pair, "a segment (start, stop) [s]", 2).tolist()) for pair in part]
         times = [time for pair in sorted(parts[index]) for time in pair]
         if times != sorted(times) or any(start == stop for start, stop in parts[index]):

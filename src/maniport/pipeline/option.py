@@ -12,7 +12,7 @@ from maniport.util.validation import Bounds, as_choice, as_count, as_flag, as_nu
 
 COMMAND_LINE_UNITS = {"mm": ("m", 1e-3), "deg": ("rad", pi / 180.0), "%": ("", 0.01)}
 """Units of the command line, with the SI unit of Python and files, and the factor to it."""
-NAMES, NUMBERS_BY_NAME = tuple[str, ...], Mapping[str, float]
+NAMES = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Option:
 
     def parse(self, typed: Any) -> Any:
         """Convert what was typed on the command line: text, texts, a number or a flag."""
-        if self.kind == NUMBERS_BY_NAME:
+        if self.kind == Mapping[str, float]:
             return self._assignments(typed)
         if self.kind == NAMES:
             words = typed if self.repeated else [word.strip() for text in typed for word in text.split(",")]

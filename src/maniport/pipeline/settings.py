@@ -64,9 +64,8 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     PERSONS[config.person]().checked_spec(config.spec)
     if len(group) > 1 and not isinstance(config.joint_weights, str | None):
         raise InvalidInputError("joint_weights must not be of single joints for several arms")
-    adapter, rotation = None, config.rotation
+    adapter, options = None, {"random_state": config.seed, "base_rotation": config.rotation}
     if not isinstance(config.method, str) or as_choice(config.method, "method", (AUTO, *METHODS)) != AUTO:
-        options: dict[str, Any] = {"random_state": config.seed, "base_rotation": rotation}
         adapter = method_of(config.method, damping=config.damping or None, **options)
     control = plan_settings(config, robot) if config.move else None
     return Settings(config, robot, control, adapter, progress or no_progress)
@@ -98,14 +97,21 @@ def marker_roles(config: Config) -> Mapping[str, Any] | None:
     return roles
 
 
-def load_robot(config: Config) -> Arm | ArmGroup:
-    """Load the arm with its payload, or a group where the options name several arms."""
-    return _with_payload(_loaded(config, config.side == BOTH, None), config)
+def load_robot(config: Config, both: bool | None = None, side: str | None = None) -> Arm | ArmGroup:
+    """Load the arm with its payload, of a person that of `side`, or a group where the options name several arms."""
+    arm = _loaded(config, config.side == BOTH if both is None else both, side)
+    if any(config.payload_center) and not config.payload:
+        raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
+    if not config.payload:
+        return arm
+    if isinstance(arm, ArmGroup):
+        raise InvalidInputError(f"{argument('payload')} is for one arm; found {len(arm)}: {arm.name}")
+    return arm.with_payload(config.payload, config.payload_center)
 
 
 def load_single_arm(config: Config, side: str = AUTO) -> Arm:
-    """Load the arm with its payload, of a person that of a side; raise where the options name several arms."""
-    arm = _with_payload(_loaded(config, False, None if side == AUTO else side), config)
+    """Load the arm as `load_robot` does; raise where the options name several."""
+    arm = load_robot(config, both=False, side=None if side == AUTO else side)
     if isinstance(arm, ArmGroup):
         raise InvalidInputError(f"{argument('robot')} must be one arm here; found {len(arm)}: {arm.name}")
     return arm
@@ -132,16 +138,6 @@ def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
 def names_several(config: Config) -> bool:
     """Whether the options name several arms of robots."""
     return bool(config.pose) or len(config.robot) > 1 or len(config.frame) > 1
-
-
-def _with_payload(arm: Arm | ArmGroup, config: Config) -> Arm | ArmGroup:
-    if any(config.payload_center) and not config.payload:
-        raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
-    if not config.payload:
-        return arm
-    if isinstance(arm, ArmGroup):
-        raise InvalidInputError(f"{argument('payload')} is for one arm; found {len(arm)}: {arm.name}")
-    return arm.with_payload(config.payload, config.payload_center)
 
 
 def with_limits(robot: Arm | ArmGroup, config: Config) -> Arm | ArmGroup:
