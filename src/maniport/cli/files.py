@@ -175,9 +175,8 @@ def _rows(methods: str | None) -> tuple[str, ...]:
     """Split names of rows at commas; "all" means every row, None the default rows."""
     from maniport.transfer import METHODS
 
-    if methods is None or methods == "all":
-        return tuple(METHODS) if methods else ()
-    return tuple(as_choice(name.strip(), "method", (*METHODS, "all")) for name in methods.split(","))
+    names = () if methods is None else METHODS if methods == "all" else methods.split(",")
+    return tuple(as_choice(name.strip(), "method", METHODS) for name in names)
 
 
 @command(
@@ -215,10 +214,8 @@ def figures(
     ] = None,
 ) -> None:
     """Draw the figures of a saved result as PNG and SVG files."""
-    with console.progress() as progress:
-        progress("Draw figures", 0.0)
+    with console.progress():
         files = maniport.write_figures(result, output)
-        progress("Draw figures", 1.0, f"{len(files)} files")
     console.finish({"files": [str(file) for file in files]}, "\n".join(map(str, files)))
 
 

@@ -38,8 +38,6 @@ RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, a
 MAX_COMPONENTS = 32  # Gaussians, without a number of the caller
 CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
 
-Segments = str | Sequence[str | Sequence[tuple[float, float]] | None]
-
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
@@ -163,7 +161,6 @@ class LearnedProfile(SavedResult):
 
 def learn(
     recordings: Sequence[Recording | str | Path],
-    segments: Segments | None = None,
     config: Config | None = None,
     *,
     progress: Progress | None = None,
@@ -180,15 +177,14 @@ def learn(
     ----------
     recordings : sequence of Recording, str or Path
         At least two demonstrations: recordings, or segments of them.
-    segments : "auto" or sequence, one entry for each recording, optional
-        Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
-        (`maniport.mocap.ArmFit.repetitions`); None for the whole recording. Default: those of `config`.
     config : Config, optional
         Options of the persons, the ellipsoids and the learning.
     progress : callable, optional
         Called with the name of a step and the fraction done.
     **options
-        Options by name, which override those of `config`; `maniport.pipeline.config` describes them.
+        Options by name, which override those of `config`; `maniport.pipeline.config` describes them. ``segments`` are
+        "auto" for all times that a hand goes out and back (`maniport.mocap.ArmFit.repetitions`), or have an entry for
+        each recording: "auto", a sequence of (start, stop) [s], each a demonstration, or None for the whole.
 
     Raises
     ------
@@ -197,9 +193,7 @@ def learn(
     """
     config = (config or Config()).changed(allowed=("human", "transfer", "learning"), **options)
     spec, person = config.spec, config.person
-    if segments is None and config.segments:
-        segments = AUTO if config.segments == (AUTO,) else config.segments
-    demonstrations = _demonstrations(recordings, _intervals(recordings, segments), config, progress)
+    demonstrations = _demonstrations(recordings, _intervals(recordings, config.segments), config, progress)
     motions = [demonstration.motion for demonstration in demonstrations]
     arms, bases = _mean_arms(person, motions), np.mean([motion.bases for motion in motions], axis=0)
     times, ellipsoids, hands = [], [], []
@@ -231,12 +225,14 @@ def learn(
     )  # fmt: skip
 
 
-def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments | None) -> list[Any]:
+def _intervals(recordings: Sequence[Recording | str | Path], segments: tuple[Any, ...]) -> list[Any]:
     """Check the segments; return those of each recording, [None] for the whole, or "auto"."""
     if isinstance(recordings, str | Path | Recording) or not len(recordings):
         raise InvalidInputError("recordings must be a sequence of at least one recording")
-    parts: list[Any] = [segments] * len(recordings) if segments is None or segments == AUTO else list(segments)
-    if (isinstance(segments, str) and segments != AUTO) or len(parts) != len(recordings):
+    parts: list[Any] = list(segments or (None,))
+    if parts in ([None], [AUTO]):
+        parts *= len(recordings)
+    if len(parts) != len(recordings):
         raise InvalidInputError(
             f"{argument('segments')} must be one list for each of the {len(recordings)} recordings; found {segments!r}"
         )
