@@ -85,15 +85,15 @@ class Option:
             return tuple(words)
         if self.repeated:
             return tuple(map(self._vector, typed))
-        if self.kind in (bool, int, float, str) or (self.choices and not _numbers(typed)):
+        if self.kind in (bool, int, float, str) or (self.choices and "," not in typed and not _numbers(typed)):
             return self.check(typed, typed=True)
         return self._vector(typed)
 
     def _vector(self, text: str) -> tuple[float, ...]:
         numbers = _numbers(text)
         if not numbers or self.count not in (None, len(numbers)):
-            count = "" if self.count is None else f"{self.count} "
-            raise InvalidInputError(f"{self.flag} must be {count}numbers separated by commas; found {text!r}")
+            words = [*self.choices, f"{self.count or ''} numbers separated by commas".strip()]
+            raise InvalidInputError(f"{self.flag} must be {' or '.join(words)}; found {text!r}")
         factors = self.factors if len(self.factors) > 1 else self.factors * len(numbers)
         return tuple(number * factor for number, factor in zip(numbers, factors, strict=True))
 
