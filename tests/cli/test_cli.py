@@ -79,6 +79,10 @@ def test_info_describes_results(run, tmp_path):
     (tmp_path / "summary.json").write_text("[1")
     code, _, err = run("info", tmp_path, "--json")
     assert (code, "summary.json: is no summary of a run" in err) == (2, True)
+    (tmp_path / "many").mkdir()
+    (tmp_path / "many" / "batch.json").write_text("{}")
+    code, _, err = run("info", tmp_path / "many")
+    assert (code, "is the folder of a batch" in err) == (2, True)
 
 
 def test_the_printed_template_completes_the_arm(run, tmp_path):
