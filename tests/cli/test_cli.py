@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import maniport
+from crane import CRANE
 from maniport import cli, load_arm, pipeline
 from maniport.errors import ManiportError
 from maniport.mocap import read_recording, shipped_recording
@@ -67,6 +68,15 @@ def test_fit_uses_the_robot_where_it_is_named(run, domains):
     assert adapters[False].from_samples_
     assert not adapters[True].from_samples_
     assert adapters[True].cost_ < adapters[False].cost_
+
+
+def test_locked_joints_of_any_robot_are_in_degrees(run, tmp_path):
+    (tmp_path / "crane.urdf").write_text(CRANE)
+    assert "nod at 10°" in run("info", tmp_path / "crane.urdf", "--lock", "nod=10")[1]
+    code, _, err = run("domain", tmp_path / "crane.urdf", "--lock", "nod=100", "-o", tmp_path / "domain.npz")
+    assert (code, "--lock: nod is 100°; allowed are -57.30° to 57.30°" in err) == (2, True)
+    code, _, err = run("fit", "a.npz", "b.npz", "--lock", "nod=100", "-o", tmp_path / "a.npz")
+    assert (code, "need --robot" in err) == (2, True)
 
 
 def test_info_describes_results(run, tmp_path):

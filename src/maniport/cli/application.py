@@ -3,6 +3,7 @@
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import wraps
 from math import inf, isfinite, radians
@@ -12,7 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
+from maniport.errors import InvalidInputError, ManiportError, UnknownNameError, on_the_command_line, printable
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.pipeline.option import NAMES, Option
 from maniport.report.console import Console
@@ -130,7 +131,8 @@ def command(
                 values = {o.name: o.parse(texts[o.name]) for o in chosen if texts[o.name] not in (None, [])}
                 if "profile" in values:
                     values.setdefault("path", None)  # that of a file belongs to the profile of the file
-                made["config"] = in_si_units(config.changed(**values), values)
+                robot = typed.get("arm", typed.get("what", config.changed(**values).robot))
+                made["config"] = in_si_units(config.changed(**values), values, robot)
             verb(**typed, **made)
 
         kinds = {o.name: _annotation(o, usual) for o in chosen}
@@ -173,11 +175,12 @@ def _annotation(option: Option, usual: Config) -> Any:
     return Annotated[kind | None, settings]
 
 
-def in_si_units(config: Config, typed: dict[str, Any]) -> Config:
+def in_si_units(config: Config, typed: dict[str, Any], robot: Any) -> Config:
     """Convert `lock` and `home`, where they were typed, to rad or m; this loads the robot."""
-    if lock := typed.get("lock"):
-        config = config.changed(lock=_converted("--lock", lock, _joints(config)))
-    if (home := typed.get("home")) is not None:
+    if (lock := typed.get("lock")) and robot:
+        with suppress(UnknownNameError):  # is raised again where the robot is loaded
+            config = config.changed(lock=_converted("--lock", lock, _joints(config.changed(robot=robot))))
+    if (home := typed.get("home")) is not None and robot:
         from maniport.motion import MotionLimits
         from maniport.pipeline.settings import load_robot
 

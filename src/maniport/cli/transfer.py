@@ -50,8 +50,6 @@ def transfer(config: Config, console: Console, output: Output, overwrite: Overwr
     export_files(config.export)  # raises where a package is missing
     with console.progress() as progress:
         recording = only_recording(config, console)
-        title = f"{Path(recording.source).stem.capitalize()} → {Path(config.robot[0]).stem}"
-        console.print(f"{title}: {recording.duration:.1f} s")
         result = pipeline.transfer_recording(recording, config, progress=progress)
         report = write_results(result, output, progress, config.export, overwrite=overwrite)
     console.print_report(report, output=str(output))

@@ -118,6 +118,8 @@ def load_single_arm(config: Config, side: str = AUTO) -> Arm:
 
 
 def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
+    if not config.robot:
+        raise InvalidInputError(f"{argument('robot')} is needed")
     robot: Any = config.robot[0]
     if isinstance(robot, Arm | ArmGroup):
         if any(arm.chain.payload for arm in as_group(robot).arms):  # run.yaml would lose it
