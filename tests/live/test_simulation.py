@@ -55,7 +55,7 @@ def test_a_robot_without_masses_is_where_it_is_commanded():
 
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
-    with pytest.raises(MissingPackageError, match=r"maniport\[simulate\]"):
+    with pytest.raises(MissingPackageError, match=r"\.\[simulate\]"):
         SimulatedRobot(mp.load_arm("panda"), np.zeros(7))
 
 

@@ -131,8 +131,9 @@ def command(
                 values = {o.name: o.parse(texts[o.name]) for o in chosen if texts[o.name] not in (None, [])}
                 if "profile" in values:
                     values.setdefault("path", None)  # that of a file belongs to the profile of the file
-                robot = typed.get("arm", typed.get("what", config.changed(**values).robot))
-                made["config"] = in_si_units(config.changed(**values), values, robot)
+                config = config.changed(**values)
+                robot = typed.get("arm") or typed.get("what") or config.robot  # domain and info name it
+                made["config"] = in_si_units(config, values, robot)
             verb(**typed, **made)
 
         kinds = {o.name: _annotation(o, usual) for o in chosen}
