@@ -59,7 +59,7 @@ def place_path(
     yaw: float | None = None,
     tilt: float | str | None = None,
     offset: Sequence[float | None] | ArrayLike | None = None,
-    workspace: Sequence[Sequence[float | None]] | None = None,
+    workspace: Sequence[Sequence[float | None]] | Array | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     collisions: Any = None,
