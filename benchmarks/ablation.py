@@ -44,7 +44,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
     "no joint descent of the placement": (search.PlacementTrajectoryCost, "improved", lambda problem, state: state),
-    "1 planned placement": (search, "PLANS", 1),
+    "1 planned placement": (search, "PLANNED", 1),
     "planning time scale 2": (planner, "PLANNING_TIME_SCALE", 2.0),
     "smoothness / 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS / 3.0),
     "smoothness · 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS * 3.0),

@@ -147,7 +147,7 @@ def test_the_lowest_point_is_below_all_links(panda, planned):
     arm = planned.arms[0]
     run = ArmResult(name="panda", robot=panda, motion=arm)
     poses = panda.link_poses(arm.control_positions)
-    for link, (points, _) in panda.geometry.shapes:
+    for link, (points, _) in panda.geometry.shapes.items():
         joint = panda.chain.frames[link].joint
         if joint:
             heights = (poses[:, joint, 2, :3] @ points.T).min(axis=1) + poses[:, joint, 2, 3]

@@ -9,7 +9,7 @@ from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
 from maniport.motion.objective import Objective
 from maniport.spd.regularization import Regularization
 
-DAMPING = Regularization.absolute(0.003)
+DAMPING = Regularization(epsilon=0.003)
 """About a hundredth of the mean eigenvalue of the Panda's ellipsoids."""
 
 

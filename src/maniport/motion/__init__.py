@@ -4,10 +4,9 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 """
 
 from maniport.motion.arm_model import robot_model
-from maniport.motion.controller import Controller, ControlProblem, ControlState
+from maniport.motion.collision_limit import Limit
 from maniport.motion.exports import export_motion
 from maniport.motion.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
-from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.placement.place_path import place_path
 from maniport.motion.placement.placement import Place, Placement
@@ -17,18 +16,12 @@ from maniport.motion.plan.planner import Planner
 from maniport.motion.problem import Cost
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search import SeedBank
-from maniport.motion.tracker import Control, track
+from maniport.motion.tracker import track
 from maniport.motion.trajectory import Clearance, Trajectory
 
 __all__ = [
     "ArmMotion",
-    "BrakingLimit",
     "Clearance",
-    "CollisionLimit",
-    "Control",
-    "ControlProblem",
-    "ControlState",
-    "Controller",
     "Cost",
     "FeasibleEllipsoids",
     "FeasibleProjector",

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.kernels import add_log_residual, add_residual
-from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
-from maniport.spd.matrix_functions import apply, roots, to_vector
+from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh, roots
+from maniport.spd.matrix_functions import apply, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square

@@ -57,14 +57,6 @@ def as_costs(costs: Sequence[Cost], arm: Arm | ArmGroup, time: Array) -> tuple[C
 
 
 @dataclass(frozen=True, eq=False)
-class PostureCost:
-    """Cost w (q − q_ref), the same at all times."""
-
-    reference: Array  # q_ref, (dof,)
-    weight: float  # w [1/rad or 1/m]
-
-
-@dataclass(frozen=True, eq=False)
 class RelativePositionCost:
     """Cost w (p_j − p_i − v(t)) of the vector between the end effectors of two arms of a group.
 

@@ -15,7 +15,8 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.objective import Damping, Objective, Targets
 from maniport.spd.affine_invariant import geodesic
-from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
+from maniport.spd.kernels import congruence, roots, symmetrize
+from maniport.spd.matrix_functions import apply
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
 
@@ -38,10 +39,10 @@ class Schedule:
         """Return the targets of all times."""
         return self.objective.targets(self.ellipsoids, self.positions, self.weights, self.rotations)
 
-    def sampled(self, rate: float, interpolation: str) -> "Schedule":
-        """Sample at evenly spaced times, `rate` per second, at least as many as there are times."""
+    def sampled(self, rate: float) -> "Schedule":
+        """Sample splines at evenly spaced times, `rate` per second, at least as many as there are times."""
         steps = max(int(np.ceil((self.time[-1] - self.time[0]) * rate - 1e-9)), len(self) - 1)
-        return self.at(np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
+        return self.at(np.linspace(self.time[0], self.time[-1], steps + 1), smooth=True)
 
     def finer(self, gap: float) -> tuple["Schedule", NDArray[np.intp]]:
         """Insert at most 7 points between those more than `gap` [s] apart; also return the rows of its own points."""

@@ -162,7 +162,7 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     by_speed = result is not None and result.spec.kind == "velocity"
     metrics += [item for own in getattr(result, "capabilities", ()) for item in _of_capability(own, by_speed)]
     if result is not None and result.gap is not None:
-        parts = result.mean_distance._asdict()
+        parts = result.mean_distance
         written = dict(parts)
         if motion.path is None:
             written = {"infeasible": parts["infeasible"] + parts["path"], "motion": parts["motion"]}
