@@ -151,7 +151,7 @@ def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
 
 def test_statistics_are_median_percentile_and_maximum():
     metric = statistics("Error", "error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5], "mm")
-    assert metric.text == "2.50 mm (median), 3.85 mm (95th percentile), 4.00 mm (max at 0.5 s)"
+    assert metric.text == "median 2.50, 95th percentile 3.85, max 4.00 at 0.5 s"
     assert metric.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
     assert statistics("Error", "error", [1.0, 4.0]).value["max_at"] == 1
 
