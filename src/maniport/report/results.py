@@ -15,7 +15,15 @@ from maniport.report.recording import person_section, recording_section
 from maniport.report.robot import chain_metrics, placement_section
 from maniport.report.transfer import adapter_section, evaluation_section, label
 from maniport.report.values import (
-    INFO, RED, Metric, Report, Section, describe, in_axes, sentence, software,
+    INFO,
+    RED,
+    Metric,
+    Report,
+    Section,
+    describe,
+    in_axes,
+    sentence,
+    software,
 )  # fmt: skip
 from maniport.util.defaults import POSITION_TOLERANCE
 
