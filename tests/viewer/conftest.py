@@ -42,18 +42,20 @@ def place():
 @pytest.fixture(scope="session")
 def make_state(arms, domains, place):
     first = Maps(*domains)
-    fitted = {(name, np.eye(3).tobytes()): first.fit(name, np.eye(3)) for name in first.names}
+    for name in first.names:
+        first.get(name, np.eye(3))
+    for fit in first.fits.values():
+        fit.result(60.0)
     bank = SeedBank(arms[1], 2048, 0)
 
     def make(maps=None, recorded=False):
         playback = None
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
-            playback = Playback(np.linspace(3.0, 5.0, 5), path)
+            playback = Playback(np.linspace(0.0, 2.0, 5), path)
         if maps is None:
             maps = Maps(*domains)
-            maps._fitted |= fitted
-            maps._last = next(iter(fitted.values()))
+            maps.fits |= first.fits
         state = ViewState(arms[1], [Side(*arms, maps, bank)], playback)
         state.places = Future()
         state.places.set_result([place])

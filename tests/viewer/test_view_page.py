@@ -145,7 +145,7 @@ def test_frames_arrive_whole_and_meshes_once(make_view, running):
     corners = len(view.state.sides[0].teacher.skeleton(np.zeros(7)))
     moves = f"/person/arm/{corners - 1}", "/robot/surface/7", "/person/ellipsoid", "/robot/target", "/robot/achieved"
     shapes = [name for window in windows for name, kind in window if kind == "MeshMessage"]
-    assert len(shapes) == len(set(shapes)) == len(view.state.robot.surfaces())
+    assert len(shapes) == len(set(shapes)) == len(view.state.robot.arms[0].surfaces())
     for frame in moving(windows)[1:]:
         assert {(name, "SetPositionMessage") for name in moves} <= set(frame)
 

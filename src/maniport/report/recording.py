@@ -161,8 +161,8 @@ def fit_report(fit: ArmFit | HumanMotion) -> Report:
 def person_section(fit: ArmFit) -> Section:
     """Describe the fit of a human arm and what the recording does not determine."""
     residuals = fit.residual_summary()
-    columns = {"direction of [°]": "{name}", "median": "{median:.2f}", "95th percentile": "{p95:.2f}", "max": "{max:.2f}",
-               TIME_COLUMN: "{max_at_s:.1f}"}  # fmt: skip
+    columns = {"direction of [°]": "{name}", "median": "{median:.2f}", "95th percentile": "{p95:.2f}",
+               "max": "{max:.2f}", TIME_COLUMN: "{max_at_s:.1f}"}  # fmt: skip
     caption = "Angle between measured and modelled direction of each segment, and about its own axis where it is known."
     table = Table.of([{"name": name, **item} for name, item in residuals.items()], columns, caption, "residual_deg")
     section = Section("Human arm", (), (replace(table, value=residuals),), "person", folded=True)

@@ -98,22 +98,19 @@ def _person(arms: Sequence[ArmTransfer], spec: EllipsoidSpec) -> Stage:
 def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
     """Return the arms of the robot; links that several arms share are drawn once."""
     bodies: list[Body] = []
-    for arm in result.arms:
-        assert arm.motion is not None
-        robot, joints, parts = arm.robot, arm.motion.joint_positions, list[Part]()
-        poses, surfaces = robot.link_poses(joints), list[Surface]()
-        try:
-            surfaces += robot.surfaces()
-        except FileFormatError as error:  # the page is useful without surfaces
-            notes.append(f"{robot.name} is drawn as a skeleton: {error}")
-        for surface in surfaces:  # each point once, so that the script of the page finds triangles that meet
+    motions = [arm.motion for arm in result.arms if arm.motion is not None]
+    surfaces, reason = surfaces_of([arm.robot for arm in result.arms], [own.joint_positions[0] for own in motions])
+    if reason:  # the page is useful without surfaces
+        notes.append(f"{result.robot.name} is drawn as a skeleton: {reason}.")
+    for arm, motion, own in zip(result.arms, motions, surfaces, strict=True):
+        poses, parts = arm.robot.link_poses(motion.joint_positions), list[Part]()
+        for surface in own:  # each point once, so that the script of the page finds triangles that meet
             corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
             points, places = np.unique(corners, axis=0, return_inverse=True)
-            part = Part(points, places.reshape(-1, 3), poses[:, surface.joint])
-            if not any(_is_same(part, other) for body in bodies for other in body.parts):
-                parts.append(part)
+            parts.append(Part(points, places.reshape(-1, 3), poses[:, surface.joint]))
         drawn = {role: own for role, own in _profiles_of(arm, spec).items() if role != PERSON.name}
-        bodies.append(Body(robot.name, robot.skeleton(joints), drawn, arm.motion.path, tuple(parts)))
+        skeleton = arm.robot.skeleton(motion.joint_positions)
+        bodies.append(Body(arm.robot.name, skeleton, drawn, motion.path, tuple(parts)))
     rotation = None
     if isinstance(result, TransferResult):
         placement = result.arms[0].placement
@@ -121,10 +118,27 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     return Stage(result.robot.name, tuple(bodies), rotation)
 
 
-def _is_same(part: Part, other: Part) -> bool:
-    """Return whether two surfaces have the same motion and the same bounds [m]; they may be simplified differently."""
-    first, second = ((item.points.min(axis=0), item.points.max(axis=0)) for item in (part, other))
-    return np.allclose(part.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
+def surfaces_of(arms: Sequence[Arm], configurations: Sequence[Array]) -> tuple[list[list[Surface]], str]:
+    """Return the surfaces of each arm of a robot, those that arms share once, or none and the reason in one line.
+
+    Surfaces of two arms with one pose at their configurations (dof,) and bounds that differ by less than 1 cm are the
+    same; they may be simplified differently.
+    """
+    chosen, before = list[list[Surface]](), list[Array]()
+    for arm, q in zip(arms, configurations, strict=True):
+        try:
+            surfaces, reason = arm.surfaces(), f"the description of {arm.name} names no shapes"
+        except FileFormatError as error:
+            surfaces, reason = (), " ".join(str(error).split())
+        if not surfaces:
+            return [[] for _ in arms], reason
+        poses = arm.link_poses(q)
+        looks = [np.concatenate([poses[own.joint].ravel(), own.points.min(axis=0), own.points.max(axis=0)])
+                 for own in surfaces]  # fmt: skip
+        chosen.append([own for own, look in zip(surfaces, looks, strict=True)
+                       if not any(np.abs(look - other).max() < 0.01 for other in before)])  # fmt: skip
+        before += looks
+    return chosen, ""
 
 
 def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:
