@@ -1,11 +1,13 @@
 """A person's arm frame by frame: compiled as written, and causal."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import maniport as mp
 from maniport.arms.human import human_arm
-from maniport.live.person import Person
+from maniport.live.person import OneEuroFilter, Person
 from maniport.mocap import synthetic_recording
 
 
@@ -20,9 +22,9 @@ def estimates(person, recording, hidden=(), near=None):
     """Estimates of each frame of a recording, in which some points are hidden."""
     shown = np.stack([recording.point(name) for name in person.points], axis=1)
     shown[:, [person.points.index(name) for name in hidden]] = np.nan
-    found = [person.begin(person.directions(shown[0]), near)]
+    found = [person.begin(person.directions(person.vectors(shown[0])), near)]
     for points, dt in zip(shown[1:], np.diff(recording.time), strict=True):
-        found.append(person.follow(found[-1], person.directions(points), dt))
+        found.append(person.follow(found[-1], person.directions(person.vectors(points)), dt))
     return found
 
 
@@ -42,3 +44,37 @@ def test_unseen_joints_come_to_rest():
     assert np.isfinite([estimate.covariance for estimate in found]).all()
     assert np.abs(found[-1].velocity).max() < 5.0
     assert np.linalg.norm(arm.forward(found[-1].q)[:3, 3] - arm.forward(q[-1])[:3, 3]) < 0.03
+
+
+def turning(speed, time):
+    """A unit vector that turns at a constant speed [rad/s], shape (1, 3)."""
+    return np.array([[np.cos(speed * time), np.sin(speed * time), 0.0]])
+
+
+def test_filter_reduces_noise_at_rest_and_lags_by_its_cutoff():
+    time, noise = np.arange(0.0, 4.0, 1 / 30.0), np.random.default_rng(0).normal(0.0, 0.04, (120, 1, 3))
+    low_pass = OneEuroFilter(1)
+    still = np.array([low_pass(turning(0.0, t) + noise[i], t) for i, t in enumerate(time)])
+    assert still[60:].std(axis=0).max() < 0.02
+    low_pass = OneEuroFilter(1)
+    filtered = [low_pass(turning(2.0, t), t)[0] for t in time]
+    lag = 2.0 * time - np.unwrap([np.arctan2(y, x) for x, y, _ in filtered])
+    assert 0.1 < lag[-1] < 0.3  # [rad], 0.05 to 0.15 s
+
+
+def test_filter_skips_what_is_not_seen_and_begins_anew_after_a_gap():
+    low_pass, hidden = OneEuroFilter(2), np.array([[1.0, 0.0, 0.0], [np.nan] * 3])
+    assert np.isnan(low_pass(hidden, 0.0)[1]).all()
+    low_pass(np.eye(3)[:2], 0.1)
+    filtered = low_pass(np.eye(3)[1:], 1.0)
+    np.testing.assert_array_equal(filtered, np.eye(3)[1:])
+
+
+def test_noisy_recordings_are_filtered():
+    arm, q, time = moving("right")
+    recording = synthetic_recording(arm, q, time)
+    noise = np.random.default_rng(0).normal(0.0, 0.008, recording.positions.shape)
+    noisy = dataclasses.replace(recording, positions=recording.positions + noise)
+    assert Person(mp.fit_arm(noisy)).is_noisy
+    assert not Person(mp.fit_arm(noisy, smooth="off")).is_noisy
+    assert not Person(mp.fit_arm(recording)).is_noisy

@@ -48,9 +48,8 @@ def fill_dynamics(  # type: ignore[no-untyped-def]
                 for m in range(3):
                     s[k, 3 + i] += rotations[n, k + 1, i, m] * axes[k, m]
             _cross(origins[n, k + 1], s[k, 3:], s[k, :3])
-            if slides[k]:
-                s[k, :3] = s[k, 3:]
-                s[k, 3:] = 0.0
+            for i in range(3 if slides[k] else 0):  # an assignment of slices takes 2 s more to compile
+                s[k, i], s[k, 3 + i] = s[k, 3 + i], 0.0
         for k in range(joints - 1, -1, -1):
             _place_inertia(
                 rotations[n, k + 1],

@@ -107,26 +107,34 @@ def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def trunk_directions(positions, linear, forward, shortest):  # type: ignore[no-untyped-def]
-    """Return unit vectors (k, 3) in the trunk frame of points (n, 3), nan where a point is not seen.
-
-    `linear` (k + 2, n) gives the vectors, of which the last two are the trunk's upward axis and its second axis, x
-    where `forward`, else y.
-    """
-    vectors, targets, axes = np.zeros((len(linear), 3)), np.zeros((len(linear) - 2, 3)), np.empty((3, 3))
+def unit_vectors(positions, linear, shortest):  # type: ignore[no-untyped-def]
+    """Return the unit vectors (k, 3) that `linear` (k, n) gives for points (n, 3); nan where a point is not seen."""
+    vectors = np.zeros((len(linear), 3))
     for i in range(len(linear)):
         for n in range(len(positions)):
             if linear[i, n] != 0.0:
                 vectors[i] += linear[i, n] * positions[n]
-    z, across = scaled(vectors[-2], shortest), vectors[-1]
-    second = scaled(across - (across * z).sum() * z, shortest)
+        vectors[i] = scaled(vectors[i], shortest)
+    return vectors
+
+
+@kernel
+def trunk_directions(vectors, forward):  # type: ignore[no-untyped-def]
+    """Return unit vectors (k, 3) in the trunk frame; nan where a vector is.
+
+    The last two of the unit vectors (k + 2, 3) are the trunk's upward axis and its second axis, x where `forward`, else
+    y; within 0.06° of each other they do not determine the frame.
+    """
+    targets, axes = np.zeros((len(vectors) - 2, 3)), np.empty((3, 3))
+    z, across = vectors[-2], vectors[-1]
+    second = scaled(across - (across * z).sum() * z, 1e-3)
     axes[2] = z
     if forward:
         axes[0], axes[1] = second, np.cross(z, second)
     else:
         axes[0], axes[1] = np.cross(second, z), second
     for i in range(len(targets)):
-        targets[i] = (axes * scaled(vectors[i], 0.0)).sum(axis=1)
+        targets[i] = (axes * vectors[i]).sum(axis=1)
     return targets
 
 

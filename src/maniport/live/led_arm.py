@@ -6,7 +6,7 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.person import ArmEstimate, Person
+from maniport.live.person import ArmEstimate, OneEuroFilter, Person
 from maniport.motion import Placement
 from maniport.transfer import DomainAdapter
 from maniport.util.validation import Array
@@ -43,16 +43,21 @@ class LedArm:
     def forget(self) -> None:
         """Forget all frames."""
         self._last_seen = -np.inf
+        self._filter = OneEuroFilter(self.person.count) if self.person.is_noisy else None
         self.estimate: ArmEstimate | None = None
         self.target: Target | None = None
         self.demonstrated: Array | None = None  # (d, d)
 
     def update(self, positions: Array, now: float, hold_after: float, resting: bool) -> bool:
         """Update estimate and target with a frame; False where the arm is not seen in it, or jumps."""
-        directions, before, last = self.person.directions(positions[self._rows]), self.estimate, self.target
-        dt = now - self._last_seen
+        vectors, before, last = self.person.vectors(positions[self._rows]), self.estimate, self.target
+        directions, dt = self.person.directions(vectors), now - self._last_seen
         if directions is None or (before is not None and self.person.jumps(before, directions, dt)):
             return False
+        if self._filter is not None:
+            directions = self.person.directions(self._filter(vectors, now))
+            if directions is None:
+                return False
         if before is None or resting or dt > hold_after:
             estimate = self.person.begin(directions, None if before is None else before.q)
         else:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maniport.arms import EllipsoidSpec
-from maniport.live.kernels import follow, search, trunk_directions, turned_farther, updated
+from maniport.live.kernels import follow, search, trunk_directions, turned_farther, unit_vectors, updated
 from maniport.mocap import ArmFit
 from maniport.mocap.arm_path import (
     FASTEST_JOINT,
@@ -47,17 +47,48 @@ class ArmEstimate:
     since_search: float = 0.0  # Time since the whole joint range was searched [s]
 
 
+class OneEuroFilter:
+    """Low-pass filter of unit vectors (n, 3), nan where not seen (Casiez, Roussel and Vogel, CHI 2012).
+
+    The cutoff frequency grows with the filtered angular speed, from 0.5 Hz at rest by 0.5 Hz for each rad/s: noise is
+    reduced where the arm is slow, and the delay is 0.1 s at 2 rad/s. A vector that was not seen for 0.25 s begins anew.
+    """
+
+    CUTOFF, SLOPE, SPEED_CUTOFF, LONGEST_GAP = 0.5, 0.5, 1.0, 0.25  # [Hz], [Hz s/rad], [Hz], [s]
+
+    def __init__(self, count: int):
+        self._values, self._speeds, self._times = np.zeros((count, 3)), np.zeros((count, 3)), np.full(count, -np.inf)
+
+    def __call__(self, vectors: Array, now: float) -> Array:
+        """Return the filtered vectors at a time [s]."""
+        seen = ~np.isnan(vectors[:, 0])
+        elapsed = np.where(seen, now - self._times, np.inf)[:, None]
+        new = elapsed > self.LONGEST_GAP
+        speeds = np.where(new, 0.0, (vectors - self._values) / elapsed)
+        self._speeds = np.where(new, 0.0, self._speeds + _share(self.SPEED_CUTOFF, elapsed) * (speeds - self._speeds))
+        cutoff = self.CUTOFF + self.SLOPE * np.linalg.norm(self._speeds, axis=1, keepdims=True)
+        filtered = self._values + np.where(new, 1.0, _share(cutoff, elapsed)) * (vectors - self._values)
+        self._values[seen], self._times[seen] = filtered[seen], now
+        return filtered
+
+
+def _share(cutoff: Array | float, elapsed: Array) -> Array:
+    """Return how far a low-pass filter moves to a new value after a time."""
+    return np.asarray(1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * elapsed)))
+
+
 class Person:
     """The arm of a person that was fitted to a recording, estimated in new frames of the same `points`."""
 
     def __init__(self, fit: ArmFit):
-        self.arm, roles = fit.arm, fit.roles
+        self.arm, roles, self.is_noisy = fit.arm, fit.roles, fit.smoothed
         self.points = tuple(points_of(roles))
         basis = Basis(self.points)
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
         self._linear = np.stack([*vectors.values(), *trunk]).astype(np.float64)
+        self.count = len(self._linear)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
         self._body, self._weights = directions.arrays()
         self._samples, self._sampled_directions = sample_directions(directions)
@@ -68,9 +99,13 @@ class Person:
         # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
         self._least_jump = MIN_JUMP / np.array([fit.segment_lengths[name] for name in fit.segments])
 
-    def directions(self, positions: Array) -> Array | None:
-        """Directions (k, 3) in the trunk frame of points (n, 3), nan where not seen; None without arm or trunk."""
-        targets = trunk_directions(positions, self._linear, self._forward, SHORTEST)
+    def vectors(self, positions: Array) -> Array:
+        """Compute unit vectors (k + 2, 3) along segments, joint axes and the trunk; nan where a point is not seen."""
+        return np.asarray(unit_vectors(positions, self._linear, SHORTEST))
+
+    def directions(self, vectors: Array) -> Array | None:
+        """Compute directions (k, 3) in the trunk frame of `vectors`, nan where not seen; None without arm or trunk."""
+        targets = trunk_directions(vectors, self._forward)
         return None if np.isnan(targets[: len(self._least_jump)]).any() else targets
 
     def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:

@@ -61,6 +61,8 @@ class ArmFit(NotebookDisplay):
         Interpolated and omitted frames.
     quality_warnings : tuple of str
         Data-quality warnings: large differences of model and person, and repairs that change the result.
+    smoothed : bool
+        Whether points were noisy and were smoothed; `maniport.Live` then filters frames of the same points.
     """
 
     arm: Arm
@@ -80,6 +82,7 @@ class ArmFit(NotebookDisplay):
     roles: dict[str, Any]
     notes: tuple[str, ...]
     quality_warnings: tuple[str, ...] = ()
+    smoothed: bool = False
 
     def __len__(self) -> int:
         """Return the number of frames."""

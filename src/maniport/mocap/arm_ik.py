@@ -193,6 +193,7 @@ def _fit(recording: Recording, observation: Observation, person: str, step: Step
         roles=roles,
         notes=observation.notes,
         quality_warnings=tuple(filter(None, texts)),
+        smoothed=observation.smoothed,
     )
     return replace(fit, quality_warnings=(*model_differences(fit), *fit.quality_warnings))
 

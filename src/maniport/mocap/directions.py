@@ -158,6 +158,7 @@ class Observation:
     frames: NDArray[np.intp]  # the frames in which trunk and arm are fully observed, shape (n,)
     notes: tuple[str, ...]  # on repairs
     quality_warnings: tuple[str, ...]  # on repairs that change the result, except omitted frames
+    smoothed: bool  # whether points were noisy and are smoothed
 
     @property
     def time(self) -> Array:
@@ -177,7 +178,8 @@ def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, 
     chosen, reason, roles = find_side(recording, markers, side)
     points_used = points_of(roles)
     whole = unswapped(without_zeros(recording), points_used)
-    used = smoothed(without_outliers(whole.select(points_used)).fill_gaps(), smooth)
+    repaired = without_outliers(whole.select(points_used)).fill_gaps()
+    used = smoothed(repaired, smooth)
     notes = list(used.notes[len(recording.notes) :])
     points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
     hand = points["hand"] - points["wrist"] if "hand" in points and "hand" not in (markers or {}) else None
@@ -198,7 +200,8 @@ def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, 
         )
     frames = np.flatnonzero(~out)
     quality_warnings = used.quality_warnings[len(recording.quality_warnings) :]
-    return Observation(chosen, reason, roles, used, points, trunk, frames, tuple(notes), quality_warnings)
+    is_smoothed = used.positions is not repaired.positions and smooth
+    return Observation(chosen, reason, roles, used, points, trunk, frames, tuple(notes), quality_warnings, is_smoothed)
 
 
 def vectors_of(points: Recording | Basis, roles: Mapping[str, Any], side: str) -> dict[str, Array]:
