@@ -27,7 +27,6 @@ def page(motion, tmp_path_factory):
         time,
         stages,
         {"Ellipsoids": semi_axis_panels({"person": teacher, "target": target}, "m"), "Joints": (bend,)},
-        legend={"person": "the person's", "target": "target", "achieved": "the robot's"},
         clocks={"robot": 4.0 * time},
     )
     path = tmp_path_factory.mktemp("page") / "report.html"

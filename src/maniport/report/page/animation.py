@@ -18,7 +18,6 @@ from maniport.report.page.content import (
     HUMAN_JOINTS,
     PERSON,
     REFERENCE,
-    ROLES,
     STATES,
     TARGET,
     Animation,
@@ -79,7 +78,6 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         {topic: _alternated(panels, names) for topic, panels in topics.items()},
         unit=spec.bounded.unit,
         clocks={"robot": moved[0].time} if transfer is not None and moved else {},
-        legend={role: ROLES[role].about for role in _profiles_of(result.arms[0], spec)},
         note=" ".join(notes),
         states=tuple(max(worst, key=order.index) for worst in zip(*(item.status for item in moved), strict=True)),
     )
