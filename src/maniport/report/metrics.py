@@ -57,26 +57,17 @@ METRICS = {
     "duration": Definition(
         "Duration", "Time-scaled to satisfy the limits; other times are demonstrated.", "s", main=True,
         text="{robot:.1f} s (human {person:.1f} s)"),
-    **{
-        key: Definition(
-            label, description, main=key == "limits", text="{_text}",
-            level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
-            warning_key=f"{key}-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}")
-        for key, label, description in (
-            ("limits", "Limits", "Largest value relative to the limit."),
-            ("torques", "Torques", "Largest value relative to the limit, by inverse dynamics."),
-        )
-    },
+    **{key: Definition(
+        key.capitalize(), f"Largest value relative to the limit{remark}.", main=key == "limits", text="{_text}",
+        level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
+        warning_key=f"{key}-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}")
+       for key, remark in (("limits", ""), ("torques", ", by inverse dynamics"))},
     "collisions": Definition(
         "Collisions", "Between convex hulls of links, table and obstacles.", main=True, text="{_text}",
         level=itemgetter("share"), warn_above=0.0, severity=ERROR, warning_key="collision",
         warning="the robot collides {_when}: {_pair}"),
-    **{
-        key: Definition(
-            label, "Median along the direction of the person's largest value.", unit,
-            main=True, text="{_text}")
-        for key, label, unit in (("force", "Force", "N"), ("velocity", "Speed", "m/s"))
-    },
+    **{key: Definition(label, "Median along the direction of the person's largest value.", unit, text="{_text}")
+       for key, label, unit in (("force", "Force", "N"), ("velocity", "Speed", "m/s"))},
     "mean_distance": Definition(
         "Mean distance", "Infeasible: distance to the feasible set. Path: added by the path constraint. "
         "Motion: added by limits.", main=True, text="{_text}"),

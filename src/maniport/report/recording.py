@@ -37,7 +37,6 @@ from maniport.report.values import (
     in_axes,
     listed,
     software,
-    statistics,
 )
 from maniport.util.defaults import AUTO
 
@@ -148,14 +147,8 @@ def fit_report(fit: ArmFit | HumanMotion) -> Report:
     """Describe the fit of one or both human arms."""
     if isinstance(fit, ArmFit):
         return Report(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),))
-    sections = [
-        replace(person_section(own), title=f"Human {own.arm.side} arm", key=str(own.arm.side)) for own in fit.arms
-    ]
-    if len(fit.arms) > 1:
-        apart = np.linalg.norm(fit.hands[1] - fit.hands[0], axis=-1)
-        distance = statistics("Distance between the hands", "between_hands", apart, fit.time, "m")
-        sections.insert(0, Section("Both arms", (distance,)))
-    return Report(f"{' and '.join(own.arm.name for own in fit.arms)}, fitted to a person", sections=tuple(sections))
+    arms = (replace(person_section(own), title=f"Human {own.arm.side} arm", key=str(own.arm.side)) for own in fit.arms)
+    return Report(f"{' and '.join(own.arm.name for own in fit.arms)}, fitted to a person", sections=tuple(arms))
 
 
 def person_section(fit: ArmFit) -> Section:

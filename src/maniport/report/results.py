@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,15 +29,9 @@ from maniport.report.values import (
 from maniport.util.defaults import POSITION_TOLERANCE
 
 POSITION_GRADES = {"position tracked": 0.0, "position mostly tracked": MISSED_SHARE, "position not tracked": np.inf}
-"""Largest share of waypoints far from the path, by words for the outcome."""
-
-DISTANCE_GRADES = {
-    "ellipsoids tracked": ENOUGH_DISTANCE,
-    "ellipsoids approximated": NEAR_DISTANCE,
-    "ellipsoids approximated in part": 1.2,  # one axis 82 % too long
-    "ellipsoids not tracked": np.inf,
-}
-"""Largest median distances by words for the outcome."""
+DISTANCE_GRADES = {"ellipsoids tracked": ENOUGH_DISTANCE, "ellipsoids approximated": NEAR_DISTANCE,
+                   "ellipsoids approximated in part": 1.2, "ellipsoids not tracked": np.inf}  # fmt: skip
+"""Largest shares of waypoints far from the path, and median distances, by words; 1.2: one axis 82 % too long."""
 
 Metrics = Mapping[str, Metric]
 Result = TransferResult | MotionResult
@@ -88,10 +83,10 @@ def _arm_sections(arm: ArmResult, alone: bool) -> list[Section]:
     if isinstance(arm, ArmTransfer):
         if arm.evaluation is not None:
             sections.append(evaluation_section(arm.evaluation))
-        fitted, counts = adapter_section(arm.adapter), (len(arm.teacher_domain), len(arm.student_domain))
-        text = "{} samples of the person, {} samples of the robot".format(*counts)
-        fitted.add("Domains", "samples", dict(zip(("teacher", "student"), counts, strict=True)), text)
-        sections += [fitted, person_section(arm.fit)]
+        sections += [adapter_section(arm.adapter), person_section(arm.fit)]
+        human, robot = len(arm.teacher_domain), len(arm.student_domain)
+        text = f"{human} samples of the person, {robot} samples of the robot"
+        sections[-2].add("Domains", "samples", {"teacher": human, "student": robot}, text)
     return sections
 
 
@@ -165,7 +160,7 @@ def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]
 
 def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> tuple[str, str]:
     """Advise what improves the result most, with its command; of several arms the first with an advice decides."""
-    slower = _track(result, "slower", speed_scale=0.5 * (result.config.motion.speed_scale if result.config else 1.0))
+    slower = _repeated(result, "slower", speed_scale=0.5 * (result.config.motion.speed_scale if result.config else 1.0))
     if report.status == RED:
         exceeded = "limits-exceeded" in report.warning_keys
         return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
@@ -174,43 +169,38 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         assert motion is not None
         if error is not None and error.value["far_share"] > MISSED_SHARE:
             if arm.placement is None:
-                return "Place the path in the workspace.", _track(result, "placed", "--place")
+                return "Place the path in the workspace.", _repeated(result, "placed", place=True)
             if motion.position_tolerance > POSITION_TOLERANCE:
-                command = _track(result, "nearer", position_tolerance=POSITION_TOLERANCE)
-                return "Reduce the position tolerance.", command
+                nearer = _repeated(result, "nearer", position_tolerance=POSITION_TOLERANCE)
+                return "Reduce the position tolerance.", nearer
             return "The path exceeds the robot's speed: reduce the speed scale.", slower
         if metrics["distance"].value["median"] <= NEAR_DISTANCE:
             continue
         parts = arm.mean_distance
         if motion.path is not None and parts.path >= max(parts.infeasible, parts.motion):
-            command = _track(result, "no-path", path=False)
+            free = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG} --orientation {FREE}"
+            known = result.config is not None and len(result.arms) == 1
+            command = f"{free} --no-place -o {{folder}}-no-path" if known else ""
             return "The path constraint dominates the distance: try without it.", command
         if parts.motion > parts.infeasible:
-            command = _track(result, "all", joint_limit_margin=0.0)
-            return "Limits dominate the distance: use the whole range of the joints.", command
-        config, several = f"--config {{folder}}/{CONFIG}", len(result.arms) > 1
+            text = "Limits dominate the distance: use the whole range of the joints."
+            return text, _repeated(result, "all", joint_limit_margin=0.0)
         evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
-        better = "" if evaluation is None or evaluation.rejected is not None else evaluation.recommended
-        if better and evaluation is not None and better != evaluation.adapter.name:
-            command = f"maniport transfer {config} --method {better} -o {{folder}}-{better}"
-            repeats = result.config is not None and len(result.config.recording) == 1 and not several
-            text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
-            return text, command if repeats else ""
-        text = "The targets are infeasible: try other methods and base rotations."
-        return text, "" if result.config is None or several else f"maniport view {config}"
+        if evaluation is not None and evaluation.rejected is None:
+            better = evaluation.recommended
+            if better and better != evaluation.adapter.name:
+                text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
+                return text, _repeated(result, better, method=better)
+        command = "" if result.config is None else f"maniport view --config {{folder}}/{CONFIG}"
+        return "The targets are infeasible: try other methods and base rotations.", command
     return "", ""
 
 
-def _track(result: Result, suffix: str, *words: str, path: bool = True, **options: float) -> str:
-    """Return the command that repeats the motion of one arm with other options, into another folder."""
+def _repeated(result: Result, suffix: str, **options: Any) -> str:
+    """Return the command that repeats a run of the command line with other options, into another folder."""
     config = result.config
-    if config is None or len(result.arms) > 1:
+    if config is None or not (config.profile or len(config.recording) == 1):
         return ""
-    changed = [word for name, value in options.items() for word in OPTIONS[name][1].words(value)]
-    if isinstance(config.motion.orientation, str) and config.motion.orientation != FREE:
-        changed += ["--orientation", FREE]  # a profile has no hand to follow
-    if config.placement.place and "--place" not in words:
-        changed += ["--no-place"]
-    with_path = path and result.arm.motion is not None and result.arm.motion.path is not None
-    files = [f"{{folder}}/placed_profile.npz --config {{folder}}/{CONFIG}", *["--path {folder}/path.npz"] * with_path]
-    return " ".join(["maniport track", *files, *words, *changed, f"-o {{folder}}-{suffix}"])
+    command = f"maniport {'track' if config.profile else 'transfer'} --config {{folder}}/{CONFIG}"
+    words = [word for name, value in options.items() for word in OPTIONS[name][1].words(value)]
+    return " ".join([command, *words, f"-o {{folder}}-{suffix}"])
