@@ -25,18 +25,13 @@ def domains(arms):
 
 @pytest.fixture(scope="session")
 def place():
-    point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "pointwise_best": np.zeros(1), "spec": VELOCITY}
-    point |= {"planned_distance": np.zeros(1)}
-    point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
-    point |= {
-        "scale": 0.5,
-        "yaw": 0.0,
-        "tilt": 0.0,
-        "heading": 0.0,
-        "base_orientation": np.eye(3),
-        "map_rotation": np.eye(3),
-    }
-    return Placement(**point, offset=np.array([0.4, 0.0, 0.4]), center=np.zeros(3))
+    zeros, turn = np.zeros(1), np.eye(3)
+    return Placement(
+        path=np.zeros((1, 3)), profile=turn[None], pointwise_best=zeros, spec=VELOCITY, planned_distance=zeros,
+        position_error=zeros, reachable=np.ones(1, dtype=bool), joint_positions=np.zeros((1, 7)), scale=0.5, yaw=0.0,
+        tilt=0.0, heading=0.0, base_orientation=turn, map_rotation=turn, offset=np.array([0.4, 0.0, 0.4]),
+        center=np.zeros(3),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")
