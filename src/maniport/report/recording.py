@@ -186,41 +186,55 @@ AGREEMENT = {"agree": 0.2, "agree in part": 0.5, "do not agree": np.inf}
 @describe.register
 def learned_report(learned: LearnedProfile) -> Report:
     """Report a learned profile, agreement of the demonstrations first."""
-    agreement, k, seconds = learned.agreement, len(learned.demonstrations), float(np.ptp(learned.time))
+    agreement, parts, seconds = learned.agreement, learned.demonstrations, float(np.ptp(learned.time))
+    before, after, held = agreement.before, agreement.after, agreement.held_out
     outlier = "" if agreement.outlier is None else learned.names[agreement.outlier]
     grade = next(words for words, bound in AGREEMENT.items() if agreement.share <= bound)
-    before, after, held = agreement.before, agreement.after, agreement.held_out
-    profile = Section("Learned profile", key="profile")
-    profile.warn(RECORDING, *(text for part in learned.demonstrations for text in part.quality_warnings))
-    if grade != "agree":
-        text = "the demonstrations differ: their mean is a motion that nobody performed"
-        profile.warn("demonstrations-differ", text)
-    if outlier:
-        profile.warn("demonstrations-differ", f"{outlier} differs from the other demonstrations")
+    section, means = Section("Learned profile", key="profile"), dict[str, float]()
+    section.warn(RECORDING, *(text for part in parts for text in part.quality_warnings))
+    texts = ["the demonstrations differ: their mean is a motion that nobody performed"] * (grade != "agree")
+    section.warn("demonstrations-differ", *texts, *[f"{outlier} differs from the other demonstrations"] * bool(outlier))
     about = "Mean distance to the mean ellipsoid of the same time; 0.1 is one axis 5 % too long."
     text = f"{after:.2f} after alignment, {before:.2f} before"
-    profile.add("Dispersion", "dispersion", {"before": before, "after": after}, text, about, main=True)
+    section.add("Dispersion", "dispersion", {"before": before, "after": after}, text, about, main=True)
     about, text = "Share of all variance.", f"{100 * agreement.share:.0f} %"
-    profile.add("Variance between demonstrations", "variance_share", agreement.share, text, about, main=True)
-    means: dict[str, float] = {}
+    section.add("Variance between demonstrations", "variance_share", agreement.share, text, about, main=True)
     if held is not None:
         series = {"learned": held.learned, "plain_mean": held.mean, "nearest_other": held.nearest,
                   "one_for_all_times": held.constant}  # fmt: skip
         means = {name: float(np.mean(distances)) for name, distances in series.items()}
         text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in means.items())
-        profile.add("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)
-    profile.add("Gaussians", "gaussians", learned.model.n_components_)
-    profile.numbers(ellipsoids=len(learned.time), duration_s=round(seconds, 3))
-    spec, damping, settings = learned.spec, learned.regularization.epsilon, Section("Settings", key="run", folded=True)
-    kind = {"kind": spec.kind, "part": spec.part}
-    about = "Trunk frame (x forward, y left, z up)."
-    settings.add("Ellipsoids", "ellipsoids", kind, f"{spec.kind}, {spec.part}", about)
-    about = "Added to all eigenvalues before ellipsoids are compared."
-    settings.add("Damping", "damping", damping, f"{damping:.3g}" if damping else str(learned.regularization), about)
-    settings.add("Arm", "arm", listed(arm.name for arm in learned.arms))
-    settings.metrics += tuple(software(learned.random_state))
+        section.add("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)
+    section.add("Gaussians", "gaussians", learned.model.n_components_)
+    spec, damping = learned.spec, learned.regularization.epsilon
+    kind, about = {"kind": spec.kind, "part": spec.part}, "Trunk frame (x forward, y left, z up)."
+    section.add("Ellipsoids", "ellipsoids", kind, f"{len(learned.time)}, {spec.kind}, {spec.part}", about)
+    section.add(
+        "Damping",
+        "damping",
+        damping,
+        str(damping and round(damping, 6)),
+        "Added to all eigenvalues before ellipsoids are compared.",
+    )
+    section.numbers(duration_s=round(seconds, 3), reference=learned.alignment.reference, outlier=agreement.outlier)
+    names = tuple(str(arm.side) for arm in learned.arms)
+    mirrored = listed(part.name for part in parts if part.motion.names != names)
+    section.note(*[f"mirrored to the {names[0]} arm: {mirrored}"] * bool(mirrored))
+    section.note(f"all ellipsoids are those of {' and '.join(names)} arm of mean lengths")
+    section.metrics += tuple(software(learned.random_state))
+    values = [
+        {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),
+         "frames": len(part.motion), "side": listed(part.motion.names), "from_others": float(agreement.alone[i]),
+         "held_out": np.nan if held is None else float(held.learned[i]),
+         "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in part.motion.arms}}
+        for i, part in enumerate(parts)
+    ]  # fmt: skip
+    columns = {"demonstration": "{name}", "frames": "{frames}", "arm": "{side}", "from the others": "{from_others:.2f}"}
+    columns |= {} if held is None else {"held out": "{held_out:.2f}"}
+    caption = "Mean distances after alignment: from the others, and from the profile learned without it."
+    section.tables = (Table.of(values, columns, caption, "demonstrations"),)
     lead = (
-        f"{k} demonstrations, aligned to the {seconds:.1f} s of {learned.reference.name}. Each of "
+        f"{len(parts)} demonstrations, aligned to the {seconds:.1f} s of {learned.reference.name}. Each of "
         f"{len(learned.time)} times has a mean ellipsoid, its covariance, and a position of the hand."
     )
     cause, advice = f"The mean distance to the mean ellipsoid of the same time is {after:.2f} ({in_axes(after)}).", ""
@@ -228,31 +242,5 @@ def learned_report(learned: LearnedProfile) -> Report:
         cause, advice = f"{cause} {outlier} is an outlier.", f"Leave out {outlier}, or give it a profile of its own."
     elif means and means["learned"] > means["plain_mean"]:
         advice = f"More Gaussians may predict better: {argument('components', 2 * learned.model.n_components_)}."
-    sections = profile, _demonstrations(learned, outlier), settings
-    return Report(f"A profile of {k} demonstrations", lead, sections, f"The demonstrations {grade}.", cause, advice)
-
-
-def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
-    """List the demonstrations, and report what made them comparable: mirroring and segment lengths."""
-    agreement, held = learned.agreement, learned.agreement.held_out
-    sides = tuple(str(arm.side) for arm in learned.arms)
-    values = [
-        {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),
-         "frames": len(part.motion), "side": listed(part.motion.names), "from_others": float(agreement.alone[i]),
-         "held_out": None if held is None else float(held.learned[i]),
-         "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in part.motion.arms}}
-        for i, part in enumerate(learned.demonstrations)
-    ]  # fmt: skip
-    columns = {"demonstration": "{name}", "frames": "{frames}", "arm": "{side}", "from the others": "{from_others:.2f}"}
-    if held is not None:
-        columns["held out"] = "{held_out:.2f}"
-    caption = "Mean distances after alignment: from the others, and from the profile learned without it."
-    section = Section("Demonstrations", (), (Table.of(values, columns, caption, "demonstrations"),), "demonstrations")
-    about = "Gives the times of the profile."
-    section.add("Reference", "reference", learned.alignment.reference, learned.reference.name, about)
-    about = "At least 1.5 times the median distance from the others."
-    section.add("Outlier", "outlier", agreement.outlier, outlier or "none", about)
-    if mirrored := [part.name for part in learned.demonstrations if part.motion.names != sides]:
-        section.note(f"mirrored to the {sides[0]} arm: {listed(mirrored)}")
-    section.note(f"all ellipsoids are those of {' and '.join(sides)} arm of mean lengths")
-    return section
+    outcome = f"The demonstrations {grade}."
+    return Report(f"A profile of {len(parts)} demonstrations", lead, (section,), outcome, cause, advice)
