@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import zip_longest
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms import Arm, EllipsoidSpec, Surface
 from maniport.arms.human import middle_of
@@ -53,16 +54,15 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         sides = [str(arm.side) for arm in result.arms]
         curves = {group: _alternated([part[group] for part in parts], sides) for group in parts[0]}
         return Animation(result.alignment.time, (), curves, unit=result.spec.unit)
-    transfer = result if isinstance(result, TransferResult) else None
+    transferred, spec = isinstance(result, TransferResult), result.arms[0].spec
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
-    time = transfer.time if transfer is not None else moved[0].time
-    spec = result.arms[0].spec
     moves = "translates" if spec.part == "translation" else "rotates"
     speed = "unit joint speed" if spec.joint_weights is None else "the joint speeds of its weights"
     notes = [MEANINGS[spec.kind].format(moves, speed), f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long."]
     if spec.part == "full":
         notes = ["Ellipsoids of six dimensions cannot be drawn; their distances can."]
-    stages = [_person(transfer.arms, spec)] if transfer is not None else []
+    persons = [_person(arm, spec) for arm in result.arms if isinstance(arm, ArmTransfer)]
+    stages = [Stage("Person", tuple(persons), torso=TORSO)] if persons else []
     if moved:
         stages.append(_robot(result, spec, notes))
     else:
@@ -73,24 +73,20 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
             topics.setdefault(topic, []).append(panels)
     names, order = [arm.name for arm in result.arms], list(STATES)
     return Animation(
-        time,
+        result.time if isinstance(result, TransferResult) else moved[0].time,
         tuple(stages),
         {topic: _alternated(panels, names) for topic, panels in topics.items()},
         unit=spec.bounded.unit,
-        clocks={"robot": moved[0].time} if transfer is not None and moved else {},
+        clocks={"robot": moved[0].time} if transferred and moved else {},
         note=" ".join(notes),
         states=tuple(max(worst, key=order.index) for worst in zip(*(item.status for item in moved), strict=True)),
     )
 
 
-def _person(arms: Sequence[ArmTransfer], spec: EllipsoidSpec) -> Stage:
-    """Return the arms of the person, about the middle of the neck."""
-    bodies = []
-    for arm in arms:
-        middle = np.array([0.0, middle_of(arm.fit.arm), 0.0])
-        drawn = {role: points for role, points in _profiles_of(arm, spec).items() if role == PERSON.name}
-        bodies.append(Body("Person", arm.fit.arm.skeleton(arm.fit.joint_angles) - middle, drawn))
-    return Stage("Person", tuple(bodies), torso=TORSO)
+def _person(arm: ArmTransfer, spec: EllipsoidSpec) -> Body:
+    """Return an arm of the person, about the middle of the neck."""
+    skeleton = arm.fit.arm.skeleton(arm.fit.joint_angles) - np.array([0.0, middle_of(arm.fit.arm), 0.0])
+    return Body("Person", skeleton, {role: own for role, own in _profiles_of(arm, spec).items() if role == PERSON.name})
 
 
 def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
@@ -101,19 +97,22 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     if reason:  # the page is useful without surfaces
         notes.append(f"{result.robot.name} is drawn as a skeleton: {reason}.")
     for arm, motion, own in zip(result.arms, motions, surfaces, strict=True):
-        poses, parts = arm.robot.link_poses(motion.joint_positions), list[Part]()
-        for surface in own:  # each point once, so that the script of the page finds triangles that meet
-            corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
-            points, places = np.unique(corners, axis=0, return_inverse=True)
-            parts.append(Part(points, places.reshape(-1, 3), poses[:, surface.joint]))
-        drawn = {role: own for role, own in _profiles_of(arm, spec).items() if role != PERSON.name}
-        skeleton = arm.robot.skeleton(motion.joint_positions)
-        bodies.append(Body(arm.robot.name, skeleton, drawn, motion.path, tuple(parts)))
+        poses, skeleton = arm.robot.link_poses(motion.joint_positions), arm.robot.skeleton(motion.joint_positions)
+        parts = tuple(Part(*_joined(surface), poses[:, surface.joint]) for surface in own)
+        drawn = {role: points for role, points in _profiles_of(arm, spec).items() if role != PERSON.name}
+        bodies.append(Body(arm.robot.name, skeleton, drawn, motion.path, parts))
     rotation = None
     if isinstance(result, TransferResult):
         placement = result.arms[0].placement
         rotation = result.base_rotation if placement is None else placement.rotation @ result.base_rotation
     return Stage(result.robot.name, tuple(bodies), rotation)
+
+
+def _joined(surface: Surface) -> tuple[Array, NDArray[np.integer]]:
+    """Return points and triangles with each point once, so that the script of the page finds triangles that meet."""
+    corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
+    points, places = np.unique(corners, axis=0, return_inverse=True)
+    return points, places.reshape(-1, 3)
 
 
 def surfaces_of(arms: Sequence[Arm], configurations: Sequence[Array]) -> tuple[list[list[Surface]], str]:
@@ -141,16 +140,14 @@ def surfaces_of(arms: Sequence[Arm], configurations: Sequence[Array]) -> tuple[l
 
 def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:
     """Return velocity ellipsoids of an arm by role, none of six dimensions; those of force are the inverses."""
-    if spec.part == "full":
-        return {}
-    profiles = {PERSON.name: arm.demonstrated_profile} if isinstance(arm, ArmTransfer) else {}
-    if isinstance(arm, ArmTransfer) and arm.motion is None:
-        profiles[TARGET.name] = arm.target_profile
-    if spec.kind == "force":
-        profiles = {role: np.asarray(np.linalg.inv(profile)) for role, profile in profiles.items()}
+    profiles: dict[str, Array] = {}
+    if isinstance(arm, ArmTransfer):
+        profiles = {PERSON.name: arm.demonstrated_profile, TARGET.name: arm.target_profile}
+        if spec.kind == "force":
+            profiles = {role: np.asarray(np.linalg.inv(profile)) for role, profile in profiles.items()}
     if arm.motion is not None:
         profiles |= {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
-    return profiles
+    return {} if spec.part == "full" else profiles
 
 
 def _panels_of(
@@ -227,17 +224,17 @@ def _panels_of_learned(learned: LearnedProfile) -> dict[str, tuple[Panel, ...]]:
     semi_axes, demonstrated = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
     d, unit, outlier = semi_axes.shape[1], learned.spec.unit, learned.agreement.outlier
 
-    def panel(title: str, unit: str, several: Array, values: Array, deviation: Array | None = None) -> Panel:
+    def panel(title: str, unit: str, several: Array, values: Array, factor: Array | None = None) -> Panel:
         lines = [Line(name, item, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)
                  for k, (name, item) in enumerate(zip(learned.names, several, strict=True))]  # fmt: skip
-        factors: list[tuple[str, Array | float, int]] = [("learned", 1.0, 0)]
-        if deviation is not None:
-            factors += [("+ 1 deviation", np.exp(deviation), 1), ("− 1 deviation", np.exp(-deviation), 1)]
-        lines += [Line(name, np.interp(time, learned.time, values * factor), ACHIEVED.name, style)
-                  for name, factor, style in factors]  # fmt: skip
+        curves = {"learned": values}
+        if factor is not None:
+            curves |= {"+ 1 deviation": values * factor, "− 1 deviation": values / factor}
+        lines += [Line(name, np.interp(time, learned.time, curve), style=int(name != "learned"))
+                  for name, curve in curves.items()]  # fmt: skip
         return Panel(title, unit, tuple(lines))
 
-    axes = [panel(f"Semi-axis {d - k}", unit, demonstrated[..., k], semi_axes[:, k], deviations[:, k])
+    axes = [panel(f"Semi-axis {d - k}", unit, demonstrated[..., k], semi_axes[:, k], np.exp(deviations[:, k]))
             for k in reversed(range(d))]  # fmt: skip
     hand = [panel(f"Hand, {name}", "m", learned.paths[..., k], learned.path[:, k])
             for k, name in enumerate(("x forward", "y left", "z up"))]  # fmt: skip
