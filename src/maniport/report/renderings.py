@@ -60,8 +60,8 @@ def as_markdown(report: Report, details: bool = False) -> str:
         paragraphs += ["## Warnings", "\n".join(f"- {escaped(text)}" for text in report.warnings)]
     sections = [section for section in report.sections if details or not (report.outcome and section.folded)]
     if report.outcome and not details:
-        shown = [metric for section in sections for metric in section.metrics]
-        hidden = tuple(metric for metric in report.main_metrics if metric not in shown)
+        visible = [metric for section in sections for metric in section.metrics]
+        hidden = tuple(metric for metric in report.main_metrics if metric not in visible)
         sections.insert(0, Section("Arms" if hidden else "", hidden))
     for section in sections:
         tables = section.statistics(), section.tables

@@ -179,8 +179,8 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         parts = arm.mean_distance
         if motion.path is not None and parts.path >= max(parts.infeasible, parts.motion):
             free = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG} --orientation {FREE}"
-            known = result.config is not None and len(result.arms) == 1
-            command = f"{free} --no-place -o {{folder}}-no-path" if known else ""
+            alone = result.config is not None and len(result.arms) == 1
+            command = f"{free} --no-place -o {{folder}}-no-path" if alone else ""
             return "The path constraint dominates the distance: try without it.", command
         if parts.motion > parts.infeasible:
             text = "Limits dominate the distance: use the whole range of the joints."
