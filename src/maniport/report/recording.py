@@ -143,14 +143,13 @@ def _completion(recording: Recording, family: str, missing: list[str], side: str
 
 
 @describe.register
-def fit_report(fit: ArmFit | HumanMotion) -> Report:
-    """Describe the fit of one or both human arms."""
-    if isinstance(fit, ArmFit):
-        return Report(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),))
+def fit_report(fit: HumanMotion) -> Report:
+    """Describe the fits of the arms of a person."""
     arms = (replace(person_section(own), title=f"Human {own.arm.side} arm", key=str(own.arm.side)) for own in fit.arms)
     return Report(f"{' and '.join(own.arm.name for own in fit.arms)}, fitted to a person", sections=tuple(arms))
 
 
+@describe.register
 def person_section(fit: ArmFit) -> Section:
     """Describe the fit of a human arm and what the recording does not determine."""
     residuals = fit.residual_summary()

@@ -117,8 +117,8 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
 
 
 @describe.register
-def placement_report(placed: Placement) -> Report:
-    """Describe the placement of a path, with its alternatives."""
+def placement_section(placed: Placement) -> Section:
+    """Describe the placement of a path, whether the robot reaches it, and alternatives."""
     values = [
         {"rank": rank, "scale": item.scale, "yaw_deg": float(np.degrees(item.yaw)), "offset_m": item.offset.tolist(),
          "tilt_deg": float(np.degrees(item.tilt)), "heading_deg": float(np.degrees(item.heading)), "rms": item.rms,
@@ -132,14 +132,8 @@ def placement_report(placed: Placement) -> Report:
         "distance, rms / max": "{rms:.2f} / {max:.2f}",
     }  # fmt: skip
     caption = "Placements by motions planned through some waypoints, the best first; of equal ones, the least rotated."
-    section = placement_section(placed)
-    section.tables = (Table.of(values, columns, caption, "candidates"),) if values else ()
-    return Report(f"A path of {len(placed.path)} waypoints", "", (section,))
-
-
-def placement_section(placed: Placement) -> Section:
-    """Describe the placement of a path and whether the robot reaches it."""
-    section = Section("Placement", key="placement", folded=True)
+    tables = (Table.of(values, columns, caption, "candidates"),) if values else ()
+    section = Section("Placement", (), tables, "placement", folded=True)
     yaw, tilt, heading = np.degrees([placed.yaw, placed.tilt, placed.heading]).tolist()
     offset, out = placed.offset.tolist(), int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0

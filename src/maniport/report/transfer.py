@@ -13,11 +13,6 @@ from maniport.transfer.rotation_group import rotation_angle
 
 
 @describe.register
-def adapter_report(adapter: DomainAdapter) -> Report:
-    """Describe an adapter and its fit."""
-    return Report(type(adapter).__name__, "", (adapter_section(adapter),))
-
-
 def adapter_section(adapter: DomainAdapter) -> Section:
     """Describe the fit of an adapter."""
     section = Section("Adapter", key="adapter", folded=True)

@@ -4,7 +4,7 @@ import contextlib
 import platform
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 from importlib import metadata
 from typing import Any
@@ -277,10 +277,13 @@ def report_of(thing: Any) -> Report:
     """
     import maniport.report.results  # noqa: F401 - it and what it imports register all classes; slow to load
 
-    return describe(thing)
+    described = describe(thing)
+    if isinstance(described, Report):
+        return described
+    return Report(described.title, "", (replace(described, title="", folded=False),))
 
 
 @singledispatch
-def describe(thing: Any) -> Report:
+def describe(thing: Any) -> Report | Section:
     """Describe an object; `describe.register` adds a class."""
     return Report(type(thing).__name__, repr(thing))
