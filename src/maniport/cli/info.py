@@ -13,7 +13,8 @@ from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
 from maniport.report.renderings import SUMMARY
-from maniport.report.values import Report, Section, report_of
+from maniport.report.values import Metric, Report, Section, numbers, report_of
+from maniport.report.values import info as info_metric
 from maniport.util.defaults import AUTO, RECORDINGS
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 
@@ -139,13 +140,13 @@ def _of_arrays(path: str) -> Report:
     is_path = "manipulability" not in names
     values, time = (load_path if is_path else load_ellipsoids)(path)
     n, d = values.shape[:2]
-    section = Section("", key="path" if is_path else "ellipsoids")
-    if "joint_names" in names:
-        section.add("Robot motion", "joints", load_arrays(path, "file", ("joint_names",))["joint_names"].tolist())
-    section.add("Path" if is_path else "Ellipsoids", "count", n, f"{n} positions" if is_path else f"{n} of {d} × {d}")
+    metrics = [Metric("Path", f"{n} positions", key="count", value=n)]
     if not is_path:
-        section.numbers(dimension=d)
+        metrics = [Metric("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), *numbers(dimension=d)]
+    if "joint_names" in names:
+        joints = load_arrays(path, "file", ("joint_names",))["joint_names"].tolist()
+        metrics.insert(0, info_metric("Robot motion", "joints", joints))
     if time is not None:
         seconds = round(float(time[-1] - time[0]), 3)
-        section.add("Duration", "duration", seconds, f"{seconds:g} s", unit="s")
-    return Report(path, "", (section,))
+        metrics.append(Metric("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
+    return Report(path, "", (Section("", tuple(metrics), key="path" if is_path else "ellipsoids"),))

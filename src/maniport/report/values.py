@@ -108,18 +108,17 @@ class Section:
     text: str = ""  # Markdown below the title, one paragraph per line; names from files must be escaped
     folded: bool = False  # whether it is a detail: the page folds it, and a summary in Markdown omits it
 
-    def add(self, label: str, key: str, value: Any, text: str | None = None, about: str = "", **more: Any) -> None:
-        """Add a setting or a number with a description; its text is the value by default."""
-        written = (listed(value) if isinstance(value, list | tuple) else str(value)) if text is None else text
-        self.metrics += (Metric(label, written, about, key, value, **more),)
+    def add(self, *values: Any, **more: Any) -> None:
+        """Add a setting or a number, with the arguments of `info`."""
+        self.metrics += (info(*values, **more),)
 
     def numbers(self, **values: Any) -> None:
         """Add metrics that are in JSON only; the keys have the units."""
-        self.metrics += tuple(Metric("", "", key=key, value=value) for key, value in values.items())
+        self.metrics += tuple(numbers(**values))
 
     def warn(self, key: str, *texts: str, severity: str = WARNING, value: Any = None) -> None:
         """Add warnings, or notes, with a stable key for programs."""
-        self.metrics += tuple(Metric("", sentence(text), "", key, value, severity=severity) for text in texts)
+        self.metrics += tuple(warning(key, text, severity, value) for text in texts)
 
     def note(self, *texts: str) -> None:
         """Add notes."""
@@ -214,6 +213,22 @@ class Report:
     def command_for(self, folder: str = "results") -> str:
         """Return the command of the next step with the folder of the results, quoted for a shell."""
         return self.command.replace("{folder}", shlex.quote(folder))
+
+
+def info(label: str, key: str, value: Any, text: str | None = None, about: str = "", **more: Any) -> Metric:
+    """Return a metric of a setting or a number with a description; its text is the value by default."""
+    written = (listed(value) if isinstance(value, list | tuple) else str(value)) if text is None else text
+    return Metric(label, written, about, key, value, **more)
+
+
+def warning(key: str, text: str, severity: str = WARNING, value: Any = None) -> Metric:
+    """Return a warning with a stable key for programs."""
+    return Metric("", sentence(text), "", key, value, severity=severity)
+
+
+def numbers(**values: Any) -> list[Metric]:
+    """Return metrics that are in JSON only; the keys have the units."""
+    return [Metric("", "", key=key, value=value) for key, value in values.items()]
 
 
 def sentence(text: str) -> str:

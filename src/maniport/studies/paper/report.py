@@ -6,7 +6,7 @@ from itertools import product
 from typing import Any
 
 from maniport.evaluation import Evaluation
-from maniport.report.values import WARNING, Metric, Report, Section, Table, describe, software
+from maniport.report.values import Metric, Report, Section, Table, describe, software, warning
 from maniport.studies.methods import methods_section
 from maniport.studies.paper.experiments import Experiment, Line
 from maniport.studies.paper.tables import OURS, PAPER
@@ -97,8 +97,7 @@ def experiment_section(experiment: Experiment) -> Section:
         fits = {(line["row"], line["data"], line["samples"], line["method"]): line for line in own}.values()
         warned, draws = (sum(line[key] for line in fits) for key in ("warned", "draws"))
         if warned:
-            text = f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits."
-            metrics.append(Metric("", text, key="fits", severity=WARNING))
+            metrics.append(warning("fits", f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits"))
     printed, further = ([line for line in lines if (line["table"] is None) is extra] for extra in (False, True))
     tables = [_pivot(printed, LEGEND, "rows", lines)]
     if further:
