@@ -181,5 +181,5 @@ def _times(points: Array, noise: float, random: np.random.Generator) -> Array:
     if noise == 0.0:
         return points
     factor = mp.spd.expm(mp.spd.from_vector(noise * random.standard_normal((len(points), 6))))
-    root = mp.spd.sqrtm(points)
+    root = mp.spd.powm(points, 0.5)
     return np.asarray(root @ factor @ root)

@@ -18,7 +18,7 @@ def volume(surface: Surface) -> float:
 def drawn(arm: Arm, q: np.ndarray) -> np.ndarray:
     """All corners of an arm in its base frame, in a fixed order."""
     poses = arm.link_poses(q)
-    points = [s.points @ poses[s.joint, :3, :3].T + poses[s.joint, :3, 3] for s in arm.geometry.surfaces(None)]
+    points = [s.points @ poses[s.joint, :3, :3].T + poses[s.joint, :3, 3] for s in arm.surfaces()]
     return ordered(np.concatenate(points))
 
 

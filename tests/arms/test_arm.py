@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from maniport.arms import EllipsoidSpec, load_arm
 from maniport.arms.arm import Arm
 from maniport.arms.chain import PRISMATIC
+from maniport.arms.kinematics import PointKinematics
 from maniport.arms.manipulability import manipulability
 from maniport.errors import InvalidInputError, NotSPDError
 
@@ -71,7 +72,8 @@ def test_kinematics_agrees_with_pinocchio(arm):
         expected = pin.computeFrameJacobian(model, data, positions, index, pin.LOCAL_WORLD_ALIGNED)
         assert_allclose(poses[row], data.oMf[index].homogeneous, atol=1e-12)
         assert_allclose(jacobians[row], expected.reshape(6, -1) @ chain.coupling, atol=1e-12)
-    values, slopes = arm.point_positions(q, arm.frames), arm.point_jacobians(q, arm.frames)
+    values, slopes = PointKinematics(chain, arm.frames)(q)
+    assert_allclose(arm.point_positions(q, arm.frames), values, atol=1e-13)
     for k, name in enumerate(arm.frames):
         if np.any(chain.coupling[: chain.frames[name].joint]):
             part = arm.restricted(frame=name)

@@ -126,7 +126,7 @@ def test_the_mirror_image_of_the_mirror_image_is_the_arm():
     assert_allclose(Arm(left).forward(q)[:3, 3], S @ Arm(chain).forward(q)[:3, 3], atol=1e-14)
     corners = []
     for arm in (Arm(left), Arm(chain)):
-        (surface,) = arm.geometry.surfaces(None)
+        (surface,) = arm.surfaces()
         corners.append(arm.link_poses(q)[surface.joint, :3, :3] @ surface.points[surface.triangles[0]].T)
     assert_allclose(np.sort(corners[0], axis=1), np.sort(S @ corners[1], axis=1), atol=1e-14)
     # triangles are counter-clockwise from outside in both

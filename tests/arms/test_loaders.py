@@ -179,5 +179,5 @@ def test_axes_of_no_length_and_places_out_of_the_world_are_refused(write, axis, 
     body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
     urdf = write(jointed("revolute", f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'))
     for path in (urdf, write(world(f'<body name="a">{body}</body>'), "r.xml")):
-        with pytest.raises(ValueError, match=r"'j' must (have an axis of finite length|be placed by)|<body> needs pos"):
+        with pytest.raises(ValueError, match=r"'j' (must|needs an origin)|<body> 'b' needs pos"):
             load_arm(path, frame="b")

@@ -185,7 +185,7 @@ def test_wrong_input_ends_with_one_sentence(run, tmp_path, monkeypatch, words, f
 
 @pytest.mark.parametrize("command", ["demo", "transfer", "learn", "track", "place", "reproduce"])
 def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, command):
-    own = {"learn": "path.npz", "place": "path.npz", "reproduce": "toy.md"}.get(command, "joints.csv")
+    own = {"learn": "path.npz", "place": "path.npz", "reproduce": "paper.md"}.get(command, "joints.csv")
     (tmp_path / own).write_text("earlier")
     one_file = {"transfer": ("no.bvh",), "learn": ("no.bvh",), "track": ("no.npz",), "reproduce": ("toy",)}
     words = {"demo": (), "place": ("no.npz", "--path", "no.npz"), **one_file}[command]

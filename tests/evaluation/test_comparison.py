@@ -3,11 +3,12 @@ import json
 import numpy as np
 import pytest
 
-from maniport import ParallelTransport, RiemannianICP, load_arm, sample_domain, spd
+from maniport import MeanTransport, ParallelTransport, RiemannianICP, load_arm, sample_domain, spd
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import evaluate
-from maniport.evaluation.summary import BASELINES, IDENTITY, LOOKUP, TRANSPORT
+from maniport.evaluation.comparison import baselines_for
+from maniport.evaluation.metrics import BASELINES, IDENTITY, LOOKUP, TRANSPORT
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.transfer.rigid_adapter import RigidMap
 
@@ -96,3 +97,31 @@ def test_bad_input_is_refused(problem, arms):
     ):
         with pytest.raises(error, match=word):
             evaluate(arguments[0], teacher, student, arguments[1], **options)
+
+
+@pytest.fixture
+def domains(make_cloud, rng):
+    return make_cloud(rng, 60), 3.0 * make_cloud(rng, 80, spread=0.3)
+
+
+def test_mean_transport_matches_the_means_and_nothing_else(domains, turn_about):
+    """The teacher's mean becomes the student's, and all distances stay: a congruence by S̄^½ (R_b T̄ R_bᵀ)^-½ R_b."""
+    turn, points = turn_about(35.0, axis=1), domains[0]
+    adapter = MeanTransport(base_rotation=turn).fit(*domains)
+    teacher, student = (spd.mean(cloud) for cloud in domains)
+    factor = spd.sqrtm(student) @ spd.invsqrtm(turn @ teacher @ turn.T) @ turn
+    images = adapter.transform(points)
+    np.testing.assert_allclose(images, factor @ points @ factor.T, rtol=1e-8)
+    np.testing.assert_allclose(adapter.inverse_transform(images), points, rtol=1e-8)
+
+
+def test_a_method_is_not_its_own_baseline(domains):
+    assert TRANSPORT not in baselines_for(ParallelTransport())
+    own = ParallelTransport(damping=0.01)
+    adapter = RiemannianICP(damping=0.01).fit(*domains)
+    baselines = baselines_for(adapter, ("identity", own))
+    assert list(baselines) == ["identity", TRANSPORT]
+    assert baselines[TRANSPORT].get_params() == own.get_params()
+    for rows, word in (((ParallelTransport(damping=0.02),), "rows"), (("identity baseline",), "method")):
+        with pytest.raises(InvalidInputError, match=word):
+            baselines_for(adapter, rows)

@@ -21,7 +21,7 @@ from maniport.arms.collisions.obstacles import disabled_pairs
 from maniport.arms.human import JOINTS
 from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.errors import FileFormatError
-from maniport.live.frames import read_frame
+from maniport.live.transport import read_frame
 from maniport.mocap import read_recording, shipped_recording
 from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.c3d import DEC, MIPS

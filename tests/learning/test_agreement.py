@@ -14,7 +14,7 @@ TIME = np.linspace(0.0, 1.0, 16)
 
 def judged(profiles, components=2):
     alignment = align(profiles)
-    model = ProfileGMM(components, random_state=0).fit(*alignment.stacked())
+    model = ProfileGMM(components).fit(*alignment.stacked())
     return agreement(list(profiles), alignment, model)
 
 

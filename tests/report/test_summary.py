@@ -31,7 +31,7 @@ def complete(result, changed):
     n, arm = len(result.time), result.arm
     tracked = {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "status": ("followed",) * n,
                "achieved": arm.motion.target}  # fmt: skip
-    fit = replace(arm.fit, observable=np.ones_like(arm.fit.observable), quality_warnings=())
+    fit = replace(arm.fit, unobservable={}, quality_warnings=())
     config = Config().changed(recording=("ladder",))
     return replace(changed(result, {"fit": fit, "gap": np.zeros(n)}, **tracked), warnings=(), config=config)
 

@@ -11,6 +11,7 @@ from maniport import spd
 from maniport.arms import Arm
 from maniport.errors import IdentifiabilityWarning
 from maniport.transfer.identifiability import CloudPair, free_axes
+from maniport.transfer.rigid_adapter import recenter
 from maniport.transfer.rotation_group import rotation_angle
 
 FRAME = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -24,8 +25,7 @@ def axes_between(teacher, student, rotation=None, damping=0.01):
     adapter = mp.ParallelTransport(damping=damping, base_rotation=rotation).fit(teacher, student)
     sides = adapter.teacher_side(teacher), adapter.student_side(student)
     means = adapter.teacher_mean_, adapter.student_mean_
-    clouds = [spd.whiten(points, mean) for points, mean in zip(sides, means, strict=True)]
-    clouds[0] = spd.powm(clouds[0], adapter.dispersion_ratio_)
+    clouds = map(recenter, sides, means, (adapter.dispersion_ratio_, 1.0))
     return free_axes(CloudPair(*clouds), adapter.rotation_, adapter.student_mean_)
 
 

@@ -12,7 +12,7 @@ from maniport.util import optional
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "maniport"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio", "pin-pink": "pink", "pot": "ot"}
+IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio", "pin-pink": "pink"}
 IMPORT_NAMES |= {"rerun-sdk": "rerun"}
 DEPENDENCIES_OF_OTHERS = {"coal", "contourpy", "PIL", "llvmlite", "markupsafe", "msgspec", "websockets"}
 WITH_FALLBACK = {"IPython"}

@@ -4,11 +4,11 @@ joblib's backends are not used: of a Dask worker that dies, its backend never re
 """
 
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from itertools import islice
 from threading import Thread
 from time import monotonic
 from typing import Any, TypeVar
@@ -41,32 +41,30 @@ def completed(executor: Executor, work: Work, tasks: Iterable[T], period: float 
 
     When a process is killed, all tasks under way may be lost. Each of them is run once more, alone, after the others.
     """
-    waiting, retried, running = deque(tasks), list[T](), dict[Future[Any], T]()
-    while waiting or retried or running:
-        alone = not waiting and not running
-        while waiting and len(running) < executor.width:
-            task = waiting.popleft()
-            running[executor.submit(work, task)] = task
-        if not running:
-            task = retried.pop()
-            running[executor.submit(work, task)] = task
-        ended = wait(running, period, FIRST_COMPLETED).done
-        if not ended:
-            executor.check()
-        for future in ended:
-            task, outcome = running.pop(future), None
-            try:
-                outcome = future.result()
-            except BrokenExecutor:
-                if not alone:
-                    retried.append(task)
-                    continue
-                outcome = ManiportError("worker process killed, probably out of memory")
-            except CancelledError:
-                raise ManiportError("the cluster was lost; run again to continue") from None
-            except Exception as error:  # noqa: BLE001  one failure does not stop the rest
-                outcome = error
+    lost = list[T]()
+    for task, outcome in _ended(executor, work, tasks, executor.width, period):
+        if isinstance(outcome, BrokenExecutor):
+            lost.append(task)
+        else:
             yield task, outcome
+    for task, outcome in _ended(executor, work, lost, 1, period):
+        killed = isinstance(outcome, BrokenExecutor)
+        yield task, ManiportError("worker process killed, probably out of memory") if killed else outcome
+
+
+def _ended(executor: Executor, work: Work, tasks: Iterable[T], width: int, period: float) -> Iterator[tuple[T, Any]]:
+    """Run at most `width` tasks at a time; yield each with its result or error."""
+    waiting, running = iter(tasks), dict[Future[Any], T]()
+    while True:
+        running |= {executor.submit(work, task): task for task in islice(waiting, width - len(running))}
+        if not running:
+            return
+        if not (done := wait(running, period, FIRST_COMPLETED).done):
+            executor.check()
+        for future in done:
+            if future.cancelled():
+                raise ManiportError("the cluster was lost; run again to continue")
+            yield running.pop(future), future.exception() or future.result()
 
 
 def executor_for(processes: int, dask: str | None, on_ray: bool) -> AbstractContextManager[Executor]:

@@ -121,7 +121,7 @@ def evaluate(
 ) -> None:
     """Compare a fitted adapter with baselines."""
     from maniport.evaluation import evaluate
-    from maniport.evaluation.summary import BASELINES
+    from maniport.evaluation.metrics import BASELINES
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids
 
@@ -146,7 +146,6 @@ def reproduce(
     console: Console,
     which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot, all, or tasks.")] = "all",
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
-    methods: Methods = None,
     overwrite: Overwrite = False,
     quick: Annotated[bool, typer.Option("--quick", help="Task study: four recordings on the Panda only.")] = False,
     robots: Annotated[str | None, typer.Option("--robots", help="Task study: robots, separated by commas.")] = None,
@@ -156,8 +155,8 @@ def reproduce(
 ) -> None:
     """Repeat the paper's experiments, or run the task study."""
     if which == "tasks":
-        if methods is not None or overwrite:
-            raise InvalidInputError("tasks takes no --methods or --overwrite")
+        if overwrite:
+            raise InvalidInputError("tasks takes no --overwrite")
         if (score is None) != (task is None):
             raise InvalidInputError("--score and --task: expected both or neither")
         from maniport.studies.tasks.run import score_file, study_tasks
@@ -177,7 +176,7 @@ def reproduce(
 
     output = output or Path("maniport-paper")
     with console.progress() as progress:
-        result = reproduce(which, output, config.seed, progress, methods=_rows(methods), overwrite=overwrite)
+        result = reproduce(which, output, config.seed, progress, overwrite=overwrite)
     console.print_report(report_of(result), output=str(output))
 
 

@@ -6,13 +6,13 @@ long.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from maniport.estimator import clone
 from maniport.learning.alignment import Alignment, align, matched
-from maniport.learning.gmm import ProfileGMM
-from maniport.learning.mixture import points_each
+from maniport.learning.gmm import ProfileGMM, points_each
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axes
 from maniport.spd.matrix_functions import to_vector
@@ -69,9 +69,8 @@ def agreement(
     """Measure the agreement of demonstrations and hold out each of them."""
     step, k, n = Step(progress, "Hold out demonstrations"), len(profiles), min(map(len, profiles))
     apart = np.zeros((k, k))
-    for i in range(k):
-        for j in range(i):
-            apart[i, j] = apart[j, i] = _aligned_distance(profiles[i], profiles[j])
+    for i, j in combinations(range(k), 2):
+        apart[i, j] = apart[j, i] = _aligned_distance(profiles[j], profiles[i])
     held_out = None
     if k >= MIN_COUNT and (k - 1) * n >= points_each(profiles[0].shape[-1]):
         rows = [_held_out(i, profiles, apart, model) for i in counted(range(k), k, step)]
@@ -79,11 +78,9 @@ def agreement(
     step.end("" if held_out is None else f"distance {np.mean(held_out.learned):.2f} from the prediction by the others")
     movement = float(dispersion(np.asarray(model.predict(alignment.time)), kind="rms"))
     before = np.stack([profile[evenly_spaced(len(profile), n)] for profile in profiles])
-    spread = [
-        float(np.sqrt(np.mean(distance_unchecked(several, _means(several)[None]) ** 2)))
-        for several in (before, alignment.ellipsoids)
-    ]
-    return Agreement(spread[0], spread[1], movement, apart, held_out)
+    squares = (distance_unchecked(own, _means(own)[None]) ** 2 for own in (before, alignment.ellipsoids))
+    spread, aligned_spread = (float(np.sqrt(np.mean(own))) for own in squares)
+    return Agreement(spread, aligned_spread, movement, apart, held_out)
 
 
 def _means(ellipsoids: Array) -> Array:

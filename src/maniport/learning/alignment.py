@@ -11,7 +11,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.mean import mean
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.progress import Progress, Step, counted, pieces
+from maniport.util.progress import Progress, Step, counted
 from maniport.util.validation import Array, as_count, as_finite, as_points, as_times, require_shape
 
 Path = NDArray[np.intp]
@@ -57,11 +57,6 @@ class Alignment(NotebookDisplay):
         -------
         ndarray, shape (k, n, ...)
             Arithmetic mean of the values matched with each time.
-
-        Raises
-        ------
-        InvalidInputError
-            When number, lengths or shapes do not fit.
         """
         if len(signals) != len(self.paths):
             raise InvalidInputError(f"signals must be {len(self.paths)}, one a demonstration; found {len(signals)}")
@@ -128,14 +123,12 @@ def align(
         clocks = [as_times(clock, f"times[{i}]", len(data[i])) for i, clock in enumerate(times)]
     chosen = None if reference is None else as_count(reference, "reference", minimum=0, maximum=k - 1)
     step = Step(progress, "Align demonstrations")
-    pairs = list(combinations(range(k), 2)) if chosen is None else []
-    search, match = pieces(step, len(pairs), k)
     if chosen is None:
-        apart = np.zeros((k, k))
-        for a, b in counted(pairs, len(pairs), search):
+        pairs, apart = list(combinations(range(k), 2)), np.zeros((k, k))
+        for a, b in counted(pairs, len(pairs) + k, step):
             apart[a, b] = apart[b, a] = matched(data[b], data[a])[1]
         chosen = int(np.argmin(apart.sum(axis=0)))
-    matches = [matched(data[chosen], other, same=i == chosen) for i, other in enumerate(counted(data, k, match))]
+    matches = [matched(data[chosen], other, same=i == chosen) for i, other in enumerate(data)]
     paths, distances = zip(*matches, strict=True)
     warped = np.stack([_means(profile, path) for profile, path in zip(data, paths, strict=True)])
     step.end(f"{k} demonstrations, {len(clocks[chosen])} times")

@@ -10,10 +10,10 @@ from maniport.util.jit import kernel, part
 @kernel
 def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, hessian):  # type: ignore[no-untyped-def]
     """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
-    offset, placements, axes, slides, coupling, joints, vectors, points, ends = body
+    offset, placements, axes, slides, coupling, joints, vectors, points = body
     gradient[:], hessian[:] = 0.0, 0.0
     square = frame_terms(
-        q, offset, placements, axes, slides, coupling, joints, vectors, points, ends,
+        q, offset, placements, axes, slides, coupling, joints, vectors, points,
         targets, weights, gradient, hessian,
     )  # fmt: skip
     cost = square

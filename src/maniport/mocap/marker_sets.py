@@ -148,16 +148,10 @@ def arm_error(names: Sequence[str], positions: Array) -> float:
 
     Of arms the bones keep their lengths (standard deviation below 5 %) and differ by less than 15 % between the sides.
     """
-    sides = next(
-        pair
-        for pair in (("left_", "right_"), ("L_", "R_"), ("Left", "Right"))
-        if any(name.startswith(pair[0]) for name in names)
-    )
-    chains = (("shoulder", "elbow", "wrist"), ("Shoulder", "Elbow", "Wrist"), ("Arm", "ForeArm", "Hand"))
-    chain = next(chain for chain in chains if sides[0] + chain[1] in names)
     lengths = []
-    for side in sides:
-        points = positions[:, [names.index(side + joint) for joint in chain]].astype(np.float64)
+    for side in ("left", "right"):
+        roles = find_roles(names, side)[1]
+        points = positions[:, [names.index(roles[role][0]) for role in ARM]].astype(np.float64)
         bones = np.linalg.norm(np.diff(points, axis=1), axis=-1)
         lengths.append(bones[np.isfinite(bones).all(axis=1) & (bones > 0).all(axis=1)])
     if not all(map(len, lengths)):

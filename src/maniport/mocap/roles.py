@@ -34,41 +34,38 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
         names or by their positions.
     """
     marker_set, roles = assigned_roles(recording, markers, side)
-    other = SIDES[side == "right"]
-    missing = missing_roles(roles)
-    if missing:
+    other = SIDES[side == RIGHT]
+    own, theirs = (find_roles(recording.observed, name)[1] for name in (side, other))
+    if missing := missing_roles(roles):
         usual = {role: usual_names(role, marker_set, side) for role in missing}
         needed = "; ".join(f"{role} (usually {names})" for role, names in usual.items())
         names = nearest_first(" ".join(usual.values()).replace("'", ""), recording.observed)
         listed = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
-        has_other = set(missing) & set(ARM) and set(ARM) <= find_roles(recording.observed, other)[1].keys()
+        advice = f" The {other} arm is available: use {argument('side', other)}."
         raise RecordingError(
             f"missing{f' in {recording.source!r}' if recording.source else ''}: {needed}."
-            f"{f' The {other} arm is available: use ' + argument('side', other) + '.' if has_other else ''} "
+            f"{advice if set(missing) & set(ARM) and set(ARM) <= theirs.keys() else ''} "
             f"Points of the recording, nearest first: {listed or 'none'}. "
             f"Assign points to roles with {argument('markers', example_markers(missing))}"
         )
-    own, theirs = (
-        {name for role in ARM for name in find_roles(recording.observed, name_of)[1].get(role, ())}
-        for name_of in (side, other)
-    )
+    of_other = {name for role in ARM for name in theirs.get(role, ())} - {
+        name for role in ARM for name in own.get(role, ())
+    }
     for role in ARM:
-        wrong = [name for name in roles[role] if name in theirs - own]
-        if wrong:
+        if wrong := [name for name in roles[role] if name in of_other]:
             raise RecordingError(
                 f"{role} of the {side} arm: {', '.join(map(repr, wrong))} is a point of the {other} one; "
                 f"give {argument('side', other)} or other {argument('markers')}"
             )
-    inward = trunk_rotation(recording, roles)[:, :, 1] * (1.0 if side == "right" else -1.0)
-    middle = role_position(recording, tuple(name for group in roles["trunk_up"] for name in group))
-    shoulder, elbow = (role_position(recording, roles[role]) for role in ("shoulder", "elbow"))
+    inward = trunk_rotation(recording, roles)[:, :, 1] * (1.0 if side == RIGHT else -1.0)
+    middle = [name for group in roles["trunk_up"] for name in group]
     # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
     # possible, brings the elbow 0.27 m inward.
-    for role, start, step, most in (
-        ("shoulder", "trunk_up", shoulder - middle, 0.05),
-        ("elbow", "shoulder", elbow - shoulder, 0.3),
+    for role, start, names, most in (
+        ("shoulder", "trunk_up", middle, 0.05),
+        ("elbow", "shoulder", roles["shoulder"], 0.3),
     ):
-        displacement = np.sum(step * inward, axis=-1)
+        displacement = np.sum(direction(recording, (names, roles[role])) * inward, axis=-1)
         if np.isfinite(displacement).any() and (median := float(np.nanmedian(displacement))) > most:
             raise RecordingError(
                 f"{role} of the {side} arm: {'+'.join(roles[role])} is {median:.2f} m to the {other} of {start} "
@@ -86,20 +83,19 @@ def assigned_roles(
     if not isinstance(markers, Mapping | None):
         raise InvalidInputError(f"{spoken('markers')} must map roles to names of points; found {markers!r}")
     chosen: dict[str, Any] = {}
-    bodies = set()
     for role, choice in (markers or {}).items():
         if role not in ROLES:
             raise unknown_name("role", role, ROLES, "of a point")
-        where = f"markers[{role!r}]"
-        chosen[role] = None if choice is None else as_choice_of_names(role, choice, where)
-        for name in points_of({role: chosen[role]} if chosen[role] else {}):
-            bodies.add(name.rpartition(":")[0])
-            recording.point(name)
-            if name not in recording.observed:
-                raise RecordingError(f"{where}: point {name!r} is missing in every frame of {recording.source!r}")
+        chosen[role] = None if choice is None else as_choice_of_names(role, choice, f"markers[{role!r}]")
+    names = points_of({role: choice for role, choice in chosen.items() if choice})
+    for name in names:
+        recording.point(name)
+        if name not in recording.observed:
+            raise RecordingError(f"markers: point {name!r} is missing in every frame of {recording.source!r}")
+    bodies = {name.rpartition(":")[0] for name in names}
     marker_set, roles = find_roles(recording.observed, side, bodies.pop() if len(bodies) == 1 else None)
     roles |= chosen
-    if markers and "trunk_left" in markers and "trunk_front" not in markers:
+    if "trunk_left" in chosen and "trunk_front" not in chosen:
         roles["trunk_front"] = None  # otherwise a name of the marker set would overrule the user's choice
     return marker_set, {role: roles[role] for role in ROLES if roles.get(role)}
 
@@ -110,15 +106,10 @@ def find_side(
     """Choose the arm; return it with the reason and its roles."""
     if side != AUTO:
         return side, "selected by the user", assign_roles(recording, markers, side)
-    roles, errors = {}, {}
-    for name in SIDES:
-        try:
-            roles[name] = assign_roles(recording, markers, name)
-        except RecordingError as error:
-            errors[name] = error
+    roles, errors = roles_by_side(recording, dict.fromkeys(SIDES, markers))
     if not roles:  # the error of the arm with more of its points
         raise errors[max(SIDES, key=lambda name: sum(role in assigned_roles(recording, side=name)[1] for role in ARM))]
-    if len(roles) == 1:
+    if errors:
         ((only, own),) = roles.items()
         return only, "the only one that is fully recorded", own
     if all(roles[RIGHT][role] == roles[LEFT][role] for role in ARM):
@@ -126,38 +117,39 @@ def find_side(
         return RIGHT, reason, roles[RIGHT]
     paths = {}  # lengths of the wrists' paths relative to the trunk [m]; missing frames count as the mean
     for name, own in roles.items():
-        wrist = role_position(recording, own["wrist"]) - role_position(recording, own["trunk_up"][0])
+        wrist = direction(recording, (own["trunk_up"][0], own["wrist"]))
         local = np.sum(trunk_rotation(recording, own) * wrist[:, :, None], axis=1)
         steps = np.linalg.norm(np.diff(local, axis=0), axis=-1)
         paths[name] = float(np.nanmean(steps) * len(steps)) if np.isfinite(steps).any() else 0.0
     similar = 1.1  # ratio of paths up to which the right arm is taken
-    moving = LEFT if paths[LEFT] > similar * paths[RIGHT] else RIGHT
-    other = SIDES[moving == RIGHT]
-    similar_paths = moving == RIGHT and paths[RIGHT] <= similar * paths[LEFT]
+    moving, other = (LEFT, RIGHT) if paths[LEFT] > similar * paths[RIGHT] else (RIGHT, LEFT)
+    cause = "larger motion" if paths[moving] > similar * paths[other] else "both arms move similarly"
     reason = (
-        f"{'both arms move similarly' if similar_paths else 'larger motion'}: wrist path relative to the trunk "
-        f"{paths[moving]:.2f} m, {other} wrist {paths[other]:.2f} m; {argument('side', other)} selects the {other} arm"
+        f"{cause}: wrist path relative to the trunk {paths[moving]:.2f} m, {other} wrist {paths[other]:.2f} m; "
+        f"{argument('side', other)} selects the {other} arm"
     )
     return moving, reason, roles[moving]
 
 
-class Basis:
-    """A recording of unknown points: expressions linear in them become their coefficients."""
+def roles_by_side(
+    recording: Recording, markers: Mapping[str, Any]
+) -> tuple[dict[str, dict[str, Any]], dict[str, RecordingError]]:
+    """Return the roles of each arm with its markers, and the errors of the arms that are not recorded."""
+    roles, errors = {}, {}
+    for side in SIDES:
+        try:
+            roles[side] = assign_roles(recording, markers.get(side), side)
+        except RecordingError as error:
+            errors[side] = error
+    return roles, errors
 
-    def __init__(self, names: tuple[str, ...]):
-        self._rows = dict(zip(names, np.eye(len(names)), strict=True))
 
-    def point(self, name: str) -> Array:
-        """Return one for the point, zero for all others."""
-        return self._rows[name]
-
-
-def role_position(recording: Recording | Basis, names: Group) -> Array:
+def role_position(recording: Recording, names: Group) -> Array:
     """Return the mean of the named points [m], shape (n_frames, 3); nan where one of them is missing."""
     return np.asarray(np.mean([recording.point(name) for name in names], axis=0))
 
 
-def direction(recording: Recording | Basis, pair: Any) -> Array:
+def direction(recording: Recording, pair: Any) -> Array:
     """Return the vector from one group of points to another [m]."""
     return role_position(recording, pair[1]) - role_position(recording, pair[0])
 

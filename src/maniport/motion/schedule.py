@@ -38,10 +38,10 @@ class Schedule:
         """Return the targets of all times."""
         return self.objective.targets(self.ellipsoids, self.positions, self.weights, self.rotations)
 
-    def sampled(self, rate: float, interpolation: str) -> "Schedule":
-        """Sample at evenly spaced times, `rate` per second, at least as many as there are times."""
+    def sampled(self, rate: float) -> "Schedule":
+        """Sample splines at evenly spaced times, `rate` per second, at least as many as there are times."""
         steps = max(int(np.ceil((self.time[-1] - self.time[0]) * rate - 1e-9)), len(self) - 1)
-        return self.at(np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
+        return self.at(np.linspace(self.time[0], self.time[-1], steps + 1), smooth=True)
 
     def finer(self, gap: float) -> tuple["Schedule", NDArray[np.intp]]:
         """Insert at most 7 points between those more than `gap` [s] apart; also return the rows of its own points."""
@@ -101,9 +101,7 @@ def schedules_of(
     configurations of all joints.
     """
     group = as_group(arms)
-    columns = [
-        (value,) if isinstance(arms, Arm) else of_each(value, name, len(group)) for name, value in arrays.items()
-    ]
+    columns = [of_each(value, name, arms) for name, value in arrays.items()]
     specs = (spec,) if isinstance(arms, Arm) else group.specs(spec)
     schedules = []
     for arm, own, joints, (profile, path, weights, rotations) in zip(
@@ -130,8 +128,8 @@ def schedules_of(
 
 
 def _as_rotations(value: ArrayLike) -> Array:
-    rotations = as_square(value, "rotations", 3)
-    return np.array([as_rotation(rotation, f"rotations[{i}]", 3) for i, rotation in enumerate(rotations)])
+    values = enumerate(as_square(value, "rotations", 3))
+    return np.array([as_rotation(rotation, f"rotations[{i}]", 3) for i, rotation in values])
 
 
 def require_few(samples: float, most: int = 3_000_000) -> None:
@@ -153,8 +151,11 @@ def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> 
             )
 
 
-def of_each(value: Any, name: str, count: int) -> Sequence[Any]:
-    """Require one value for each of `count` arms, or none."""
+def of_each(value: Any, name: str, arms: Arm | ArmGroup | Sequence[Arm]) -> Sequence[Any]:
+    """Require one value for each of several arms, or none; the value itself is that of a single arm."""
+    if isinstance(arms, Arm):
+        return (value,)
+    count = len(arms)
     if value is None:
         return (None,) * count
     if not hasattr(value, "__len__") or len(value) != count:

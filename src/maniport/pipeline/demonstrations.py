@@ -216,7 +216,7 @@ def learn(
     regularization = Regularization(config.transfer.damping or None).fitted(np.concatenate(ellipsoids))
     profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
     alignment = align(profiles, times, progress=progress)
-    mixture = ProfileGMM(config.learning.components, MAX_COMPONENTS, random_state=config.seed)
+    mixture = ProfileGMM(config.learning.components, MAX_COMPONENTS)
     model = mixture.fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
     profile, covariance = model.predict(time, return_covariance=True)

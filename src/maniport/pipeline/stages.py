@@ -160,7 +160,7 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
         scale = REAL_TIME_SCALES if scale is None else scale
         pairs = zip(arms, targets.paths, strict=True)
         demands = [demands_of(own.limits, targets.time, path, rows) for own, path in pairs]
-    return place_path(
+    placements: tuple[Placement, ...] = place_path(
         [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms], time=targets.time[rows], map_rotation=targets.map_rotation,
         demands=demands, scale=scale, workspace=options.bounds.T,
@@ -168,6 +168,7 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
         bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
         random_state=robot.random, progress=settings.progress,
     )  # fmt: skip
+    return placements
 
 
 def plan(
@@ -224,7 +225,7 @@ def measure(
                 placement=None if moved.placements is None else moved.placements[i],
                 motion=motion,
                 gap=np.interp(np.arange(len(motion.target)), rows, nearest.distance),
-                collisions=own.collisions,
+                collisions=own.reachability_map.collisions,
             )
         )
     return tuple(results)

@@ -1,8 +1,6 @@
 """The main job as one function: a recording in, a frozen result out; and its last stages alone."""
 
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,7 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from maniport.arms import PERSONS, Arm, ArmGroup, as_group
-from maniport.errors import InvalidInputError, ManiportWarning, argument
+from maniport.errors import InvalidInputError, argument, collected_warnings
 from maniport.mocap import Recording
 from maniport.mocap.arm_ik import require_person
 from maniport.motion import MotionLimits, Planner, PlanSettings
@@ -209,14 +207,3 @@ def follow_profile(
     names = group.names if len(group) > 1 else (group.arms[0].name,)
     arms = stages.measure(moved, sampled.planner, names, settings)
     return MotionResult(robot=group, arms=arms, motion=moved.motion, random_state=config.seed, config=config)
-
-
-@contextmanager
-def collected_warnings() -> Iterator[list[str]]:
-    """Collect the texts of warnings in the block, each once; the list has them at its end."""
-    texts: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ManiportWarning)
-        yield texts
-    own = (str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-    texts += dict.fromkeys(own)

@@ -14,7 +14,7 @@ from maniport.evaluation import Evaluation
 from maniport.mocap import ArmFit, HumanMotion, Recording
 from maniport.motion import Placement, Planner, PlanSettings, RobotMotion, SeedBank
 from maniport.motion.objective import Damping
-from maniport.motion.search.descent import interpolated_distance
+from maniport.motion.search import interpolated_distance
 from maniport.pipeline.config import Config
 from maniport.pipeline.options import CONSTANT, FREE
 from maniport.transfer import DomainAdapter

@@ -17,8 +17,7 @@ from maniport.errors import argument
 from maniport.evaluation import Capability
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.motion_limits import DERIVATIVES, TORQUES, MotionLimits
-from maniport.motion.plan.arm_planner import FAR
-from maniport.motion.status import NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
+from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
 from maniport.report.robot import warn_of_collisions, warn_of_limits

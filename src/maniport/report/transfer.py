@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from maniport.evaluation.summary import IDENTITY, RELEVANT_RATIO, Evaluation, Row
+from maniport.evaluation.metrics import IDENTITY, RELEVANT_RATIO, Evaluation, Row
 from maniport.report.values import NOTE, WARNING, Report, Section, Table, describe, listed, sentence
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted

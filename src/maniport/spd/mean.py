@@ -1,4 +1,4 @@
-"""Fréchet mean of SPD matrices under the affine-invariant metric, dispersion about it, and whitening by it."""
+"""Fréchet mean of SPD matrices under the affine-invariant metric, and dispersion about it."""
 
 import warnings
 from typing import NamedTuple
@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
-from maniport.spd.affine_invariant import distance_unchecked, recentered
+from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
-from maniport.spd.matrix_functions import apply, from_vector, roots, to_vector
+from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.util.jit import kernel
 from maniport.util.validation import (
     Array,
@@ -19,7 +19,6 @@ from maniport.util.validation import (
     as_number,
     as_points,
     as_spd,
-    require_broadcast,
     require_shape,
 )
 
@@ -113,53 +112,6 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
         raise InvalidInputError(f"center must be one matrix, shape (d, d); found shape {middle.shape}")
     distances = distance_unchecked(middle, data)
     return float(np.mean(distances) if kind == "mean" else np.sqrt(np.mean(distances**2)))
-
-
-def whiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Recenter points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 10 and 11); shape (..., d, d).
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-    center : array_like, shape (d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-
-    Raises
-    ------
-    NotSPDError
-        When a matrix is not SPD, or so ill-conditioned that rounding moves a result by more than a distance of 0.01.
-    """
-    return _recentered(points, center, 1)
-
-
-def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Move points from the identity to `center`: P^½ X P^½; the inverse of `whiten`, with its errors.
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-    center : array_like, shape (d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-    """
-    return _recentered(points, center, 0)
-
-
-def _recentered(points: ArrayLike, center: ArrayLike, root: int) -> Array:
-    """Apply the congruence by P^½ (0) or P^-½ (1)."""
-    middle = as_spd(center, "center")
-    data = as_spd(points, "points", middle.shape[-1])
-    require_broadcast(points=data, center=middle)
-    return recentered(roots(middle)[root], data)
 
 
 class _State(NamedTuple):

@@ -24,7 +24,6 @@ def optional_package(name: str, extra: str, what: str) -> Any:
 
 matplotlib = partial(optional_package, "matplotlib", "figures", "drawing figures")
 viser = partial(optional_package, "viser", "view", "the live view")
-optimal_transport = partial(optional_package, "ot", "transport", "the transport between Gaussians")
 xacrodoc = partial(optional_package, "xacrodoc.xacrodoc", "xacro", "a .xacro file")
 mcap_writer = partial(optional_package, "mcap.writer", "mcap", "the format 'mcap'")
 pyarrow = partial(optional_package, "pyarrow", "parquet", "the format 'parquet'")

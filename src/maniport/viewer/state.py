@@ -4,7 +4,6 @@ One arm of person and robot, or both, which then move as one; the left one is fi
 """
 
 import threading
-import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -18,15 +17,14 @@ from maniport.arms.arm_group import placing_options
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError, ManiportWarning, NotSPDError
+from maniport.errors import InvalidInputError, NotSPDError, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import fit_arms, read_recording
 from maniport.mocap.arm_ik import GROUP, require_person
-from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
+from maniport.motion import Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller
-from maniport.motion.limits import BrakingLimit
-from maniport.motion.objective import FOLLOWING_WEIGHT
+from maniport.motion.objective import FOLLOWING_WEIGHT, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
 from maniport.pipeline.config import Config
@@ -93,11 +91,9 @@ class Maps:
             note = "it keeps the base orientation of its fit"
             return LiveMap(name, self._loaded.compiled(), self._loaded.map_rotation_, (note,))
         adapter = with_feasible_set(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
-        with _alone, warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", ManiportWarning)
+        with _alone, collected_warnings() as notes:
             transform = adapter.fit(*self._domains).compiled()
-        notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, transform, adapter.map_rotation_, notes)
+        return LiveMap(name, transform, adapter.map_rotation_, tuple(notes))
 
     def get(self, name: str, base_rotation: Array) -> LiveMap:
         """Return the map of a method at a base orientation; after the first one, the last map until it is fitted."""
@@ -204,8 +200,7 @@ class ViewState:
     def __init__(self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: Playback | None = None):
         self.robot, self.sides, self.playback = as_group(robot), tuple(sides), playback
         self.methods = self.sides[0].maps.names
-        limits = robot.lower, robot.upper, speed_limits(robot, None), np.full(robot.dof, np.inf)
-        self._controller = Controller(robot, BrakingLimit(*limits))
+        self._controller = Controller(robot, speed_limits(robot, None), np.full(robot.dof, np.inf))
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
         self.places: Future[list[Placement]] | None = None  # of the hands' paths, of each side
         self.jump = True  # whether the next step starts from the best configuration found

@@ -1,7 +1,7 @@
 """Convex hulls of an arm's links."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product, takewhile
 from typing import NamedTuple
 
@@ -43,18 +43,14 @@ class Hull:
                 count = min(most - len(chosen), 1 + len(best) // 4)  # a new corner may make its neighbors redundant
                 chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
             corners = outline[chosen]
-        hull = ConvexHull(corners)
-        number = np.empty(len(corners), dtype=int)
-        number[hull.vertices] = np.arange(len(hull.vertices))
-        corners = np.ascontiguousarray(corners[hull.vertices])
-        vertices, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        vertices, skin = coal.StdVec_Vec3s(), 0.0
         vertices.extend(list(corners))
-        faces.extend([coal.Triangle(*row) for row in number[hull.simplices].tolist()])
-        solid, skin = coal.Convex(vertices, faces), 0.0
+        solid = coal.Convex.convexHull(vertices, True, "Qt")
+        corners = np.ascontiguousarray(solid.points())
         if len(outline) > len(corners):
             here, there, sphere = coal.Transform3s(), coal.Transform3s(), coal.Sphere(0.0)
-            request, result = coal.DistanceRequest(), coal.DistanceResult()
-            for point in outline[(outline @ hull.equations[:, :3].T + hull.equations[:, 3] > 0.0).any(axis=1)]:
+            request, result, faces = coal.DistanceRequest(), coal.DistanceResult(), ConvexHull(corners).equations
+            for point in outline[(outline @ faces[:, :3].T + faces[:, 3] > 0.0).any(axis=1)]:
                 there.setTranslation(point)
                 result.clear()
                 skin = max(skin, coal.distance(solid, here, sphere, there, request, result))
@@ -108,7 +104,7 @@ def _hulls(part: Part, fine: bool, end_position: tuple[float, ...] | None) -> tu
     """Hulls of a part, in several pieces if their hulls are smaller than the whole one; one encloses `end_position`."""
     mesh = part.mesh
     points, triangles = reduced(mesh, 300)  # cuts are chosen on a coarse mesh
-    pieces = [_Piece.of(points[triangles], ())]
+    pieces = [_Piece(points[triangles], ())]
     worth, most = (0.97, 8) if fine else (0.85, 2)  # largest volume after a cut, as a fraction
     whole: list[_Piece] = []
     while pieces and len(pieces) + len(whole) < most:
@@ -136,35 +132,22 @@ class _Piece:
 
     triangles: Array  # (n, 3, 3)
     planes: tuple[tuple[int, float, int], ...]  # axis, where the plane crosses it, and the side: 0 below, 1 above
-    outline: Array  # corners of their hull
-    volume: float  # of the hull
 
-    @classmethod
-    def of(cls, triangles: Array, planes: tuple[tuple[int, float, int], ...]) -> "_Piece":
-        outline = _outline(triangles.reshape(-1, 3))
-        return cls(triangles, planes, outline, ConvexHull(outline).volume)
+    @cached_property
+    def volume(self) -> float:
+        """Volume of the convex hull [m³]."""
+        return float(ConvexHull(_outline(self.triangles.reshape(-1, 3))).volume)
 
     def halves(self, any_axis: bool) -> list["_Piece"]:
-        """Cut between slices of equal thickness, where both hulls together are smallest."""
-        low, high = self.outline.min(axis=0), self.outline.max(axis=0)
-        best, least = [self], np.inf
+        """Cut at the fraction of the length, in sixths, where both hulls together are smallest."""
+        low, high = self.triangles.min(axis=(0, 1)), self.triangles.max(axis=(0, 1))
+        cuts = [[self]]
         for axis in range(3) if any_axis else [int(np.argmax(high - low))]:
-            places = np.linspace(low[axis], high[axis], 7)[1:-1]
-            slices, rest = [], self.triangles
-            for at in places:
-                below, rest = _cut(rest, axis, at)
-                slices.append(below)
-            slices.append(rest)
-            outlines = [_outline(part.reshape(-1, 3)) if len(part) else part.reshape(-1, 3) for part in slices]
-            for k, at in enumerate(places, start=1):
-                halves = [np.concatenate(outlines[:k]), np.concatenate(outlines[k:])]
-                volume = sum(ConvexHull(half).volume if len(half) else np.inf for half in halves)
-                if volume < least:
-                    least, cut = volume, (np.concatenate(slices[:k]), np.concatenate(slices[k:]), axis, float(at))
-        if least < np.inf:
-            *sides, axis, at = cut
-            best = [_Piece.of(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)]
-        return best
+            for at in np.linspace(low[axis], high[axis], 7)[1:-1].tolist():
+                sides = _cut(self.triangles, axis, at)
+                if all(map(len, sides)):
+                    cuts.append([_Piece(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)])
+        return min(cuts[1:] or cuts, key=lambda pieces: sum(piece.volume for piece in pieces))
 
 
 def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:

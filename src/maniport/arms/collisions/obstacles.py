@@ -87,7 +87,7 @@ def as_boxes(value: Any) -> tuple[Box, ...]:
 
 def disabled_pairs(path: str | os.PathLike[str], arm: Arm | ArmGroup) -> set[frozenset[str]]:
     """Read the names of the links of each pair that an SRDF disables."""
-    root = parsed(Path(path))[1]
+    root = parsed(Path(path))
     if root.tag != "robot" or root.find("link") is not None:
         what = "this is a URDF" if root.tag == "robot" else f"its root is <{root.tag}>"
         raise FileFormatError(f"{path}: no SRDF, which has the root <robot> and defines no links; {what}")

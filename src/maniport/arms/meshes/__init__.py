@@ -30,6 +30,10 @@ class Surface:
     points: Array
     triangles: Triangles
 
+    def __post_init__(self) -> None:
+        for array in (self.points, self.triangles):  # cached
+            array.setflags(write=False)
+
     def __repr__(self) -> str:
         return f"Surface(joint {self.joint}, {len(self.points)} points, {len(self.triangles)} triangles)"
 
@@ -39,23 +43,21 @@ class Geometry:
 
     def __init__(self, chain: Chain):
         self.chain = chain
-        self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
 
-    def surfaces(self, most: int | None) -> tuple[Surface, ...]:
-        """Return the surfaces of each joint, reduced to `most` triangles in total."""
-        if most not in self._surfaces:
-            meshes = [mesh for _, mesh in self.shapes]
-            joints = [self.chain.frames[link].joint for link, _ in self.shapes]
-            if most is not None:
-                meshes, joints = fewer(meshes, joints, most)
-            surfaces = []
-            for joint in sorted(set(joints)):
-                points, triangles = joined([mesh for mesh, j in zip(meshes, joints, strict=True) if j == joint])
-                for array in (points, triangles):  # cached
-                    array.setflags(write=False)
-                surfaces.append(Surface(joint, points, triangles))
-            self._surfaces[most] = tuple(surfaces)
-        return self._surfaces[most]
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The surface of each joint, with 15 000 triangles in total: 200, and a share of the rest in proportion."""
+        most, meshes = 15_000, dict[int, list[Mesh]]()
+        for link, mesh in self.shapes:
+            meshes.setdefault(self.chain.frames[link].joint, []).append(mesh)
+        joints = sorted(meshes)
+        whole = [joined(meshes[joint]) for joint in joints]
+        counts = np.array([len(triangles) for _, triangles in whole], dtype=np.int64)
+        if counts.sum() > most:
+            least = np.minimum(counts, min(200, most // len(counts)))
+            shares = least + (counts - least) * (most - least.sum()) // (counts - least).sum()
+            whole = [reduced(mesh, int(share)) for mesh, share in zip(whole, shares, strict=True)]
+        return tuple(Surface(joint, *mesh) for joint, mesh in zip(joints, whole, strict=True) if len(mesh[1]))
 
     @property
     def shapes(self) -> tuple[tuple[str, Mesh], ...]:
@@ -139,25 +141,6 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
         mesh = welded(mesh, cell)
         cell *= 1.2
     return mesh
-
-
-def fewer(meshes: list[Mesh], joints: list[int], most: int) -> tuple[list[Mesh], list[int]]:
-    """Reduce meshes to at most `most` triangles in total; many meshes are merged by joint.
-
-    Each mesh keeps 200, and a share of the rest in proportion to its excess.
-    """
-    counts = np.array([len(triangles) for _, triangles in meshes], dtype=np.int64)
-    if counts.sum() <= most:
-        return meshes, joints
-    if len(meshes) * 20 > most and len(meshes) > len(set(joints)):
-        carriers = sorted(set(joints))
-        merged = [joined([m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in carriers]
-        return fewer([welded(mesh) for mesh in merged], carriers, most)
-    least = np.minimum(counts, min(200, most // len(counts)))
-    shares = least + (counts - least) * (most - least.sum()) // max((counts - least).sum(), 1)
-    smaller = [reduced(mesh, int(n)) for mesh, n in zip(meshes, shares, strict=True)]
-    kept = [i for i, (_, triangles) in enumerate(smaller) if len(triangles)]
-    return [smaller[i] for i in kept], [joints[i] for i in kept]
 
 
 def box(*size: float) -> Mesh:

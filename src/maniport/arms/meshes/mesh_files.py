@@ -62,8 +62,7 @@ def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
 
 def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
     """Parts of a file in its own axes; polygons are triangulated."""
-    from trimesh.exchange.load import mesh_loaders
-    from trimesh.geometry import triangulate_quads
+    from trimesh import load_scene
 
     kind = path.suffix.lower()[1:]
     if kind == "stl":
@@ -76,31 +75,15 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
     elif kind in ("gltf", "glb"):
         text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if kind == "glb" else content
         _require_sane(path, json.loads(text.decode("utf-8")))
-    loaded: dict[str, Any] = mesh_loaders[kind](
-        io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True
-    )
-    meshes, graph = loaded.get("geometry", {"": loaded}), loaded.get("graph", ())
-    poses = [(name, np.eye(4)) for name in meshes]
-    if kind in ("gltf", "glb"):
-        above = {entry["frame_to"]: (entry["frame_from"], entry["matrix"]) for entry in graph}
-        poses = []
-        for entry in graph:
-            if "geometry" in entry:
-                frame, pose, steps = entry["frame_to"], np.eye(4), 0
-                while frame in above:
-                    frame, matrix = above[frame]
-                    pose, steps = matrix @ pose, steps + 1
-                    if steps > len(above):
-                        raise ValueError("its nodes form a cycle")
-                poses.append((entry["geometry"], pose))
+    scene = load_scene(io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True, process=False)
     triangles = 0
-    for name, pose in poses:
-        part = meshes[name]
-        if part.get("faces") is not None and len(part["faces"]):
-            triangles += len(part["faces"])
-            require_at_most(triangles, TRIANGLES, "triangles", path)
-            points = np.asarray(part["vertices"], dtype=np.float64)
-            yield points @ pose[:3, :3].T + pose[:3, 3], triangulate_quads(part["faces"])
+    for name in scene.graph.nodes_geometry:
+        pose, geometry = scene.graph[name]
+        part = scene.geometry[geometry]
+        triangles += len(getattr(part, "faces", ()))
+        require_at_most(triangles, TRIANGLES, "triangles", path)
+        if hasattr(part, "faces"):
+            yield np.asarray(part.vertices) @ pose[:3, :3].T + pose[:3, 3], part.faces
 
 
 def _require_sane(path: Path, header: Any) -> None:
@@ -115,9 +98,6 @@ def _require_sane(path: Path, header: Any) -> None:
             )
         most = int(views[view]["byteLength"])
         require_at_most(count, most, "entries announced by an accessor, more than bytes", path)
-    children = [child for node in header.get("nodes", ()) for child in node.get("children", ())]
-    if len(children) != len(set(children)):
-        raise FileFormatError(f"{path}: has a node within two others")
 
 
 class _Buffers(dict[str, bytes]):

@@ -110,8 +110,7 @@ def turned_to_rotations(targets: Targets, q: Array) -> Array:
     arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
     for _ in range(NEWTON_STEPS):
         poses, jacobian = arm.motion(q)
-        residual = np.concatenate([cost.at(poses) for cost in targets.pose_costs], axis=1)
-        slope = np.concatenate([cost.slopes(poses, jacobian) for cost in targets.pose_costs], axis=1)
+        residual, slope = targets.pose_residual(poses), targets.pose_slopes(poses, jacobian)
         square = np.swapaxes(slope, 1, 2) @ slope + np.eye(arm.dof)  # a little weight on joint motion
         change = np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ residual[..., None])
         q = _stepped(arm, q, -change[..., 0])
