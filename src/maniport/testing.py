@@ -18,8 +18,8 @@ from numpy.testing import assert_allclose, assert_array_equal, assert_raises_reg
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError, NotFittedError, NotInvertibleError, NotSPDError
 from maniport.estimator import clone
+from maniport.spd.kernels import congruence
 from maniport.spd.kernels.loops import KAPPA
-from maniport.spd.matrix_functions import congruence
 from maniport.transfer import load_adapter
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.rotation_group import rotation_from_vector

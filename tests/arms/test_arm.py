@@ -3,12 +3,11 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from drawn_arms import model_of
 from numpy.testing import assert_allclose
 
 from maniport.arms import EllipsoidSpec, load_arm
 from maniport.arms.arm import Arm
-from maniport.arms.chain import PRISMATIC
-from maniport.arms.kinematics import PointKinematics
 from maniport.arms.manipulability import manipulability
 from maniport.errors import InvalidInputError, NotSPDError
 
@@ -60,10 +59,7 @@ def arm(request: pytest.FixtureRequest) -> Arm:
 
 def test_kinematics_agrees_with_pinocchio(arm):
     """Poses and Jacobians are those of Pinocchio's model of the same chain, points those of arms that end there."""
-    chain, model, parent = arm.chain, pin.Model(), 0
-    for joint in chain.joints:
-        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
-        parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
+    chain, model = arm.chain, model_of(arm.chain)
     frame = chain.frames[chain.frame]
     placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
     index, data, q = model.addFrame(placed), model.createData(), arm.sample(600, random_state=3)
@@ -72,8 +68,7 @@ def test_kinematics_agrees_with_pinocchio(arm):
         expected = pin.computeFrameJacobian(model, data, positions, index, pin.LOCAL_WORLD_ALIGNED)
         assert_allclose(poses[row], data.oMf[index].homogeneous, atol=1e-12)
         assert_allclose(jacobians[row], expected.reshape(6, -1) @ chain.coupling, atol=1e-12)
-    values, slopes = PointKinematics(chain, arm.frames)(q)
-    assert_allclose(arm.point_positions(q, arm.frames), values, atol=1e-13)
+    values, slopes = arm.point_positions(q, arm.frames), arm.point_jacobians(q, arm.frames)
     for k, name in enumerate(arm.frames):
         if np.any(chain.coupling[: chain.frames[name].joint]):
             part = arm.restricted(frame=name)

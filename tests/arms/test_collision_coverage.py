@@ -44,7 +44,7 @@ def test_configurations_reported_free_are_free(name):
 
 def meshes(arm):
     """Names, numbers of joints and exact meshes of all bodies; grippers are open, then closed."""
-    for link, mesh in arm.geometry.shapes:
+    for link, mesh in arm.geometry.shapes.items():
         yield link, arm.chain.frames[link].joint, mesh
     for name, (points, triangles) in arm.geometry.attached[0].items():
         body = arm.chain.attached[name]

@@ -79,7 +79,7 @@ HOSTILE = {
     "deep.dae": (dae(nodes="<node>" * 30_000 + SHOWN + "</node>" * 30_000), "20001 nodes"),
     "corners.dae": (dae(f'<polylist>{LIST}<vcount>4000000000</vcount><p>0 1 2</p></polylist>'),
                     "announce 4000000000 corners; there are 3"),
-    "points.dae": (dae(accessor='count="4000000000" stride="3"'), "4000000000 points of 3 numbers are announced"),
+    "points.dae": (dae(accessor='count="4000000000" stride="3"'), "cannot be read as a mesh: cannot reshape"),
     "wild.ply": (PLY.format(4, 1) + POINT_LINES + "\n3 0 1 2147483647\n", "point number 2147483647; there are 4"),
     "count.ply": (PLY.format(4_000_000_000, 1), "4000000000 elements announced, more than bytes"),
     "wild.obj": (OBJ + "f 1 2 900000\n", "index 899999 is out of bounds"),

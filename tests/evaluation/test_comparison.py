@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from maniport import MeanTransport, ParallelTransport, RiemannianICP, load_arm, sample_domain, spd
 from maniport.arms import EllipsoidSpec
@@ -12,14 +13,16 @@ from maniport.evaluation.metrics import BASELINES, IDENTITY, LOOKUP, TRANSPORT
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.transfer.rigid_adapter import RigidMap
 
+TURN = Rotation.from_euler("z", 20.0, degrees=True).as_matrix()
+
 
 @pytest.fixture(scope="module")
-def problem(make_cloud, turn_about):
+def problem(random_spd):
     """Clouds of which the second is a rigid image of the first, with the truth along a motion."""
-    rng = np.random.default_rng(4)
-    teacher = make_cloud(rng, 120)
-    truth = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 5.0]), turn_about(20.0), 0.8)
-    ends = make_cloud(rng, 2)
+    root = np.diag([0.6, 1.3, 2.7])  # a center that is not round, so that the rotation is determined
+    clouds = root @ random_spd(np.random.default_rng(4), 122, 3, 10.0) @ root
+    teacher, ends = clouds[2:], clouds[:2]
+    truth = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 5.0]), TURN, 0.8)
     profile = spd.geodesic(ends[0], ends[1], np.linspace(0.0, 1.0, 15))
     return teacher, truth.apply(teacher), profile, truth.apply(profile)
 
@@ -99,26 +102,20 @@ def test_bad_input_is_refused(problem, arms):
             evaluate(arguments[0], teacher, student, arguments[1], **options)
 
 
-@pytest.fixture
-def domains(make_cloud, rng):
-    return make_cloud(rng, 60), 3.0 * make_cloud(rng, 80, spread=0.3)
-
-
-def test_mean_transport_matches_the_means_and_nothing_else(domains, turn_about):
+def test_mean_transport_matches_the_means_and_nothing_else(problem):
     """The teacher's mean becomes the student's, and all distances stay: a congruence by S̄^½ (R_b T̄ R_bᵀ)^-½ R_b."""
-    turn, points = turn_about(35.0, axis=1), domains[0]
-    adapter = MeanTransport(base_rotation=turn).fit(*domains)
-    teacher, student = (spd.mean(cloud) for cloud in domains)
-    factor = spd.sqrtm(student) @ spd.invsqrtm(turn @ teacher @ turn.T) @ turn
+    points, student = problem[:2]
+    adapter = MeanTransport(base_rotation=TURN).fit(points, student)
+    factor = spd.sqrtm(spd.mean(student)) @ spd.invsqrtm(TURN @ spd.mean(points) @ TURN.T) @ TURN
     images = adapter.transform(points)
     np.testing.assert_allclose(images, factor @ points @ factor.T, rtol=1e-8)
     np.testing.assert_allclose(adapter.inverse_transform(images), points, rtol=1e-8)
 
 
-def test_a_method_is_not_its_own_baseline(domains):
+def test_a_method_is_not_its_own_baseline(problem):
     assert TRANSPORT not in baselines_for(ParallelTransport())
     own = ParallelTransport(damping=0.01)
-    adapter = RiemannianICP(damping=0.01).fit(*domains)
+    adapter = RiemannianICP(damping=0.01).fit(*problem[:2])
     baselines = baselines_for(adapter, ("identity", own))
     assert list(baselines) == ["identity", TRANSPORT]
     assert baselines[TRANSPORT].get_params() == own.get_params()

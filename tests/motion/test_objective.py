@@ -19,7 +19,7 @@ def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
     """√f, Jᵀr and JᵀJ of ellipsoid, position and two axes agree with the residual in public terms."""
     random, n, step, spec, epsilon = np.random.default_rng(0), 4, 1e-6, EllipsoidSpec(kind, part), 0.05
     weights, m, lift = (3.0, 0.0, 7.0), spec.size * (spec.size + 1) // 2, epsilon * np.eye(spec.size)
-    objective = replace(Objective.of(panda, spec, Regularization.absolute(epsilon), 5.0), axis_weights=weights)
+    objective = replace(Objective.of(panda, spec, Regularization(epsilon=epsilon), 5.0), axis_weights=weights)
     target, positions = panda.ellipsoids(panda.sample(n, 2), spec), random.normal(size=(n, 3))
     rotations = Rotation.random(n, random).as_matrix()
     half = random.normal(size=(n, m, m)) if weighed else np.tile(np.eye(m), (n, 1, 1))

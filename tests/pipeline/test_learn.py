@@ -9,7 +9,7 @@ from maniport.arms import VELOCITY
 from maniport.arms.chain import SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
-from maniport.learning.agreement import axis_deviations
+from maniport.learning.alignment import axis_deviations
 from maniport.mocap import Recording, shipped_recording, synthetic_recording
 from maniport.report.renderings import as_numbers, files_of
 from maniport.report.values import report_of

@@ -39,6 +39,7 @@ def test_kinematics_are_consistent(arm, seed):
     assert_allclose(np.linalg.det(turns), 1.0)
     assert_array_equal(poses[:, 3], [[0.0, 0.0, 0.0, 1.0]] * 3)
     assert_allclose(arm.point_positions(q, [arm.frame])[:, 0], poses[:, :3, 3], atol=1e-12)
+    assert_allclose(arm.point_jacobians(q, [arm.frame])[:, 0], jacobian[:, :3], atol=1e-12)
     assert_allclose(arm.skeleton(q)[:, -1], poses[:, :3, 3], atol=1e-12)
     assert_allclose(arm.link_poses(q)[:, 0], [np.eye(4)] * 3, atol=1e-12)
     direction = arm.axis_direction(q, arm.chain.joints[-1].name)

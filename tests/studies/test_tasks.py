@@ -14,7 +14,7 @@ from maniport.motion.arm_model import InverseDynamics
 from maniport.studies.tasks import methods, run
 from maniport.studies.tasks.run import TaskStudy, Unit, median_interval, study_report
 from maniport.studies.tasks.score import ROTOR, SimulatedArm, carry, push, react, read_motion, resist, score
-from maniport.studies.tasks.task import ROBOTS, Task, demonstrations, of_folder
+from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Task, demonstrations, of_folder
 
 pytest.importorskip("mujoco")
 
@@ -164,7 +164,7 @@ def test_ratios_are_above_one_where_a_method_is_better():
 
 
 def test_report_has_medians_and_failures():
-    units = (unit(20.0), unit(30.0), unit(40.0, valid=False), Unit("b", "panda", False, 0.0, (), "out of reach"))
+    units = (unit(20.0), unit(30.0), unit(40.0, valid=False), Unit("b", "panda", failure="out of reach"))
     report = study_report(TaskStudy(units, 0))
     table = report.sections[0].tables[0].value[0]
     assert table["force"]["push"]["median"] == 2.0
@@ -211,7 +211,7 @@ def test_runs_repeat_their_bytes_and_are_resumed(small, tmp_path, monkeypatch):
 
 def test_all_costs_are_finite_on_the_path(small):
     motion = next(run.demonstrations())
-    problem = run.problem_of(ROBOTS["panda"], motion)
+    problem = methods.problem_of(ROBOTS["panda"], motion)
     q = methods.follow(problem, np.array(ROBOTS["panda"].ready))
     assert np.abs(problem.arm.forward(q)[:, :3, 3] - problem.task.path).max() < 1e-4
     for name, cost in small(problem).items():
@@ -221,7 +221,7 @@ def test_all_costs_are_finite_on_the_path(small):
 def test_motions_are_cut_and_named_once():
     names = [motion.name for motion in demonstrations()]
     assert len(names) == len(set(names)) >= 20
-    assert {"ladder 4", "H-Eval-3"} <= {motion.name for motion in demonstrations() if motion.held_out}
+    assert {*names, *ROBOTS} > HELD_OUT
     assert all(motion.time[-1] <= 8.0 for motion in demonstrations())
 
 

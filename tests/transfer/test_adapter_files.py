@@ -12,15 +12,13 @@ import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.transfer import GeodesicCorrespondence
 from maniport.transfer.adapter_file import FILE_FORMAT
-from maniport.transfer.icp.correspondence import CORRESPONDENCES
 from maniport.util import files
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 ADAPTERS = [
-    mp.ParallelTransport(), mp.ParallelTransport(damping=0.01, base_rotation=TURN),
-    mp.RiemannianICP(damping=np.float64(0.1), n_starts=0, most_singular=8),
-    *(mp.RiemannianICP(correspondence=name, require_improvement=False) for name in CORRESPONDENCES),
-    mp.LengthField(n_rounds=2), mp.NearestNeighbor(damping=0.05, n_samples=9),
+    mp.ParallelTransport(damping=0.01, base_rotation=TURN), mp.NearestNeighbor(damping=0.05, n_samples=9),
+    mp.RiemannianICP(damping=np.float64(0.1), correspondence="geodesic", n_starts=0, most_singular=8),
+    mp.LengthField(n_rounds=2),
 ]  # fmt: skip
 
 

@@ -73,16 +73,6 @@ def test_fit_warns_of_the_free_axis_unless_the_base_rotation_is_known():
         mp.RiemannianICP(damping=0.01, base_rotation=FRAME).fit(teacher, student)
 
 
-def test_planar_pair_with_known_base_rotation():
-    errors, n = [], 1024
-    for seed in range(5):
-        adapter = mp.RiemannianICP(damping=0.01, base_rotation=FRAME).fit(planar(n, seed), planar(n, seed + 100, FRAME))
-        new = planar(300, seed + 200)
-        errors.append(np.sqrt(np.mean(adapter.errors(new, FRAME @ new @ FRAME.T) ** 2)))
-        assert rotation_angle(adapter.rotation_, adapter.start_rotation_) < 1e-6
-    assert np.median(errors) < 0.01
-
-
 @pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
 @pytest.mark.parametrize("frame", [None, np.eye(3)])
 def test_identity_test_of_the_panda(panda_domains, frame):

@@ -187,14 +187,6 @@ def test_turned_about_the_axis_ellipsoids_have_turned_images(round_domains, roun
     assert spd.distance(adapter.transform(other @ points @ other.T), other @ images @ other.T).max() > 0.1
 
 
-def test_who_knows_of_the_axis_comes_nearer(round_domains, random_spd):
-    new, gaps = random_spd(np.random.default_rng(3), 200, 3, 30.0), []
-    for axis in (AXIS, None):
-        images = mp.LengthField(projector=Round(axis), n_centers=100).fit(*round_domains).transform(new)
-        gaps.append(spd.distance(images, Round()(images)).mean())
-    assert gaps[0] < 0.8 * gaps[1]
-
-
 def test_derivative_inverse_and_loop_know_of_the_axis(round_domains, round_field):
     adapter, points = round_field, round_domains[0][:20]
     field = adapter._field()

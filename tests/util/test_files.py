@@ -77,7 +77,7 @@ def test_unreadable_files_are_refused(tmp_path):
     ("a: !!python/object/apply:os.system [true]\n", "could not determine a constructor"),
     ("- 1\n", "keys a, b; found list"), ("# nothing\n", "found nothing"),
     ("c: 1\n", "unknown key 'c'; allowed are, nearest first: a, b"), ("a: " + "[" * 1500, "not readable as YAML"),
-    ("a: \x00", "not readable as YAML"), (b"a: \xff\xfe", "not a text file"),
+    ("a: \x00", "not readable as YAML"), (b"a: \xff\xfe", "not readable as YAML"),
     (" " * (SETTINGS_BYTES + 1), "at most 0.25 MB"),
 ])  # fmt: skip
 def test_faulty_settings_are_refused(tmp_path, text, word):

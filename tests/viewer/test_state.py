@@ -12,8 +12,9 @@ from maniport.errors import ManiportError
 from maniport.motion import SeedBank
 from maniport.pipeline.config import Config
 from maniport.report.page.animation import surfaces_of
+from maniport.util.process import in_background
 from maniport.viewer import state as states
-from maniport.viewer.state import LOADED, Command, Maps, Side, ViewState, in_background, prepare
+from maniport.viewer.state import LOADED, Command, Maps, Side, ViewState, prepare
 from real_robots import NEEDS_ROBOTS
 from sizes import little_search
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, point_mass, pose
 from maniport.arms.joint_space import JointSpace
-from maniport.arms.kinematics import Kinematics
+from maniport.arms.kinematics import Kinematics, PointKinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, weighting, with_derivatives
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
@@ -255,13 +255,20 @@ class Arm(JointSpace):
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""
-        names, poses = check_names(frames, "frames"), self.link_poses(q)
+        return self._points(q, frames)[0]
+
+    def point_jacobians(self, q: ArrayLike, frames: Sequence[str]) -> Array:
+        """Compute linear Jacobians of the origins of frames, shape (..., len(frames), 3, dof)."""
+        return self._points(q, frames)[1]
+
+    def _points(self, q: ArrayLike, frames: Sequence[str]) -> tuple[Array, Array]:
+        names, array = check_names(frames, "frames"), self.configurations(q)
         for name in names:
             if name not in self.frames:
                 raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
-        places = [self.chain.frames[name] for name in names]
-        points = np.array([place.placement[:, 3] for place in places])
-        return np.asarray((poses[..., [place.joint for place in places], :3, :] @ points[..., None])[..., 0])
+        points, slopes = PointKinematics(self.chain, names)(array.reshape(-1, self.dof))
+        shape = (*array.shape[:-1], len(names), 3)
+        return points.reshape(shape), slopes.reshape(*shape, self.dof)
 
     def axis_direction(self, q: ArrayLike, joint_name: str) -> Array:
         """Compute the axis of a joint in the base frame, unit vectors of shape (..., 3).

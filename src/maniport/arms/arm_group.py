@@ -82,8 +82,8 @@ class ArmGroup(JointSpace):
             tuple(self.prefixes[i] + arm.joint_names[k] for arm, i, k in own),
             np.array([arm.lower[k] for arm, _, k in own]),
             np.array([arm.upper[k] for arm, _, k in own]),
-            speeds if np.any(np.isfinite(speeds)) else None,
-            efforts if np.any(np.isfinite(efforts)) else None,
+            speeds,
+            efforts,
             tuple(arm.joint_units[k] for arm, _, k in own),
         )
 

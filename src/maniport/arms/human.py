@@ -17,11 +17,8 @@ joint              positive direction, from the hanging arm
 ``flexion``        bends the wrist to the palm
 =================  ================================================================================================
 
-The torque limits are the strength of the joints [N m]: 34, 59, 39, 37, 8.8, 11 and 13 in the order of the table, as
-``scripts/derive_myoarm.py`` computes them from the muscles of MyoSim: what all muscles of one direction reach at rest,
-the median over postures, in the weaker direction. They are rough, since strength depends on posture and differs between
-people by more than a factor of two (Nijhof and Gabriel, Journal of Biomechanics 39, 2006). Both models, and arms of all
-sizes, have the same ones.
+The torque limits are those of the muscles of MyoSim, see ``scripts/derive_myoarm.py``, for both models and all sizes:
+rough values, since people differ by more than a factor of two (Nijhof and Gabriel, Journal of Biomechanics 39, 2006).
 
 `FRACTIONS` are lengths of segments as fractions of the body height. Upper arm and forearm are those of men by P. de
 Leva (Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between

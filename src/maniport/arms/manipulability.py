@@ -127,18 +127,17 @@ def weighting(
     slopes = None
     if limits is not None and terms is not None:
         held = limits - np.abs(terms.gravity)
-        scale = np.asarray(np.maximum(held, LEAST_TORQUE * limits), dtype=np.float64)
+        scale = np.maximum(held, LEAST_TORQUE * limits)
         if changes:  # ∂S/∂q_k, (n, joint, k)
             slopes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
             slopes[scale > held] = 0.0
     if not accelerated:
-        diagonal = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)
-        weight = np.asarray(diagonal[..., None] * np.eye(q.shape[1]), dtype=np.float64)
+        weight: Array = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)[..., None] * np.eye(q.shape[1])
         if slopes is None:
             return weight, None
         return weight, np.einsum("njk,jl->nkjl", -2.0 * slopes / scale[..., None] ** 3, np.eye(q.shape[1]))
     assert terms is not None  # of an arm with masses
-    weight = np.linalg.solve(terms.inertia, scale[..., None] * np.eye(q.shape[1]))
+    weight = np.asarray(np.linalg.solve(terms.inertia, scale[..., None] * np.eye(q.shape[1])), dtype=np.float64)
     if not changes:
         return weight, None
     product = weight @ np.swapaxes(weight, -1, -2)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
-from threading import Thread
 from time import monotonic
 from typing import Any, TypeVar
 
@@ -17,7 +17,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from maniport.errors import ManiportError
 from maniport.util.optional import distributed, ray
-from maniport.util.process import end_with_parent
+from maniport.util.process import end_with_parent, in_background, settled
 
 T = TypeVar("T")
 Work = Callable[[Any], Any]
@@ -73,17 +73,11 @@ def executor_for(processes: int, dask: str | None, on_ray: bool) -> AbstractCont
         return _dask(dask)
     if on_ray:
         return _ray()
-    return nullcontext(Executor(_run_here, 1)) if processes == 1 else _processes(processes)
-
-
-def _run_here(work: Work, task: Any) -> "Future[Any]":
-    """Run a task at once, in this process."""
-    done: Future[Any] = Future()
-    try:
-        done.set_result(work(task))
-    except Exception as error:  # noqa: BLE001  as in a process of its own
-        done.set_exception(error)
-    return done
+    return (
+        nullcontext(Executor(lambda work, task: settled(Future(), work, task), 1))
+        if processes == 1
+        else _processes(processes)
+    )
 
 
 @contextmanager
@@ -132,17 +126,9 @@ def dask_executor(client: Any, patience: float) -> Executor:
 
 def _client(address: str, timeout: float = 10.0) -> Any:
     """Connect to a Dask scheduler; an address that takes a connection and is silent is given up after 2 timeouts."""
-    package, connected = distributed(), Future[Any]()
-
-    def connect() -> None:
-        try:
-            connected.set_result(package.Client(address, timeout=f"{timeout} s"))
-        except Exception as error:  # noqa: BLE001  raised by `result`
-            connected.set_exception(error)
-
-    Thread(target=connect, daemon=True).start()
+    connect = partial(distributed().Client, address, timeout=f"{timeout} s")
     try:
-        return connected.result(2 * timeout)
+        return in_background(connect).result(2 * timeout)
     except (OSError, ValueError, TypeError) as error:  # `TimeoutError` is an `OSError`
         raise ManiportError(f"cannot connect to the Dask scheduler at {address!r}: {str(error) or 'timeout'}") from None
 

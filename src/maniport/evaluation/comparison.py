@@ -96,11 +96,6 @@ def evaluate(
         Ellipsoids of the teacher's domain for a second gap search; 0 skips it.
     random_state, progress
         Random seed; called with each step and the fraction done.
-
-    Raises
-    ------
-    ManiportError
-        When the adapter is not fitted, or an input cannot be used.
     """
     for what, arm in (("robot", robot), ("person", person)):
         if arm is not None and not isinstance(arm, Arm):
@@ -195,11 +190,6 @@ def select_method(
         Fitted.
     evaluation : Evaluation
         Its comparison with baselines; a rejected length field has a row with a note only.
-
-    Raises
-    ------
-    ManiportError
-        When an input is invalid, or neither method can be fitted.
     """
     step = Step(progress, "Fit transfer")
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")

@@ -37,7 +37,7 @@ class ProfileGMM(NotebookDisplay, Estimator):
     regularization : float
         Added to the variances in log coordinates and, times the variance of the times, to theirs.
     max_iter : int
-        Largest number of EM steps.
+        Largest number of EM steps, beyond which a `ConvergenceWarning` is issued.
     tol : float
         EM stops when the mean log-likelihood rises by at most this; the most likely mixture is kept.
 
@@ -111,11 +111,6 @@ class ProfileGMM(NotebookDisplay, Estimator):
         NotSPDError, InvalidInputError
             When an ellipsoid is not SPD, lengths differ, all times are equal, there are fewer than m + 2 points for
             each component, groups do not fit, or a parameter is wrong. The model then stays unchanged.
-
-        Warns
-        -----
-        ConvergenceWarning
-            When EM ended after `max_iter` steps.
         """
         points = as_points(ellipsoids, "ellipsoids")
         times = as_numbers(time, "time", len(points))
@@ -170,7 +165,7 @@ class ProfileGMM(NotebookDisplay, Estimator):
         Parameters
         ----------
         time : array_like, shape (n,)
-            Outside the times of `fit` the nearest component's geodesic is extended.
+            Outside the times of `fit` the nearest component's geodesic is extended, until the ellipsoid overflows.
         return_covariance : bool
             Also return the covariance.
 
@@ -180,13 +175,6 @@ class ProfileGMM(NotebookDisplay, Estimator):
         covariance : ndarray, shape (n, m, m)
             Covariance of vec(log(P^-½ X P^-½)) in Mandel form, P being the predicted ellipsoid and X one of a
             demonstration, m = d (d + 1) / 2; see `maniport.learning.tracking_weights`.
-
-        Raises
-        ------
-        NotFittedError
-            Before `fit`.
-        InvalidInputError
-            When a time lies so far outside that the ellipsoid overflows.
         """
         if not hasattr(self, "means_"):
             raise NotFittedError("this ProfileGMM is not fitted yet; call fit(time, ellipsoids) first")

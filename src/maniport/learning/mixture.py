@@ -14,16 +14,8 @@ from scipy.special import logsumexp, softmax
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import whitened_eigh
-from maniport.spd.matrix_functions import (
-    apply,
-    bounded,
-    compose,
-    congruence,
-    from_vector,
-    mandel_basis,
-    roots,
-    to_vector,
-)
+from maniport.spd.kernels import compose, congruence, roots
+from maniport.spd.matrix_functions import apply, bounded, from_vector, mandel_basis, to_vector
 from maniport.spd.mean import mean
 from maniport.util.validation import SPD_TOLERANCE, Array, as_finite, as_number, require_shape
 

@@ -84,7 +84,7 @@ class ArmFit(NotebookDisplay):
         return f"ArmFit({self.arm.name!r}, {self.summary})"
 
     def only(self, keep: NDArray[Any]) -> "ArmFit":
-        """Keep some of the frames, by a mask or by their indices; statistics over all frames are not computed again."""
+        """Keep some of the frames, by a mask or by their indices; statistics stay those of all frames."""
         residuals = {name: values[keep] for name, values in self.residuals.items()}
         per_frame = {name: getattr(self, name)[keep] for name in ("joint_angles", "time", "frames", "beyond_limit")}
         return replace(self, residuals=residuals, **per_frame)
@@ -120,27 +120,27 @@ class ArmFit(NotebookDisplay):
             for name, size in sizes.items()
         }
 
-    def repetitions(self, width: float = 0.1, least: float = 0.5, returned: float = 0.9) -> list[tuple[float, float]]:
+    def repetitions(self) -> list[tuple[float, float]]:
         """Find (start, stop) [s] of each time that the hand moves out and back.
 
-        The path is smoothed over `width` [s]. A repetition reaches at least the share `least` of the largest distance;
-        it starts and stops where the hand has `returned` by this share.
+        A repetition reaches at least half of the largest distance; it starts and stops where the hand has returned by
+        90 %.
         """
         from scipy.signal import find_peaks, peak_widths  # loads scipy.stats, which takes 0.5 s
 
         if len(self) < 3:
             return []
         hand = self.arm.forward(self.joint_angles)[:, :3, 3]
-        hand = gaussian_filter1d(hand, width / float(np.median(np.diff(self.time))), axis=0, mode="nearest")
+        hand = gaussian_filter1d(hand, 0.1 / float(np.median(np.diff(self.time))), axis=0, mode="nearest")
         offsets = hand - np.median(hand, axis=0)  # on their principal direction, the longer side positive
         path = offsets @ np.linalg.svd(offsets - offsets.mean(axis=0), full_matrices=False)[2][0]
         path = path if path.max() >= -path.min() else -path
         peaks, properties = find_peaks(path, prominence=np.finfo(float).tiny)
         if not len(peaks):
             return []
-        high = properties["prominences"] >= least * properties["prominences"].max()
+        high = properties["prominences"] >= 0.5 * properties["prominences"].max()
         peaks, prominences = peaks[high], tuple(values[high] for values in properties.values())
-        _, _, left, right = peak_widths(path, peaks, returned, prominences)
+        _, _, left, right = peak_widths(path, peaks, 0.9, prominences)
         valleys = [int(a + np.argmin(path[a:b])) for a, b in pairwise(peaks)]
         first = np.maximum(np.ceil(left).astype(int), [0, *(valley + 1 for valley in valleys)])
         last = np.minimum(np.floor(right).astype(int), [*valleys, len(path) - 1])
@@ -174,11 +174,6 @@ class HumanMotion(NotebookDisplay):
         return self.arms[0].time
 
     @property
-    def frames(self) -> NDArray[np.intp]:
-        """Their indices in the recording, shape (n,)."""
-        return self.arms[0].frames
-
-    @property
     def hands(self) -> Array:
         """Paths of the hands in the common frame, shape (n_arms, n, 3) [m]."""
         paths = [fit.arm.forward(fit.joint_angles)[:, :3, 3] for fit in self.arms]
@@ -195,17 +190,12 @@ class HumanMotion(NotebookDisplay):
             *shared,
         )
 
-    @property
-    def summary(self) -> str:
-        """Frames and residuals of each arm in one line."""
-        return "; ".join(fit.summary for fit in self.arms)
-
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.time)
 
     def __repr__(self) -> str:
-        return f"HumanMotion({' and '.join(repr(fit.arm.name) for fit in self.arms)}, {self.summary})"
+        return f"HumanMotion({', '.join(map(repr, self.arms))})"
 
     def repetitions(self) -> list[tuple[float, float]]:
         """Find (start, stop) [s] of each time that the hand with the longer path moves out and back."""

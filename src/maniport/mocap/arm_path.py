@@ -30,14 +30,11 @@ from maniport.util.progress import Step
 from maniport.util.validation import Array
 
 Residual = Callable[[Array], tuple[Array, Array]]  # Values (n, k) at configurations (n, dof), and derivatives
-
 KEY_RATE = 8.0  # Key frames per second
 RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …
 MOTION_SCALE = 0.25  # … as this joint motion from one key frame to the next [rad]
 
-LEAST_GAIN = 1e-5
-"""A step that lowers the cost by a smaller share, and turns no joint by more than `smallest_step`, is the last."""
-
+LEAST_GAIN = 1e-5  # A small step that lowers the cost by a smaller share is the last
 AROUND = 512  # Frames on either side of a cut that are solved again: 2 s at 240 Hz, 17 s at 30 Hz
 
 
@@ -62,7 +59,7 @@ def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
     neutral = np.clip(0.0, arm.lower, arm.upper)
     lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
     cutoff = np.full(arm.dof, 30.0)
-    for joint in unobservable_joints(arm, roles):
+    for joint in unobservable_joints(roles):
         cutoff[joint] = 10.0
         if "hand" not in roles:
             lower[joint] = upper[joint] = neutral[joint]
@@ -151,19 +148,8 @@ def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> 
     return q.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
-def solve_path(
-    residual: Residual,
-    start: Array,
-    priors: JointPriors,
-    smoothing: Array,
-    fixed: int = 0,
-    smallest_step: float = 1e-3,
-) -> Array:
-    """Fit all frames together; `fixed` frames at either end stay. `smoothing` is κ/Δt² (n, dof).
-
-    Where the arm hangs straight, a joint rotates far for hardly any gain, which is a small part of the cost of a long
-    path: hence `smallest_step` [rad].
-    """
+def solve_path(residual: Residual, start: Array, priors: JointPriors, smoothing: Array, fixed: int = 0) -> Array:
+    """Fit all frames together; `fixed` frames at either end stay. `smoothing` is κ/Δt² (n, dof)."""
     (n, dof), stiffness = start.shape, smoothing[1:-1] ** 2
     smooth = np.zeros((3, n, dof))  # second derivatives of the smoothing term: of each frame, with the next two
     for offset, row in enumerate(([1.0, 4.0, 1.0], [-2.0, -2.0], [1.0])):
@@ -177,7 +163,8 @@ def solve_path(
         if new_cost < cost:
             moved, gained = float(np.abs(trial - q).max()), cost - new_cost
             q, cost, damping = trial, new_cost, max(damping * 0.2, 1e-12)
-            if iteration and (moved < 1e-9 or (gained < LEAST_GAIN * cost and moved < smallest_step)):
+            # Where the arm hangs straight, a joint rotates far for a small part of the cost of a long path.
+            if iteration and (moved < 1e-9 or (gained < LEAST_GAIN * cost and moved < 1e-3)):
                 break
             gradient = (values[:, None] @ slopes)[:, 0] + priors.pull * offsets
             for shift, factor in enumerate((1.0, -2.0, 1.0)):

@@ -5,7 +5,6 @@ recorded segment lengths change with the skin. The residual of a segment is ``u(
 its length is the angle between them [rad] as long as that is small.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,14 +14,11 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm
 from maniport.arms.human import JOINTS, LONGEST_SEGMENT
-from maniport.arms.kernels import place_points
 from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
-from maniport.mocap.marker_sets import POINTS
 from maniport.mocap.recording import Bools, Recording, runs_of
-from maniport.mocap.roles import direction, find_side, points_of, role_position, trunk_rotation, unit
-from maniport.util.jit import kernel
+from maniport.mocap.roles import POINTS, Roles, direction, find_side, points_of, role_position, trunk_rotation, unit
 from maniport.util.validation import Array
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
@@ -34,10 +30,8 @@ SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
 
 ELBOW, TURN, DEVIATION, FLEXION = map(JOINTS.index, ("elbow_flexion", "pro_sup", "deviation", "flexion"))
 
-AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint with the axis of each pair of markers
-
-AROUND = {"elbow_axis": "upper arm", "wrist_axis": "forearm"}
-"""The segment that rotates about its own axis with each pair of markers."""
+AXES = {"elbow_axis": (ELBOW, "upper arm"), "wrist_axis": (FLEXION, "forearm")}
+"""The joint with the axis of each pair of markers, and the segment that rotates about its own axis with them."""
 
 MARKED = {"right": 1.0, "left": -1.0}
 """Sign of the axes of elbow (medial to lateral) and wrist (ulnar to radial); a left arm is a mirror image."""
@@ -52,15 +46,11 @@ decide what upper arm and forearm leave open, and do not pull those two aside wh
 
 def require_human(arm: Arm) -> None:
     """Raise `InvalidInputError` unless an arm has the joints of a human arm, in their order, and its frames."""
-    if arm.joint_names != JOINTS:
+    missing = sorted(set(POINTS) - set(arm.frames))
+    if arm.joint_names != JOINTS or missing:
         raise InvalidInputError(
-            f"fit_arm needs a person with the joints {', '.join(JOINTS)}, in this order; found of {arm.name!r}: "
-            f"{', '.join(arm.joint_names)}"
-        )
-    if missing := set(POINTS) - set(arm.frames):
-        raise InvalidInputError(
-            f"fit_arm needs a person with the frames shoulder, elbow, wrist and hand; {arm.name!r} has no "
-            f"{', '.join(sorted(missing))}"
+            f"a human arm needs the joints {', '.join(JOINTS)}, in this order, and the frames {', '.join(POINTS)}; "
+            f"{arm.name!r} has the joints {', '.join(arm.joint_names)}, without the frames {missing}"
         )
 
 
@@ -79,7 +69,7 @@ class Directions:
     @cached_property
     def kinematics(self) -> PointKinematics:
         """The ends of the segments, then joint axes fixed to the segment above them."""
-        joints = [AXES[name] for name in self.names if name in AXES]
+        joints = [AXES[name][0] for name in self.names if name in AXES]
         axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
         return PointKinematics(self.arm.chain, POINTS[: len(self.names) - len(axes) + 1], axes)
 
@@ -118,10 +108,10 @@ class Directions:
             if name in SEGMENTS:  # arccos is inaccurate below 1e-8
                 errors[name] = 2 * np.arcsin(np.minimum(np.linalg.norm(model - target, axis=-1) / 2, 1.0))
             else:
-                along = values[:, self.names.index(AROUND[name])]
+                along = values[:, self.names.index(AXES[name][1])]
                 model, target = (part - np.sum(part * along, axis=1)[:, None] * along for part in (model, target))
                 sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
-                errors[f"{AROUND[name]} about its axis"] = np.arctan2(sine, cosine)
+                errors[f"{AXES[name][1]} about its axis"] = np.arctan2(sine, cosine)
         return errors
 
 
@@ -131,7 +121,7 @@ class Observation:
 
     side: str
     reason: str  # why that arm
-    roles: dict[str, Any]  # the points of each role
+    roles: Roles
     used: Recording  # these points, cleaned and filled, with notes and quality warnings on that only
     trunk: Array  # rotation of the trunk frame, shape (n_frames, 3, 3)
     frames: NDArray[np.intp]  # the frames in which trunk and arm are fully observed, shape (n,)
@@ -144,7 +134,7 @@ class Observation:
         return Directions(arm, tuple(vectors), unit(np.einsum("nij,nki->nkj", self.trunk[self.frames], world)))
 
 
-def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, smooth: bool) -> Observation:
+def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Observation:
     """Choose the arm, clean its points and find the frames in which it is fully observed."""
     chosen, reason, roles = find_side(recording, markers, side)
     names = points_of(roles)
@@ -174,14 +164,14 @@ def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, 
     return Observation(chosen, reason, roles, used, trunk, np.flatnonzero(~out), is_smoothed)
 
 
-def vectors_of(points: Recording, roles: Mapping[str, Any], side: str) -> dict[str, Array]:
+def vectors_of(points: Recording, roles: Roles, side: str) -> dict[str, Array]:
     """Return vectors along segments and joint axes, by the keys of `Directions`, in the axes of the points."""
     ends = {name: pair for name, pair in SEGMENTS.items() if all(end in roles for end in pair)}
     vectors = {name: direction(points, (roles[a], roles[b])) for name, (a, b) in ends.items()}
     return vectors | {name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles}
 
 
-def segment_lengths(used: Recording, roles: Mapping[str, Any]) -> dict[str, float]:
+def segment_lengths(used: Recording, roles: Roles) -> dict[str, float]:
     """Return the lengths of recorded segments (median)."""
     lengths = {}
     for name, (start, end) in SEGMENTS.items():
@@ -194,37 +184,3 @@ def segment_lengths(used: Recording, roles: Mapping[str, Any]) -> dict[str, floa
                     f"{SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m: check the unit, and that the points differ"
                 )
     return lengths
-
-
-@kernel
-def frame_terms(  # type: ignore[no-untyped-def]
-    q, offset, placements, axes, slides, coupling, joints, vectors, points, targets, weights, gradient, hessian
-):
-    """Add Jᵀr and JᵀJ of the residuals of one frame, for the live view, to gradient and hessian; return |r|²."""
-    positions, values, slopes = offset.copy(), np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
-    for j in range(len(offset)):
-        for k in range(len(q)):
-            positions[j] += coupling[j, k] * q[k]
-    place_points(positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes)
-    cost = 0.0
-    for n in range(len(targets)):
-        if weights[n] == 0.0:
-            continue
-        if n < points - 1:  # from a point to the next
-            unit, slope = values[n + 1] - values[n], slopes[n + 1] - slopes[n]
-            length = np.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
-            unit /= length
-            stretch = unit[0] * slope[0] + unit[1] * slope[1] + unit[2] * slope[2]
-            for i in range(3):
-                slope[i] = (slope[i] - unit[i] * stretch) / length
-        else:
-            unit, slope = values[n + 1], slopes[n + 1]
-        square = weights[n] * weights[n]
-        for i in range(3):
-            off = unit[i] - targets[n, i]
-            cost += square * off * off
-            for k in range(len(q)):
-                gradient[k] += square * off * slope[i, k]
-                for m in range(len(q)):
-                    hessian[k, m] += square * slope[i, k] * slope[i, m]
-    return cost

@@ -24,10 +24,7 @@ DECIMALS = 9, 7, 5, 4  # of positions, velocities, accelerations and torques in 
 
 
 def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int, list[list[float]]]]:
-    """Iterate over about `rate` control steps a second from 0 s: seconds, nanoseconds, positions and derivatives.
-
-    Controllers interpolate between them.
-    """
+    """Iterate over about `rate` control steps a second from 0 s: seconds, nanoseconds, positions and derivatives."""
     time = motion.control_time - motion.control_time[0]
     stride = max(1, round((len(time) - 1) / (time[-1] * rate)))
     for row in np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1)):
@@ -38,8 +35,7 @@ def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int
         )
 
 
-def write_ros2(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    """Write a trajectory_msgs/msg/JointTrajectory as YAML."""
+def _write_ros2(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     names = yaml.safe_dump(list(motion.joint_names), default_flow_style=True, width=float("inf")).strip()
     # without effort: controllers of positions reject points that have it (ros2_controllers #699)
     keys = ("- positions", "  velocities", "  accelerations")
@@ -53,8 +49,7 @@ def write_ros2(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> 
             stream.write(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}\n")
 
 
-def write_mcap(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    """Write messages named as in sensor_msgs/msg/JointState, as JSON."""
+def _write_mcap(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     stamp, numbers = {key: {"type": "integer"} for key in ("sec", "nsec")}, {"type": "number"}
     properties = {
         "timestamp": {"type": "object", "title": "time", "properties": stamp},
@@ -75,8 +70,7 @@ def write_mcap(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> 
         writer.finish()
 
 
-def write_mujoco(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    """Write qpos and qvel of `mujoco.MjData`, and the positions of the robot's locked joints."""
+def _write_mujoco(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     held: dict[str, float] = {}
     if robot is not None:
         group = as_group(robot)
@@ -94,8 +88,7 @@ def write_mujoco(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -
         )
 
 
-def write_parquet(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    """Write a row for each control step."""
+def _write_parquet(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     arrow, parquet = pyarrow(), parquet_writer()
     columns: dict[str, tuple[Array, str]] = {"time": (motion.control_time - motion.control_time[0], "s")}
     for quantity, (values, units) in motion.control_states.items():
@@ -127,10 +120,10 @@ class Format(NamedTuple):
 
 
 FORMATS = {
-    "ros2": Format("joints.yaml", write_ros2),
-    "mcap": Format("joints.mcap", write_mcap, mcap_writer),
-    "mujoco": Format("joints_mujoco.npz", write_mujoco),
-    "parquet": Format("joints.parquet", write_parquet, parquet_writer),
+    "ros2": Format("joints.yaml", _write_ros2),
+    "mcap": Format("joints.mcap", _write_mcap, mcap_writer),
+    "mujoco": Format("joints_mujoco.npz", _write_mujoco),
+    "parquet": Format("joints.parquet", _write_parquet, parquet_writer),
     SCENE: Format("motion.rrd", None, rerun),
 }
 """All formats of exports by name, on the command line and in Python."""

@@ -143,7 +143,7 @@ class FeasibleProjector:
     def search(self, damping: float) -> "FeasibleProjector":
         """Begin a search by `nearest` for ellipsoids that carry another damping ε > 0 [unit of M]."""
         search = copy(self)
-        epsilon = Regularization.absolute(as_number(damping, "damping", above=0.0))
+        epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
         search.objective, search.joint_positions = replace(self.objective, damping=epsilon), None
         return search
 

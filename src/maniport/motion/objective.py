@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.kernels import add_log_residual, add_residual
-from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
-from maniport.spd.matrix_functions import apply, roots, to_vector
+from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh, roots
+from maniport.spd.matrix_functions import apply, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
@@ -254,10 +254,7 @@ class Targets:
         return self._log_changes(values, vectors, changes)
 
     def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
-        """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given.
-
-        `velocity` are velocity ellipsoids (n, d, d), `changes` their derivatives (n, dof, d, d).
-        """
+        """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
         singular, achieved = np.zeros(len(velocity), bool), velocity
         if self.objective.spec.kind == "force":
             values, vectors = eigh(velocity)

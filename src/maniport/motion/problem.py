@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.kernels import add_residual
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Targets
+from maniport.motion.trajectory import interpolated
 from maniport.util.validation import Array, as_finite
 
 
@@ -40,17 +41,6 @@ class Cost(Protocol):
         """Return the derivatives of the residuals with respect to the joints, shape (m, r, dof)."""
 
 
-@runtime_checkable
-class ToleranceCost(Cost, Protocol):
-    """A cost of a position error: the planner raises its weight until the error is within the tolerance."""
-
-    def weighing(self, position_weight: float) -> Self:
-        """Return the cost with another weight [1/m]."""
-
-    def error(self, q: Array, time: Array) -> Array:
-        """Return the position error, shape (m,) [m]."""
-
-
 def as_costs(costs: Sequence[Cost], arm: Arm | ArmGroup, time: Array) -> tuple[Cost, ...]:
     """Require costs with residuals (m, r) and Jacobians (m, r, dof), tried at two configurations."""
     q = np.tile(0.5 * (arm.lower + arm.upper), (2, 1))
@@ -68,7 +58,10 @@ def as_costs(costs: Sequence[Cost], arm: Arm | ArmGroup, time: Array) -> tuple[C
 
 @dataclass(frozen=True, eq=False)
 class RelativePositionCost:
-    """Cost w (p_j − p_i − v(t)) of the vector between the end effectors of two arms of a group."""
+    """Cost w (p_j − p_i − v(t)) of the vector between the end effectors of two arms of a group.
+
+    As for paths, the planner raises its weight until the error is within the position tolerance.
+    """
 
     group: ArmGroup
     pair: tuple[int, int]  # i and j
@@ -96,7 +89,7 @@ class RelativePositionCost:
 
     def at(self, time: Array) -> Array:
         """Return the target vectors at times (m,), shape (m, 3) [m]."""
-        return np.stack([np.interp(time, self.time, column) for column in self.vectors.T], axis=1)
+        return interpolated(self.time, self.vectors, time)
 
     def _offset(self, q: Array, time: Array) -> Array:
         i, j = self.pair
@@ -115,10 +108,9 @@ class MotionProblem:
     costs: tuple[Cost, ...] = ()  # further ones
 
     @property
-    def arm(self) -> Arm | ArmGroup:
+    def arm(self) -> Any:
         """The arm, or the group of arms, with the margin of the limits."""
-        arm: Arm | ArmGroup = self.limits.arm
-        return arm
+        return self.limits.arm
 
     def __len__(self) -> int:
         return len(self.time)
@@ -128,7 +120,7 @@ class MotionProblem:
 
     def weighing(self, position_weight: float) -> "MotionProblem":
         """Return the problem with another weight of position errors [1/m]."""
-        costs = (own.weighing(position_weight) if isinstance(own, ToleranceCost) else own for own in self.costs)
+        costs = (own.weighing(position_weight) if isinstance(own, RelativePositionCost) else own for own in self.costs)
         return replace(self, targets=tuple(own.weighing(position_weight) for own in self.targets), costs=tuple(costs))
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
@@ -149,18 +141,9 @@ class MotionProblem:
             square += np.sum(residual**2, axis=1)
         return np.sqrt(square), gradient, hessian
 
-    def distances(self, q: Array) -> list[Array]:
-        """Return the distance of target and achieved ellipsoids of each arm, shapes (n,)."""
-        parts = zip(self.targets, as_group(self.arm).columns, strict=True)
-        return [own.distance(q[:, columns]) for own, columns in parts]
-
-    def distance(self, q: Array) -> Array:
-        """Return the root of the sum of all arms' squared distances (n,)."""
-        return np.asarray(np.linalg.norm(self.distances(q), axis=0))
-
     def position_error(self, q: Array) -> Array | None:
         """Return all position errors [m], shape (n, number of them); None where no position has a cost."""
         parts = zip(self.targets, as_group(self.arm).columns, strict=True)
         errors = [error for own, columns in parts if (error := own.position_error(q[:, columns])) is not None]
-        errors += [own.error(q, self.time) for own in self.costs if isinstance(own, ToleranceCost)]
+        errors += [own.error(q, self.time) for own in self.costs if isinstance(own, RelativePositionCost)]
         return np.stack(errors, axis=1) if errors else None

@@ -15,7 +15,8 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.objective import Damping, Objective, Targets
 from maniport.spd.affine_invariant import geodesic
-from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
+from maniport.spd.kernels import congruence, roots, symmetrize
+from maniport.spd.matrix_functions import apply
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
 
@@ -94,12 +95,7 @@ def schedules_of(
     arrays: Mapping[str, Any],
     reference: Array | None = None,
 ) -> list[Schedule]:
-    """Check the targets of each arm; errors name the argument.
-
-    `axes` are weights of the end effector's axes. `arrays` are ellipsoids, positions, weights and rotations by the
-    names of the arguments: of an arm, or sequences with an item for each arm of a group. `reference` (n, dof) are
-    configurations of all joints.
-    """
+    """Check the targets of each arm: `arrays` are ellipsoids, positions, weights and rotations by argument name."""
     group = as_group(arms)
     columns = [of_each(value, name, arms) for name, value in arrays.items()]
     specs = (spec,) if isinstance(arms, Arm) else group.specs(spec)

@@ -17,7 +17,8 @@ from maniport.motion.arm_model import require_compatible
 from maniport.motion.kernels import step_within_limits
 from maniport.motion.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets, as_damping
 from maniport.motion.problem import MotionProblem
-from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
+from maniport.spd.kernels import congruence, roots
+from maniport.spd.matrix_functions import apply, to_vector
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Part, counted, ignore_fraction, pieces
 from maniport.util.validation import Array, as_count

@@ -70,10 +70,6 @@ class Trajectory(NotebookDisplay):
             parts["limits"] = self.limits.of_joints(arm, columns)
         return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)
 
-    def at_waypoints(self, rows: NDArray[np.intp]) -> "Trajectory":
-        """Return the trajectory with some of its waypoints."""
-        return replace(self, time=self.time[rows], joint_positions=self.joint_positions[rows])
-
     @cached_property
     def limit_use(self) -> LimitUse | None:
         """Largest shares of the limits; None without limits."""

@@ -14,7 +14,7 @@ from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, argument
 from maniport.learning import Alignment, ProfileGMM, align
-from maniport.learning.agreement import Agreement, agreement
+from maniport.learning.alignment import Agreement, agreement
 from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.mocap.directions import SEGMENTS
 from maniport.pipeline.config import Config

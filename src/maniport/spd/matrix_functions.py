@@ -7,36 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import (
-    ILL_CONDITIONED,
-    MAX_EIGENVALUE,
-    MIN_EIGENVALUE,
-    compose,
-    congruence,
-    eigh,
-    require_in_range,
-    roots,
-    symmetrize,
-)
+from maniport.spd.kernels import ILL_CONDITIONED, compose, eigh, require_in_range
 from maniport.util.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
-
-__all__ = [
-    "MAX_EIGENVALUE",
-    "MIN_EIGENVALUE",
-    "apply",
-    "bounded",
-    "compose",
-    "congruence",
-    "expm",
-    "from_vector",
-    "logarithm",
-    "logm",
-    "mandel_basis",
-    "powm",
-    "roots",
-    "symmetrize",
-    "to_vector",
-]
 
 _above = cache(np.triu_indices)  # Rows and columns of the entries above the diagonal
 

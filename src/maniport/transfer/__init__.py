@@ -80,16 +80,7 @@ def _same_base_rotation(shared: ArrayLike, own: ArrayLike | None) -> bool:
 
 
 def name_of(adapter: DomainAdapter) -> str:
-    """Return the name of an adapter's method in `METHODS`, or its class where it has none.
-
-    Parameters
-    ----------
-    adapter : DomainAdapter
-
-    Returns
-    -------
-    str
-    """
+    """Return the name of an adapter's method in `METHODS`, or its class where it has none."""
     return next((name for name, kind in METHODS.items() if type(adapter) is kind), type(adapter).__name__)
 
 
@@ -108,5 +99,4 @@ __all__ = [
     "RiemannianICP",
     "load_adapter",
     "method_of",
-    "name_of",
 ]

@@ -21,14 +21,7 @@ from maniport.spd.regularization import Regularization, damped_again, without_da
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.validation import (
-    Array,
-    as_finite,
-    as_points,
-    as_positive_semidefinite,
-    as_rotation,
-    as_spd,
-)
+from maniport.util.validation import Array, as_finite, as_points, as_positive_semidefinite, as_rotation, as_spd
 
 
 class DomainAdapter(NotebookDisplay, Estimator, ABC):
@@ -225,7 +218,8 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
     def teacher_side(self, points: ArrayLike, name: str = "points") -> Array:
         """Return the teacher's ellipsoids as the fit saw them: damped, in the student's frame; (..., d, d)."""
-        return self._in_student_frame(self.teacher_regularization.apply(points, name, self._dimension()))
+        d = self._dimension()
+        return self._in_student_frame(Regularization(epsilon=float(self.teacher_damping_)).apply(points, name, d))
 
     def student_side(self, points: ArrayLike, name: str = "points") -> Array:
         """Return the student's ellipsoids as the fit saw them: damped, shape (..., d, d)."""
@@ -246,12 +240,6 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
             base = np.eye(6) if self.base_rotation_ is None else self.base_rotation_
             return orthonormal(base[:3, :3] + base[3:, 3:])
         return self._map_rotation() if self.base_rotation_ is None else self._map_rotation() @ self.base_rotation_
-
-    @property
-    def teacher_regularization(self) -> Regularization:
-        """Regularization of the teacher's ellipsoids in the fit."""
-        self._dimension()
-        return Regularization(epsilon=float(self.teacher_damping_))
 
     @property
     def student_regularization(self) -> Regularization:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from maniport.spd.matrix_functions import apply, mandel_basis, roots, to_vector
+from maniport.spd.kernels import roots
+from maniport.spd.matrix_functions import apply, mandel_basis, to_vector
 from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
 from maniport.util.jit import kernel
 from maniport.util.validation import Array
@@ -64,9 +65,8 @@ class CloudPair:
         """
         if rotation_angle(start, end) < 1e-6:
             return False, ""
-        before, within = self.distances(start), 0.0
-        for cloud in (self.teacher, self.student):
-            within += float(_distances(cloud, cloud)[0].mean())
+        before = self.distances(start)
+        within = sum(float(_distances(cloud, cloud)[0].mean()) for cloud in (self.teacher, self.student))
         gain = _combined([(1.0, before), (-1.0, self.distances(end))])
         gained = 2.0 * gain.mean / max(2.0 * float(before[0].mean()) - within, 1e-12)
         nearer = gain.certainty >= certainty and gained >= share

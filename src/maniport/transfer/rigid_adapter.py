@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from maniport.spd.affine_invariant import nearest
-from maniport.spd.kernels import power_congruence
-from maniport.spd.matrix_functions import apply, congruence, roots
+from maniport.spd.kernels import congruence, power_congruence, roots
+from maniport.spd.matrix_functions import apply
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.validation import Array
@@ -72,7 +72,8 @@ class RigidAdapter(DomainAdapter):
 
     def _map_rotation(self) -> Array:
         """Polar factor of S̄^½ R T̄^-½."""
-        return orthonormal(roots(self.student_mean_)[0] @ self.rotation_ @ roots(self.teacher_mean_)[1])
+        left, _, right = self._rigid_map.factors
+        return orthonormal(right @ left)
 
     def compiled(self) -> Callable[..., Array]:
         """Return the map as a callable for one ellipsoid at a time, for control loops.

@@ -67,8 +67,10 @@ def claim(folder: Path, marker: str, content: dict[str, Any], same: Collection[s
         raise OutputError(
             f"{str(folder)!r} holds results of another {' or '.join(same)}; give a new folder with {argument('output')}"
         )
-    require_room(folder, folder=True)
-    folder.mkdir(exist_ok=True)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
     write_text(file, json.dumps(content) + "\n")
 
 

@@ -128,8 +128,6 @@ def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[s
     text = read_whole(file, (".yaml", ".yml", ".json"), SETTINGS_BYTES)
     try:
         content = yaml.load(text.decode("utf-8-sig"), Loader=_StrictLoader)
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{file}: not a text file: {error.reason} at byte {error.start}") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""

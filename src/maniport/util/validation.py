@@ -303,9 +303,8 @@ def _symmetric(
             f"{name}{_at(index)} has the trace {trace[index]:.3g}; allowed are zero and magnitudes from "
             f"{MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}: choose another unit"
         )
-    from maniport.util.spd_check import not_above  # here, since Numba takes its time to import
-
-    bad = not_above(array, fraction)
+    worst = np.linalg.eigvalsh(array)[..., 0] - fraction * np.abs(trace)
+    bad = worst <= 0.0 if fraction > 0.0 else worst < 0.0
     if np.any(bad):
         index = _first(bad)
         low, high = np.linalg.eigvalsh(array[index])[[0, -1]]

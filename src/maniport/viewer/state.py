@@ -31,6 +31,7 @@ from maniport.pipeline.config import Config
 from maniport.transfer import METHODS, DomainAdapter, load_adapter, method_of
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.defaults import AUTO, BOTH, DAMPING
+from maniport.util.process import in_background
 from maniport.util.progress import Progress, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
@@ -41,20 +42,6 @@ AT_ONCE = "parallel-transport"  # The method that is fitted before the page is t
 PREFERRED = "length-field"  # Follows within some seconds; `maniport transfer` mostly chooses it
 
 _alone = threading.Lock()  # warnings are caught for a whole process, and Numba compiles in one thread at a time
-
-
-def in_background(work: Callable[..., Any], *args: Any) -> "Future[Any]":
-    """Call a function in a thread for which nothing waits when the program ends."""
-    future: Future[Any] = Future()
-
-    def run() -> None:
-        try:
-            future.set_result(work(*args))
-        except Exception as error:  # noqa: BLE001 - raised again by the result
-            future.set_exception(error)
-
-    threading.Thread(target=run, name="live view", daemon=True).start()
-    return future
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,9 +155,8 @@ class Collisions(NotebookDisplay):
         flat, shape = self._flat(q)
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _blocks(len(flat)):
-            near = self._solids.maybe_near(flat[part], self._pairs, 0.0)  # Coal decides about these
-            distances = self._solids.distances(flat[part], self._pairs, near, depths=False)[0]
-            hit[part.start + np.nonzero(near)[0][distances <= 0.0]] = True
+            contacts = self._solids.contacts(flat[part], self._pairs, 0.0, depths=False)
+            hit[part.start + contacts.rows[contacts.distances <= 0.0]] = True
         return hit.reshape(shape)
 
     def clearance(self, q: ArrayLike) -> Array:
@@ -174,9 +173,7 @@ class Collisions(NotebookDisplay):
         for part in _blocks(len(flat)) if len(self._pairs) else ():
             left, reach = np.arange(part.start, part.stop), 0.02  # pairs nearer than this are measured first [m]
             while len(left):
-                near = self._solids.maybe_near(flat[left], self._pairs, reach)
-                rows, columns = np.nonzero(near)
-                distances = self._solids.distances(flat[left], self._pairs, near)[0]
+                rows, columns, distances, *_ = self._solids.contacts(flat[left], self._pairs, reach)
                 order = np.lexsort((columns, distances, rows))
                 nearest, at = np.unique(rows[order], return_index=True)
                 least[left[nearest]], which[left[nearest]] = distances[order][at], columns[order][at]
@@ -193,12 +190,11 @@ class Collisions(NotebookDisplay):
         """
         flat, pairs, solids = self._flat(q)[0], self._pairs, self._solids
         share = self._selected.share if scaled else np.ones(len(pairs))
-        near = solids.maybe_near(flat, pairs, as_number(threshold, "threshold") * share)
-        distance, *contacts = solids.distances(flat, pairs, near)
-        slope, (rows, columns) = solids.slopes(flat, pairs, near, *contacts), np.nonzero(near)
-        distance, slope = distance / share[columns], slope / share[columns, None]
+        contacts = solids.contacts(flat, pairs, as_number(threshold, "threshold") * share)
+        share = share[contacts.columns]
+        distance, slope = contacts.distances / share, solids.slopes(flat, pairs, contacts) / share[:, None]
         kept = distance < threshold
-        return rows[kept], distance[kept], slope[kept]
+        return contacts.rows[kept], distance[kept], slope[kept]
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end

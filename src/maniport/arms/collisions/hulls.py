@@ -64,18 +64,21 @@ class Part:
     name: str  # of the link
     joint: int  # number of joints of the chain that move it
     mesh: Mesh  # in the frame of the last of them [m]; of a finger the hull of all poses
-    own: bool  # whether it is on the chain; False for attached bodies
+    own: bool = False  # whether it is on the chain, not attached to it
+    end_position: Array | None = None  # (3,) of the end effector if it carries it, which hulls enclose [m]
 
 
 @lru_cache(maxsize=16)
 def parts_of(geometry: Geometry) -> tuple[Part, ...]:
     """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain."""
-    meshes: dict[str, list[Mesh]] = {}
-    for link, mesh in geometry.shapes:
-        meshes.setdefault(link, []).append(mesh)
-    frames, attached = geometry.chain.frames, geometry.chain.attached
-    links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(geometry.chain, name))))
-    own = [Part(link, frames[link].joint, joined(meshes[link]), True) for link in links]
+    chain, meshes, attached = geometry.chain, geometry.shapes, geometry.chain.attached
+    carrier = next((name for name in _fixed_to(chain, chain.frame) if name in meshes), None)
+    end_position = chain.frames[chain.frame].placement[:3, 3]
+    links = sorted(meshes, key=lambda name: (chain.frames[name].joint, len(_fixed_to(chain, name))))
+    own = [
+        Part(link, chain.frames[link].joint, meshes[link], True, end_position if link == carrier else None)
+        for link in links
+    ]  # fmt: skip
     posed: dict[tuple[str, int], list[Mesh]] = {}
     for name, (points, triangles) in geometry.attached[0].items() if own else ():
         body = attached[name]
@@ -86,22 +89,13 @@ def parts_of(geometry: Geometry) -> tuple[Part, ...]:
             hull = ConvexHull(_outline(points))
             points, triangles = hull.points, hull.simplices.astype(np.int32)
         posed.setdefault((body.group, body.joint), []).append((points, triangles))
-    others = [Part(name, joint, joined(parts), False) for (name, joint), parts in posed.items()]
+    others = [Part(name, joint, joined(parts)) for (name, joint), parts in posed.items()]
     return tuple(sorted([*own, *others], key=lambda part: part.joint))
 
 
-def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple[Hull, ...]:
-    """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight."""
-    frames = arm.chain.frames
-    links = {link for link, _ in arm.geometry.shapes}
-    carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in links), None)
-    end_position = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
-    return _hulls(part, fine, end_position)
-
-
 @lru_cache(maxsize=512)
-def _hulls(part: Part, fine: bool, end_position: tuple[float, ...] | None) -> tuple[Hull, ...]:
-    """Hulls of a part, in several pieces if their hulls are smaller than the whole one; one encloses `end_position`."""
+def hulls_of(part: Part, fine: bool = False) -> tuple[Hull, ...]:
+    """Enclose a part in one hull, or two where it is bent; with `fine` in up to eight."""
     mesh = part.mesh
     points, triangles = reduced(mesh, 300)  # cuts are chosen on a coarse mesh
     pieces = [_Piece(points[triangles], ())]
@@ -120,9 +114,9 @@ def _hulls(part: Part, fine: bool, end_position: tuple[float, ...] | None) -> tu
             corners = _cut(corners, axis, at)[side]
         if len(corners):
             outlines.append(_outline(corners.reshape(-1, 3)))
-    if end_position is not None:
-        nearest = int(np.argmin([np.linalg.norm(outline - end_position, axis=1).min() for outline in outlines]))
-        outlines[nearest] = np.concatenate([outlines[nearest], [end_position]])
+    if (end := part.end_position) is not None:
+        nearest = int(np.argmin([np.linalg.norm(outline - end, axis=1).min() for outline in outlines]))
+        outlines[nearest] = np.concatenate([outlines[nearest], [end]])
     return tuple(Hull.around(part.name, part.joint, outline, 256 if fine else 96) for outline in outlines)
 
 
@@ -203,7 +197,7 @@ class Lowest(NamedTuple):
 def lowest_point(arm: Arm, time: Array, q: Array) -> Lowest | None:
     """Compute the lowest point of the convex hulls of all moving links over a motion; None without shapes."""
     try:
-        hulls = [hull for part in parts_of(arm.geometry) if part.joint for hull in hulls_of(arm, part)]
+        hulls = [hull for part in parts_of(arm.geometry) if part.joint for hull in hulls_of(part)]
     except FileFormatError:
         return None
     poses, lowest = arm.link_poses(q), list[Lowest]()

@@ -111,7 +111,7 @@ class _Selection:
         disabled: Collection[frozenset[str]],
         fine: Collection[Part],  # parts that need finer hulls
     ):
-        enclosed = [hulls_of(group.arms[body.arm], body.part, body.part in fine) for body in bodies]
+        enclosed = [hulls_of(body.part, body.part in fine) for body in bodies]
         hulls = [
             replace(hull, name=body.name, joint=body.link)
             for body, own in zip(bodies, enclosed, strict=True) for hull in own
@@ -129,14 +129,10 @@ class _Selection:
         self.ends = self.owners[np.where(self.links[:, None], self.pairs, 0)]  # bodies of pairs of links
 
     def classified(self) -> tuple[SelectedPairs, set[Part]]:
-        """Return the pairs by class, and the parts whose hulls are too coarse.
-
-        A pair is never near if it stays farther apart in all samples than 5 mm with at most two coordinates between,
-        whose samples are 2° to 4° apart, 2 cm from table or obstacles, and else 10 cm, as samples miss the nearest
-        configuration.
-        """
+        """Return the pairs by class, see `Collisions`, and the parts whose hulls are too coarse."""
         solids, pairs, links, q = self.solids, self.pairs, self.links, self.q
         near = links & (self.between[tuple(self.ends.T)] <= 2)
+        # samples miss the nearest configuration; those of two coordinates are 2° to 4° apart
         reach = np.where(near, 0.005, np.where(links, 0.1, 0.02))
         bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
         never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
@@ -173,10 +169,9 @@ class _Selection:
 
     def _touching_surroundings(self, hits: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Pairs with table or boxes that touch in all samples; an error where they must not."""
-        solids, every = self.solids, np.ones((FIRST, 1), dtype=np.bool_)
-        always = np.asarray(hits.all(axis=0) & ~self.links)
+        solids, always = self.solids, np.asarray(hits.all(axis=0) & ~self.links)
         for k in np.flatnonzero(always):
-            always[k] = np.all(solids.distances(self.q[:FIRST], self.pairs[[k]], every)[0] <= 0.0)
+            always[k] = np.all(solids.contacts(self.q[:FIRST], self.pairs[[k]]).distances <= 0.0)
         last = {max(b.link for b in self.bodies if b.part.own and b.arm == arm) for arm in {b.arm for b in self.bodies}}
         for a, b in self.pairs[always].tolist():
             if b != TABLE or solids.hulls[a].joint in last:
@@ -205,7 +200,7 @@ class _Selection:
         """
         solids, hulls, count = self.solids, self.solids.hulls, len(self.owners)
         fixed = [i for i in range(count) if hulls[i].joint == 0]
-        pair, zero = np.ones((1, 1), dtype=np.bool_), np.zeros((1, solids.tree.coupling.shape[1]))
+        zero = np.zeros((1, solids.tree.coupling.shape[1]))
         for i in fixed:
             body, hull = self.bodies[self.owners[i]], hulls[i]
             if not body.part.own:  # a leg or another arm may reach below a table in front of the robot
@@ -219,7 +214,7 @@ class _Selection:
                 )
             others = [k for k in fixed if self.bodies[self.owners[k]].robot != body.robot]
             for k in (*others, *range(count, len(hulls))):
-                depth = -float(solids.distances(zero, np.array([[i, k]]), pair)[0][0])
+                depth = -float(solids.contacts(zero, np.array([[i, k]])).distances[0])
                 if depth > sunk:
                     own, other = hull.name, hulls[k].name
                     what = f"bases: {own!r} is {depth:.3f} m deep in {other!r}"

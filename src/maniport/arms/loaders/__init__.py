@@ -76,14 +76,10 @@ def load_arm(
     Parameters
     ----------
     name_or_path : str or path
-        - ``"panda"``: Franka Emika Panda with its hand; the end effector ``panda_hand_tcp`` is between the fingers.
-          With the frame ``panda_link8`` it ends at the flange, without the hand.
-        - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.arms.myoarm` and `maniport.arms.rhuman`.
-        - A path to a ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF.
-        - A robot of an installed package, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data, airo-models
-          or robosuite, in this order; ``"robosuite/ur5e"`` selects the package. An arm of a robot with two arms
-          begins at the body that both have in common.
-        - A name from an installed robot_descriptions, such as ``"ur5e_description"``, downloaded on first use.
+        A ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF; ``"panda"``, with the hand
+        unless it ends at ``panda_link8``; a person, ``"myoarm"`` or ``"rhuman"``; or a robot of an installed package,
+        such as ``"ur5"``, ``"robosuite/ur5e"``, ``"talos_right_arm"`` (from the body that both arms have in common) or
+        ``"ur5e_description"``.
     frame : str, optional
         Name of the end effector, a body (link) or a site. By default the end of the longest limb: the body that
         carries its gripper or hand, else the outermost body.

@@ -35,6 +35,12 @@ LONGEST_XACRO = 30.0  # time limit for endless macros [s]
 LARGEST = 1e9  # upper bound of all numbers of a robot
 
 
+def require(rule: bool, path: str | os.PathLike[str], fault: str) -> None:
+    """Raise `FileFormatError` with a fault of a file unless a rule holds."""
+    if not rule:
+        raise FileFormatError(f"{path}: {fault}")
+
+
 def numbers(text: str | None, count: int | None, where: str, most: float = LARGEST, least: float = -np.inf) -> Array:
     """Read the numbers of an attribute, each at least `least` and at most `most` in absolute value.
 

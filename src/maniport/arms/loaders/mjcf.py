@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Joint, Mesh, Shape
-from maniport.arms.loaders.document import LARGEST, MeshPaths, body_inertia, is_file, numbers
+from maniport.arms.loaders.document import LARGEST, MeshPaths, body_inertia, is_file, numbers, require
 from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
 from maniport.arms.meshes import SOLIDS
@@ -122,10 +122,8 @@ def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, Mesh]:
         ends = document.numbers(geom, "fromto", 6).reshape(2, 3)
         placement[:3, :3], placement[:3, 3] = rotation_to(ends[0] - ends[1]), ends.mean(axis=0)
         size = np.append(np.full(len(factors) - 1, size[0]), 0.5 * np.linalg.norm(ends[0] - ends[1]))
-    if len(size) < len(factors) or np.any(size < 0):
-        raise FileFormatError(
-            f"{document.path}: a <geom> {kind} needs {len(factors)} sizes, not negative; found {size}"
-        )
+    enough = len(size) >= len(factors) and bool(np.all(size >= 0))
+    require(enough, document.path, f"a <geom> {kind} needs {len(factors)} sizes, not negative; found {size}")
     return placement, SOLIDS[kind](*(factors * size[: len(factors)]))
 
 
@@ -134,8 +132,7 @@ def _asset(paths: MeshPaths, document: Document, mesh: Element, file: Path | Non
     scale = document.numbers(mesh, "scale", 3, "1 1 1")
     if file is None:
         return scaled(_own_mesh(paths.path, mesh), scale)
-    if not is_file(file):
-        raise FileFormatError(f"{paths.path}: the mesh {str(file)!r} is missing")
+    require(is_file(file), paths.path, f"the mesh {str(file)!r} is missing")
     paths.require_allowed(file, str(file))
     return scaled(paths.mesh(file), scale)
 

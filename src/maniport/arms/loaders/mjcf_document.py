@@ -4,6 +4,7 @@ import copy
 import os
 import re
 from collections import Counter
+from itertools import count
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -11,8 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.chain import rotation_about
-from maniport.arms.loaders.document import LARGEST, numbers, parsed
-from maniport.errors import FileFormatError
+from maniport.arms.loaders.document import LARGEST, numbers, parsed, require
 from maniport.util.input_limits import INCLUDES, LINKS, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 from maniport.util.validation import Array
 
@@ -31,32 +31,30 @@ class Document:
 
     def check(self) -> None:
         """Raise `FileFormatError` for inconsistent or unsupported elements."""
-        ignored = ("frame", "replicate", "attach", "composite", "flexcomp")
-        if unread := sorted({tag for tag in ignored for _ in self.root.iter(tag)}):
-            raise FileFormatError(
-                f"{self.path}: uses <{'>, <'.join(unread)}>, which are not supported; save the model as one plain file "
-                "first, for example with mujoco.MjModel.from_xml_path and mujoco.mj_saveLastXML"
-            )
-        if re.fullmatch("[xyzXYZ]{3}", self.options.get("eulerseq", "xyz")) is None:
-            raise FileFormatError(
-                f"{self.path}: eulerseq must have three letters of xyzXYZ; found {self.options['eulerseq']!r}"
-            )
-        if self.root.find("worldbody//body") is None:
-            raise FileFormatError(f"{self.path}: has no body in <worldbody>")
+        ignored = {"frame", "replicate", "attach", "composite", "flexcomp"} & {
+            element.tag for element in self.root.iter()
+        }
+        require(
+            not ignored,
+            self.path,
+            f"uses <{'>, <'.join(sorted(ignored))}>, which are not supported; save the model "
+            "as one plain file first, for example with mujoco.MjModel.from_xml_path and mujoco.mj_saveLastXML",
+        )
+        order = self.options.get("eulerseq", "xyz")
+        rule = re.fullmatch("[xyzXYZ]{3}", order) is not None
+        require(rule, self.path, f"eulerseq must have three letters of xyzXYZ; found {order!r}")
+        require(self.root.find("worldbody//body") is not None, self.path, "has no body in <worldbody>")
         for tag in ("body", "joint"):
             names = Counter(element.get("name") for element in self.root.findall(f"worldbody//{tag}"))
             require_at_most(names.total(), LINKS, f"elements <{tag}>", self.path)
             names[WORLD] += tag == "body"  # implicit
-            for name, count in names.items():
-                if name is not None and count > 1:
-                    raise FileFormatError(f"{self.path}: {tag} {name!r} appears {count} times")
-        classes = {default.get("class", "main") for default in self.root.iter("default")}
+            for name, times in names.items():
+                require(name is None or times < 2, self.path, f"{tag} {name!r} appears {times} times")
+        classes = {None, *(default.get("class", "main") for default in self.root.iter("default"))}
         for element in self.root.findall("worldbody//*"):
             for name in (element.get("class"), element.get("childclass")):
-                if name is not None and name not in classes:
-                    raise FileFormatError(
-                        f"{self.path}: <{element.tag}> is of the class {name!r}, which no <default> defines"
-                    )
+                fault = f"<{element.tag}> is of the class {name!r}, which no <default> defines"
+                require(name in classes, self.path, fault)
 
     def attribute(self, element: Element, attribute: str) -> str | None:
         """Return an attribute of an element, its own or that of its default class; actuators share their defaults."""
@@ -96,8 +94,9 @@ class Document:
         if name is None:
             return np.eye(3)
         values = self.numbers(element, name, counts[name])
-        if name != "euler" and np.linalg.norm(values[:4] if name == "quat" else values[:3]) < 1e-9:
-            raise FileFormatError(f"{self.path}: <{element.tag}> has {name} {values.tolist()}, which is no rotation")
+        length = np.linalg.norm(values[:4] if name == "quat" else values[:3])
+        fault = f"<{element.tag}> has {name} {values.tolist()}, which is no rotation"
+        require(name == "euler" or bool(length > 1e-9), self.path, fault)
         if name == "quat":
             return np.asarray(Rotation.from_quat(values, scalar_first=True).as_matrix())
         if name == "axisangle":
@@ -176,16 +175,11 @@ def with_includes(path: Path, root: Element) -> Element:
             else:
                 first[section.tag] = section
     taken = {element.get("name") for element in tree.iterfind("worldbody//*")}
-    for parent in [body for world in tree.findall("worldbody") for body in (world, *world.iter("body"))]:
-        joints = [joint for joint in parent.findall("joint") if joint.get("type") != "free"]
-        for what, parts in (("joint", joints), ("body", parent.findall("body"))):
-            for k, part in enumerate(parts, start=1):
-                if part.get("name") is None:
-                    name = f"{parent.get('name', WORLD)}_{what}{k}"
-                    while name in taken:
-                        name += "_2"
-                    part.set("name", name)
-                    taken.add(name)
+    for tag in ("body", "joint"):
+        names = (name for k in count(1) if (name := f"{tag}{k}") not in taken)
+        for element in tree.iterfind(f"worldbody//{tag}"):
+            if element.get("name") is None:
+                element.set("name", next(names))
     return tree
 
 
@@ -199,13 +193,11 @@ def _fill(element: Element, path: Path, seen: dict[Path, int], level: int = 1) -
             children.append(child)
             continue
         name = child.get("file", "")
-        if not name:
-            raise FileFormatError(f"{path}: an <include> names no file")
+        require(bool(name), path, "an <include> names no file")
         file = Path(os.path.realpath(path.parent / name))  # not strict: symbolic links may be cyclic
-        if not file.is_relative_to(path.parent.resolve()):
-            raise FileFormatError(f"{path}: includes {name!r}, which lies outside of its folder; put it below that")
-        if file in seen:
-            raise FileFormatError(f"{path}: includes {name!r} more than once, or in a cycle")
+        inside = file.is_relative_to(path.parent.resolve())
+        require(inside, path, f"includes {name!r}, which lies outside of its folder; put it below that")
+        require(file not in seen, path, f"includes {name!r} more than once, or in a cycle")
         require_at_most(len(seen), INCLUDES, "included files", path)
         root = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, f"; {path} includes it"))
         seen[file] = sum(1 for _ in root.iter())

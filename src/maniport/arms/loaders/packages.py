@@ -12,7 +12,7 @@ from io import StringIO
 from pathlib import Path
 
 from maniport.arms.chain import SIDES
-from maniport.errors import FileFormatError, MissingPackageError, UnknownNameError, unknown_name
+from maniport.errors import MissingPackageError, UnknownNameError, unknown_name
 from maniport.util.optional import xacrodoc
 
 CATALOG = "robot_descriptions"
@@ -124,19 +124,17 @@ def _from_catalog(name: str, installed: bool) -> RobotFile:
         raise unknown_name("robot", name, getattr(catalog, "DESCRIPTIONS", ()), f"in the package {CATALOG}")
     try:
         module = importlib.import_module(f"{CATALOG}.{name}")
-    except Exception as error:  # noqa: BLE001 - downloads raise many types
+        file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
+        if file is None and hasattr(module, "XACRO_PATH"):
+            xacrodoc()
+            with redirect_stderr(StringIO()):  # deprecation warnings of xacro
+                file = str(importlib.import_module(f"{CATALOG}._xacro").get_urdf_path(module))
+    except MissingPackageError:
+        raise
+    except Exception as error:  # noqa: BLE001 - downloads raise many types, and xacro files evaluate Python
         raise UnknownNameError(
             f"robot {name!r} could not be fetched by {CATALOG} (robot_descriptions pull {name} tries again): {error}"
         ) from None
-    file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
-    if file is None and hasattr(module, "XACRO_PATH"):
-        xacrodoc()
-        try:
-            with redirect_stderr(StringIO()):  # deprecation warnings of xacro
-                file = str(importlib.import_module(f"{CATALOG}._xacro").get_urdf_path(module))
-        except Exception as error:  # noqa: BLE001 - xacro files evaluate Python
-            reason = " ".join(str(error).split())
-            raise FileFormatError(f"robot {name!r}: {CATALOG} cannot expand its xacro file: {reason}") from None
     if file is None:
         raise UnknownNameError(f"robot {name!r} of {CATALOG} has neither a URDF nor a xacro file nor an MJCF")
     folders = [getattr(module, "REPOSITORY_PATH", None), *getattr(module, "XACRO_PACKAGE_PATHS", {}).values()]

@@ -48,7 +48,6 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
         if body in mounts and site not in model.bodies:
             frames[site] = Frame(mounts[body][0], mounts[body][1] @ placement, body)
     limits = np.array([model.bounds[name] for name in coordinates]).reshape(-1, 2)
-    speeds, efforts = (np.array([of[name] for name in coordinates]) for of in (model.speeds, model.efforts))
     return Chain(
         name=model.name,
         joints=tuple(joints),
@@ -59,8 +58,8 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
         upper=limits[:, 1],
         coupling=coupling,
         offset=offset,
-        velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
-        effort_limits=efforts if np.any(np.isfinite(efforts)) else None,
+        velocity_limits=np.array([model.speeds[name] for name in coordinates]),
+        effort_limits=np.array([model.efforts[name] for name in coordinates]),
         inertia=_inertia(model, mounts, len(joints)),
         unlimited=tuple(model.unlimited),
         shapes=partial(read_shapes, model.shapes, path.absolute()),

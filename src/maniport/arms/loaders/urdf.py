@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Mesh, Shape, pose
-from maniport.arms.loaders.document import MeshPaths, body_inertia, numbers
+from maniport.arms.loaders.document import MeshPaths, body_inertia, numbers, require
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
@@ -21,41 +21,31 @@ KINDS = {
     "revolute": REVOLUTE,
     "continuous": REVOLUTE,
     "prismatic": PRISMATIC,
-    "fixed": "",
-    "floating": "",
-    "planar": "",
+    **dict.fromkeys(("fixed", "floating", "planar"), ""),
 }
 """Joints with one axis by their types; a floating joint is at rest."""
 
 
 def read(path: Path, root: Element) -> RobotModel:
     """Read the bodies and joints of a robot in the Unified Robot Description Format."""
-    if any("xacro" in element.tag for element in root.iter()):
-        raise FileFormatError(f"{path}: this is a xacro file; let its name end in .xacro")
-    if root.get("name") is None:
-        raise FileFormatError(f"{path}: the <robot> has no name")
+    is_xacro = any("xacro" in element.tag for element in root.iter())
+    require(not is_xacro, path, "this is a xacro file; let its name end in .xacro")
+    require(root.get("name") is not None, path, "the <robot> has no name")
     model, links = RobotModel(path, root.get("name", ""), shapes), _named(path, root, "link")
+    require(bool(links), path, "has no link")
     children: dict[str, list[Element]] = {link: [] for link in links}  # joints below each link
+    below = set[str]()
     for name, joint in sorted(_named(path, root, "joint").items()):
-        if joint.get("type") not in KINDS:
-            raise FileFormatError(
-                f"{path}: joint {name!r} has type {joint.get('type')!r}; allowed are {', '.join(KINDS)}"
-            )
-        for end in ("parent", "child"):
-            if _end(joint, end) not in links:
-                raise FileFormatError(
-                    f"{path}: joint {name!r} names {_end(joint, end)!r} as {end} link, which does not exist"
-                )
-        children[_end(joint, "parent")].append(joint)
-    below = Counter(_end(joint, "child") for joints in children.values() for joint in joints)
-    for link, count in below.items():
-        if count > 1:
-            raise FileFormatError(f"{path}: link {link!r} is the child of {count} joints")
+        kind, parent, child = joint.get("type"), _end(joint, "parent"), _end(joint, "child")
+        require(kind in KINDS, path, f"joint {name!r} has type {kind!r}; allowed are {', '.join(KINDS)}")
+        for end, link in (("parent", parent), ("child", child)):
+            require(link in links, path, f"joint {name!r} names {link!r} as {end} link, which does not exist")
+        require(child not in below, path, f"link {child!r} is the child of two joints")
+        children[parent].append(joint)
+        below.add(child)
     roots = [link for link in links if link not in below]
-    if len(roots) != 1:
-        raise FileFormatError(
-            f"{path}: must have one root link; found {len(roots)}{': ' * bool(roots)}{', '.join(map(repr, roots))}"
-        )
+    listed = ", ".join(map(repr, roots))
+    require(len(roots) == 1, path, f"must have one root link; found {len(roots)}{': ' * bool(roots)}{listed}")
     model.bodies[roots[0]] = RobotBody(roots[0], None, np.eye(4), inertia=_inertia(path, links[roots[0]]))
     waiting = [(joint, 2) for joint in reversed(children[roots[0]])]
     while waiting:
@@ -64,23 +54,18 @@ def read(path: Path, root: Element) -> RobotModel:
         body = _body(model, joint, links[_end(joint, "child")])
         model.bodies[body.name] = body
         waiting += [(other, depth + 1) for other in reversed(children[body.name])]
-    if len(model.bodies) < len(links):
-        raise FileFormatError(f"{path}: has links in a cycle")
+    require(len(model.bodies) == len(links), path, "has links in a cycle")
     return model
 
 
 def _named(path: Path, root: Element, tag: str) -> dict[str, Element]:
     """Links or joints by their names."""
-    elements = {element.get("name", ""): element for element in root.findall(tag)}
-    require_at_most(len(root.findall(tag)), LINKS, f"elements <{tag}>", path)
-    for name, count in Counter(element.get("name", "") for element in root.findall(tag)).items():
-        if not name or count > 1:
-            raise FileFormatError(
-                f"{path}: " + (f"{tag} {name!r} appears {count} times" if name else f"a {tag} has no name")
-            )
-    if tag == "link" and not elements:
-        raise FileFormatError(f"{path}: has no link")
-    return elements
+    elements = root.findall(tag)
+    require_at_most(len(elements), LINKS, f"elements <{tag}>", path)
+    for name, count in Counter(element.get("name", "") for element in elements).items():
+        require(bool(name), path, f"a {tag} has no name")
+        require(count == 1, path, f"{tag} {name!r} appears {count} times")
+    return {element.get("name", ""): element for element in elements}
 
 
 def _end(joint: Element, end: str) -> str:
@@ -103,11 +88,8 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
     if not KINDS[kind]:
         blocked = "planar" if kind == "planar" else ""
         return RobotBody(child, parent, placement, blocked=blocked, inertia=inertia, welds=(name,))
-    if limit is None and kind != "continuous":
-        raise FileFormatError(
-            f"{model.path}: joint {name!r} is {kind} and has no <limit>; use the type 'continuous' for "
-            "joints without limits"
-        )
+    fault = f"joint {name!r} is {kind} and has no <limit>; use the type 'continuous' for joints without limits"
+    require(limit is not None or kind == "continuous", model.path, fault)
     low, high, speed, effort = (
         float(numbers("0" if limit is None else limit.get(key, "0"), 1, f"{where} a limit {key}", np.inf)[0])
         for key in ("lower", "upper", "velocity", "effort")
@@ -166,9 +148,9 @@ def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) 
 def _mesh(paths: MeshPaths, link: Element, part: Element) -> Mesh:
     """Return the mesh of one <visual> or <collision> of a link in its own frame."""
     path, name, geometry = paths.path, link.get("name", ""), part.find("geometry")
-    if geometry is None or not len(geometry):
+    shape = None if geometry is None else next(iter(geometry), None)
+    if shape is None:
         raise FileFormatError(f"{path}: a <{part.tag}> of link {name!r} has no <geometry>")
-    shape = geometry[0]
     where = f"{path}: <{shape.tag}> of link {name!r} needs"
     if shape.tag == "mesh":
         file = paths.find(title) if (title := shape.get("filename", "")) else None
@@ -177,10 +159,8 @@ def _mesh(paths: MeshPaths, link: Element, part: Element) -> Mesh:
         return scaled(paths.mesh(file), numbers(shape.get("scale", "1 1 1"), 3, f"{where} scale"))
     sizes = {"box": {"size": 3}, "sphere": {"radius": 1}}
     sizes["cylinder"] = sizes["capsule"] = {"radius": 1, "length": 1}
-    if shape.tag not in sizes:
-        raise FileFormatError(
-            f"{path}: link {name!r} has the shape <{shape.tag}>; allowed are mesh, box, sphere, cylinder, capsule"
-        )
+    allowed = "mesh, box, sphere, cylinder, capsule"
+    require(shape.tag in sizes, path, f"link {name!r} has the shape <{shape.tag}>; allowed are {allowed}")
     values = [
         float(value) for key, count in sizes[shape.tag].items()
         for value in numbers(shape.get(key), count, f"{where} {key}", least=0.0)

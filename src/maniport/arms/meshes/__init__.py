@@ -1,12 +1,12 @@
 """Shapes and surfaces of an arm; operations on meshes and meshes of simple solids."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from maniport.arms.chain import Chain, Mesh, Triangles
+from maniport.arms.chain import Chain, Mesh, Shape, Triangles
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
@@ -48,7 +48,7 @@ class Geometry:
     def surfaces(self) -> tuple[Surface, ...]:
         """The surface of each joint, with 15 000 triangles in total: 200, and a share of the rest in proportion."""
         most, meshes = 15_000, dict[int, list[Mesh]]()
-        for link, mesh in self.shapes:
+        for link, mesh in self.shapes.items():
             meshes.setdefault(self.chain.frames[link].joint, []).append(mesh)
         joints = sorted(meshes)
         whole = [joined(meshes[joint]) for joint in joints]
@@ -59,47 +59,49 @@ class Geometry:
             whole = [reduced(mesh, int(share)) for mesh, share in zip(whole, shares, strict=True)]
         return tuple(Surface(joint, *mesh) for joint, mesh in zip(joints, whole, strict=True) if len(mesh[1]))
 
-    @property
-    def shapes(self) -> tuple[tuple[str, Mesh], ...]:
-        """Links, see `Chain.holds`, with their shapes in the frames of their joints."""
-        return self._own[0]
+    @cached_property
+    def shapes(self) -> dict[str, Mesh]:
+        """Shapes of the links, see `Chain.holds`, in the frames of their joints."""
+        meshes = _by_link(self._own).items()
+        placements = {link: self.chain.frames[link].placement for link, _ in meshes}
+        return {link: (at @ placements[link][:3, :3].T + placements[link][:3, 3], rows) for link, (at, rows) in meshes}
 
     @property
     def stand_ins(self) -> tuple[str, ...]:
         """Links with collision shapes, since visual meshes are missing."""
-        return self._own[1]
+        return tuple(dict.fromkeys(shape.link for shape in self._own if shape.stand_in))
 
     @cached_property
-    def _own(self) -> tuple[tuple[tuple[str, Mesh], ...], tuple[str, ...]]:
-        shapes, stand_ins = [], dict[str, None]()
+    def _own(self) -> list[Shape]:
         links = [link for link in self.chain.frames if self.chain.holds(link)]
-        for shape in () if self.chain.shapes is None else self.chain.shapes(links):
-            placement, (points, triangles) = self.chain.frames[shape.link].placement, shape.mesh
-            mesh = welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))
-            shapes += [(shape.link, mesh)] if len(mesh[1]) else []
-            stand_ins |= {shape.link: None} if shape.stand_in else {}
-        return tuple(shapes), tuple(stand_ins)
+        return [] if self.chain.shapes is None else [*self.chain.shapes(links)]
 
     @cached_property
     def attached(self) -> tuple[dict[str, Mesh], tuple[str, ...]]:
         """Shapes of the bodies attached to the chain, in their own frames, and names of unreadable bodies."""
         names, shapes = [*self.chain.attached], self.chain.shapes
-        meshes: dict[str, list[Mesh]] = {}
-        missing: list[str] = []
-        if shapes is not None and names:
-            try:
-                read = [*shapes(names)]
-            except FileFormatError:  # perhaps of a single body: read them one by one
-                read = []
-                for name in names:
-                    try:
-                        read += shapes([name])
-                    except FileFormatError:
-                        missing.append(name)
-            for shape in read:
-                meshes.setdefault(shape.link, []).append(welded(shape.mesh))
-        whole = {link: joined(parts) for link, parts in meshes.items()}
-        return {link: mesh for link, mesh in whole.items() if len(mesh[1])}, tuple(missing)
+        if shapes is None or not names:
+            return {}, ()
+        try:
+            return _by_link(shapes(names)), ()
+        except FileFormatError:  # perhaps of a single body: read them one by one
+            read, missing = list[Shape](), list[str]()
+            for name in names:
+                try:
+                    read += shapes([name])
+                except FileFormatError:
+                    missing.append(name)
+            return _by_link(read), tuple(missing)
+
+
+def _by_link(shapes: Iterable[Shape]) -> dict[str, Mesh]:
+    """Meshes of links in their frames."""
+    meshes: dict[str, list[Mesh]] = {}
+    for shape in shapes:
+        mesh = welded(shape.mesh)
+        if len(mesh[1]):
+            meshes.setdefault(shape.link, []).append(mesh)
+    return {link: joined(parts) for link, parts in meshes.items()}
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -124,10 +126,8 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
     _, first, cell_of = np.unique(cells @ (1, 2**20, 2**40), return_index=True, return_inverse=True)
     rows = cell_of[rows.reshape(-1, 3)]
     rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
-    corners = np.sort(rows, axis=1)
-    order = np.lexsort(corners.T)  # which is stable: the first of equal rows is the earliest, and faster than np.unique
-    new = np.concatenate([[True], np.any(np.diff(corners[order], axis=0), axis=1)])[: len(rows)]
-    left, numbers = np.unique(rows[np.sort(order[new])], return_inverse=True)
+    _, new = np.unique(np.sort(rows, axis=1), axis=0, return_index=True)
+    left, numbers = np.unique(rows[np.sort(new)], return_inverse=True)
     return points[kept[first[left]]], numbers.reshape(-1, 3).astype(np.int32)
 
 

@@ -166,7 +166,7 @@ def _step(element: Element) -> Array:
     if element.tag == "translate":
         step[:3, 3] = _numbers(element)
     elif element.tag == "scale":
-        step[[0, 1, 2], [0, 1, 2]] = _numbers(element)
+        step[:3, :3] = np.diag(_numbers(element))
     elif element.tag == "rotate":
         *axis, degrees = _numbers(element)
         step[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
@@ -178,13 +178,13 @@ def _step(element: Element) -> Array:
 def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
     """Points and triangles of each list of polygons; unused points are dropped, since lists may share many points."""
     for shape in geometry.iterfind("mesh/*"):
-        offsets = [int(entry.get("offset", "0")) for entry in shape.findall("input")]
-        vertex = next((entry for entry in shape.findall("input") if entry.get("semantic") == "VERTEX"), None)
+        inputs = {entry.get("semantic"): entry for entry in shape.findall("input")}
         if shape.tag in ("tristrips", "trifans"):
             raise ValueError(f"it holds <{shape.tag}>, which are not supported; write triangles")
-        if shape.tag not in ("triangles", "polylist", "polygons") or vertex is None:
+        if shape.tag not in ("triangles", "polylist", "polygons") or "VERTEX" not in inputs:
             continue
-        width, column = max(offsets) + 1, int(vertex.get("offset", "0"))
+        width = max(int(entry.get("offset", "0")) for entry in shape.findall("input")) + 1
+        column = int(inputs["VERTEX"].get("offset", "0"))
         lists = [_numbers(p, np.int64).reshape(-1, width)[:, column] for p in shape.findall("p")]
         corners = np.concatenate([np.empty(0, dtype=np.int64), *lists])
         rows = corners.reshape(-1, 3) if shape.tag == "triangles" else corners
@@ -199,12 +199,10 @@ def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
             second = first + 1 + np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
             rows = corners[np.stack([first, second, second + 1], axis=1)]
         if len(rows):
-            points = _positions(things[vertex.get("source", "")], things)
-            if rows.min() < 0 or rows.max() >= len(points):
-                raise ValueError(
-                    f"a triangle names the point {rows.max() if rows.max() >= len(points) else rows.min()}"
-                )
             kept, rows = np.unique(rows, return_inverse=True)
+            if kept[0] < 0:
+                raise ValueError(f"a triangle names the point {kept[0]}")
+            points = _positions(things[inputs["VERTEX"].get("source", "")], things)
             yield points[kept], rows.reshape(-1, 3).astype(np.int32)
 
 
@@ -216,8 +214,8 @@ def _positions(vertices: Element, things: dict[str, Element]) -> Array:
         raise ValueError("its points have no accessor")
     numbers = _numbers(things[accessor.get("source", "")])
     count, stride, offset = (int(accessor.get(name, "0")) for name in ("count", "stride", "offset"))
-    if count < 0 or stride < 3 or offset < 0 or offset + count * stride > len(numbers):
-        raise ValueError(f"{count} points of {stride} numbers are announced; there are {len(numbers)} numbers")
+    if count < 0 or stride < 3 or offset < 0:
+        raise ValueError(f"{count} points of {stride} numbers are announced, from {offset}")
     return np.asarray(numbers[offset : offset + count * stride].reshape(count, stride)[:, :3])
 
 

@@ -15,20 +15,11 @@ from numpy.typing import ArrayLike
 from maniport.arms.chain import SIDES
 from maniport.errors import FileFormatError, InvalidInputError, argument, as_text, spoken, unknown_name
 from maniport.mocap.cleaning import in_order, without_zeros
-from maniport.mocap.marker_sets import find_roles, load_names, whole_bodies
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import MAX_POSITION, Recording
-from maniport.mocap.roles import direction
+from maniport.mocap.roles import ARM, direction, find_roles, load_names, whole_bodies
 from maniport.util.defaults import RECORDINGS
-from maniport.util.input_limits import (
-    FRAMES,
-    PLACES,
-    POINTS,
-    RECORDING_BYTES,
-    as_path,
-    existing_file,
-    require_at_most,
-)
+from maniport.util.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, as_path, existing_file, require_at_most
 from maniport.util.validation import Array, as_choice, as_number
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
@@ -101,11 +92,11 @@ class ImportOptions:
             raise InvalidInputError(f"time must be numbers [s], shape (n,); found {times.dtype}, shape {times.shape}")
         times = times.astype(np.float64)
         step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-        for unit_of_time, scale in {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}.items():
-            if step * scale <= 1.0 < step:
-                times = times * scale
-                notes.append(f"times recognized as {unit_of_time}: as seconds, frames would be {step:.4g} s apart")
-                break
+        if 1.0 < step <= 1e9:
+            power = int(np.ceil(np.log10(step) / 3))
+            times = times * 1e-3**power
+            name = ("milliseconds", "microseconds", "nanoseconds")[power - 1]
+            notes.append(f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart")
         times, points, ordered = in_order(times, points)
         raw = Recording(tuple(unique), points, times, as_text(file.name))
         scale, unit_note = self._scale(raw, unit)
@@ -233,6 +224,25 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
     return [text] if low.any() else []
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of points out of reach
+def arm_error(names: Sequence[str], positions: Array) -> float:
+    """Measure how unlike arms the points (n, k, 3) with these names in order are; below 1 they are arms.
+
+    Of arms the bones keep their lengths (standard deviation below 5 %) and differ by less than 15 % between the sides.
+    """
+    lengths = []
+    for side in ("left", "right"):
+        roles = find_roles(names, side)[1]
+        points = positions[:, [names.index(roles[role][0]) for role in ARM]].astype(np.float64)
+        bones = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+        lengths.append(bones[np.isfinite(bones).all(axis=1) & (bones > 0).all(axis=1)])
+    if not all(map(len, lengths)):
+        return np.inf
+    left, right = (np.median(bones, axis=0) for bones in lengths)
+    changes = [np.std(bones, axis=0) / np.median(bones, axis=0) / 0.05 for bones in lengths]
+    return float(np.max([*changes, np.abs(left - right) / np.maximum(left, right) / 0.15]))
+
+
 def _format_of(file: Path) -> str:
     """Return the key of `READERS` for a file: by its content, else by its ending."""
     if os.path.isdir(file) and any(file.glob("*.json")):
@@ -272,16 +282,9 @@ def _by_content(head: bytes) -> str | None:
 
 def _bodies_warning(recording: Recording) -> list[str]:
     """Report which of several bodies is used."""
-    for side in SIDES:
-        first, *others = whole_bodies(recording.observed, side) or ("",)
-        if others:
-            shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
-            return [
-                f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a "
-                "whole arm is used. Assign a point of another one to use that: "
-                f"{argument('markers', {'shoulder': shoulder})}"
-            ]
-    return []
+    bodies = max((whole_bodies(recording.observed, side) for side in SIDES), key=len)
+    advice = f"the first is used; a point of another one in {argument('markers')} selects that one"
+    return [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"] if len(bodies) > 1 else []
 
 
 def _first(names: Sequence[str], most: int) -> str:
@@ -292,9 +295,9 @@ def _upper_arm(recording: Recording) -> tuple[str, float]:
     """Return the ends of an upper arm and its median length in the unit of the points; nan without one."""
     for side in SIDES:
         roles = find_roles(recording.observed, side)[1]
-        if "shoulder" in roles and "elbow" in roles:
+        if {"shoulder", "elbow"} <= roles.keys():
             length = np.linalg.norm(direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1)
-            if len(length := length[np.isfinite(length)]):
-                median = float(np.quantile(length, 0.5, method="lower"))  # not the mean of two units
+            if np.isfinite(length).any():
+                median = float(np.nanquantile(length, 0.5, method="lower"))  # not the mean of two units
                 return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
     return "", np.nan

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.mocap.marker_sets import END
 from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.readers.text import is_cut_off, number_table, positive_number, rows_from, text_lines
 from maniport.mocap.recording import Recording
+from maniport.mocap.roles import END
 from maniport.util.input_limits import POINTS, require_at_most
 from maniport.util.validation import Array
 

@@ -79,9 +79,8 @@ def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
         else:
             parameters.append((group, name, _values(section[body + 2 : end], section[3], name)))
         at = end
-    orphan = next((name for group, name, _ in parameters if group not in groups), None)
-    if orphan is not None:
-        raise ValueError(f"its parameters are damaged: {orphan} belongs to no group")
+    if orphans := [name for group, name, _ in parameters if group not in groups]:
+        raise ValueError(f"its parameters are damaged: {orphans[0]} belongs to no group")
     return {f"{groups[group]}:{name}": values for group, name, values in parameters}
 
 
@@ -160,8 +159,5 @@ def _frame_count(header: int, values: dict[str, list[Any]]) -> int:
     if all(len(end) == 2 for end in ends):
         first, last = (int(end[0]) % 2**16 + 2**16 * (int(end[1]) % 2**16) for end in ends)
         return last - first + 1
-    for name in ("LONG_FRAMES", "FRAMES"):
-        count = (values.get(f"POINT:{name}") or [0.0])[0]
-        if isinstance(count, float) and math.isfinite(count) and count > header:
-            return int(count)
-    return header
+    counts = [count for name in ("LONG_FRAMES", "FRAMES") for count in values.get(f"POINT:{name}", [])[:1]]
+    return next((int(count) for count in counts if isinstance(count, float) and header < count < np.inf), header)

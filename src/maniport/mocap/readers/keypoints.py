@@ -8,24 +8,13 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import FileFormatError
-from maniport.mocap.marker_sets import arm_error, load_names
-from maniport.mocap.readers import ImportOptions, drop_untrusted, require_size
+from maniport.mocap.readers import ImportOptions, arm_error, drop_untrusted, require_size
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import Recording
+from maniport.mocap.roles import load_names
 from maniport.util.input_limits import FRAMES, KEYPOINTS_BYTES, PLACES, SETTINGS_BYTES, read_whole, require_at_most
 
-_PEOPLE = ("people", "instances")
-_POINTS = (
-    *("pose_world_landmarks", "poseWorldLandmarks", "worldLandmarks", "world_landmarks"),
-    *("pose_keypoints_3d", "keypoints_3d", "keypoints3d", "keypoints3D", "joints", "keypoints"),
-    *("landmarks", "landmark", "pose_landmarks", "poseLandmarks", "points"),
-)
-_FRAMES = ("frames", "data", "results", "poses", "instance_info")
-_NAMES = ("names", "joint_names", "keypoint_names")
-_RATES = ("fps", "rate", "frame_rate")
-_SECONDS = {"time": 1.0, "timestamp": 1.0, "t": 1.0, "time_ms": 1e-3, "timestamp_ms": 1e-3}
-_CONFIDENCES = ("visibility", "confidence", "score")
-_SCORES = ("keypoint_scores", "keypoints_scores", "scores")
+KEYS: dict[str, Any] = load_names("file_keys.yaml")["json"]
 
 _IN_IMAGE = (
     "these keypoints are positions in an image, not in space; write those in space (MediaPipe: pose_world_landmarks; "
@@ -46,10 +35,11 @@ def read(file: Path, options: ImportOptions) -> Recording:
     else:
         frames = _loaded(file, KEYPOINTS_BYTES)
         if isinstance(frames, dict):
-            head, frames = frames, frames.get(_first(frames, _FRAMES, list), [frames])
+            head, frames = frames, frames.get(_first(frames, KEYS["frames"], list), [frames])
     if not isinstance(frames, list) or not frames:
         raise ValueError("the file holds no frames")
     require_at_most(len(frames), FRAMES, "frames")
+    frames = [frame if isinstance(frame, dict) else {"points": frame} for frame in frames]
     bodies = [_points(frame) for frame in frames]
     names = _names(head, bodies)
     require_size(len(bodies), len(names))
@@ -61,7 +51,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if mediapipe and {"left_hip", "right_hip"} <= set(names):
         # In MediaPipe's landmarks of the image the hips are anywhere, and their depth is zero.
         middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)
-        x, y, depth = np.nanmedian(np.abs(middle), axis=0) if np.isfinite(middle).any() else (0.0, 0.0, 0.0)
+        x, y, depth = np.nanmedian(np.abs(middle), axis=0) if np.isfinite(middle).all(axis=1).any() else (0.0, 0.0, 0.0)
         if depth < 0.05 and max(x, y) > 0.2:
             raise ValueError(_IN_IMAGE)
     notes = drop_untrusted(positions, table[..., 3])
@@ -69,14 +59,13 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if names is orders["by_count"][17] and arm_error(orders["human36m"], positions) < arm_error(names, positions):
         names = orders["human36m"]
         notes.append("17 keypoints taken in the order of Human3.6M, not of COCO: in it the arms keep their lengths")
-    several = sum(isinstance(frame, dict) and len(frame.get(_first(frame, _PEOPLE, list), ())) > 1 for frame in frames)
-    if several:
+    if several := sum(len(frame.get(_first(frame, KEYS["people"], list), ())) > 1 for frame in frames):
         notes.append(f"several people in {several} frames; the first one was taken")
-    clocks = [_first(frame, _SECONDS) if isinstance(frame, dict) else "" for frame in frames]
+    clocks = [_first(frame, KEYS["seconds"]) for frame in frames]
     time: Any = None
     if all(clocks):
-        time = [_number(frame[key]) * _SECONDS[key] for frame, key in zip(frames, clocks, strict=True)]
-    elif (key := _first(head, _RATES)) and 0 < (rate := _number(head[key])) < np.inf:
+        time = [_number(frame[key]) * KEYS["seconds"][key] for frame, key in zip(frames, clocks, strict=True)]
+    elif (key := _first(head, KEYS["rates"])) and 0 < (rate := _number(head[key])) < np.inf:
         time = np.arange(len(bodies)) / rate
     unit = head["unit"] if isinstance(head.get("unit"), str) else "m" if mediapipe else ""
     return options.recording(file, names, positions, time, unit, notes=notes)
@@ -106,15 +95,15 @@ def _first(values: Mapping[str, Any], keys: Iterable[str], kind: type = object) 
 def _points(frame: Any) -> list[Point] | dict[str, Point]:
     """Return the keypoints of one frame, by name where they have names; empty where nobody was detected."""
     if isinstance(frame, dict):
-        if key := _first(frame, _PEOPLE, list):
+        if key := _first(frame, KEYS["people"], list):
             return _points(frame[key][0]) if frame[key] else []
-        if key := _first(frame, _POINTS):
-            return _points(_with_confidence(frame[key], frame.get(_first(frame, _SCORES, list)), key))
+        if key := _first(frame, KEYS["points"]):
+            return _points(_with_confidence(frame[key], frame.get(_first(frame, KEYS["confidences"], list)), key))
         named = {str(name): point for name, point in frame.items() if isinstance(point, (dict, list))}
         if any(name.endswith("2d") for name in named):
             raise ValueError(_IN_IMAGE)
         if not named:
-            wanted = ", ".join((*_POINTS, *_PEOPLE))
+            wanted = ", ".join((*KEYS["points"], *KEYS["people"]))
             raise ValueError(f"no frame with keypoints by name, or with one of {wanted}; found {str([*frame])[:200]}")
         return {name: _point(point) for name, point in named.items()}
     if not isinstance(frame, list):
@@ -142,7 +131,7 @@ def _with_confidence(points: Any, scores: Any, key: str) -> Any:
 def _point(point: Any) -> Point:
     confidence: Any = 1.0
     if isinstance(point, dict):
-        confidence = point.get(_first(point, _CONFIDENCES), 1.0)
+        confidence = point.get(_first(point, KEYS["confidence"]), 1.0)
         point = point.get("position", point)
         point = [point[axis] for axis in "xyz" if axis in point] if isinstance(point, dict) else point
     if isinstance(point, list) and len(point) == 2:
@@ -171,7 +160,7 @@ def _names(head: Mapping[str, Any], bodies: list[Any]) -> Sequence[str]:
         return own
     if len(counts) != 1:
         raise ValueError(f"every frame needs the same number of keypoints; found {counts[:8] or 'none'}")
-    key = _first(head, _NAMES, list)
+    key = _first(head, KEYS["names"], list)
     if key and len(head[key]) == counts[0]:
         return list(map(str, head[key]))
     orders: dict[int, list[str]] = load_names("joint_orders.yaml")["by_count"]

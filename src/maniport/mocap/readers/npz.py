@@ -19,34 +19,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
-from maniport.mocap.marker_sets import arm_error, load_names
-from maniport.mocap.readers import ImportOptions, require_size
+from maniport.mocap.readers import ImportOptions, arm_error, require_size
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
 from maniport.mocap.recording import Recording
+from maniport.mocap.roles import load_names
 from maniport.util.files import array_names, load_arrays, read_npy
-from maniport.util.input_limits import (
-    FRAMES,
-    RECORDING_BYTES,
-    SETTINGS_BYTES,
-    existing_file,
-    read_whole,
-    require_at_most,
-)
+from maniport.util.input_limits import RECORDING_BYTES, SETTINGS_BYTES, existing_file, read_whole
 from maniport.util.validation import Array
-
-KEYS = {
-    "names": "names joint_names joints_names keypoint_names marker_names labels",
-    "positions": "positions joints joint_positions global_joint_positions joints3d keypoints3d keypoints_3d keypoints "
-    "markers points xyz",
-    "time": "time times t timestamps",
-    "rate": "rate fps mocap_framerate mocap_frame_rate frame_rate framerate",
-    "poses": "poses",
-    "root": "root_orient global_orient",
-    "body": "pose_body body_pose",
-    "trans": "trans transl",
-    "unit": "unit units",
-}
-"""Names of arrays: the first that is in the file counts."""
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -61,7 +40,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 raise ValueError(f"not a readable .npy file: {error}") from None
             return _points(file, options, {"positions": np.asarray(positions)})
     names = array_names(file, "recording")
-    chosen = {what: next((key for key in keys.split() if key in names), None) for what, keys in KEYS.items()}
+    keys: dict[str, list[str]] = load_names("file_keys.yaml")["arrays"]
+    chosen = {what: next((key for key in own if key in names), None) for what, own in keys.items()}
     loaded = load_arrays(file, "recording", [key for key in chosen.values() if key])
     arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}
     poses = [arrays[key] for key in ("poses", "root", "body") if key in arrays][: 1 if "poses" in arrays else 2]
@@ -124,7 +104,7 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses:
     if wrong or not count or sum(part[0].size for part in poses) < 66 or root.shape[1:] != (3,):
         shapes = " and ".join(f"{part.shape} of {part.dtype}" for part in (*poses, root))
         raise ValueError(f"poses must be numbers of shape (n, 66 or more), and trans of shape (n, 3); found {shapes}")
-    require_at_most(count, FRAMES, "frames")
+    require_size(count, 66 // 3)
     angles = np.concatenate([part.reshape(count, -1) for part in poses], axis=1)
     bones = _bones(body_height)
     parts = [slice(first, first + 20_000) for first in range(0, count, 20_000)]  # limits the memory

@@ -116,8 +116,8 @@ def _one_row_a_point(file: Path, options: ImportOptions, table: Table, columns: 
     times, frames = np.unique(numbers[:, 0], return_inverse=True)
     require_size(len(times), len(names))
     pairs = frames * len(names) + np.array([names[label] for label in labels])
-    if len(np.unique(pairs)) < len(pairs):
-        again = int(np.flatnonzero(np.bincount(pairs)[pairs] > 1)[1])
+    if (count := np.bincount(pairs)).max() > 1:
+        again = int(np.flatnonzero(count[pairs] > 1)[1])
         raise ValueError(f"line {table.rows[again][0]}: this point occurs twice at one time")
     positions = np.full((len(times) * len(names), 3), np.nan)
     positions[pairs] = numbers[:, 1:]
@@ -186,18 +186,13 @@ def _nexus(lines: Sequence[str], start: int) -> Table:
 
 
 def _qualisys(rows: Sequence[Row]) -> Table:
-    header: dict[str, list[str]] = {}
-    start = 0
-    for _, line in rows:
-        key, *values = fields_of(line, "\t")
-        if not key.isupper():  # the names of the columns, or the first numbers
-            break
-        header[key] = [value for value in values if value]
-        start += 1  # keys of events repeat
+    # until the names of the columns, or the first numbers; keys of events repeat
+    head = list(takewhile(lambda fields: fields[0].isupper(), (fields_of(line, "\t") for _, line in rows)))
+    header = {key: list(filter(None, values)) for key, *values in head}
     content = " ".join(header.get("DATA_INCLUDED", ["3D"]))
     if content not in ("3D", "Position"):
         raise ValueError(f"it holds {content}, not positions of markers; export 3D data from Qualisys")
-    rows = rows[start:]
+    rows = rows[len(head) :]
     first = fields_of(rows[0][1], "\t") if rows else []
     columns = [f"{name}_{axis}" for name in header.get("MARKER_NAMES", ()) for axis in "xyz"]
     if first[:2] == ["Frame", "Time"]:

@@ -84,11 +84,10 @@ def number_table(
 
 def positive_number(text: str) -> float | None:
     """Parse a positive finite number; None where there is none."""
-    try:
-        value = _number(text)
-    except ValueError:
-        return None
-    return value if 0 < value < np.inf else None
+    with suppress(ValueError):
+        if 0 < (value := _number(text)) < np.inf:
+            return value
+    return None
 
 
 def is_cut_off(declared: str, count: int) -> bool:

@@ -107,8 +107,8 @@ def place_path(
         As in `maniport.motion.nearest_feasible`; the bank serves the pointwise optimum.
     collisions : Collisions or bool, optional
         Collision model of planned trajectories; True: self-collisions. The path stays above a table.
-    reachability_map : maniport.motion.ReachabilityMap, optional
-        Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
+    reachability_map : optional
+        Of this arm and these ellipsoids, such as ``planner.arms[0].reachability_map``. Default: a new one (0.4 s).
     rank, random_state : int
         Rank of the returned placement among the `candidates`, from 1; random seed.
 

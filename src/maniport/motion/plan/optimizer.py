@@ -166,10 +166,7 @@ class TrajectoryCost:
         return np.asarray(((q <= self.arm.lower) & (gradient > 0.0)) | ((q >= self.arm.upper) & (gradient < 0.0)))
 
     def solve(self, sides: Array, hessian: Array, band: Array, blocked: NDArray[np.bool_], damped: Array) -> Array:
-        """Solve the banded normal equations for the joints that are not blocked; zero where they are singular.
-
-        `sides` (n, dof, k) are right-hand sides, `damped` (n, dof) is added to the diagonal.
-        """
+        """Solve the normal equations for sides (n, dof, k) and joints that are not blocked; zero where singular."""
         n, dof, k = sides.shape
         free = ~blocked
         blocks = hessian * free[:, :, None] * free[:, None, :]

@@ -125,8 +125,8 @@ def plan_motion(
         schedules = [replace(schedule, positions=None) for schedule in schedules]
     problem = MotionProblem(at, targets, limits, collisions, (*extra, *vectors))
     trajectory, coupled = planner.solve(problem, settings, generator, between(step, 0.2, 0.9), separate)
-    trajectory, problem = trajectory.at_waypoints(rows[0]), problem[rows[0]]
-    q = trajectory.joint_positions
+    problem, q = problem[rows[0]], trajectory.joint_positions[rows[0]]  # without those inserted
+    trajectory = replace(trajectory, time=trajectory.time[rows[0]], joint_positions=q)
     if settings.home is not None:
         trajectory = with_approach(trajectory, limits, settings.home)
     step.end(f"{trajectory.control_time[-1]:.1f} s (human {np.ptp(schedules[0].time):.1f} s)")
@@ -147,10 +147,7 @@ def plan_motion(
 def _pointwise_bests(
     planner: Planner, problem: MotionProblem, vectors: tuple[Cost, ...], q: Array, most: int = 250
 ) -> list[Array]:
-    """Search pointwise optima (n,) of each arm at most at `most` waypoints, also from a motion (n, dof).
-
-    With vectors between the end effectors they are optima in the sum of squares of all arms.
-    """
+    """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
     rows = evenly_spaced(len(q), most)
     targets, columns = tuple(replace(own[rows], rotations=None) for own in problem.targets), planner.group.columns
     banks = [own.bank.starts_for(part, STARTS) for own, part in zip(planner.arms, targets, strict=True)]
@@ -158,9 +155,10 @@ def _pointwise_bests(
         starts = np.empty((len(rows), STARTS, q.shape[1]))
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
-        joint = replace(problem[rows], targets=targets, costs=vectors)
-        distances = joint.distances(pointwise_best(joint, starts, q[rows]))
+        best = pointwise_best(replace(problem[rows], targets=targets, costs=vectors), starts, q[rows])
+        parts = [best[:, own] for own in columns]
     else:
-        parts = zip(targets, banks, columns, strict=True)
-        distances = [part.distance(pointwise_best(part, bank, q[rows][:, own])) for part, bank, own in parts]
-    return [interpolated_distance(rows, distance, len(q)) for distance in distances]
+        shares = zip(targets, banks, columns, strict=True)
+        parts = [pointwise_best(part, bank, q[rows][:, own]) for part, bank, own in shares]
+    pairs = zip(targets, parts, strict=True)
+    return [interpolated_distance(rows, own.distance(best), len(q)) for own, best in pairs]

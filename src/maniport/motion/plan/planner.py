@@ -119,10 +119,7 @@ class ArmPlanner:
 def time_parameterized(
     problem: MotionProblem, q: Array, settings: PlanSettings, tolerance: float
 ) -> tuple[Array, Trajectory]:
-    """Time a trajectory, optimize it with the smoothness that its time demands, and time it again.
-
-    `tolerance` is that of the 95th percentile of the position error [m].
-    """
+    """Time a trajectory, optimize it with the smoothness that its time demands, and time it again."""
     earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])
     limits = problem.limits
     at = retime(limits, earliest, q, rate=settings.rate).time
@@ -198,9 +195,8 @@ class Planner:
         progress: Part = ignore_fraction,
         separate: Sequence[Targets] | None = None,
     ) -> tuple[Trajectory, bool]:
-        """Plan a motion, as fast as limits allow and at most as fast as the demonstration.
+        """Return a motion, as fast as limits and demonstration allow, and whether arms were optimized together.
 
-        Return a trajectory that passes the waypoints at its ``time``, and whether several arms were optimized together.
         `separate` are targets of each arm while it is planned by itself; default: those of the problem.
         """
         count, random = len(self.arms), as_generator(random_state)

@@ -31,20 +31,7 @@ BLOCK = 1024  # Number of targets compared with their samples at a time: their d
 
 
 class ReachabilityMap:
-    """Reachability map of an arm: samples by the positions of their end effector.
-
-    Parameters
-    ----------
-    arm : Arm
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    n : int, optional
-        How many samples; 100 000 by default.
-    random_state : None, int or numpy.random.Generator
-        Same seed, same samples.
-    collisions : maniport.arms.collisions.Collisions or True, optional
-        Samples that collide are left out, as in `maniport.sample_domain`.
-    """
+    """Samples of an arm by the positions of their end effector; those that collide are left out."""
 
     def __init__(
         self, arm: Arm, spec: EllipsoidSpec, n: int | None = None, random_state: Any = 0, collisions: Any = None

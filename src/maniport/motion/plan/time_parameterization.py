@@ -77,10 +77,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
 
 
 def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike) -> Trajectory:
-    """Begin and end at a home configuration (dof,), with straight motions in joint space from rest to rest.
-
-    They use 30 % of the limits of velocity, acceleration and jerk. The motion has a constant rate.
-    """
+    """Begin and end at a home configuration, with straight joint motions at 30 % of the limits, from rest to rest."""
     start = limits.arm.require_within_limits(home, "home", single=True)
     rate = (len(motion.control_time) - 1) / motion.control_time[-1]
     slow = replace(limits, **{quantity: 0.3 * getattr(limits, quantity) for quantity in DERIVATIVES})

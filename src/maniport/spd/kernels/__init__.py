@@ -7,7 +7,7 @@ number of threads.
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import config
@@ -28,18 +28,6 @@ MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150  # Range of the eigenvalues that 
 ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 
 ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
-
-
-class Pair(NamedTuple):
-    """Two SPD matrices A = F Fᵀ and B = K Kᵀ: F, F⁻¹, K, K⁻¹ and U, σ, Vᵀ with F⁻¹ K = U diag(σ) Vᵀ; see `factored`."""
-
-    start: Array
-    start_inverse: Array
-    end: Array
-    end_inverse: Array
-    left: Array
-    singular: Array
-    right: Array
 
 
 def eigh(matrices: Array) -> tuple[Array, Array]:
@@ -76,7 +64,7 @@ def distances(a: Array, b: Array) -> Array:
     if np.any(rough := np.isnan(results)):
         pair = (np.broadcast_to(points, (*results.shape, *points.shape[-2:]))[rough] for points in (a, b))
         try:
-            results[rough] = 2.0 * np.linalg.norm(np.log(factored(*pair).singular), axis=-1)
+            results[rough] = 2.0 * np.linalg.norm(np.log(factored(*pair)[3]), axis=-1)
         except np.linalg.LinAlgError:
             raise NotSPDError(ILL_CONDITIONED) from None
     return results
@@ -117,10 +105,14 @@ def require_in_range(eigenvalues: Array, name: str) -> None:
         )
 
 
-def factored(a: Array, b: Array) -> Pair:
-    """Factor two SPD matrices, shapes (..., d, d): the eigenvalues of A⁻¹ B are σ²."""
-    (start, start_inverse), (end, end_inverse) = cholesky(a), cholesky(b)
-    return Pair(start, start_inverse, end, end_inverse, *np.linalg.svd(start_inverse @ end))
+def factored(a: Array, b: Array) -> tuple[tuple[Array, Array], tuple[Array, Array], Array, Array, Array]:
+    """Factor SPD matrices A = F Fᵀ and B = K Kᵀ, shapes (..., d, d): F and F⁻¹; K and K⁻¹; U, σ, Vᵀ of F⁻¹ K.
+
+    The eigenvalues of A⁻¹ B are σ².
+    """
+    start, end = cholesky(a), cholesky(b)
+    left, singular, right = np.linalg.svd(start[1] @ end[0])
+    return start, end, left, singular, right
 
 
 def cholesky(matrices: Array) -> tuple[Array, Array]:

@@ -135,8 +135,8 @@ def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
 
 
 @part
-def _transform(left, a, b):  # type: ignore[no-untyped-def]
-    """Set A ← L A Lᵀ, its upper triangle; overwrite B."""
+def _multiply(left, a, b):  # type: ignore[no-untyped-def]
+    """B ← L A."""
     n, width = a.shape[1:]
     for i in range(n):
         for j in range(n):
@@ -145,6 +145,13 @@ def _transform(left, a, b):  # type: ignore[no-untyped-def]
             for k in range(1, n):
                 for w in range(width):
                     b[i, j, w] += left[i, k, w] * a[k, j, w]
+
+
+@part
+def _transform(left, a, b):  # type: ignore[no-untyped-def]
+    """Set A ← L A Lᵀ, its upper triangle; overwrite B."""
+    n, width = a.shape[1:]
+    _multiply(left, a, b)
     for i in range(n):
         for j in range(i, n):
             for w in range(width):
@@ -159,9 +166,10 @@ def power_congruence_loop(left, matrices, right, exponent, low, high, results): 
     """Write R (L M Lᵀ)^s Rᵀ with one L and R; return the first power out of bounds, -1 for indefinite M, else nan."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
-    factor, a, b, v = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
-    turns = np.empty((2, width))
+    blocks, turns = np.empty((5, n, n, width)), np.empty((2, width))
+    factor, outer, a, b, v = blocks[0], blocks[1], blocks[2], blocks[3], blocks[4]
     _fill(factor, left, 0)
+    _fill(outer, right, 0)
     for start in range(0, count, width):
         _fill(a, matrices, start)
         _transform(factor, a, b)
@@ -172,13 +180,7 @@ def power_congruence_loop(left, matrices, right, exponent, low, high, results): 
                 a[k, k, w] = value**exponent if value > 0.0 else 0.0
                 if not low <= a[k, k, w] <= high:
                     return a[k, k, w] if value > 0.0 else -1.0
-        for i in range(n):
-            for k in range(n):
-                for w in range(width):
-                    b[i, k, w] = right[0, i, 0] * v[0, k, w]
-                for j in range(1, n):
-                    for w in range(width):
-                        b[i, k, w] += right[0, i, j] * v[j, k, w]
+        _multiply(outer, v, b)
         _compose_block(a, b, turns[0], results, start)
     return np.nan
 

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from maniport.arms import Arm, EllipsoidSpec, load_arm
-from maniport.arms.collisions import Collisions, as_collisions
+from maniport.arms.collisions import Collisions, free_configurations
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain
 from maniport.errors import collected_warnings
@@ -26,7 +26,7 @@ from maniport.motion import MotionLimits
 from maniport.motion.objective import Objective
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path, stages_of
 from maniport.motion.trajectory import interpolated
-from maniport.studies.tasks.task import Demonstration, StudyRobot, Task
+from maniport.studies.tasks.task import Demonstration, StudyRobot, Task, place
 from maniport.transfer import DomainAdapter, method_of
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array
@@ -57,9 +57,9 @@ class Problem:
         return self.task.arm.narrowed(limits.lower, limits.upper)
 
     @cached_property
-    def collisions(self) -> Collisions | None:
+    def collisions(self) -> Collisions:
         """Self-collisions of the robot."""
-        return as_collisions(True, self.arm)
+        return Collisions.of(self.arm)
 
     @cached_property
     def stages(self) -> tuple[Rows, Rows, Array]:
@@ -72,6 +72,22 @@ class Problem:
         idle = ~np.any(np.abs(self.arm.jacobian(nodes)[:, :3]) > 1e-9, axis=(0, 1))
         nodes[:, idle] = np.array(self.robot.ready)[idle]
         return rows, owners, moved_to_positions(self.arm, nodes, self.task.path[owners])[0]
+
+
+def problem_of(robot: StudyRobot, demonstration: Demonstration, seed: int = 0, slower: float = 4.0) -> Problem:
+    """Place a demonstrated path, to be passed in `slower` times the person's time, and sample the robot."""
+    samples = _samples(robot.name, seed)
+    hand = demonstration.arm.forward(demonstration.joint_angles)[:, :3, 3]
+    path, time = place(robot, hand, samples), slower * demonstration.time
+    task = Task.of(demonstration.name, robot.name, time, path, demonstration.arm, demonstration.joint_angles)
+    return Problem(task, demonstration, robot, samples, seed)
+
+
+@lru_cache(1)
+def _samples(robot: str, seed: int) -> Array:
+    """Collision-free configurations of a robot."""
+    arm, generator = MotionLimits.of(load_arm(robot)).arm, np.random.default_rng(seed)
+    return np.asarray(free_configurations(arm, 60_000, generator, collisions=True))
 
 
 def motions(problem: Problem, random_motions: int = 20) -> Iterator[tuple[str, Array]]:
@@ -192,7 +208,7 @@ def fitted(method: str, person: Arm, robot: str, spec: EllipsoidSpec, seed: int)
     arm = load_arm(robot)
     unfitted = method_of(method, base_rotation=np.eye(3), damping=DAMPING)
     adapter = with_feasible_set(unfitted, arm, spec, random_state=seed)
-    student = sample_domain(arm, 4096, seed + 1, spec=spec, collisions=as_collisions(True, arm))
+    student = sample_domain(arm, 4096, seed + 1, spec=spec, collisions=True)
     with collected_warnings():
         return adapter.fit(sample_domain(person, 1024, seed, spec=spec), student)
 
@@ -219,8 +235,8 @@ def _search(problem: Problem, cost: Cost, owners: Rows, q: Array, weight: float)
     """Choose one of the nodes q (m, dof) for each of the waypoints, `owners` (m,)."""
     arm, rows = problem.arm, np.unique(owners)
     error = np.linalg.norm(arm.forward(q)[:, :3, 3] - problem.task.path[owners], axis=1)
-    bad = (error > IN_PLACE) | (False if problem.collisions is None else problem.collisions.collides(q))
-    roadmap = Roadmap(q, cost(owners, q), np.searchsorted(owners, [*rows, len(problem.task.time)])).without(bad)
+    roadmap = Roadmap(q, cost(owners, q), np.searchsorted(owners, [*rows, len(problem.task.time)]))
+    roadmap = roadmap.without((error > IN_PLACE) | problem.collisions.collides(q))
     time = problem.task.time[rows]
     assert arm.velocity_limits is not None
     largest = 0.6 * arm.velocity_limits * np.diff(time, prepend=time[0] - 1.0)[:, None]

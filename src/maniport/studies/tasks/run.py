@@ -5,21 +5,17 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from maniport.arms import load_arm
-from maniport.arms.collisions import as_collisions, free_configurations
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.motion import MotionLimits
 from maniport.report.renderings import write_report
 from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software
-from maniport.studies.tasks.methods import DIRECT_FORCE, DIRECT_SPEED, POSITION_ONLY, RANDOM, Problem, motions
+from maniport.studies.tasks.methods import DIRECT_FORCE, DIRECT_SPEED, POSITION_ONLY, RANDOM, motions, problem_of
 from maniport.studies.tasks.score import LESS_IS_BETTER, SCORES, Scores, is_valid, read_motion, score, velocity_share
-from maniport.studies.tasks.task import ROBOTS, Demonstration, StudyRobot, Task, demonstrations, of_folder, place
+from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Demonstration, StudyRobot, Task, demonstrations, of_folder
 from maniport.util.atomic_io import claim, write_text
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.optional import mujoco
@@ -56,9 +52,9 @@ class Unit:
 
     recording: str
     robot: str
-    held_out: bool  # whether recording or robot were never used while methods were tuned
-    duration_ratio: float  # of the motions and the person
-    rows: tuple[Row, ...]
+    held_out: bool = False  # whether recording or robot were never used while methods were tuned
+    duration_ratio: float = 0.0  # of the motions and the person
+    rows: tuple[Row, ...] = ()
     failure: str = ""
 
     def row(self, method: str) -> Row:
@@ -133,9 +129,8 @@ def score_file(motion: str | os.PathLike[str], task: str | os.PathLike[str]) -> 
         Metric(name.replace("_", " "), f"{value:.4g} {SCORES.get(name, '')}".strip(), "", name, value)
         for name, value in scores.items()
     ]
-    valid = Metric(
-        "valid", "yes" if is_valid(scores) else "no", "Path within 5 mm, limits kept.", "valid", is_valid(scores)
-    )
+    good = is_valid(scores)
+    valid = Metric("valid", "yes" if good else "no", "Path within 5 mm, limits kept.", "valid", good)
     return Report(f"{own.recording} on {own.robot}", "", (Section("Scores", (*metrics, valid)),))
 
 
@@ -147,7 +142,7 @@ def _unit(folder: Path, robot: StudyRobot, motion: Demonstration, seed: int) -> 
         try:
             unit = _computed(folder, robot, motion, seed)
         except ManiportError as error:
-            unit = Unit(motion.name, robot.name, motion.held_out or robot.held_out, 0.0, (), str(error))
+            unit = Unit(motion.name, robot.name, failure=str(error))
         write_text(file, json.dumps(asdict(unit), indent=1) + "\n")
     content = json.loads(file.read_text(encoding="utf-8"))
     return Unit(**content | {"rows": tuple(content["rows"])})
@@ -167,24 +162,8 @@ def _computed(folder: Path, robot: StudyRobot, demonstration: Demonstration, see
     if not is_valid(scores[0][1]):
         raise InvalidInputError(f"the {POSITION_ONLY} motion leaves the path or exceeds a limit")
     ratio = float(task.time[-1] / demonstration.time[-1])
-    held_out = demonstration.held_out or robot.held_out
+    held_out = not HELD_OUT.isdisjoint((demonstration.name, robot.name))
     return Unit(demonstration.name, robot.name, held_out, ratio, tuple(rows_of(scores)))
-
-
-def problem_of(robot: StudyRobot, demonstration: Demonstration, seed: int = 0, slower: float = 4.0) -> Problem:
-    """Place a demonstrated path, to be passed in `slower` times the person's time, and sample the robot."""
-    samples = _samples(robot.name, seed)
-    hand = demonstration.arm.forward(demonstration.joint_angles)[:, :3, 3]
-    path, time = place(robot, hand, samples), slower * demonstration.time
-    task = Task.of(demonstration.name, robot.name, time, path, demonstration.arm, demonstration.joint_angles)
-    return Problem(task, demonstration, robot, samples, seed)
-
-
-@lru_cache(1)
-def _samples(robot: str, seed: int) -> Array:
-    """Collision-free configurations of a robot."""
-    arm, generator = MotionLimits.of(load_arm(robot)).arm, np.random.default_rng(seed)
-    return np.asarray(free_configurations(arm, 60_000, generator, collisions=as_collisions(True, arm)))
 
 
 def rows_of(scores: Sequence[tuple[str, Scores]]) -> Iterator[Row]:

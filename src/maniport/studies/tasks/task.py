@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import Arm, load_arm
-from maniport.arms.collisions import as_collisions
+from maniport.arms.collisions import Collisions
 from maniport.arms.human import myoarm
 from maniport.errors import FileFormatError, InvalidInputError, collected_warnings
 from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, polytope_extent
@@ -35,7 +35,6 @@ class Demonstration:
     arm: Arm
     time: Array  # (n,) from 0 [s]
     joint_angles: Array  # (n, 7)
-    held_out: bool = False
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,6 @@ class StudyRobot:
     ready: tuple[float, ...]  # usual configuration [rad]
     elbow: int
     shoulder: int = 2
-    held_out: bool = False
 
 
 ROBOTS = {
@@ -55,13 +53,13 @@ ROBOTS = {
         StudyRobot("panda", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 4),
         StudyRobot("xarm7", (0.0, -0.247, 0.0, 0.909, 0.0, 1.156, 0.0), 4),
         StudyRobot("ur5", (0.0, -1.571, 1.571, -1.571, -1.571, 0.0), 3),
-        StudyRobot("g1_right_arm", (0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0), 4, held_out=True),
+        StudyRobot("g1_right_arm", (0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0), 4),
     )
 }
 """Configurations of Franka's MoveIt and of MuJoCo Menagerie; the UR5 turned to the front, the G1 with bent elbow."""
 
-HELD_OUT = ("ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 8")
-"""Motions that were never used while methods were tuned."""
+HELD_OUT = {"ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 8", "g1_right_arm"}
+"""Motions, and a robot, that were never used while methods were tuned."""
 
 
 def demonstrations() -> Iterator[Demonstration]:
@@ -116,7 +114,7 @@ def _demonstration(name: str, arm: Arm, time: Array, joint_angles: Array, rate: 
     """Resample a motion at a rate [Hz]."""
     at = np.arange(0.0, time[-1] - time[0] + 1e-9, 1.0 / rate)
     q = np.stack([np.interp(at, time - time[0], column) for column in joint_angles.T], axis=1)
-    return Demonstration(name, arm, at, q, name in HELD_OUT)
+    return Demonstration(name, arm, at, q)
 
 
 def place(robot: StudyRobot, hand: Array, samples: Array) -> Array:
@@ -127,14 +125,14 @@ def place(robot: StudyRobot, hand: Array, samples: Array) -> Array:
     collision.
     """
     arm, middle = load_arm(robot.name), 0.5 * (hand.min(axis=0) + hand.max(axis=0))
-    collisions = as_collisions(True, arm)
+    collisions = Collisions.of(arm)
     center, positions = arm.forward(np.array(robot.ready))[:3, 3], arm.forward(samples)[:, :3, 3]
     for scale in 0.9 ** np.arange(30):
         path = center + scale * (hand - middle)
         rows = path[evenly_spaced(len(path), 24)]
         near = np.argsort(np.linalg.norm(positions - rows[:, None], axis=2), axis=1)[:, :40]
         q, error = moved_to_positions(arm, samples[near.ravel()], np.repeat(rows, 40, axis=0))
-        usable = (error <= IN_PLACE) & ~(False if collisions is None else collisions.collides(q))
+        usable = (error <= IN_PLACE) & ~collisions.collides(q)
         if np.all(usable.reshape(-1, 40).sum(axis=1) >= 20):
             return np.asarray(path)
     raise InvalidInputError(f"{robot.name!r} does not reach the path at any scale")

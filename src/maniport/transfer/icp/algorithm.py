@@ -18,9 +18,9 @@ from itertools import product
 import numpy as np
 from scipy.spatial import cKDTree
 
-from maniport.spd.kernels import eigh
+from maniport.spd.kernels import cholesky, eigh
 from maniport.transfer.icp.correspondence import Correspondence
-from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
+from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
@@ -43,12 +43,12 @@ class ICP:
 
     def __init__(self, teacher: Array, student: Array, correspondence: Correspondence, tol: float = 1e-8):
         self.teacher, self.student, self.correspondence = teacher, student, correspondence
-        self._match, self._factors, self._tol = correspondence.between(teacher, student), cholesky_factors(student), tol
+        self._match, self._factors, self._tol = correspondence.between(teacher, student), cholesky(student), tol
 
     def problem(self, rotation: Array) -> RotationProblem:
         """Match under `rotation` (eq. 18) and return the rotation problem (eq. 15)."""
         matches = self._match(rotation)
-        factors = np.take(self._factors, matches.student, axis=1)
+        factors = [factor[matches.student] for factor in self._factors]
         return RotationProblem(factors, self.teacher[matches.teacher], matches.weight)
 
     def run(self, start: Array, max_iter: int, gradient_tol: float = 1e-9, patience: int = 5) -> Registration:

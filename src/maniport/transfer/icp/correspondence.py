@@ -12,8 +12,7 @@ import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import Indices, NeighborIndex
-from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import congruence
+from maniport.spd.kernels import congruence, eigh
 from maniport.util.jit import kernel
 from maniport.util.validation import Array, as_choice, as_flag, as_number
 

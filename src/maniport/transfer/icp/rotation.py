@@ -4,6 +4,7 @@ Minimizes F(R) = Σ w_i d²(S_i, R T_i Rᵀ) over SO(d) (Reithmeir et al. 2022, 
 Hessian; `docs/method/icp.md` has the equations, (13) to (15).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,19 +30,13 @@ class RotationStep:
     converged: bool
 
 
-def cholesky_factors(points: Array) -> Array:
-    """L and L⁻¹ of SPD matrices S = L Lᵀ (n, d, d), shape (2, n, d, d)."""
-    factor = np.linalg.cholesky(points)
-    return np.stack([factor, np.linalg.inv(factor)])
-
-
 class RotationProblem:
     """Pairs S_i, T_i of SPD matrices, (n, d, d), whose second members are to be turned onto the first.
 
-    `factors` are those of S_i, see `cholesky_factors`.
+    `factors` are L and L⁻¹ of S_i = L Lᵀ, each (n, d, d).
     """
 
-    def __init__(self, factors: Array, teacher: Array, weights: Array):
+    def __init__(self, factors: Iterable[Array], teacher: Array, weights: Array):
         self._pairs = tuple(map(np.ascontiguousarray, (*factors, teacher, weights)))
         self._planes = np.array(rotation_planes(teacher.shape[-1]))
 
@@ -105,6 +100,7 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
     congruence_loop(inverse, turned, whitened)
     eigh_loop(whitened, values, vectors)
     logs = np.log(values)
+    rates = logs / values
     for pair in range(count):
         for x in range(d):
             cost += weights[pair] * logs[pair, x] ** 2
@@ -129,8 +125,8 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
                 if abs(gap) < NEAR * middle:  # there the logarithm of the middle is the middle of the logarithms
                     slope = 2.0 * (2.0 - (log_low + log_high)) / (middle * middle)
                 else:
-                    slope = 4.0 * (log_low / low - log_high / high) / gap
-                own = weight * (slope * high * high + 4.0 * log_low * high / low)
+                    slope = 4.0 * (rates[pair, x] - rates[pair, y]) / gap
+                own = weight * (slope * high * high + 4.0 * rates[pair, x] * high)
                 mixed = weight * (slope * low * high + 2.0 * (log_low + log_high))
                 for k in range(m):
                     change = own * moves[k, x, y] + mixed * moves[k, y, x]

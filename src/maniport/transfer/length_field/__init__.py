@@ -148,15 +148,7 @@ class LengthField(DomainAdapter):
         d, s = len(self.teacher_mean_), float(self.dispersion_ratio_)
         teacher, student = (float(np.linalg.slogdet(mean)[1]) / d for mean in (self.teacher_mean_, self.student_mean_))
         # log k makes the determinants of the means agree; less ℓ̄ it is −s log det(T̄) / d
-        return LengthsMap(
-            power=s,
-            shift=-s * teacher,
-            level=student,
-            width=float(self.width_),
-            centers=self.centers_,
-            lengths=self.lengths_,
-            axis=self.axis_,
-        )
+        return LengthsMap(s, -s * teacher, student, float(self.width_), self.centers_, self.lengths_, self.axis_)
 
     def _map(self, points: Array) -> Array:
         return self._field().apply(points)

@@ -55,10 +55,8 @@ class LengthsMap:
             eigenvalues, vectors = eigh(points[part])
             if not np.all(eigenvalues > ROUNDED * eigenvalues.sum(axis=1, keepdims=True)):
                 raise NotSPDError(ILL_CONDITIONED)
-            values = self.power * np.log(eigenvalues) + self.shift
-            field = self.kernel(to_vector(compose(values, vectors))) @ self.lengths
             with np.errstate(over="ignore"):
-                images = np.exp(values + axiswise(field, powers(values)) + self.level)
+                images = np.exp(self._moved(self.power * np.log(eigenvalues) + self.shift, vectors) + self.level)
             if not np.all((images >= MIN_EIGENVALUE) & (images <= MAX_EIGENVALUE)):
                 raise NotSPDError(ILL_CONDITIONED)
             results[part] = compose(images, vectors)
@@ -85,8 +83,11 @@ class LengthsMap:
 
     def logarithms(self, values: Array, vectors: Array) -> Array:
         """Log f − ℓ̄ I, shape (n, d, d), where L has these eigenvalues and -vectors."""
-        x = to_vector(compose(values, vectors))
-        return compose(values + axiswise(self.kernel(x) @ self.lengths, powers(values)), vectors)
+        return compose(self._moved(values, vectors), vectors)
+
+    def _moved(self, values: Array, vectors: Array) -> Array:
+        field = self.kernel(to_vector(compose(values, vectors))) @ self.lengths
+        return values + axiswise(field, powers(values))
 
     def slopes(self, values: Array, vectors: Array, equal: float = 1e-5) -> Array:
         """Return derivatives (n, D, D) of vec(log f) by vec L; eigenvalues less than `equal` apart are equal."""
