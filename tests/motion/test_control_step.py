@@ -96,7 +96,7 @@ def approached(horizon, limits=(), steps=150):
     """States of a joint that accelerates by at most 2/s² and goes from 0 to 1 by steps of 0.01 s."""
     driver, state, states = Controller(WIDE, *SLOW, limits=limits), ControlState.at_rest(np.zeros(7)), []
     for _ in range(steps):
-        problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, horizon, (OneAxis.positions[0],))
+        problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, horizon)
         states.append(state := driver.step(problem, state, 0.01))
     return states
 
@@ -126,7 +126,7 @@ def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
     states = approached((0.05, 0.1), (wall,), steps=60)
     assert all(state.solved for state in states)
     driver, state, wall.at = Controller(WIDE, *SLOW, limits=(wall,)), states[-1], states[-1].q[0] + 0.01
-    problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, (0.05, 0.1), (OneAxis.positions[0],))
+    problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, (0.05, 0.1))
     for _ in range(20):
         last, state = state, driver.step(problem, state, 0.01)
         assert not state.solved
@@ -143,7 +143,7 @@ def test_position_has_priority_over_the_ellipsoid():
     distances, errors = [], []
     for shape in shapes:
         targets = objective.targets(shape[None], position[None])
-        problem = ControlProblem((targets,), start, 1e-2, 0.0, None, (0.05, 0.1), (position,))
+        problem = ControlProblem((targets,), start, 1e-2, 0.0, None, (0.05, 0.1))
         state = driver.step(problem, state, 0.01)
         distances.append(targets.distance(state.q[None])[0])
         errors.append(np.linalg.norm(panda.forward(state.q)[:3, 3] - position))

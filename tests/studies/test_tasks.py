@@ -233,6 +233,6 @@ def test_wrong_arguments_are_refused_before_work(tmp_path, monkeypatch):
     for options in (["tasks", "--score", "a.csv"], ["toy", "--quick"]):
         assert CliRunner().invoke(app, ["reproduce", *options]).exit_code != 0
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
-    with pytest.raises(MissingPackageError, match=r"maniport\[simulate\]"):
+    with pytest.raises(MissingPackageError, match=r"\.\[simulate\]"):
         run.study_tasks(tmp_path / "x")
     assert not (tmp_path / "x").exists()

@@ -32,7 +32,7 @@ def test_a_missing_package_is_reported_with_the_command_that_installs_it(importe
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingPackageError, match=re.escape(user)) as caught:
         getattr(optional, importer)()
-    assert str(caught.value).endswith(f': pip install "maniport[{extra}]"')
+    assert str(caught.value).endswith(f'; in the clone: pip install ".[{extra}]"')
 
 
 def test_other_imports_are_of_dependencies():

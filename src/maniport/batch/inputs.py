@@ -20,8 +20,7 @@ from maniport.errors import InvalidInputError, as_text
 from maniport.mocap import Recording, shipped_recording
 from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import OPTIONS, Config
-from maniport.pipeline.transfer import settings_of
-from maniport.pipeline.values import Settings
+from maniport.pipeline.settings import Settings, marker_roles, settings_of
 from maniport.report.renderings import SUMMARY
 from maniport.util.defaults import RECORDINGS
 from maniport.version import __version__
@@ -136,8 +135,8 @@ def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Colle
     distinct, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in robots:
         job = settings_of(config.changed(robot=robot))
-        values = {name: job.config.value(name) for name, (_, option) in OPTIONS.items() if not option.is_file}
-        values |= {"maniport": __version__, "robot": job.robot, "markers": job.config.human.roles()}
+        values = {name: getattr(job.config, name) for name, option in OPTIONS.items() if not option.is_file}
+        values |= {"maniport": __version__, "robot": job.robot, "markers": marker_roles(job.config)}
         if job.control is not None:  # contents replace files
             values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
         texts = {name: as_setting(value) for name, value in values.items()}

@@ -21,7 +21,9 @@ from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, collected_warnings, on_the_command_line
 from maniport.pipeline import stages
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.values import FittedMap, Human, SampledRobot, targets_of
+from maniport.pipeline.following import SampledRobot, move
+from maniport.pipeline.settings import read_part
+from maniport.pipeline.stages import FittedMap, Human
 from maniport.report.values import report_of
 from maniport.report.write import RUN_FILES, export_files, write_run
 from maniport.transfer import load_adapter
@@ -126,12 +128,17 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
 
 def _human(pair: Pair, humans: list[tuple[Any, Human, Warnings]]) -> tuple[Human, Warnings]:
     """Fit the person, or take the fit with the same options for another robot from `humans`."""
-    job, rate = pair.robot.job, pair.robot.job.config.batch.profile_rate
-    options = job.config.human, job.spec, rate, np.array(job.stands).tolist() if len(job.arms) > 1 else None
+    job, rate = pair.robot.job, pair.robot.job.config.profile_rate
+    options = (
+        job.config.changes("human"),
+        job.config.spec,
+        rate,
+        np.array(job.stands).tolist() if len(job.arms) > 1 else None,
+    )
     for same, human, texts in humans:
         if same == options:
             return human, texts
-    recording = job.config.human.read(pair.source.path)
+    recording = read_part(pair.source.path, job.config)
     if content_of(pair.source) != pair.content:
         raise ManiportError(f"{pair.source.path}: it changed during the batch; start again")
     with collected_warnings() as collected:
@@ -160,16 +167,16 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
     with collected_warnings() as of_motion:
         moved = None
         if sampled.planner is not None:
-            targets = targets_of(human, maps, job)
+            targets = stages.targets_of(human, maps, job)
             own = replace(sampled, random=copy.deepcopy(sampled.random))
-            moved = stages.plan(targets, stages.place(targets, own, job), own, job)
+            moved = move(targets, own, job)
         result = stages.evaluate(human, sampled, maps, moved, job, baselines=selects)
     result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion))))
     report, arms = report_of(result), [arm.name for arm in result.arms]
     row = row_of(report, *pair.names, pair.folder.relative_to(pair.output).as_posix(), arms if len(arms) > 1 else ())
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_whole(pair.folder, {*RUN_FILES, *result.data_files, PAIR}, True) as staging:
-        write_run(result, report, export_files(job.config.motion.export), staging, job.config.batch.pages)
+        write_run(result, report, export_files(job.config.export), staging, job.config.pages)
         replace(job.config, recording=(str(pair.source.path),), verb="batch").save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": pair.settings, "row": row}
@@ -186,7 +193,7 @@ def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[
     robot, job, fit = pair.robot, pair.robot.job, human.fits[arm]
     lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}
     side = fit.arm.side or RIGHT
-    person = human_arm(job.config.human.person, side, lengths=lengths)
+    person = human_arm(job.config.person, side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
     file = pair.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person, arm)[:8]}.npz"
     about = file.with_suffix(".json")

@@ -117,8 +117,8 @@ def transfer_batch(
     count = cores() if processes is None else as_count(processes, "processes")
     sources = find_recordings(recordings, without=(folder := as_path(output, "output").resolve()))
     config = (config or BATCH).changed(**options)
-    pages = config.batch.pages
-    if SCENE in export_files(config.motion.export) and not pages:
+    pages = config.pages
+    if SCENE in export_files(config.export) and not pages:
         raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     claim(folder, ABOUT, {"maniport": __version__})

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.live.person import LedArm, Person, Target
+from maniport.live.person import LedArm, Person
 from maniport.live.robot import CONTROL_STEP, Robot
 from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, MotionClock, largest
 from maniport.live.transport import as_frame
@@ -21,6 +21,7 @@ from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
 from maniport.motion.plan.plan_settings import require_free
 from maniport.motion.problem import as_costs
 from maniport.pipeline import Config, TransferResult
+from maniport.pipeline.settings import plan_settings
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -170,7 +171,7 @@ class Live:
         robot = result.robot if len(result.arms) > 1 else result.arm.robot
         if result.motion is None:
             raise InvalidInputError("result has no motion; transfer the recording with move=True")
-        control = (result.config or Config()).motion.control(robot)
+        control = plan_settings(result.config or Config(), robot)
         paths = [arm.placement for arm in result.arms if arm.placement is not None]
         joints = result.motion.trajectory.joint_positions
         defaults: dict[str, Any] = {"motion_limits": control.motion_limits, "collisions": control.collisions}
@@ -212,13 +213,13 @@ class Live:
             raise InvalidInputError(f"time must be later than {self._time!r} s, the last frame's; found {time!r}")
         elapsed, rested = self._clock.begin_step(time), self._robot.resting
         self._time = self._time if time is None else time
-        before, seen = [arm.target for arm in self._arms], False
+        seen = False
         if positions is not None and time is not None:
             resting = self._state.state == HOLDING
             updated = [arm.update(positions, time, self._hold_after, resting) for arm in self._arms]
             seen = all(updated)
             self._seen_at = self._clock.now if seen else self._seen_at
-        follows = self._move(before, seen, elapsed)
+        follows = self._move(seen, elapsed)
         self._clock.end_step(rested and self._robot.resting)
         arms = tuple(self._arm_state(i, arm) for i, arm in enumerate(self._arms))
         if follows:
@@ -227,7 +228,7 @@ class Live:
         q, velocity = self._robot.q.copy(), self._robot.velocity.copy()
         return LiveState(self._clock.state_time, self._state.state, q, velocity, arms)
 
-    def _move(self, before: Sequence[Target | None], seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
+    def _move(self, seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
         """Move the robot for the time that has elapsed [s], at the end of which all arms were `seen` or not.
 
         Return whether it follows; an approach uses a share of the velocity limits.
@@ -245,15 +246,14 @@ class Live:
             return False
         self._state.resume()
         share = approach_share if self._state.approaching else 1.0
-        start = [target if last is None else last for last, target in zip(before, targets, strict=True)]
-        self._robot.follow(start, targets, elapsed, share, self._clock.now)
+        self._robot.follow(targets, elapsed, share, self._clock.now)
         return True
 
     def _arm_state(self, index: int, arm: LedArm) -> LiveArm:
         achieved, position = self._robot.achieved[index], self._robot.positions[index]
         if arm.estimate is None or arm.target is None:
             return LiveArm(achieved, position)
-        target, wanted, _ = arm.target
+        target, wanted = arm.target
         error = None if wanted is None else math.dist(position, wanted)
         distance = self._robot.distance(index, target)
         return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, wanted, distance, error)

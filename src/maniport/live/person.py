@@ -154,7 +154,6 @@ class Target(NamedTuple):
 
     ellipsoid: Array  # (d, d)
     position: Array | None  # (3,), of the end effector [m]
-    velocity: Array | None = None  # (3,), of the position between the last two frames [m/s]
 
 
 class LedArm:
@@ -187,7 +186,7 @@ class LedArm:
 
     def update(self, positions: Array, now: float, hold_after: float, resting: bool) -> bool:
         """Update estimate and target with a frame; False where the arm is not seen in it, or jumps."""
-        vectors, before, last = self.person.vectors(positions[self._rows]), self.estimate, self.target
+        vectors, before = self.person.vectors(positions[self._rows]), self.estimate
         directions, dt = self.person.directions(vectors), now - self._last_seen
         if directions is None or (before is not None and self.person.jumps(before, directions, dt)):
             return False
@@ -202,13 +201,10 @@ class LedArm:
             if np.abs(estimate.q - before.q).max() > MAX_SPEED * dt:
                 return False
         try:
-            self.demonstrated, target = self.target_of(estimate.q)
+            self.demonstrated, self.target = self.target_of(estimate.q)
         except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
             return False
         self.estimate, self._last_seen = estimate, now
-        if last is not None and last.position is not None and target.position is not None and dt <= hold_after:
-            target = target._replace(velocity=(target.position - last.position) / dt)
-        self.target = target
         return True
 
     def target_of(self, angles: Array) -> tuple[Array, Target]:

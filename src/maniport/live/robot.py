@@ -20,9 +20,6 @@ from maniport.util.validation import Array
 HORIZON = (0.05, 0.1)
 """Durations of the intervals after a step for which the controller plans, too [s]. A Panda changes the velocity of its
 end effector by 1 m/s in about 0.15 s; longer or finer horizons did not lower position errors."""
-PREDICTION = 0.01
-"""The person is expected to move on for this time at the last velocity [s]. Hands change their velocities so fast that
-the error of predictions over 0.1 s, and the position error, are not lower with longer times."""
 CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]
 
 
@@ -81,15 +78,9 @@ class Robot:
         return float(distance_unchecked(damped(target), damped(self.achieved[arm])))
 
     def follow(
-        self,
-        before: Sequence[Target],
-        targets: Sequence[Target],
-        elapsed: float,
-        speed_share: float,
-        time: float,
-        reference_period: float = 0.05,
+        self, targets: Sequence[Target], elapsed: float, speed_share: float, time: float, reference_period: float = 0.05
     ) -> None:
-        """Move for the time that has elapsed [s] from the targets of each arm before to the new ones.
+        """Move for the time that has elapsed [s] toward the targets of each arm.
 
         `speed_share` is the share of the velocity limits to use, `time` that of the robot's clock [s]. The reference is
         looked up anew after `reference_period` [s].
@@ -98,28 +89,18 @@ class Robot:
             self._choose_reference(targets)
             self._reference_time = time
         steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
-        predicted = tuple(
-            own.position if own.position is None or own.velocity is None else own.position + PREDICTION * own.velocity
-            for own in targets
+        rows = tuple(
+            objective.targets(own.ellipsoid[None], None if own.position is None else own.position[None])
+            for objective, own in zip(self._objectives, targets, strict=True)
         )
-        for step in range(1, steps + 1):
-            rows, share = [], step / steps
-            for objective, first, last in zip(self._objectives, before, targets, strict=True):
-                position, ellipsoid = last.position, last.ellipsoid
-                if step < steps:
-                    ellipsoid = first.ellipsoid + share * (ellipsoid - first.ellipsoid)
-                    if first.position is not None and position is not None:
-                        position = first.position + share * (position - first.position)
-                rows.append(objective.targets(ellipsoid[None], None if position is None else position[None]))
-            problem = ControlProblem(
-                tuple(rows), self._reference, self._weight, time, None, HORIZON, predicted, self._differentials
-            )
+        for _ in range(steps):
+            problem = ControlProblem(rows, self._reference, self._weight, time, None, HORIZON, self._differentials)
             self._set(self._controller.step(problem, self._state, elapsed / steps, speed_share))
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:
         """Choose the candidate nearest to the present configuration of those that suit the targets best."""
         cost = np.zeros(len(self._candidates))
-        for own, (poses, ellipsoids), (target, position, _) in zip(self._objectives, self._there, targets, strict=True):
+        for own, (poses, ellipsoids), (target, position) in zip(self._objectives, self._there, targets, strict=True):
             cost += distance_unchecked(own.damped(target), own.damped(ellipsoids)) ** 2
             if position is not None:
                 cost += np.sum((6.0 * (poses[:, :3, 3] - position)) ** 2, axis=1)  # [1/m]

@@ -65,7 +65,6 @@ class ControlProblem:
     # (3,), target positions of each arm in the last step [m]; None for no damping by the position error
     previous_positions: tuple[Array | None, ...] | None = None
     horizon: tuple[float, ...] = ()  # durations of intervals after the step for which velocities are planned, too [s]
-    predicted_positions: tuple[Array | None, ...] = ()  # (3,), target positions of each arm in these intervals [m]
     # `Objective.differentials` of each arm at the present configuration; None: to be computed
     differentials: tuple[tuple[Array, Array, Array, Array], ...] | None = None
 
@@ -123,8 +122,8 @@ class Controller:
         self, problem: ControlProblem, q: Array, bounds: Array, dt: float, speed_share: float
     ) -> tuple[Array | None, bool]:
         """Return the best velocities (dof,), or None, and whether they satisfy all inequalities."""
-        hessian, gradients = self._objective(problem, q)
-        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradients, gradients)):  # an ellipsoid is singular
+        hessian, gradient = self._objective(problem, q)
+        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradient, gradient)):  # an ellipsoid is singular
             return None, False
         rows, allowed = np.empty((0, len(q))), np.empty(0)
         for limit in self._limits:
@@ -132,20 +131,17 @@ class Controller:
             rows, allowed = (more, sides) if not len(rows) else (np.vstack([rows, more]), np.append(allowed, sides))
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
-            program = _program(hessian, gradients, durations, bounds, self._bounds, speed_share, rows, allowed, relaxed)
+            program = _program(hessian, gradient, durations, bounds, self._bounds, speed_share, rows, allowed, relaxed)
             step, _, exit_flag, _ = daqp.solve(*program)
             if exit_flag > 0 and math.isfinite(step.sum()):
                 return step[: len(q)] / dt, not relaxed
         return None, False
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
-        """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradients.
-
-        The gradients (1 + h, dof) are those of the targets at the end of the step, and of the horizon's intervals.
-        """
+        """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradient (dof,)."""
         dof, weight = len(q), problem.reference_weight**2
         gradient, damping = weight * (q - problem.reference), np.full(dof, weight)
-        hessian, later = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
+        hessian = np.zeros((dof, dof))
         for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
             columns = block[1]
             differentials = None if problem.differentials is None else problem.differentials[i]
@@ -160,17 +156,13 @@ class Controller:
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += position_weight * self._reaches[i] * lag
             damping[columns] += amount
-            predicted = problem.predicted_positions[i] if problem.horizon else None
-            if predicted is not None and targets.positions is not None:
-                moved = targets.positions[0] - predicted
-                later[1:, columns] += position_weight * moved @ parts.jacobian[0, :3]
         for cost in self._costs:
             time = np.array([problem.time])
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
         hessian.reshape(-1)[:: dof + 1] += damping + 1e-12  # the diagonal
-        return hessian, gradient + later
+        return hessian, gradient
 
 
 @kernel
@@ -207,16 +199,16 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
+def _program(hessian, gradient, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
     """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
 
     The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is the
-    same and whose halved gradients (m, dof) are those at the present configuration. `bounds` and the inequalities
+    same and whose halved gradient (dof,) is that at the present configuration. `bounds` and the inequalities
     rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the share of the limits
     that may be used, and reached within the limits of acceleration. `relaxed` weakens each inequality that no velocity
     within the bounds satisfies, as little as possible.
     """
-    stages, dof = gradients.shape
+    stages, dof = len(durations), len(gradient)
     size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
     quadratic, linear = np.zeros((size, size)), np.zeros(size)
     matrix = np.zeros((count + size - dof, size))
@@ -225,7 +217,7 @@ def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, a
     for k in range(stages):
         for a in range((k + 1) * dof):
             weight = durations[k] / durations.sum() * durations[a // dof] / dt
-            linear[a] += weight * gradients[k, a % dof]
+            linear[a] += weight * gradient[a % dof]
             for b in range((k + 1) * dof):
                 quadratic[a, b] += weight * durations[b // dof] / dt * hessian[a % dof, b % dof]
     for i in range(dof):

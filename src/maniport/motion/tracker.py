@@ -92,9 +92,11 @@ def track(
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
     schedules = schedules_of(arm, time, spec, damping, position_weight, axes, arrays, near)
-    if start is None and near is None:
-        raise InvalidInputError("start is required without reference: the first configuration, such as that of a plan")
-    begin = group.require_within_limits(near[0] if start is None else start, "start", single=True)  # type: ignore
+    if start is None:
+        if near is None:
+            raise InvalidInputError("start is required without reference: a configuration, such as the first of a plan")
+        start = near[0]
+    begin = group.require_within_limits(start, "start", single=True)
     speeds = speed_limits(arm, velocity_limits)
     accelerations = as_limits(arm, acceleration_limits, "acceleration_limits")
     costs = as_costs(costs, arm, schedules[0].time)

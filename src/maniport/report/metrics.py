@@ -144,7 +144,7 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         for own in getattr(result, "capabilities", ()):
             _add_capability(section, own, main=(own.kind == "velocity") == (result.spec.kind == "velocity"))
         if gap is not None:
-            parts = result.mean_distance._asdict()
+            parts = result.mean_distance
             written = dict(parts)
             if motion.path is None:
                 written["infeasible"] += written.pop("path")

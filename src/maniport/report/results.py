@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
-from maniport.pipeline.config import CONFIG, OPTIONS
-from maniport.pipeline.options import FREE
+from maniport.pipeline.config import CONFIG, FREE, OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import MISSED_SHARE, group_section, motion_section
 from maniport.report.recording import person_section, recording_section
@@ -160,7 +159,7 @@ def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]
 
 def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> tuple[str, str]:
     """Advise what improves the result most, with its command; of several arms the first with an advice decides."""
-    slower = _repeated(result, "slower", speed_scale=0.5 * (result.config.motion.speed_scale if result.config else 1.0))
+    slower = _repeated(result, "slower", speed_scale=0.5 * (result.config.speed_scale if result.config else 1.0))
     if report.status == RED:
         exceeded = "limits-exceeded" in report.warning_keys
         return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
@@ -177,12 +176,12 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         if metrics["distance"].value["median"] <= NEAR_DISTANCE:
             continue
         parts = arm.mean_distance
-        if motion.path is not None and parts.path >= max(parts.infeasible, parts.motion):
+        if motion.path is not None and parts["path"] >= max(parts["infeasible"], parts["motion"]):
             free = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG} --orientation {FREE}"
             alone = result.config is not None and len(result.arms) == 1
             command = f"{free} --no-place -o {{folder}}-no-path" if alone else ""
             return "The path constraint dominates the distance: try without it.", command
-        if parts.motion > parts.infeasible:
+        if parts["motion"] > parts["infeasible"]:
             text = "Limits dominate the distance: use the whole range of the joints."
             return text, _repeated(result, "all", joint_limit_margin=0.0)
         evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
@@ -202,5 +201,5 @@ def _repeated(result: Result, suffix: str, **options: Any) -> str:
     if config is None or not (config.profile or len(config.recording) == 1):
         return ""
     command = f"maniport {'track' if config.profile else 'transfer'} --config {{folder}}/{CONFIG}"
-    words = [word for name, value in options.items() for word in OPTIONS[name][1].words(value)]
+    words = [word for name, value in options.items() for word in OPTIONS[name].words(value)]
     return " ".join([command, *words, f"-o {{folder}}-{suffix}"])

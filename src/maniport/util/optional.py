@@ -9,7 +9,7 @@ from maniport.errors import MissingPackageError
 
 def how_to_install(extra: str) -> str:
     """Return the command that installs an extra; in quotes, since some shells take brackets for a pattern."""
-    return f'pip install "maniport[{extra}]"'
+    return f'in the clone: pip install ".[{extra}]"'
 
 
 def optional_package(name: str, extra: str, what: str) -> Any:
@@ -18,7 +18,7 @@ def optional_package(name: str, extra: str, what: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise MissingPackageError(
-            f"{what} needs {name}, which cannot be imported ({error}): {how_to_install(extra)}"
+            f"{what} needs {name}, which cannot be imported ({error}); {how_to_install(extra)}"
         ) from None
 
 

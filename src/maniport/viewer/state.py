@@ -28,6 +28,7 @@ from maniport.motion.objective import FOLLOWING_WEIGHT, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
 from maniport.pipeline.config import Config
+from maniport.pipeline.settings import load_robot
 from maniport.transfer import METHODS, DomainAdapter, load_adapter, method_of
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.defaults import AUTO, BOTH, DAMPING
@@ -257,34 +258,33 @@ def prepare(
 
     Returns the state, the method that is displayed and the base rotation.
     """
-    human, transfer, seed = config.human, config.transfer, config.seed
-    loaded_robot = config.robot.load(human.side == BOTH)
+    seed, loaded_robot = config.seed, load_robot(config)
     robot, both = as_group(loaded_robot), isinstance(loaded_robot, ArmGroup)
-    if both and human.side not in (AUTO, BOTH):
-        raise InvalidInputError(f"--side: the robot has two arms, for both of the person; found {human.side!r}")
+    if both and config.side not in (AUTO, BOTH):
+        raise InvalidInputError(f"--side: the robot has two arms, for both of the person; found {config.side!r}")
     if both and len(robot.arms) != 2:
         raise InvalidInputError(f"the view of both arms needs two robot arms; place them with {placing_options()}")
     if both and adapter is not None:
         raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
-    side = BOTH if both else human.side
-    require_person(human.person, AUTO if both else side)
+    side = BOTH if both else config.side
+    require_person(config.person, AUTO if both else side)
     loaded, damping, base_rotation = None, DAMPING, None
     if adapter is not None:
         loaded = load_adapter(adapter)
         if (d := len(loaded.teacher_mean_)) != 3:
             raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")
         damping, base_rotation = loaded.damping or damping, loaded.base_rotation
-    if base_rotation is None or transfer.base_rotation != Config().transfer.base_rotation:
-        base_rotation = transfer.rotation
+    if base_rotation is None or config.base_rotation != Config.base_rotation:
+        base_rotation = config.rotation
     rotation = np.asarray(base_rotation, dtype=float)
     for student in robot.arms:
         require_trackable(student)
     if recording is None:
-        persons = [human_arm(human.person, own) for own in (GROUP if both else (RIGHT if side == AUTO else side,))]
+        persons = [human_arm(config.person, own) for own in (GROUP if both else (RIGHT if side == AUTO else side,))]
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in persons])
         motion, playback = [arm.sample(32, seed) for arm in persons], None
     else:
-        fits = fit_arms(read_recording(recording), human.person, progress=progress, side=side)
+        fits = fit_arms(read_recording(recording), config.person, progress=progress, side=side)
         persons, bases, motion = [fit.arm for fit in fits.arms], fits.bases, [fit.joint_angles for fit in fits.arms]
         playback = Playback(fits.time - fits.time[0], np.concatenate(motion, axis=1))
     progress("Prepare page", 0.0)

@@ -59,7 +59,7 @@ def place_path(
     yaw: float | None = None,
     tilt: float | str | None = None,
     offset: Sequence[float | None] | ArrayLike | None = None,
-    workspace: Sequence[Sequence[float | None]] | None = None,
+    workspace: Sequence[Sequence[float | None]] | Array | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     collisions: Any = None,
@@ -142,25 +142,14 @@ def place_path(
     for own, samples in zip(arms, maps, strict=True):
         require_compatible("the reachability_map was built for", (samples.arm, own), (samples.spec, spec))
     _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
-    objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
-    for i, objective in enumerate(objectives):
-        index = "" if len(arms) == 1 else f"s[{i}]"
-        targets.append(objective.checked(profiles[i], f"profile{index}"))
-        require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
-        positions.append(as_metres(paths[i], f"path{index}"))
-        count = len(targets[0])
-        require_shape(positions[i], f"path{index}", (count, 3), ", one point for each ellipsoid of the profile")
-    times = _times(time, positions)
-    center = np.concatenate(positions).mean(axis=0)
     rotation = np.eye(3) if map_rotation is None else as_rotation(map_rotation, "map_rotation", 3)
-    members = tuple(
-        ArmPath(
-            objectives[i], (positions[i] - center) @ rotation.T, targets[i], maps[i], _turned(needed, rotation, count)
-        )
-        for i, needed in enumerate(demanded)
-    )
-    outline = np.concatenate([member.path for member in members])
-    problem = PlacementProblem(members, outline, times, fixed, lower, upper, bounds)
+    objectives = [Objective.of(own, spec, damping, WEIGHT) for own in arms]
+    positions, targets = _checked(objectives, paths, profiles)
+    center, times = np.concatenate(positions).mean(axis=0), _times(time, positions)
+    turned = [(own - center) @ rotation.T for own in positions]
+    needed = [_turned(own, rotation, len(times)) for own in demanded]
+    members = tuple(map(ArmPath, objectives, turned, targets, maps, needed))
+    problem = PlacementProblem(members, np.concatenate(turned), times, fixed, lower, upper, bounds)
     results = best_placements(problem, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(results):
         raise InvalidInputError(f"rank must be at most {len(results)}, the number of placements; found {rank}")
@@ -180,6 +169,21 @@ def place_path(
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)
     step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
     return tuple(placed) if several else placed[0]
+
+
+def _checked(
+    objectives: Sequence[Objective], paths: Sequence[Any], profiles: Sequence[Any]
+) -> tuple[list[Array], list[Array]]:
+    """Return the path (n, 3) and the target ellipsoids (n, d, d) of each arm."""
+    positions, targets = list[Array](), list[Array]()
+    for i, objective in enumerate(objectives):
+        index = "" if len(objectives) == 1 else f"s[{i}]"
+        targets.append(objective.checked(profiles[i], f"profile{index}"))
+        require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
+        positions.append(as_metres(paths[i], f"path{index}"))
+        shape = (len(targets[0]), 3)
+        require_shape(positions[i], f"path{index}", shape, ", one point for each ellipsoid of the profile")
+    return positions, targets
 
 
 def as_workspace(workspace: Any) -> Array:
