@@ -32,8 +32,7 @@ class Executor:
 
     submit: Callable[[Work, Any], "Future[Any]"]
     width: int  # Tasks that are submitted at a time
-    check: Callable[[], None] = lambda: None
-    """Raises `ManiportError` when no task will ever end; called every few seconds."""
+    check: Callable[[], None] = lambda: None  # raises `ManiportError` when no task will ever end
 
 
 def completed(executor: Executor, work: Work, tasks: Iterable[T], period: float = 5.0) -> Iterator[tuple[T, Any]]:

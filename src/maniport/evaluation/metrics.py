@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import InvalidInputError, unknown_name
+from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
@@ -259,13 +259,6 @@ class Evaluation(NotebookDisplay):
     def adapter(self) -> Row:
         """The row of the adapter that was evaluated."""
         return self.rows[0]
-
-    def row(self, name: str) -> Row:
-        """Return the row of that name; `UnknownNameError` where there is none."""
-        named = {row.name: row for row in self.rows}
-        if name not in named:
-            raise unknown_name("row", str(name), named)
-        return named[name]
 
     @property
     def measure(self) -> str:

@@ -13,7 +13,7 @@ from maniport.motion import Placement, Planner, RobotMotion, SeedBank, nearest_f
 from maniport.motion.demands import demands_of
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import PLACED
-from maniport.motion.search.descent import interpolated_distance
+from maniport.motion.search import interpolated_distance
 from maniport.pipeline.config import FREE, Config
 from maniport.pipeline.results import ArmResult, MotionResult
 from maniport.pipeline.settings import Settings, plan_settings, with_limits

@@ -92,11 +92,7 @@ class PaperRow:
 
 
 TOY = "10 new points"
-EVALUATIONS = {
-    "I": (TOY,),
-    "II": tuple(f"M-Eval-{i}" for i in range(1, 4)),
-    "III": tuple(f"H-Eval-{i}" for i in range(1, 5)),
-}
+EVALUATIONS = {"I": [TOY], "II": [f"M-Eval-{i}" for i in (1, 2, 3)], "III": [f"H-Eval-{i}" for i in (1, 2, 3, 4)]}
 """Sets that the maps of each table are evaluated on, in the order of its columns."""
 
 

@@ -18,9 +18,7 @@ from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count
 
 EXPERIMENTS = {"toy": toy, "two-dof": two_dof, "human-robot": human_robot}
-TABLES, PAGE = ("paper.md", "paper.json"), "report.html"
-FILES = (*TABLES, PAGE)
-"""The files that `reproduce` writes."""
+FILES = "paper.md", "paper.json", "report.html"  # What `reproduce` writes
 
 FORMS = {"per_dispersion": "÷ c", "per_squared_dispersion": "÷ c²"}
 """Forms of the error in the paper's text and in the authors' program, with their column heads."""
@@ -73,9 +71,10 @@ def reproduce(
             experiments.append(experiment := EXPERIMENTS[name](first, report, draws=count))
             report(experiment.title, 1.0, f"{len(experiment.lines)} results")
         reproduction = Reproduction(tuple(experiments), first, clock.perf_counter() - started)
-        for file in TABLES:
-            write_report(folder / file, report_of(reproduction))
-        write_page(folder / PAGE, report_of(reproduction))
+        *tables, page = (folder / name for name in FILES)
+        for file in tables:
+            write_report(file, report_of(reproduction))
+        write_page(page, report_of(reproduction))
     return reproduction
 
 
