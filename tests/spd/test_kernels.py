@@ -68,6 +68,16 @@ def test_concurrent_callers_do_not_disturb_each_other(random_spd):
     assert all(np.array_equal(means[i], expected) for i in range(4))
 
 
+def test_one_matrix_serves_a_batch(random_spd):
+    x, y = random_spd(np.random.default_rng(2), (2, 5), 3)
+    for function, first, other in (
+        (kernels.congruence, x, y), (kernels.distances, x, y), (kernels.compose, x[:, 0], y), (spd.distance, x, y),
+        (lambda t, y: spd.geodesic(y, x[0], t), np.linspace(0.0, 1.0, 5), y),
+    ):  # fmt: skip
+        assert_array_equal(function(first, other[0]), [function(a, other[0]) for a in first])
+        assert_array_equal(function(first[0], other), [function(first[0], b) for b in other])
+
+
 @sizes
 def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
     rng = np.random.default_rng(4)
