@@ -25,10 +25,8 @@ from maniport.util.validation import Array, as_finite, as_times, require_shape
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
 """Frames of the arm between which each segment runs; the roles of the recording have the same names."""
 
-BLOCK = 4096  # The most frames that are computed at once
-
 SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
-
+BLOCK = 4096  # The most frames that are computed at once
 ELBOW, TURN, DEVIATION, FLEXION = map(JOINTS.index, ("elbow_flexion", "pro_sup", "deviation", "flexion"))
 
 AXES = {"elbow_axis": (ELBOW, "upper arm"), "wrist_axis": (FLEXION, "forearm")}
@@ -196,7 +194,7 @@ def segment_lengths(used: Recording, roles: Roles) -> dict[str, float]:
 
 
 def synthetic_recording(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "synthetic") -> Recording:
-    """Record the motion of a human arm; `fit_arm` returns its joint angles.
+    """Record points named after their roles on a moving human arm, in the trunk frame; `fit_arm` inverts this.
 
     Parameters
     ----------
@@ -208,11 +206,6 @@ def synthetic_recording(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, sour
         Increasing [s].
     source : str
         Name of the recording.
-
-    Returns
-    -------
-    Recording
-        Points named after their roles, in the trunk frame with z up [m].
 
     Raises
     ------
