@@ -190,6 +190,10 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
 def shipped_recording(name: str) -> Path:
     """Return the path of a recording that comes with the package: "ladder", "freeform" or "both-arms".
 
+    Returns
+    -------
+    Path
+
     Raises
     ------
     UnknownNameError
