@@ -52,9 +52,8 @@ class JointPriors:
 def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
     """Return the priors of the joints of an arm with recorded points of these roles.
 
-    Motion that is fully observed is followed up to 30 Hz; arms move below 10 Hz, and directions of little weight, such
-    as the hand's, are followed up to about half of the cutoff. Unobservable joints move below 10 Hz, or are pulled to
-    neutral: in proportion to the inverse of their range, so that all use about the same part of it.
+    Motion that is fully observed is followed up to 30 Hz; arms move below 10 Hz, but directions of little weight are
+    followed up to about half of the cutoff. Unobservable joints are pulled to neutral with the inverse of their range.
     """
     neutral = np.clip(0.0, arm.lower, arm.upper)
     lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)

@@ -32,8 +32,7 @@ def unobservable_joints(roles: Collection[str]) -> dict[int, str]:
 def observability(directions: Directions, roles: Collection[str], q: Array) -> tuple[Array, dict[str, str], Array]:
     """Return the share of frames with each joint observable, why joints are not, and excesses over limits [rad].
 
-    A joint is observable in frames in which the standard deviation of its error is at most 20°. The excess estimates by
-    how much a saturated joint would exceed its limit in a fit without limits.
+    A joint is observable in frames in which the standard deviation of its error is at most 20°.
     """
     arm, errors, excesses = directions.arm, [], []
     for part in np.array_split(np.arange(len(q)), -(-len(q) // BLOCK)):
