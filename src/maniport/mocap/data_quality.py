@@ -15,11 +15,11 @@ from maniport.util.validation import Array
 
 MEASUREMENT_ERROR = np.radians(1.0)  # Of a direction of weight one [rad], assumed; less weight means more error
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
-FASTEST_JOINT = 1500.0
-"""A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
-reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32, 1999)."""
-
 AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
+
+# A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
+# reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32, 1999).
+FASTEST_JOINT = 1500.0
 
 
 def unobservable_joints(roles: Collection[str]) -> dict[int, str]:
