@@ -165,7 +165,7 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
                 f"give {argument('side', other)} or other {argument('markers')}"
             )
     inward = trunk_rotation(recording, roles)[:, :, 1] * (1.0 if side == RIGHT else -1.0)
-    middle = tuple(name for group in roles["trunk_up"] for name in group)
+    middle = [name for group in roles["trunk_up"] for name in group]
     # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
     # possible, brings the elbow 0.27 m inward.
     cases = ("shoulder", "trunk_up", middle, 0.05), ("elbow", "shoulder", roles["shoulder"], 0.3)

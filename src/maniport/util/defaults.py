@@ -5,7 +5,7 @@ AUTO = "auto"
 
 BOTH = "both"  # side of a person with both arms
 
-PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO  # human arm model, robot and transfer method
+PERSON, ROBOT = "myoarm", "panda"  # human arm model and robot
 DAMPING = 0.01  # relative damping ρ: hardly changes long axes, and singular ellipsoids get finite distances
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384  # sizes of the sampled domains, sufficient for arms of seven joints
 

@@ -104,11 +104,6 @@ def robot_path(path: ArrayLike, pull: float = 1e-3, smoothing: float = 0.1) -> A
     return solve_path(residual, start, priors, weights)
 
 
-def every(points: Array, samples: int) -> Array:
-    """Every n-th point, so many that `samples` remain (§ V-A)."""
-    return points[:: len(points) // samples]
-
-
 def _half_turn(moving: int, resting: float) -> Array:
     """Turn one joint from 0° to 180° while the other rests [deg]; shape (20, 2) [rad]."""
     path = np.full((20, 2), np.radians(resting))
