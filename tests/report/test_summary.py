@@ -18,10 +18,10 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.report.console import Console
-from maniport.report.metrics import rounded_sum
+from maniport.report.metrics import measure, rounded_sum
 from maniport.report.page import as_html as as_page
 from maniport.report.page.animation import animation_of
-from maniport.report.values import Metric, Report, Section, statistics
+from maniport.report.values import Metric, Report, Section
 from maniport.report.write import EXECUTION_FILES, RUN_FILES
 
 
@@ -149,10 +149,11 @@ def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
 
 
 def test_statistics_are_median_percentile_and_maximum():
-    metric = statistics("Error", "error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5], "mm")
+    section = Section("")
+    measure(section, "orientation_error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5])
+    (metric,) = section.metrics
     assert metric.text == "median 2.50, 95th percentile 3.85, max 4.00 at 0.5 s"
     assert metric.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
-    assert statistics("Error", "error", [1.0, 4.0]).value["max_at"] == 1
 
 
 def test_metrics_without_text_are_in_json_alone():

@@ -15,8 +15,7 @@ from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.report.console import Console
 from maniport.report.renderings import SUMMARY, as_numbers, write_report
-from maniport.report.values import Metric, Report, Section, numbers, report_of
-from maniport.report.values import info as info_metric
+from maniport.report.values import Report, Section, report_of
 from maniport.util.defaults import AUTO, RECORDINGS
 from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
@@ -292,13 +291,16 @@ def _of_arrays(path: str) -> Report:
     is_path = "manipulability" not in names
     values, time = (load_path if is_path else load_ellipsoids)(path)
     n, d = values.shape[:2]
-    metrics = [Metric("Path", f"{n} positions", key="count", value=n)]
-    if not is_path:
-        metrics = [Metric("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), *numbers(dimension=d)]
+    section = Section("", key="path" if is_path else "ellipsoids")
     if "joint_names" in names:
         joints: list[Any] = load_arrays(path, "file", ("joint_names",))["joint_names"].tolist()
-        metrics.insert(0, info_metric("Robot motion", "joints", joints))
+        section.add("Robot motion", "joints", joints)
+    if is_path:
+        section.add("Path", "count", n, f"{n} positions")
+    else:
+        section.add("Ellipsoids", "count", n, f"{n} of {d} × {d}")
+        section.numbers(dimension=d)
     if time is not None:
         seconds = round(float(time[-1] - time[0]), 3)
-        metrics.append(Metric("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
-    return Report(path, "", (Section("", tuple(metrics), key="path" if is_path else "ellipsoids"),))
+        section.add("Duration", "duration", seconds, f"{seconds:g} s", unit="s")
+    return Report(path, "", (section,))

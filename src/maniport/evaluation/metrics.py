@@ -32,15 +32,6 @@ RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to cou
 MAX_STEP_RATIO = 1.5
 
 
-def statistics_of(values: ArrayLike, time: ArrayLike | None = None) -> dict[str, Any]:
-    """Return median, 95th percentile and maximum of values with its time [s] or index; nan is ignored."""
-    array = np.asarray(values, dtype=float)
-    index = int(np.nanargmax(array))
-    where = {"max_at": index} if time is None else {"max_at_s": float(np.asarray(time)[index])}
-    median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
-    return {"median": median, "p95": p95, "max": float(array[index]), **where}
-
-
 @dataclass(frozen=True)
 class RMSE:
     """Root mean squared distance between the truth and the mapped ellipsoids, in three forms.

@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from maniport.arms import Arm
 from maniport.mocap.recording import Bools
 from maniport.util.notebook import NotebookDisplay
+from maniport.util.sampling import statistics
 from maniport.util.validation import Array
 
 
@@ -110,15 +111,7 @@ class ArmFit(NotebookDisplay):
     def residual_summary(self) -> dict[str, dict[str, float]]:
         """Statistics of each residual, without sign [degrees]: ``median``, ``p95``, ``max`` at ``max_at_s`` [s]."""
         sizes = {name: np.abs(values) for name, values in self.residuals.items() if not np.isnan(values).all()}
-        return {
-            name: {
-                "median": float(np.nanmedian(size)),
-                "p95": float(np.nanpercentile(size, 95)),
-                "max": float(np.nanmax(size)),
-                "max_at_s": float(self.time[np.nanargmax(size)]),
-            }
-            for name, size in sizes.items()
-        }
+        return {name: statistics(size, self.time) for name, size in sizes.items()}
 
     def repetitions(self) -> list[tuple[float, float]]:
         """Find (start, stop) [s] of each time that the hand moves out and back.

@@ -21,7 +21,8 @@ from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
 from maniport.report.robot import warn_of_collisions, warn_of_limits
-from maniport.report.values import ERROR, WARNING, Report, Section, at_time, describe, listed, statistics
+from maniport.report.values import ERROR, WARNING, Report, Section, at_time, describe, listed
+from maniport.util.sampling import statistics
 from maniport.util.validation import Array
 
 
@@ -96,7 +97,7 @@ METRICS = {
 """Metrics of a robot's motion by key, in the order in which they are reported."""
 
 
-def measure(section: Section, key: str, values: Any = None, time: ArrayLike | None = None, **entries: Any) -> None:
+def measure(section: Section, key: str, values: Any = None, time: ArrayLike = (), **entries: Any) -> None:
     """Add a registered metric to a section, after the warning that it gives.
 
     `values` are a number, or one for each waypoint at times [s]; `entries` of the value with a leading underscore are
@@ -106,8 +107,9 @@ def measure(section: Section, key: str, values: Any = None, time: ArrayLike | No
     if definition.text:
         text, value = definition.text.format(values, **entries), value if values is None else values
     else:
-        measured = statistics(definition.label, key, values, time, definition.unit)
-        text, value = measured.text, measured.value | value
+        numbers = statistics(values, time)
+        text = "median {median:.2f}, 95th percentile {p95:.2f}, max {max:.2f} ".format(**numbers)
+        text, value = text + at_time(numbers["max_at_s"]), numbers | value
     words = (value if isinstance(value, dict) else {}) | entries
     if definition.warning and definition.level(words) > definition.warn_above:
         section.warn(definition.warning_key, definition.warning.format(**words), severity=definition.severity)

@@ -112,7 +112,7 @@ def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool =
         text = f"  {metric.text}"
         if metric.is_statistics:
             *numbers, time = metric.cells
-            text = "".join(f"{number:>9}" for number in numbers) + (f"  ({time} s)" if time else "")
+            text = "".join(f"{number:>9}" for number in numbers) + f"  ({time} s)"
         elif len(text) + wide + 2 > width:  # too long for a line: without the last remark
             text = re.sub(r" \([^()]*\)$", "", text)
         table.append(f"  {metric.heading:<{wide}}{text}")

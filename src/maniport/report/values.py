@@ -10,7 +10,6 @@ from importlib import metadata
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from maniport.version import __version__
 
@@ -71,8 +70,7 @@ class Metric:
     @property
     def cells(self) -> tuple[str, ...]:
         """Median, 95th percentile and maximum of statistics, and the time of the maximum [s], as text."""
-        numbers = (f"{self.value[name]:.2f}" for name in ("median", "p95", "max"))
-        return (*numbers, f"{self.value['max_at_s']:.1f}" if "max_at_s" in self.value else "")
+        return (*(f"{self.value[name]:.2f}" for name in ("median", "p95", "max")), f"{self.value['max_at_s']:.1f}")
 
     @property
     def heading(self) -> str:
@@ -108,17 +106,18 @@ class Section:
     text: str = ""  # Markdown below the title, one paragraph per line; names from files must be escaped
     folded: bool = False  # whether it is a detail: the page folds it, and a summary in Markdown omits it
 
-    def add(self, *values: Any, **more: Any) -> None:
-        """Add a setting or a number, with the arguments of `info`."""
-        self.metrics += (info(*values, **more),)
+    def add(self, label: str, key: str, value: Any, text: str | None = None, about: str = "", **more: Any) -> None:
+        """Add a setting or a number with a description; its text is the value by default."""
+        written = (listed(value) if isinstance(value, list | tuple) else str(value)) if text is None else text
+        self.metrics += (Metric(label, written, about, key, value, **more),)
 
     def numbers(self, **values: Any) -> None:
         """Add metrics that are in JSON only; the keys have the units."""
-        self.metrics += tuple(numbers(**values))
+        self.metrics += tuple(Metric("", "", key=key, value=value) for key, value in values.items())
 
     def warn(self, key: str, *texts: str, severity: str = WARNING, value: Any = None) -> None:
         """Add warnings, or notes, with a stable key for programs."""
-        self.metrics += tuple(warning(key, text, severity, value) for text in texts)
+        self.metrics += tuple(Metric("", sentence(text), "", key, value, severity=severity) for text in texts)
 
     def note(self, *texts: str) -> None:
         """Add notes."""
@@ -215,37 +214,9 @@ class Report:
         return self.command.replace("{folder}", shlex.quote(folder))
 
 
-def info(label: str, key: str, value: Any, text: str | None = None, about: str = "", **more: Any) -> Metric:
-    """Return a metric of a setting or a number with a description; its text is the value by default."""
-    written = (listed(value) if isinstance(value, list | tuple) else str(value)) if text is None else text
-    return Metric(label, written, about, key, value, **more)
-
-
-def warning(key: str, text: str, severity: str = WARNING, value: Any = None) -> Metric:
-    """Return a warning with a stable key for programs."""
-    return Metric("", sentence(text), "", key, value, severity=severity)
-
-
-def numbers(**values: Any) -> list[Metric]:
-    """Return metrics that are in JSON only; the keys have the units."""
-    return [Metric("", "", key=key, value=value) for key, value in values.items()]
-
-
 def sentence(text: str) -> str:
     """Let a text begin with a capital letter and end with a full stop."""
     return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":", "!", "?")) else ".")
-
-
-def statistics(
-    label: str, key: str, values: ArrayLike, time: ArrayLike | None = None, unit: str = "", **more: Any
-) -> Metric:
-    """Return median, 95th percentile and maximum of values over time [s] as a metric; nan is ignored."""
-    from maniport.evaluation.metrics import statistics_of  # slow to load
-
-    value = statistics_of(values, time)
-    where = at_time(value["max_at_s"]) if "max_at_s" in value else f"at index {value['max_at']}"
-    text = f"median {value['median']:.2f}, 95th percentile {value['p95']:.2f}, max {value['max']:.2f} {where}"
-    return Metric(label, text, key=key, value=value, unit=unit, **more)
 
 
 def listed(values: Iterable[object]) -> str:

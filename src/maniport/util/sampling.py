@@ -1,7 +1,7 @@
-"""Subsets, scrambled Sobol sequences and rank correlation, since SciPy's modules take half a second to load."""
+"""Subsets, statistics, Sobol sequences and rank correlation, since SciPy's modules take half a second to load."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.util.validation import Array
 
@@ -83,3 +83,11 @@ def _ranks(values: Array) -> Array:
     """Ranks, those of equal values averaged."""
     _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
     return np.asarray((np.cumsum(counts) - 0.5 * counts)[inverse])
+
+
+def statistics(values: ArrayLike, time: ArrayLike) -> dict[str, float]:
+    """Return median, 95th percentile and maximum of values (n,), with its time [s]; nan is ignored."""
+    array = np.asarray(values, dtype=float)
+    index = int(np.nanargmax(array))
+    median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
+    return {"median": median, "p95": p95, "max": float(array[index]), "max_at_s": float(np.asarray(time)[index])}

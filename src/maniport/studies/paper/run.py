@@ -10,7 +10,7 @@ from typing import Any
 
 from maniport.report.page import write_page
 from maniport.report.renderings import write_report
-from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software, warning
+from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software
 from maniport.studies.paper.experiments import DRAWS, OURS, PAPER, Experiment, Line, human_robot, toy, two_dof
 from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.notebook import NotebookDisplay
@@ -122,18 +122,18 @@ def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[d
 def _section(experiment: Experiment) -> Section:
     """Return the paper's rows with our numbers below each, and rows that the paper does not have."""
     lines = list(experiment.lines)
-    metrics = []
+    section = Section(experiment.title, key=experiment.name, text="\n".join(experiment.notes))
     for settings in dict.fromkeys(line["settings"] for line in lines):
         own = [line for line in lines if line["settings"] == settings]
         fits = {(line["row"], line["data"], line["samples"], line["method"]): line for line in own}.values()
         warned, draws = (sum(line[key] for line in fits) for key in ("warned", "draws"))
         if warned:
-            metrics.append(warning("fits", f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits"))
+            section.warn("fits", f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits")
     printed, further = ([line for line in lines if (line["table"] is None) is extra] for extra in (False, True))
-    tables = [_pivot(printed, LEGEND, "rows", lines)]
+    section.tables = (_pivot(printed, LEGEND, "rows", lines),)
     if further:
-        tables.append(_pivot(further, f"Rows that the paper does not have, {FORMS['per_dispersion']}:"))
-    return Section(experiment.title, tuple(metrics), tuple(tables), experiment.name, "\n".join(experiment.notes))
+        section.tables += (_pivot(further, f"Rows that the paper does not have, {FORMS['per_dispersion']}:"),)
+    return section
 
 
 def _pivot(lines: list[Line], caption: str, key: str = "", value: Any = None) -> Table:
