@@ -75,10 +75,7 @@ class Alignment(NotebookDisplay):
         warped = []
         for index, (array, path) in enumerate(zip(arrays, self.paths, strict=True)):
             require_shape(array, f"signals[{index}]", (path[-1, 1] + 1, *arrays[0].shape[1:]))
-            starts = _starts(path)
-            counts = np.diff(np.r_[starts, len(path)])
-            sums = np.add.reduceat(array[path[:, 1]], starts)
-            warped.append(sums / counts.reshape(-1, *[1] * (array.ndim - 1)))
+            warped.append([array[own].mean(axis=0) for own in _groups(path)])
         return np.stack(warped)
 
     def stacked(self) -> tuple[Array, Array, NDArray[np.intp]]:
@@ -142,7 +139,10 @@ def align(
     own = np.repeat(np.arange(len(data[chosen]))[:, None], 2, axis=1), 0.0
     matches = [own if i == chosen else matched(data[chosen], other) for i, other in enumerate(data)]
     paths, distances = zip(*matches, strict=True)
-    warped = np.stack([_matched_means(profile, path) for profile, path in zip(data, paths, strict=True)])
+    warped = np.stack([
+        [mean(profile[own]) if len(own) > 1 else profile[own[0]] for own in _groups(path)]
+        for profile, path in zip(data, paths, strict=True)
+    ])  # fmt: skip
     step.end(f"{k} demonstrations, {len(clocks[chosen])} times")
     return Alignment(clocks[chosen].copy(), warped, paths, np.array(distances), chosen)
 
@@ -153,19 +153,9 @@ def matched(reference: Array, profile: Array) -> tuple[Path, float]:
     return path, float(np.sqrt(cost))
 
 
-def _matched_means(profile: Array, path: Path) -> Array:
-    """Return Fréchet means of the ellipsoids that are matched with each index of the reference."""
-    starts = _starts(path)
-    warped: Array = profile[path[starts, 1]]
-    for index, several in enumerate(np.split(path[:, 1], starts[1:])):
-        if len(several) > 1:
-            warped[index] = mean(profile[several])
-    return warped
-
-
-def _starts(path: Path) -> Path:
-    """Return where the rows of each index of the reference begin."""
-    return np.flatnonzero(np.r_[True, np.diff(path[:, 0]) > 0])
+def _groups(path: Path) -> list[Path]:
+    """Return the indices of the demonstration that are matched with each index of the reference."""
+    return np.split(path[:, 1], np.flatnonzero(np.diff(path[:, 0])) + 1)
 
 
 def cheapest_path(costs: Array) -> tuple[Path, float]:

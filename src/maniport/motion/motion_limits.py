@@ -108,7 +108,7 @@ class MotionLimits:
         limits, sources, assumed = dict[str, Array](), dict[str, str](), {"position": tuple(free)}
         described = {"velocity": arm.velocity_limits, "effort": arm.effort_limits}
         for quantity in LIMITS:
-            values, chosen, nominal = np.full(arm.dof, np.inf), [""] * arm.dof, described.get(quantity)
+            values, chosen, nominal = np.empty(arm.dof), [""] * arm.dof, described.get(quantity)
             for i, (_, numbers, own) in enumerate(pairs):
                 candidates = [
                     (numbers.get(quantity), where),
@@ -119,10 +119,7 @@ class MotionLimits:
                 if quantity in DERIVATIVES:
                     lower = {key: magnitudes[i] for key, magnitudes in limits.items()}
                     candidates.append(_assumed(quantity, arm.joint_units[i], lower))
-                for value, source in candidates:
-                    if value is not None:
-                        values[i], chosen[i] = value, source
-                        break
+                values[i], chosen[i] = next((pair for pair in candidates if pair[0] is not None), (np.inf, ""))
             named = list(zip(arm.joint_names, chosen, strict=True))
             if quantity in DERIVATIVES:
                 assumed[quantity] = tuple(name for name, source in named if source.startswith(ASSUMED))

@@ -75,7 +75,7 @@ COLUMNS = {
 """Columns of the comparison by name: measure of a row, its attributes and their meaning; JSON has all."""
 
 
-def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Section:
+def evaluation_section(evaluation: Evaluation) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
     rows, adapter = evaluation.rows, evaluation.adapter
     columns = [name for name, (measure, *_) in COLUMNS.items() if any(getattr(row, measure) for row in rows)]
@@ -86,7 +86,7 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Sectio
         return " / ".join(f"{getattr(measured, name):.3f}" for name in names) if measured else "–"
 
     cells = [(row.name, *(cell(row, column) for column in columns)) for row in rows]
-    caption = " ".join(sentence(f"{column}: {COLUMNS[column][2]}") for column in columns) if explained else ""
+    caption = " ".join(sentence(f"{column}: {COLUMNS[column][2]}") for column in columns)
     values = {row.name: {key: value for key, value in asdict(row).items() if key != "name"} for row in rows}
     measured = tuple(line for line in cells if set(line[1:]) != {"–"})
     table = Table(("", *columns), measured, caption, "rows", values)
@@ -123,10 +123,8 @@ def _compare(section: Section, evaluation: Evaluation) -> None:
         reason = f"the length field was rejected: {'; '.join(failures)}" if failures else "it passes its checks"
         value = {"method": method, "failures": list(failures)}
         section.warn("choice", f"Selected {label(method)}: {reason}. {sentence(compared)}", severity=NOTE, value=value)
-    elif not worse:
-        section.note(f"{name} is better than all baselines: {compared}")
-    elif method == IDENTITY:
-        section.note(f"{name}: {compared}")
+    elif not worse or method == IDENTITY:
+        section.note(f"{name}{' is better than all baselines' * (not worse)}: {compared}")
     else:
         recommended = evaluation.recommended
         advice = f". Use {recommended}" if recommended and method != evaluation.best else ""
