@@ -177,16 +177,15 @@ def check_names(names: Sequence[str], argument: str) -> tuple[str, ...]:
     return listed
 
 
-def rotation_about(axis: int, angle: float) -> Array:
-    """Rotation matrix about the x (0), y (1) or z (2) axis, shape (3, 3); exact at multiples of 90°."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    quarters = angle / (np.pi / 2)
-    if quarters == round(quarters):
-        cos, sin = round(cos), round(sin)
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    matrix = np.eye(3)
-    matrix[first, first] = matrix[second, second] = cos
-    matrix[second, first], matrix[first, second] = sin, -sin
+def rotation_about(axis: int, angle: float | Array) -> Array:
+    """Rotation matrices about the x (0), y (1) or z (2) axis, shape (..., 3, 3); exact at multiples of 90°."""
+    cos, sin, quarters = np.cos(angle), np.sin(angle), np.asarray(angle) / (np.pi / 2)
+    exact, first, second = quarters == np.round(quarters), (axis + 1) % 3, (axis + 2) % 3
+    cos, sin = (np.where(exact, np.round(values) + 0.0, values) for values in (cos, sin))  # + 0.0: without −0
+    matrix = np.zeros((*exact.shape, 3, 3))
+    matrix[..., axis, axis] = 1.0
+    matrix[..., first, first] = matrix[..., second, second] = cos
+    matrix[..., second, first], matrix[..., first, second] = sin, 0.0 - sin
     return matrix
 
 

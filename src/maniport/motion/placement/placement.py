@@ -153,24 +153,15 @@ class Placement(Place, NotebookDisplay):
 
 def base_rotations(places: Array) -> Array:
     """Rotations of the base in a world whose z axis is up, shape (k, 3, 3)."""
-    heading = _about(2, places[:, HEADING])
-    return np.asarray(heading @ _about(1, places[:, TILT]) @ np.swapaxes(heading, 1, 2))
+    heading = rotation_about(2, places[:, HEADING])
+    return np.asarray(heading @ rotation_about(1, places[:, TILT]) @ np.swapaxes(heading, 1, 2))
 
 
 def path_rotations(places: Array) -> Array:
     """Rotations of the path in the frame of the base, shape (k, 3, 3)."""
     level = places[:, TILT, None, None] == 0.0
     base = np.where(level, np.eye(3), np.swapaxes(base_rotations(places), 1, 2))
-    return np.asarray(base @ _about(2, places[:, YAW]))
-
-
-def _about(axis: int, angles: Array) -> Array:
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    rotations = np.tile(np.eye(3), (len(angles), 1, 1))
-    rotations[:, first, first] = rotations[:, second, second] = np.cos(angles)
-    rotations[:, second, first] = np.sin(angles)
-    rotations[:, first, second] = -rotations[:, second, first]
-    return rotations
+    return np.asarray(base @ rotation_about(2, places[:, YAW]))
 
 
 @dataclass(frozen=True)
