@@ -112,12 +112,6 @@ class Format(NamedTuple):
     write: Callable[[Path, Trajectory, Arm | ArmGroup | None], None] | None  # None where it has a complete result
     package: Callable[[], Any] = lambda: None  # imports the package that it requires, or raises `MissingPackageError`
 
-    @property
-    def ready(self) -> str:
-        """Name of the file, after a check that the package is installed."""
-        self.package()
-        return self.file
-
 
 FORMATS = {
     "ros2": Format("joints.yaml", _write_ros2),

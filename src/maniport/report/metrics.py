@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import argument
 from maniport.evaluation import Capability
 from maniport.motion import ArmMotion, RobotMotion
-from maniport.motion.motion_limits import DERIVATIVES, TORQUES, MotionLimits
+from maniport.motion.motion_limits import DERIVATIVES, TORQUES
 from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
@@ -139,7 +139,7 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     if motion.orientation_error is not None:
         measure(section, "orientation_error", np.degrees(motion.orientation_error), time)
     if alone:
-        _add_trajectory(section, motion, motion.limits, motion.clearance, motion.demonstrated_time, time)
+        _add_trajectory(section, motion, motion.clearance, motion.demonstrated_time, time)
     gap = None
     if result is not None:
         gap = result.gap
@@ -200,7 +200,7 @@ def _add_heights(section: Section, motion: ArmMotion, time: Array, result: ArmRe
 def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = ()) -> Section:
     """Describe what concerns several arms together; `time`: reported times of the waypoints [s]."""
     section = Section("All arms", key="arms")
-    _add_trajectory(section, motion.trajectory, motion.limits, motion.clearance, time, time)
+    _add_trajectory(section, motion.trajectory, motion.clearance, time, time)
     measure(section, "pointwise_ratio", motion.pointwise_ratio)
     if motion.relative_error is not None:
         measure(section, "relative_position_error", 1e3 * motion.relative_error.max(axis=1), time)
@@ -209,18 +209,17 @@ def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = (
 
 
 def _add_trajectory(
-    section: Section, trajectory: Trajectory, limits: MotionLimits | None, clearance: Clearance,
-    demonstrated: Array | None, time: Array,
-) -> None:  # fmt: skip
+    section: Section, trajectory: Trajectory, clearance: Clearance, demonstrated: Array | None, time: Array
+) -> None:
     """Add duration, limits and collisions of a planned motion; `time`: reported times of its waypoints [s]."""
     if demonstrated is not None:
         robot, person = (float(np.ptp(times)) for times in (trajectory.control_time, demonstrated))
         measure(section, "duration", robot=robot, person=person)
-    if limits is None:
+    if trajectory.limits is None or trajectory.limit_use is None:
         return
-    largest = limits.use(trajectory.control_time, trajectory.control_positions).largest
+    largest, sources_of = trajectory.limit_use.largest, trajectory.limits.sources
     for key, is_torque in (("limits", False), ("torques", True)):
-        sources = {name: text for name, text in limits.sources.items() if (name not in DERIVATIVES) == is_torque}
+        sources = {name: text for name, text in sources_of.items() if (name not in DERIVATIVES) == is_torque}
         used: dict[str, dict[str, Any]] = {
             name: {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
             for name, (joint, share, at) in largest.items() if (name in TORQUES) == is_torque

@@ -209,13 +209,8 @@ def learned_report(learned: LearnedProfile) -> Report:
     spec, damping = learned.spec, learned.regularization.epsilon
     kind, about = {"kind": spec.kind, "part": spec.part}, "Trunk frame (x forward, y left, z up)."
     section.add("Ellipsoids", "ellipsoids", kind, f"{len(learned.time)}, {spec.kind}, {spec.part}", about)
-    section.add(
-        "Damping",
-        "damping",
-        damping,
-        str(damping and round(damping, 6)),
-        "Added to all eigenvalues before ellipsoids are compared.",
-    )
+    about = "Added to all eigenvalues before ellipsoids are compared."
+    section.add("Damping", "damping", damping, str(damping and round(damping, 6)), about)
     section.numbers(duration_s=round(seconds, 3), reference=learned.alignment.reference, outlier=agreement.outlier)
     names = tuple(str(arm.side) for arm in learned.arms)
     mirrored = listed(part.name for part in parts if part.motion.names != names)

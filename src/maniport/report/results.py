@@ -14,17 +14,7 @@ from maniport.report.metrics import MISSED_SHARE, group_section, motion_section
 from maniport.report.recording import person_section, recording_section
 from maniport.report.robot import chain_metrics, placement_section
 from maniport.report.transfer import adapter_section, evaluation_section, label
-from maniport.report.values import (
-    INFO,
-    RED,
-    Metric,
-    Report,
-    Section,
-    describe,
-    in_axes,
-    sentence,
-    software,
-)  # fmt: skip
+from maniport.report.values import INFO, RED, Metric, Report, Section, describe, in_axes, sentence, software
 from maniport.util.defaults import POSITION_TOLERANCE
 
 POSITION_GRADES = {"position tracked": 0.0, "position mostly tracked": MISSED_SHARE, "position not tracked": np.inf}

@@ -115,6 +115,9 @@ def require_free_results(
 
 
 def export_files(formats: str | Iterable[str]) -> dict[str, str]:
-    """Return the names of the files of formats that exist and can be written, by format."""
+    """Return the names of the files of formats, by format, after a check that their packages are installed."""
     names = [formats] if isinstance(formats, str) else formats
-    return {name: FORMATS[as_choice(name, "export", FORMATS)].ready for name in names}
+    chosen = {name: FORMATS[as_choice(name, "export", FORMATS)] for name in names}
+    for exporter in chosen.values():
+        exporter.package()
+    return {name: exporter.file for name, exporter in chosen.items()}
