@@ -69,8 +69,8 @@ def test_equal_demonstrations_agree_wholly(truth):
     found = judged([truth(TIME), truth(TIME), np.repeat(truth(TIME), 2, axis=0)])
     assert found.after == pytest.approx(0.0, abs=1e-6)
     assert found.share == pytest.approx(0.0, abs=1e-6)
-    assert_allclose(found.held_out.mean, 0.0, atol=1e-6)
-    assert_allclose(found.held_out.nearest, 0.0, atol=1e-6)
+    assert_allclose(found.held_out["plain_mean"], 0.0, atol=1e-6)
+    assert_allclose(found.held_out["nearest_other"], 0.0, atol=1e-6)
     assert found.outlier is None
 
 
@@ -78,7 +78,7 @@ def test_the_odd_one_is_found(truth):
     profile = truth(TIME)
     four = judged([profile, profile, profile, spd.powm(profile, -1.0)])
     assert four.outlier == 3
-    assert np.argmax(four.held_out.nearest) == 3
+    assert np.argmax(four.held_out["nearest_other"]) == 3
     assert_allclose(four.apart, four.apart.T)
     assert_allclose(four.apart[:3, :3], 0.0, atol=1e-6)
 

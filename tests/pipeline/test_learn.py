@@ -55,7 +55,7 @@ def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes():
     assert_allclose(reached.profile, reached.model.predict(reached.time), rtol=1e-12)
     assert agreement.after < agreement.before
     assert agreement.share < 0.5
-    assert np.mean(agreement.held_out.learned) < np.mean(agreement.held_out.constant)
+    assert np.mean(agreement.held_out["learned"]) < np.mean(agreement.held_out["one_for_all_times"])
 
 
 def test_both_arms_are_learned_together(tmp_path):
@@ -73,7 +73,8 @@ def test_both_arms_are_learned_together(tmp_path):
         assert np.abs(part.path - hand).max() < 0.05
         assert axis_deviations(part.profile, part.covariance).max() < 0.5
     assert learned.agreement.after < 0.2
-    assert np.mean(learned.agreement.held_out.learned) < 0.7 * np.mean(learned.agreement.held_out.constant)
+    held_out = learned.agreement.held_out
+    assert np.mean(held_out["learned"]) < 0.7 * np.mean(held_out["one_for_all_times"])
     mp.write_results(learned, tmp_path / "both")
     right, _ = load_ellipsoids(tmp_path / "both" / "profile-right.npz")
     assert_allclose(right, learned.profile[:, 3:, 3:])

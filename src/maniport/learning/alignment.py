@@ -27,6 +27,10 @@ Path = NDArray[np.intp]
 
 MIN_COUNT = 3  # Fewest demonstrations of which one can be held out
 
+PREDICTIONS = ("learned", "plain_mean", "nearest_other", "one_for_all_times")
+"""Predictions of a demonstration by the others: their profile with as many Gaussians as that of all, their Fréchet mean
+at each time, the nearest of them, and the Fréchet mean of all of their ellipsoids."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Alignment(NotebookDisplay):
@@ -178,16 +182,6 @@ def cheapest_path(costs: Array) -> tuple[Path, float]:
 
 
 @dataclass(frozen=True)
-class HeldOut:
-    """Distances of k demonstrations from predictions without them; each of shape (k,)."""
-
-    learned: Array  # from the profile of the others, with as many Gaussians as from all
-    mean: Array  # from the Fréchet mean of the others at each time
-    nearest: Array  # from the nearest of the others
-    constant: Array  # from the Fréchet mean of all ellipsoids of the others
-
-
-@dataclass(frozen=True)
 class Agreement:
     """Agreement of k demonstrations."""
 
@@ -195,7 +189,7 @@ class Agreement:
     after: float  # distance from their mean at the same times after alignment
     movement: float  # distance of the learned ellipsoids from their own mean
     apart: Array  # pairwise distances after alignment, shape (k, k)
-    held_out: HeldOut | None  # None of fewer than three demonstrations, or where the others are too few ellipsoids
+    held_out: dict[str, Array]  # distances (k,) from `PREDICTIONS`; empty of too few demonstrations or ellipsoids
 
     @property
     def share(self) -> float:
@@ -224,11 +218,12 @@ def agreement(
     apart = np.zeros((k, k))
     for i, j in combinations(range(k), 2):
         apart[i, j] = apart[j, i] = _aligned_distance(profiles[j], profiles[i])
-    held_out = None
+    held_out, text = dict[str, Array](), ""
     if k >= MIN_COUNT and (k - 1) * n >= points_each(profiles[0].shape[-1]):
         rows = [_held_out(i, profiles, apart, model) for i in counted(range(k), k, step)]
-        held_out = HeldOut(*np.array(rows).T)
-    step.end("" if held_out is None else f"distance {np.mean(held_out.learned):.2f} from the prediction by the others")
+        held_out = dict(zip(PREDICTIONS, np.array(rows).T, strict=True))
+        text = f"distance {np.mean(held_out['learned']):.2f} from the prediction by the others"
+    step.end(text)
     movement = float(dispersion(np.asarray(model.predict(alignment.time)), kind="rms"))
     before = np.stack([profile[evenly_spaced(len(profile), n)] for profile in profiles])
     squares = (distance_unchecked(own, _means(own)[None]) ** 2 for own in (before, alignment.ellipsoids))
@@ -248,7 +243,7 @@ def _aligned_distance(first: Array, second: Array) -> float:
 
 
 def _held_out(i: int, profiles: Sequence[Array], apart: Array, model: ProfileGMM) -> tuple[float, ...]:
-    """Return the distances of one demonstration from predictions by the others, as in `HeldOut`."""
+    """Return the distances of one demonstration from `PREDICTIONS` by the others."""
     others = [k for k in range(len(profiles)) if k != i]
     among = apart[np.ix_(others, others)]
     aligned = align([profiles[k] for k in others], reference=int(np.argmin(among.sum(axis=0))))

@@ -199,10 +199,8 @@ def learned_report(learned: LearnedProfile) -> Report:
     section.add("Dispersion", "dispersion", {"before": before, "after": after}, text, about, main=True)
     about, text = "Share of all variance.", f"{100 * agreement.share:.0f} %"
     section.add("Variance between demonstrations", "variance_share", agreement.share, text, about, main=True)
-    if held is not None:
-        series = {"learned": held.learned, "plain_mean": held.mean, "nearest_other": held.nearest,
-                  "one_for_all_times": held.constant}  # fmt: skip
-        means = {name: float(np.mean(distances)) for name, distances in series.items()}
+    if held:
+        means = {name: float(np.mean(distances)) for name, distances in held.items()}
         text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in means.items())
         section.add("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)
     section.add("Gaussians", "gaussians", learned.model.n_components_)
@@ -220,12 +218,12 @@ def learned_report(learned: LearnedProfile) -> Report:
     values = [
         {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),
          "frames": len(part.motion), "side": listed(part.motion.names), "from_others": float(agreement.alone[i]),
-         "held_out": np.nan if held is None else float(held.learned[i]),
+         "held_out": float(held["learned"][i]) if held else np.nan,
          "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in part.motion.arms}}
         for i, part in enumerate(parts)
     ]  # fmt: skip
     columns = {"demonstration": "{name}", "frames": "{frames}", "arm": "{side}", "from the others": "{from_others:.2f}"}
-    columns |= {} if held is None else {"held out": "{held_out:.2f}"}
+    columns |= {"held out": "{held_out:.2f}"} if held else {}
     caption = "Mean distances after alignment: from the others, and from the profile learned without it."
     section.tables = (Table.of(values, columns, caption, "demonstrations"),)
     lead = (
