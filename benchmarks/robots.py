@@ -79,7 +79,9 @@ def transferred(name: str, motion: Motion) -> Comparison:
     ).arms
     seconds = clock.process_time() - begin
     # the tracker has the same margin of the joint limits as the plan
-    (tracked,) = track(planner.limits.arm, placed.profile, time=time, path=placed.path, bank=bank, damping=damping).arms
+    (tracked,) = track(
+        planner.limits.arm, placed.profile, time=time, path=placed.path, start=plan.joint_positions[0], damping=damping
+    ).arms
     return Comparison(plan.distance, tracked.distance, plan.position_error, plan.clearance.share, seconds)
 
 

@@ -32,7 +32,7 @@ def demonstrations(count, seed=0):
 
 def deviation(profile, covariance, ellipsoids):
     """Return distances from the mean profile in standard deviations of the demonstrations, shape (n,)."""
-    whitening = mp.spd.invsqrtm(profile)
+    whitening = mp.spd.powm(profile, -0.5)
     error = mp.spd.to_vector(mp.spd.logm(whitening @ ellipsoids @ whitening))
     return np.sqrt(np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error))
 
@@ -46,7 +46,7 @@ def main(folder):
     lengths = ", ".join(str(len(time)) for time in times)
     print(f"demonstrations of {lengths} ellipsoids, aligned to {len(alignment.time)}")
 
-    model = mp.ProfileGMM(random_state=0).fit(*alignment.stacked())  # BIC selects the number of Gaussians
+    model = mp.ProfileGMM().fit(*alignment.stacked())  # BIC selects the number of Gaussians
     profile, covariance = model.predict(alignment.time, return_covariance=True)
     deviations = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     similar = deviations < np.median(deviations)
@@ -54,12 +54,11 @@ def main(folder):
 
     demonstrated = alignment.warp([arm.forward(q)[:, :3, 3] for q in joints]).mean(axis=0)
     path = demonstrated + np.array([0.0, 0.0, 0.1])
-    start = None
+    start = mp.nearest_feasible(arm, profile[:1], positions=path[:1]).joint_positions[0]
     for name, weights in (("without", None), ("with", tracking_weights(covariance))):
         motion = mp.track(
             arm, profile, time=alignment.time, path=path, weights=weights, start=start, position_cost=10.0
         ).arms[0]
-        start = motion.joint_positions[0]  # the same start for both
         error = 1e3 * motion.position_error
         rms = np.sqrt(np.mean(deviation(profile, covariance, motion.achieved) ** 2))
         print(

@@ -17,7 +17,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.mocap import shipped_recording
-from maniport.motion import place_path
+from maniport.motion import place_path, plan_motion
 
 CALIBRATION = 24.0  # end of the part that is used for calibration [s]
 GAP = 24.5, 25.0  # missing points [s]
@@ -31,7 +31,8 @@ def calibrate(recording, robot, clock):
     joints = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(joints))
     path = place_path(person.arm.forward(joints)[:, :3, 3], target, robot, map_rotation=adapter.map_rotation_)
-    return person, mp.Live(person, adapter, robot, path=path, clock=clock)
+    plan = plan_motion(robot, path.profile, paths=path.path, time=person.time[::8]).trajectory.joint_positions
+    return person, mp.Live(person, adapter, robot, path=path, start=plan[0], reference=plan, clock=clock)
 
 
 def play(live, recording, fast, page):
@@ -55,7 +56,6 @@ def main(folder, *options):
     folder.mkdir(parents=True, exist_ok=True)
     recording, robot = mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0), mp.load_arm("panda")
     person, live = calibrate(recording.crop(stop=CALIBRATION), robot, None if "--fast" in options else clock.monotonic)
-    print(f"points of a frame: {', '.join(live.points)}")
     page = None
     if "--view" in options:
         from maniport.viewer.server import Onlooker  # needs viser

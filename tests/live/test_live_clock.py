@@ -5,12 +5,9 @@ import gc
 import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
-from numpy.testing import assert_array_equal
 from toy import FakeClock, require_limits
 
 import maniport as mp
-from maniport.errors import InvalidInputError
-from maniport.live.state import HOLDING, RECOVERING
 
 TICK = 0.01
 EVEN = TICK * np.arange(300)
@@ -75,38 +72,6 @@ def test_a_clock_that_goes_back_stops_the_robot(small_result, led):
     q = np.array([state.joint_positions for state in states])
     assert not np.diff(q, axis=0)[back[1:] > 0.0].any()
     require_limits(small_result.arm.motion.limits, [state.time for state in states], q)
-
-
-def test_limits_are_kept_when_senders_repeat_reverse_and_leave(small_result, led):
-    """Old times are refused and move nothing; jumps, gaps, bursts and absence keep the limits; then it follows again.
-
-    Commands are judged over the time here, in which the sender's times run on after each error.
-    """
-    clock, limits, (make, frames) = FakeClock(), small_result.arm.motion.limits, led
-    live, times, states, refused = make(clock), [], [], 0
-    for i, points in enumerate(frames):
-        clock.now += 1e-4 if 60 <= i % 100 < 70 else TICK + (0.25 if i % 100 == 70 else 0.0)  # a burst before a gap
-        if i % 10 in (3, 7):
-            before = live.joint_positions
-            with pytest.raises(InvalidInputError):
-                live.step(points, TICK * (i - 1 if i % 10 == 3 else i - 3))
-            assert_array_equal(live.joint_positions, before)
-            refused += 1
-        shown = points.copy()
-        if i % 10 == 5:  # a jump of a point
-            shown[i // 10 % len(shown)] += 0.4
-        states.append(live.step(None if 120 <= i < 180 else shown, TICK * i))
-        times.append(clock.now)
-    assert refused == 60
-    q = [state.joint_positions for state in states]
-    require_limits(limits, times, q)
-    require_limits(limits, [state.time for state in states], q)
-    assert not small_result.arm.collisions.collides(q).any()
-    assert states[179].state == HOLDING
-    assert not states[179].joint_velocities.any()
-    assert_array_equal(q[179], q[150])
-    assert {state.state for state in states[180:]} >= {RECOVERING}
-    assert np.abs(np.diff(q[180:], axis=0)).max() > 1e-3
 
 
 def test_frames_need_no_times(led):

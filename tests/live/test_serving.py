@@ -264,11 +264,12 @@ def test_answers_are_consistent_under_overload(small_result, second):
     clock.delays = draw.uniform(0.0, 1e-3, 100_000).tolist()
     summary, _, states = Script(clock, sorted(events, key=lambda event: event[0])).serve(live)
     assert summary.answered > 50
-    assert len([state for state in states if state["frame"] is None]) == summary.unprompted > 10
+    assert len([state for state in states if state["frame"] is None]) > 10
+    assert summary.states.total() == len(states)
     times, q = [state["t"] for state in states], np.array([list(state["joints"].values()) for state in states])
     assert (np.diff(times) > 0.0).all()
     assert times[-1] - times[0] <= clock.now - 1000.0
     require_limits(small_result.arm.motion.limits, times, q)
-    lags = [(one["position_error"], one["t"]) for one in states if one["state"] not in ("reaching", "holding")]
-    assert sorted(summary.lags) == sorted(lag for lag in lags if lag[0] is not None)
+    errors = [answer["position_error"] for answer in states if answer["state"] not in ("reaching", "holding")]
+    assert list(summary.errors) == [error for error in errors if error is not None]
     assert len(summary.times) == summary.answered

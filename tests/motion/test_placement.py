@@ -12,17 +12,19 @@ from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import MotionLimits, Objective, ReachabilityMap, SeedBank, place_path
+from maniport.motion import MotionLimits, SeedBank, place_path
 from maniport.motion.demands import demands_of
+from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import as_workspace, fixed_place
-from maniport.motion.placement.problem import SCALE, TILT, ArmPath, PlacementProblem
+from maniport.motion.placement.placement import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 
-DAMPING = Regularization.absolute(0.003)
+DAMPING = Regularization(epsilon=0.003)
 TIME = np.linspace(0.0, 2.0, 12)
 START = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
 FOUR = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
@@ -158,15 +160,14 @@ def test_slopes_are_those_of_the_cost(kind):
     problem, q, step = problem_of(EllipsoidSpec(kind), demands, tilt="free"), FOUR.sample(COUNT, 3), 1e-6
     (arm,) = problem.arms
     both = PlacementTrajectoryCost(replace(problem, arms=(arm, replace(arm, path=arm.path[::-1]))), [TERMS, TERMS])
-    _, slopes = both.evaluate((PLACE, (q, q)))
-    place_gradient, place_hessian = sum(own.place_gradient for own in slopes), sum(own.place_hessian for own in slopes)
+    _, (arms, place_gradient, place_hessian) = both.evaluate((PLACE, (q, q)))
     for k, change in enumerate(step * np.eye(len(PLACE))):
         ends = [both.evaluate((PLACE + side * change, (q, q))) for side in (1.0, -1.0)]
         assert (ends[0][0] - ends[1][0]) / (4.0 * step) == pytest.approx(place_gradient[k], rel=1e-5, abs=1e-4)
     assert np.linalg.eigvalsh(place_hessian).min() > -1e-9 * np.trace(place_hessian)
     change = step * np.random.default_rng(5).normal(size=q.shape)
     ends = [both.evaluate((PLACE, (q + side * change, q)))[0] for side in (1.0, -1.0)]
-    assert (ends[0] - ends[1]) / 4.0 == pytest.approx(np.sum(slopes[0].gradient * change), rel=1e-3)
+    assert (ends[0] - ends[1]) / 4.0 == pytest.approx(np.sum(arms[0][0] * change), rel=1e-3)
 
 
 def test_demands_make_the_path_smaller(panda, common, motion):

@@ -12,14 +12,15 @@ from maniport.arms import load_arm
 from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.errors import FileFormatError, ManiportError
 from maniport.mocap import read_recording
-from maniport.pipeline.options import HumanOptions
+from maniport.pipeline.config import Config
+from maniport.pipeline.settings import marker_roles
 from maniport.transfer import IdentityMap, load_adapter
 from maniport.util import files
 from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, read_settings, save_ellipsoids
 
 READERS = {
     "r.bvh": read_recording, "r.c3d": read_recording, "r.urdf": load_arm, "r.xml": load_arm, "r.stl": load_mesh,
-    "m.json": lambda path: HumanOptions(markers=str(path)).roles(), "r.npz": load_ellipsoids,
+    "m.json": lambda path: marker_roles(Config(markers=str(path))), "r.npz": load_ellipsoids,
     "r.yaml": lambda path: read_settings(path, ("a",)),
 }  # fmt: skip
 

@@ -27,7 +27,7 @@ def domains(arms):
 def place():
     point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "pointwise_best": np.zeros(1), "spec": VELOCITY}
     point |= {"planned_distance": np.zeros(1)}
-    point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
+    point |= {"position_error": np.zeros(1), "joint_positions": np.zeros((1, 7))}
     point |= {
         "scale": 0.5,
         "yaw": 0.0,

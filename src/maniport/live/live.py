@@ -12,34 +12,32 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.live.frames import as_frame
-from maniport.live.led_arm import LedArm, Target
-from maniport.live.person import Person
+from maniport.live.person import LedArm, Person
 from maniport.live.robot import CONTROL_STEP, Robot
 from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, MotionClock, largest
+from maniport.live.transport import as_frame
 from maniport.mocap import ArmFit, HumanMotion
-from maniport.motion import Cost, Limit, MotionLimits, Placement, Planner, PlanSettings, plan_motion
-from maniport.motion.costs.cost import as_costs
+from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
 from maniport.motion.plan.plan_settings import require_free
+from maniport.motion.problem import as_costs
 from maniport.pipeline import Config, TransferResult
+from maniport.pipeline.settings import plan_settings
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
-from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import LATEST, Array, as_count, as_number, require_shape
+from maniport.util.validation import LATEST, Array, as_number, require_shape
 
 
 class Live:
     """A robot that follows a person, frame by frame, with one or several arms.
 
-    `step` estimates the person's arms in a frame, maps their ellipsoids with fitted adapters, and moves the robot
-    toward these ellipsoids and the positions of the hands in the placed paths, within joint limits and without
-    collisions, whatever the frames are. Where an arm of the person is not seen or jumps, the robot brakes and rests
-    until it is seen again. Each thread needs its own instance.
+    `step` maps the ellipsoids of the person's arms in a frame with fitted adapters, and moves the robot toward these
+    ellipsoids and the positions of the hands in the placed paths, within joint limits and without collisions. Where an
+    arm of the person is not seen or jumps, the robot brakes and rests until it is seen again.
 
     The robot moves for the time that passes on this machine between two steps, whatever times the frames have: its
     commands keep the limits when they are sent as they are returned. With ``clock=None`` it moves for the time between
-    two frames (simulated time), and the same frames give the same motion.
+    two frames (simulated time), and the same frames give the same motion. Each thread needs its own instance.
 
     Parameters
     ----------
@@ -55,19 +53,19 @@ class Live:
         Ellipsoids of the adapter.
     motion_limits, collisions
         As in `maniport.motion.PlanSettings`.
-    start : array_like, shape (dof,), optional
-        Configuration of the robot, at rest. Default: the first of a motion that is planned along that of `person`.
+    start : array_like, shape (dof,)
+        Configuration of the robot, at rest, such as the first of a plan.
     reference : array_like, shape (n, dof), optional
-        Configurations that suit the motion, such as a plan's: the robot stays near the best one. Default: those of the
-        planned motion where no start is given, else none, and the robot may get stuck at joint limits.
+        Configurations that suit the motion, such as a plan's: the robot stays near the best one. Without them it may
+        get stuck at joint limits.
     hold_after : float
         Time without a usable frame after which the robot brakes, longer than that between two frames, at most 10 [s].
     clock : callable or None
         Returns the time on this machine [s]. None: simulated time; commands keep the limits at the times of frames.
     costs, limits
-        As in `maniport.motion.Control`; the time of costs is that of the robot's clock.
-    random_state, progress : optional
-        Seed of the search for a start; as in `maniport.transfer_recording`.
+        As in `maniport.track`; the time of costs is that of the robot's clock.
+    progress : optional
+        As in `maniport.transfer_recording`.
 
     Attributes
     ----------
@@ -94,13 +92,12 @@ class Live:
         spec: EllipsoidSpec = VELOCITY,
         motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None,
         collisions: Collisions | bool = True,
-        start: ArrayLike | None = None,
+        start: ArrayLike,
         reference: ArrayLike | None = None,
         hold_after: float = 0.1,
         clock: Callable[[], float] | None = monotonic,
         costs: Sequence[Cost] = (),
         limits: Sequence[Limit] = (),
-        random_state: int = 0,
         progress: Progress | None = None,
     ):
         (robot,) = _of_each("robot", (robot,), Arm | ArmGroup, 1)
@@ -109,7 +106,6 @@ class Live:
         adapters = _of_each("adapter", adapter, DomainAdapter, count)
         paths = (None,) * count if path is None else _of_each("path", path, Placement, count)
         bases = person.bases if isinstance(person, HumanMotion) else np.zeros((1, 3))
-        as_count(random_state, "random_state", minimum=0)
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=10.0)
         own_clock, preparation = MotionClock(clock), Step(progress, "Prepare live control")
         persons = [Person(fit) for fit in fits]
@@ -125,22 +121,6 @@ class Live:
         assert not isinstance(own_collisions, bool)
         strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
         damping = strongest if strongest.epsilon > 0.0 and spec.kind != "force" else DAMPING
-        if start is None:
-            rows = evenly_spaced(len(fits[0].time), 24) if len(fits[0].time) > 1 else [0, 0]
-            targets = [
-                [arm.target_of(q)[1] for q in fit.joint_angles[rows]] for arm, fit in zip(self._arms, fits, strict=True)
-            ]
-            plan = plan_motion(
-                as_group(self.robot),
-                [np.stack([target.ellipsoid for target in own]) for own in targets],
-                time=np.linspace(0.0, max(float(np.ptp(fits[0].time)), 1.0), len(rows)),
-                paths=None if path is None else [np.array([target.position for target in own]) for own in targets],
-                spec=spec.bounded,
-                damping=damping,
-                planner=Planner.of(bounds, spec.bounded, own_collisions or False, random_state),
-                random_state=random_state,
-            ).trajectory.joint_positions
-            start, reference = plan[0], plan if reference is None else reference
         q = np.clip(require_free(start, "start", bounds, own_collisions), bounds.lower, bounds.upper)
         near = None if reference is None else bounds.arm.require_within_limits(reference, "reference")
         if near is not None:
@@ -189,13 +169,13 @@ class Live:
         _of_each("result", (result,), TransferResult, 1)
         person = HumanMotion(tuple(arm.fit for arm in result.arms), np.stack([arm.person_base for arm in result.arms]))
         robot = result.robot if len(result.arms) > 1 else result.arm.robot
-        defaults: dict[str, Any] = {"spec": result.spec, "random_state": result.random_state}
-        if result.motion is not None:
-            control = (result.config or Config()).motion.control(robot)
-            paths = [arm.placement for arm in result.arms if arm.placement is not None]
-            joints = result.motion.trajectory.joint_positions
-            defaults |= {"motion_limits": control.motion_limits, "collisions": control.collisions}
-            defaults |= {"reference": joints, "start": joints[0], "path": paths or None}
+        if result.motion is None:
+            raise InvalidInputError("result has no motion; transfer the recording with move=True")
+        control = plan_settings(result.config or Config(), robot)
+        paths = [arm.placement for arm in result.arms if arm.placement is not None]
+        joints = result.motion.trajectory.joint_positions
+        defaults: dict[str, Any] = {"motion_limits": control.motion_limits, "collisions": control.collisions}
+        defaults |= {"spec": result.spec, "path": paths or None, "start": joints[0], "reference": joints}
         return cls(person, [arm.adapter for arm in result.arms], robot, **{**defaults, **options})
 
     def __repr__(self) -> str:
@@ -233,13 +213,13 @@ class Live:
             raise InvalidInputError(f"time must be later than {self._time!r} s, the last frame's; found {time!r}")
         elapsed, rested = self._clock.begin_step(time), self._robot.resting
         self._time = self._time if time is None else time
-        before, seen = [arm.target for arm in self._arms], False
+        seen = False
         if positions is not None and time is not None:
             resting = self._state.state == HOLDING
             updated = [arm.update(positions, time, self._hold_after, resting) for arm in self._arms]
             seen = all(updated)
             self._seen_at = self._clock.now if seen else self._seen_at
-        follows = self._move(before, seen, elapsed)
+        follows = self._move(seen, elapsed)
         self._clock.end_step(rested and self._robot.resting)
         arms = tuple(self._arm_state(i, arm) for i, arm in enumerate(self._arms))
         if follows:
@@ -248,7 +228,7 @@ class Live:
         q, velocity = self._robot.q.copy(), self._robot.velocity.copy()
         return LiveState(self._clock.state_time, self._state.state, q, velocity, arms)
 
-    def _move(self, before: Sequence[Target | None], seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
+    def _move(self, seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
         """Move the robot for the time that has elapsed [s], at the end of which all arms were `seen` or not.
 
         Return whether it follows; an approach uses a share of the velocity limits.
@@ -266,15 +246,14 @@ class Live:
             return False
         self._state.resume()
         share = approach_share if self._state.approaching else 1.0
-        start = [target if last is None else last for last, target in zip(before, targets, strict=True)]
-        self._robot.follow(start, targets, elapsed, share, self._clock.now)
+        self._robot.follow(targets, elapsed, share, self._clock.now)
         return True
 
     def _arm_state(self, index: int, arm: LedArm) -> LiveArm:
         achieved, position = self._robot.achieved[index], self._robot.positions[index]
         if arm.estimate is None or arm.target is None:
             return LiveArm(achieved, position)
-        target, wanted, _ = arm.target
+        target, wanted = arm.target
         error = None if wanted is None else math.dist(position, wanted)
         distance = self._robot.distance(index, target)
         return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, wanted, distance, error)

@@ -1,7 +1,7 @@
 """The arm of a person, frame by frame: from points to joint angles, causally.
 
 Offline all frames are fitted together, each joint's acceleration weighted against the directions that the points show
-(`maniport.mocap.path_solver`): the most probable path of joints whose accelerations are noise. Here the same
+(`maniport.mocap.arm_path`): the most probable path of joints whose accelerations are noise. Here the same
 is computed from the past alone. Earlier frames give a mean and a covariance of angles and velocities (an extended
 Kalman filter), and each new frame is solved within the joint limits, to convergence, with the weights, residuals and
 pulls of the offline fit. Differences: a joint that no point shows comes to rest, points are neither smoothed nor
@@ -9,16 +9,17 @@ filled, and the whole joint range is searched where directions are missed, not a
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from maniport.arms import EllipsoidSpec
+from maniport.errors import InvalidInputError, NotSPDError
 from maniport.live.kernels import follow, search, trunk_directions, turned_farther, unit_vectors, updated
-from maniport.mocap import ArmFit
+from maniport.mocap import ArmFit, Recording
 from maniport.mocap.arm_path import (
-    FASTEST_JOINT,
     KEY_RATE,
+    LEAST_GAIN,
     MOTION_SCALE,
     RESIDUAL_SCALE,
     joint_priors,
@@ -26,24 +27,24 @@ from maniport.mocap.arm_path import (
     sample_directions,
 )
 from maniport.mocap.cleaning import MIN_JUMP
-from maniport.mocap.data_quality import MEASUREMENT_ERROR, PRIOR
+from maniport.mocap.data_quality import FASTEST_JOINT, MEASUREMENT_ERROR, PRIOR
 from maniport.mocap.directions import Directions, vectors_of
-from maniport.mocap.path_solver import LEAST_GAIN
-from maniport.mocap.roles import SHORTEST, Basis, across_role, direction, points_of
+from maniport.mocap.roles import SHORTEST, across_role, direction, points_of
+from maniport.motion import Placement
+from maniport.transfer import DomainAdapter
 from maniport.util.validation import Array
 
 MAX_SPEED = math.radians(FASTEST_JOINT)  # Of a person's joints [rad/s]
 PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2  # Information on each joint that is there without any measurement
 
 
-@dataclass(frozen=True)
-class ArmEstimate:
+class ArmEstimate(NamedTuple):
     """Joint angles of a frame, and the prediction of the next frame from them."""
 
-    q: Array  # Shape (dof,) [rad]
-    velocity: Array  # Shape (dof,) [rad/s]
-    covariance: Array  # Of both, in units of the squared error of a direction of weight one, shape (2 dof, 2 dof)
-    targets: Array  # Directions of the frame, shape (k, 3)
+    q: Array  # (dof,) [rad]
+    velocity: Array  # (dof,) [rad/s]
+    covariance: Array  # (2 dof, 2 dof), of both, in units of the squared error of a direction of weight one
+    directions: Array  # (k, 3), of the frame
     since_search: float = 0.0  # Time since the whole joint range was searched [s]
 
 
@@ -83,21 +84,22 @@ class Person:
     def __init__(self, fit: ArmFit):
         self.arm, roles, self.is_noisy = fit.arm, fit.roles, fit.smoothed
         self.points = tuple(points_of(roles))
-        basis = Basis(self.points)
+        identity = np.eye(len(self.points))[..., None]  # a recording of it gives coefficients of the points
+        basis = Recording(self.points, np.repeat(identity, 3, axis=2), np.arange(float(len(identity))))
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
-        self._linear = np.stack([*vectors.values(), *trunk]).astype(np.float64)
+        self._linear = np.stack([*vectors.values(), *trunk])[..., 0]
         self.count = len(self._linear)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
-        self._body, self._weights = directions.arrays()
+        self._body, self._weights = directions.kinematics.arrays(), directions.weights
         self._samples, self._sampled_directions = sample_directions(directions)
         held = joint_priors(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral
         noise = (2 * np.pi * held.cutoff) ** 4
         self._constants = noise, self._weights, self._body, self._held, PRIOR_INFORMATION, LEAST_GAIN
         # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
-        self._least_jump = MIN_JUMP / np.array([fit.segment_lengths[name] for name in fit.segments])
+        self._least_jump = MIN_JUMP / np.array(list(fit.segment_lengths.values()))
 
     def vectors(self, positions: Array) -> Array:
         """Compute unit vectors (k + 2, 3) along segments, joint axes and the trunk; nan where a point is not seen."""
@@ -108,18 +110,9 @@ class Person:
         targets = trunk_directions(vectors, self._forward)
         return None if np.isnan(targets[: len(self._least_jump)]).any() else targets
 
-    def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
-        """Ellipsoid (d, d) of joint angles (dof,), and the position of the hand (3,) [m], in the trunk frame."""
-        pose, ellipsoid = self.arm.posed_ellipsoids(q, spec)
-        return ellipsoid, pose[:3, 3]
-
-    def jumps(self, before: ArmEstimate, targets: Array, dt: float) -> bool:
+    def jumps(self, before: ArmEstimate, directions: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
-        return bool(turned_farther(before.targets, targets, MAX_SPEED * dt, self._least_jump))
-
-    def is_too_fast(self, before: ArmEstimate, estimate: ArmEstimate, dt: float) -> bool:
-        """Whether a joint is faster than joints are."""
-        return bool(np.abs(estimate.q - before.q).max() > MAX_SPEED * dt)
+        return bool(turned_farther(before.directions, directions, MAX_SPEED * dt, self._least_jump))
 
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
@@ -154,3 +147,73 @@ class Person:
                 return other
             since_search = 0.0
         return ArmEstimate(q, velocity, covariance, targets, since_search)
+
+
+class Target(NamedTuple):
+    """The target of an arm in the base frame."""
+
+    ellipsoid: Array  # (d, d)
+    position: Array | None  # (3,), of the end effector [m]
+
+
+class LedArm:
+    """An arm of the robot and of the person who leads it: the person's estimate, and the target of the robot."""
+
+    def __init__(
+        self,
+        person: Person,
+        rows: list[int],
+        adapter: DomainAdapter,
+        base: Array,
+        path: Placement | None,
+        spec: EllipsoidSpec,
+    ):
+        self.person, self._rows, self._map, self._spec, self._path = person, rows, adapter.compiled(), spec, path
+        if (size := len(adapter.teacher_mean_)) != spec.size:
+            raise InvalidInputError(f"adapter must map {spec.size}×{spec.size} ellipsoids; found {size}×{size}")
+        if path is not None:  # an affine map is determined by its images of the origin and of the axes
+            self._turn, self._origin = spec.rotation(path.rotation), path.apply(base)
+            self._axes = path.apply(base + np.eye(3)) - self._origin
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all frames."""
+        self._last_seen = -np.inf
+        self._filter = OneEuroFilter(self.person.count) if self.person.is_noisy else None
+        self.estimate: ArmEstimate | None = None
+        self.target: Target | None = None
+        self.demonstrated: Array | None = None  # (d, d)
+
+    def update(self, positions: Array, now: float, hold_after: float, resting: bool) -> bool:
+        """Update estimate and target with a frame; False where the arm is not seen in it, or jumps."""
+        vectors, before = self.person.vectors(positions[self._rows]), self.estimate
+        directions, dt = self.person.directions(vectors), now - self._last_seen
+        if directions is None or (before is not None and self.person.jumps(before, directions, dt)):
+            return False
+        if self._filter is not None:
+            directions = self.person.directions(self._filter(vectors, now))
+            if directions is None:
+                return False
+        if before is None or resting or dt > hold_after:
+            estimate = self.person.begin(directions, None if before is None else before.q)
+        else:
+            estimate = self.person.follow(before, directions, dt)
+            if np.abs(estimate.q - before.q).max() > MAX_SPEED * dt:
+                return False
+        try:
+            self.demonstrated, self.target = self.target_of(estimate.q)
+        except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
+            return False
+        self.estimate, self._last_seen = estimate, now
+        return True
+
+    def target_of(self, angles: Array) -> tuple[Array, Target]:
+        """Demonstrated ellipsoid, and the target of the robot, for joint angles of the person."""
+        pose, demonstrated = self.person.arm.posed_ellipsoids(angles, self._spec)
+        target = self._map(demonstrated)
+        if self._spec.kind == "force":
+            target = np.asarray(np.linalg.inv(target))
+        if self._path is None:
+            return demonstrated, Target(target, None)
+        turned = self._turn @ target @ self._turn.T
+        return demonstrated, Target(0.5 * (turned + turned.T), pose[:3, 3] @ self._axes + self._origin)

@@ -7,14 +7,12 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
-from maniport.live.led_arm import Target
-from maniport.motion import Limit, MotionLimits, Objective
+from maniport.live.person import Target
+from maniport.motion import Limit, MotionLimits
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
-from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.posture import PostureCost
-from maniport.motion.limits import BrakingLimit, CollisionLimit
-from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
+from maniport.motion.objective import FOLLOWING_WEIGHT, Damping, Objective
+from maniport.motion.problem import Cost
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
@@ -22,9 +20,6 @@ from maniport.util.validation import Array
 HORIZON = (0.05, 0.1)
 """Durations of the intervals after a step for which the controller plans, too [s]. A Panda changes the velocity of its
 end effector by 1 m/s in about 0.15 s; longer or finer horizons did not lower position errors."""
-PREDICTION = 0.01
-"""The person is expected to move on for this time at the last velocity [s]. Hands change their velocities so fast that
-the error of predictions over 0.1 s, and the position error, are not lower with longer times."""
 CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]
 
 
@@ -49,23 +44,19 @@ class Robot:
             Objective.of(arm, own, damping, FOLLOWING_WEIGHT, positive=True)
             for arm, own in zip(group.arms, group.specs(spec), strict=True)
         ]
-        self._candidates = None  # configurations to stay near, and the damped ellipsoids and positions of each arm
+        # configurations to stay near, with a weight [1/rad] that is high enough that a robot that cannot follow fast
+        # enough stays on its branch of configurations, and low enough that the end effector is on its path where that
+        # is feasible
+        self._candidates, self._weight = start[None], 1e-2
         if reference is not None:
-            q = reference[evenly_spaced(len(reference), 500)]
-            parts = list(zip(self._objectives, group.split(q), strict=True))
-            ellipsoids = [own.damped(own.arm.ellipsoids(part, own.spec)) for own, part in parts]
-            self._candidates = q, ellipsoids, [own.arm.forward(part)[:, :3, 3] for own, part in parts]
-        self._collision = None
-        if collisions is not None and collisions.checked:
-            self._collision = CollisionLimit(collisions, separation_share=0.0)
-        braking = BrakingLimit(limits.lower, limits.upper, limits.velocity, limits.acceleration)
-        self._controller = Controller(limits.arm, braking, self._collision, costs, own_limits)
+            self._candidates, self._weight = reference[evenly_spaced(len(reference), 500)], 0.5
+        parts = zip(self._objectives, group.split(self._candidates), strict=True)
+        self._there = [own.arm.posed_ellipsoids(q, own.spec) for own, q in parts]  # poses and ellipsoids of each arm
+        self._controller = Controller(limits.arm, limits.velocity, limits.acceleration, collisions, costs, own_limits)
         self.rest(start)
 
     def rest(self, q: Array) -> None:
         """Be at rest in a configuration (dof,), without any memory of earlier steps."""
-        if self._collision is not None:
-            self._collision.reset()
         self._reference, self._reference_time = q, -math.inf
         self._set(ControlState.at_rest(q))
 
@@ -87,53 +78,33 @@ class Robot:
         return float(distance_unchecked(damped(target), damped(self.achieved[arm])))
 
     def follow(
-        self,
-        before: Sequence[Target],
-        targets: Sequence[Target],
-        elapsed: float,
-        speed_share: float,
-        time: float,
-        reference_period: float = 0.05,
+        self, targets: Sequence[Target], elapsed: float, speed_share: float, time: float, reference_period: float = 0.05
     ) -> None:
-        """Move for the time that has elapsed [s] from the targets of each arm before to the new ones.
+        """Move for the time that has elapsed [s] toward the targets of each arm.
 
         `speed_share` is the share of the velocity limits to use, `time` that of the robot's clock [s]. The reference is
         looked up anew after `reference_period` [s].
         """
-        weight = 1e-2
-        if self._candidates is not None:
-            # high enough that a robot that cannot follow fast enough stays on its branch of configurations, and low
-            # enough that the end effector is on its path where that is feasible [1/rad]
-            weight = 0.5
-            if time - self._reference_time > reference_period:
-                self._choose_reference(targets)
-                self._reference_time = time
+        if time - self._reference_time > reference_period:
+            self._choose_reference(targets)
+            self._reference_time = time
         steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
-        predicted = tuple(_predicted(own) for own in targets)
-        for step in range(1, steps + 1):
-            rows, share = [], step / steps
-            for objective, first, last in zip(self._objectives, before, targets, strict=True):
-                position, ellipsoid = last.position, last.ellipsoid
-                if step < steps:
-                    ellipsoid = first.ellipsoid + share * (ellipsoid - first.ellipsoid)
-                    if first.position is not None and position is not None:
-                        position = first.position + share * (position - first.position)
-                rows.append(objective.targets(ellipsoid[None], None if position is None else position[None]))
-            posture = PostureCost(self._reference, weight)
-            problem = ControlProblem(tuple(rows), posture, time, None, HORIZON, predicted, self._differentials)
+        rows = tuple(
+            objective.targets(own.ellipsoid[None], None if own.position is None else own.position[None])
+            for objective, own in zip(self._objectives, targets, strict=True)
+        )
+        for _ in range(steps):
+            problem = ControlProblem(rows, self._reference, self._weight, time, None, HORIZON, self._differentials)
             self._set(self._controller.step(problem, self._state, elapsed / steps, speed_share))
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:
         """Choose the candidate nearest to the present configuration of those that suit the targets best."""
-        assert self._candidates is not None
-        q, ellipsoids, positions = self._candidates
-        cost = np.zeros(len(q))
-        for i, (target, position, _) in enumerate(targets):
-            damped = np.broadcast_to(self._objectives[i].damped(target), ellipsoids[i].shape)
-            cost += distance_unchecked(damped, ellipsoids[i]) ** 2
+        cost = np.zeros(len(self._candidates))
+        for own, (poses, ellipsoids), (target, position) in zip(self._objectives, self._there, targets, strict=True):
+            cost += distance_unchecked(own.damped(target), own.damped(ellipsoids)) ** 2
             if position is not None:
-                cost += np.sum((6.0 * (positions[i] - position)) ** 2, axis=1)  # [1/m]
-        near = q[np.argsort(cost)[:count]]
+                cost += np.sum((6.0 * (poses[:, :3, 3] - position)) ** 2, axis=1)  # [1/m]
+        near = self._candidates[np.argsort(cost)[:count]]
         self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
 
     def brake(self, elapsed: float) -> None:
@@ -143,11 +114,3 @@ class Robot:
             self._set(self._controller.brake(self._state, elapsed / steps))
             if self.resting:
                 break
-
-
-def _predicted(target: Target) -> Array | None:
-    """Return the positions of an arm's target at the ends of the intervals of the horizon, shape (h, 3)."""
-    if target.position is None:
-        return None
-    moved = target.position if target.velocity is None else target.position + PREDICTION * target.velocity
-    return np.repeat(moved[None], len(HORIZON), axis=0)

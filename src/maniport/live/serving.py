@@ -3,7 +3,7 @@
 import math
 import select
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.live.frames import Frame, encoded, read_frame
 from maniport.live.state import HOLDING, LAGGING, REACHING
-from maniport.live.transport import Datagrams, Line, Pipe
+from maniport.live.transport import Datagrams, Frame, Line, Pipe, encoded, read_frame
 from maniport.version import __version__
 
 BRAKING_STEP = 0.01  # Between two steps of a robot that brakes without frames [s]
@@ -29,14 +28,12 @@ class Summary:
     answered: int = 0  # Frames that were answered
     skipped: int = 0  # Frames that a newer one overtook
     refused: int = 0  # Lines that were no frames
-    unprompted: int = 0  # Answers without a frame
-    held: int = 0  # Answers with which the robot held or braked
-    lagging: int = 0
     lost: int = 0  # Answers that nobody read
+    states: Counter[str] = field(default_factory=Counter)  # of the robot, in all answers
     times: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
     """From the arrival of each frame to its answer, of the last ones [s]."""
-    lags: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=100_000))
-    """Position errors while the person is followed [m], of the last frames, and their times [s]."""
+    errors: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
+    """Position errors while the person is followed, of the last frames [m]."""
 
     def __str__(self) -> str:
         text = f"{self.answered} frames answered, {self.skipped} skipped (newer frames available), "
@@ -46,15 +43,13 @@ class Summary:
         if not self.answered:
             return text
         median, rare, largest = 1e3 * np.quantile(self.times, [0.5, 0.999, 1.0])
-        held, lagging = (count / (self.answered + self.unprompted) for count in (self.held, self.lagging))
         text += f"; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
-        text += f"; held {100 * held:.1f} %, lagged {100 * lagging:.1f} %"
-        if not self.lags:
+        held, lagging = (100.0 * self.states[name] / self.states.total() for name in (HOLDING, LAGGING))
+        text += f"; held {held:.1f} %, lagged {lagging:.1f} %"
+        if not self.errors:
             return text
-        median, high = 1e3 * np.quantile([lag for lag, _ in self.lags], [0.5, 0.95])
-        largest, at = max(self.lags)
-        text += f"; lag of the end effector: median {median:.1f} mm, 95th percentile {high:.0f} mm"
-        return f"{text}, max {1e3 * largest:.0f} mm at {at:.2f} s"
+        median, high, largest = 1e3 * np.quantile(self.errors, [0.5, 0.95, 1.0])
+        return f"{text}; position error: median {median:.1f} mm, 95th percentile {high:.0f} mm, max {largest:.0f} mm"
 
 
 class Server:
@@ -83,12 +78,12 @@ class Server:
         self._offset, self._frame_time = 0.0, -math.inf  # added to it, and time of the last frame that the robot got
         self._framed = self._arrived = self._stepped = 0.0  # when that was, a frame came, and the robot moved last
         self._patience = LONGEST_WAIT
-        self._rests, self._read = True, True
+        self._rests, self._open = True, True
 
     def run(self, longest_braking: float = 5.0) -> Summary:
         """Serve until frames end, the reader leaves, or `stop` can be read; then bring the robot to rest."""
         self._greet()
-        while self._read:
+        while self._open:
             due = self._late if self._next is None else min(self._late, self._due)
             pause = None if due == math.inf else max(due - self._clock(), 0.0)
             sources = [self._stop] if self._lines or self._next is not None else [self._stop, self._transport]
@@ -96,7 +91,7 @@ class Server:
             if self._stop in ready:
                 break
             if free:
-                self._read = self._transport.flush()
+                self._open = self._transport.flush()
             if self._transport in ready:
                 lines = self._transport.receive()
                 if lines is None:
@@ -105,7 +100,7 @@ class Server:
                 self._received = self._clock()
             self._process()
         end = self._clock() + longest_braking
-        while self._read and not self._rests and self._clock() < end:
+        while self._open and not self._rests and self._clock() < end:
             time.sleep(max(self._stepped + BRAKING_STEP - self._clock(), 0.0))
             self._step(None)
         return self.summary
@@ -117,10 +112,9 @@ class Server:
 
     def _process(self) -> None:
         """Process lines that are due. Each is read by itself, so that junk does not delay braking."""
-        while self._read:
-            held_back = self._every and self._next is not None
-            if self._lines and not held_back:
-                self._read_line(self._lines.popleft())
+        while self._open:
+            if self._lines and not (self._every and self._next is not None):
+                self._read(self._lines.popleft())
             now, waits = self._clock(), self._every and self._next is not None
             late = self._late <= now
             if self._next is not None and (self._every or late or not self._lines) and self._due <= now:
@@ -130,7 +124,7 @@ class Server:
             elif waits or not self._lines:
                 return
 
-    def _read_line(self, line: Line) -> None:
+    def _read(self, line: Line) -> None:
         """Read a line; its frame is the next one, instead of one that was not processed yet."""
         self._count += 1
         try:
@@ -176,12 +170,10 @@ class Server:
         state = live.step(None) if frame is None else live.step(frame.points, frame.t + self._offset)
         self._stepped, self._rests = self._clock(), not state.joint_velocities.any()
         summary.answered += frame is not None
-        summary.unprompted += frame is None
-        summary.held += state.state == HOLDING
-        summary.lagging += state.state == LAGGING
         summary.skipped += self._skipped
+        summary.states[state.state] += 1
         if state.position_error is not None and state.state not in (REACHING, HOLDING):
-            summary.lags.append((state.position_error, state.time))
+            summary.errors.append(state.position_error)
         skipped, self._skipped = self._skipped, 0
         self._send(
             self._sender,
@@ -212,9 +204,9 @@ class Server:
 
     def _send(self, receiver: Any, **content: Any) -> None:
         """Send an answer; where every frame is answered, wait until it is taken or the loop is stopped."""
-        self._read = self._transport.send(encoded(**content), receiver) and self._read
-        while self._every and self._read and (blocked := self._transport.blocked()):
+        self._open = self._transport.send(encoded(**content), receiver) and self._open
+        while self._every and self._open and (blocked := self._transport.blocked()):
             if select.select([self._stop], blocked, [])[0]:
                 break
-            self._read = self._transport.flush()
+            self._open = self._transport.flush()
         self.summary.lost = self._transport.lost

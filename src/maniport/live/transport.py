@@ -1,15 +1,98 @@
-"""Where lines come in and answers go out: a pipe, or a UDP port."""
+"""Frames and answers: as arrays, mappings and lines of JSON, by a pipe or a UDP port."""
 
+import json
 import os
 import select
 import socket
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, BinaryIO, NamedTuple
 
-from maniport.errors import InvalidInputError, OutputError
+import numpy as np
+
+from maniport.errors import InvalidInputError, OutputError, unknown_name
+from maniport.mocap.recording import MAX_POSITION
 from maniport.util.input_limits import FRAME_BYTES
 from maniport.util.process import LAST_PORT, LOOPBACK, bound
-from maniport.util.validation import as_count
+from maniport.util.validation import LATEST, Array, as_count, require_shape
+
+EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
+
+
+class Frame(NamedTuple):
+    """Positions of the points at a time."""
+
+    t: float  # [s]
+    points: Array  # Shape (n_points, 3); nan where a point is not seen
+
+
+def as_frame(points: Any, names: Sequence[str]) -> Array | None:
+    """Copy to positions (n, 3) in the order of the names, nan where a point is not seen; None stays None."""
+    if points is None:
+        return None
+    if isinstance(points, Mapping):
+        positions = np.full((len(names), 3), np.nan)
+        for name, value in points.items():
+            if name not in names:
+                raise unknown_name("point", name[:80] if isinstance(name, str) else name, names, "in points")
+            if value is not None:
+                label = f"points[{name!r}]"
+                position = _as_numbers(value, label)
+                require_shape(position, label, (3,))
+                positions[names.index(name)] = position
+    else:
+        positions = _as_numbers(points, "points")
+        require_shape(positions, "points", (len(names), 3), ", a row for each of live.points")
+    if (np.abs(positions) > MAX_POSITION).any():
+        largest = np.nanmax(np.abs(positions))
+        raise InvalidInputError(
+            f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {largest:g}"
+        )
+    return positions
+
+
+def _as_numbers(value: Any, name: str) -> Array:
+    """Convert to numbers; nan may be among them, and replaces masked entries."""
+    try:
+        if isinstance(value, np.ma.MaskedArray):
+            value = np.ma.filled(value.astype(np.float64), np.nan)
+        array = np.asarray(value)
+        if array.dtype.kind not in "iufO":
+            raise TypeError
+        return np.array(array, dtype=np.float64, order="C")  # numba compiles anew for each order and read-only flag
+    except (OverflowError, TypeError, ValueError):
+        raise InvalidInputError(f"{name} must be numbers; found {value!r:.80}") from None
+
+
+def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
+    """Read a line of JSON, None where it was too long; None is returned for the empty object."""
+    if line is None:
+        raise InvalidInputError(f"a line has at most {FRAME_BYTES} bytes; this one has more")
+    try:
+        content = json.loads(line.decode())
+    except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits, and of wrong UTF-8
+        text = line[:80].decode(errors="replace")
+        raise InvalidInputError(f"a line must be JSON such as {EXAMPLE}; found {text!r}: {error!s:.100}") from None
+    if content == {}:
+        return None
+    if not isinstance(content, dict) or content.keys() != {"t", "points"}:
+        raise InvalidInputError(f"a frame is an object of t and points, such as {EXAMPLE}; found {content!r:.80}")
+    t, points, latest = content["t"], content["points"], 0.5 * LATEST  # steps without a frame may come after it
+    if type(t) not in (int, float) or not -latest <= t <= latest:
+        raise InvalidInputError(f"t must be a number within ±{latest:g}; found {t!r:.80}")
+    if isinstance(points, list) and len(points) == len(names):
+        points = dict(zip(names, points, strict=True))
+    if not isinstance(points, dict):
+        wanted = f"an object of positions by name, or a list of {len(names)} positions in the given order"
+        raise InvalidInputError(f"points must be {wanted}; found {points!r:.80}")
+    positions = as_frame(points, names)
+    assert positions is not None
+    return Frame(float(t), positions)
+
+
+def encoded(**content: Any) -> bytes:
+    """Encode an answer as a line of JSON."""
+    return json.dumps(content, allow_nan=False).encode() + b"\n"
 
 
 class Line(NamedTuple):
@@ -75,6 +158,8 @@ class Datagrams:
     Answers without a receiver are also written to the file `sink`. Datagrams never wait and may be lost.
     """
 
+    lost = 0
+
     def __init__(self, port: int, host: str = LOOPBACK, send: int | None = None, sink: BinaryIO | None = None):
         if send is not None:
             as_count(send, "send", maximum=LAST_PORT)
@@ -82,8 +167,7 @@ class Datagrams:
                 raise InvalidInputError(f"send must be another port than udp, or answers come in; both are {port}")
         self._socket = bound(host, port, socket.SOCK_DGRAM, "udp")
         self._socket.setblocking(False)
-        self._sink, self.lost = sink, 0
-        address = self._socket.getsockname()
+        self._sink, address = sink, self._socket.getsockname()
         self._receiver = None if send is None else (address[0], send, *address[2:])
         self.about = {"host": address[0], "udp": address[1]}
         self.fileno, self.close = self._socket.fileno, self._socket.close

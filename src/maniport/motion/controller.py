@@ -11,21 +11,27 @@ of the arm, and the distance e of the end effector from its previous target.
 With a horizon, velocities are planned in further intervals, too: the cost is the mean of those at the ends of all
 intervals, with the same linearization, and limits of velocity and acceleration hold throughout. So an arm whose
 accelerations are limited brakes in time. Only the velocities of the first interval are used.
+
+A joint may be no faster than it can brake before its position limit. With the distance D to the limit, the acceleration
+a and steps of dt, this velocity is √(2 a D) − a dt / 2, and D / dt where the joint can stop within a step. From each
+configuration and velocity that respects this bound, a step exists that respects it again; the steps may have different
+durations. So limits of position, velocity and acceleration never contradict one another.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import daqp
 import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
-from maniport.errors import InvalidInputError
-from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.posture import PostureCost
-from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
+from maniport.arms.collisions import Collisions
+from maniport.motion.collision_limit import CollisionLimit, Limit, as_own_limits
 from maniport.motion.objective import Targets
+from maniport.motion.problem import Cost
+from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
 LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
@@ -33,22 +39,13 @@ LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
 
 @dataclass(frozen=True, eq=False)
 class ControlState:
-    """State of an arm between two control steps.
+    """State of an arm between two control steps."""
 
-    Attributes
-    ----------
-    q, velocity : ndarray, shape (dof,)
-        Joint positions [rad or m], and velocities of the last step [1/s].
-    dt : float, optional
-        Duration of the last step [s]; None before the first step.
-    solved : bool
-        False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were
-        violated as little as possible, or the arm braked if this would have led to a collision.
-    """
-
-    q: Array
-    velocity: Array
-    dt: float | None = None
+    q: Array  # (dof,) [rad or m]
+    velocity: Array  # (dof,), of the last step [1/s]
+    dt: float | None = None  # duration of the last step [s]; None before the first step
+    # False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were violated
+    # as little as possible, or the arm braked if this would have led to a collision.
     solved: bool = True
 
     @classmethod
@@ -59,163 +56,184 @@ class ControlState:
 
 @dataclass(frozen=True, eq=False)
 class ControlProblem:
-    """Costs of one control step.
+    """Costs of one control step."""
 
-    Attributes
-    ----------
-    targets : tuple of Targets
-        Targets of each arm, one row.
-    posture : PostureCost
-        Reference configuration.
-    time : float
-        Time of further costs [s].
-    previous_positions : tuple of ndarray, shape (3,), or None
-        Target positions of each arm in the last step [m]; None for no damping by the position error.
-    horizon : tuple of float
-        Durations of h intervals after the step for which velocities are planned, too [s].
-    predicted_positions : tuple of ndarray, shape (h, 3), or None
-        Target positions of each arm at the ends of these intervals [m].
-    differentials : tuple, optional
-        `Objective.differentials` of each arm at the present configuration. Default: computed.
-    """
-
-    targets: tuple[Targets, ...]
-    posture: PostureCost
-    time: float = 0.0
+    targets: tuple[Targets, ...]  # of each arm, one row
+    reference: Array  # q_ref, (dof,)
+    reference_weight: float  # w [1/rad or 1/m]
+    time: float = 0.0  # of further costs [s]
+    # (3,), target positions of each arm in the last step [m]; None for no damping by the position error
     previous_positions: tuple[Array | None, ...] | None = None
-    horizon: tuple[float, ...] = ()
-    predicted_positions: tuple[Array | None, ...] = ()
+    horizon: tuple[float, ...] = ()  # durations of intervals after the step for which velocities are planned, too [s]
+    # `Objective.differentials` of each arm at the present configuration; None: to be computed
     differentials: tuple[tuple[Array, Array, Array, Array], ...] | None = None
 
 
 class Controller:
-    """Moves an arm or a group of arms, step by step.
+    """Moves an arm or a group of arms, step by step, within its position limits.
 
-    Parameters
-    ----------
-    arm : Arm or ArmGroup
-    braking : BrakingLimit
-    collisions : CollisionLimit, optional
-        A step is taken only if neither it nor braking after it collides.
-    costs : sequence of Cost
-        Further costs.
-    limits : sequence of Limit
-        Further hard limits.
-    lm_damping : float
-        Levenberg-Marquardt damping of ellipsoids, λ.
+    `velocity` and `acceleration` (dof,) are the largest magnitudes, infinite where a joint has no limit. A step is
+    taken only if neither it nor braking after it collides. `costs` and `limits` are further ones.
     """
 
     def __init__(
         self,
         arm: Arm | ArmGroup,
-        braking: BrakingLimit,
-        collisions: CollisionLimit | None = None,
+        velocity: Array,
+        acceleration: Array,
+        collisions: Collisions | None = None,
         costs: Sequence[Cost] = (),
         limits: Sequence[Limit] = (),
-        lm_damping: float = LM_DAMPING,
     ):
         group = as_group(arm)
-        self.braking, self.collisions, self.lm_damping = braking, collisions, lm_damping
-        self._costs, self._limits = tuple(costs), (*limits, *(() if collisions is None else (collisions,)))
         self.columns = group.columns
-        self._whole = len(group.arms) == 1  # hessians of an arm need no indexing, which is slow
+        self._blocks: list[Any] = [(columns[:, None], columns) for columns in group.columns]
+        if len(group.arms) == 1:  # indexing by arrays is slow
+            self._blocks = [(slice(None), slice(None))]
+        self._bounds = np.array([arm.lower, arm.upper, velocity, acceleration], dtype=np.float64)
+        self._collisions = collisions if collisions is not None and collisions.checked else None
+        self._costs, self._limits = tuple(costs), as_own_limits(limits, group)
+        if self._collisions is not None:
+            self._limits = (*self._limits, CollisionLimit(self._collisions))
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
-        self._no_limits = np.empty((0, group.dof)), np.empty(0)
-        self.reaches = tuple(
-            float(np.linalg.norm(end_positions, axis=1).max()) for end_positions in samples
-        )  # from the base [m]
-        for i, limit in enumerate(limits):
-            _require_fitting(limit, f"limits[{i}]", group)
+        self._reaches = [float(np.linalg.norm(positions, axis=1).max()) for positions in samples]  # from the base [m]
 
     def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
         """Move for dt [s], or brake if the quadratic program has no solution or the solution collides.
 
-        `speed_share` is the share of the velocity limits that may be used.
+        `speed_share` is the share of the velocity limits that may be used. A joint that is faster slows down as its
+        acceleration allows.
         """
-        bounds = self._bounds(state, dt, speed_share)
+        bounds = _velocity_bounds(state.q, state.velocity, self._bounds, state.dt or dt, dt, speed_share)
         velocity, solved = self._solve(problem, state.q, bounds, dt, speed_share)
-        if velocity is None:
-            return self.brake(state, dt)
-        velocity, configurations = self.braking.move(state.q, velocity, bounds, dt)
-        if self.collisions is not None and self.collisions.collisions.collides(configurations).any():
-            return self.brake(state, dt)
-        return ControlState(configurations[0], velocity, dt, solved)
+        if velocity is not None:
+            velocity, configurations = _moved(state.q, velocity, bounds, self._bounds, dt)
+            if self._collisions is None or not self._collisions.collides(configurations).any():
+                return ControlState(configurations[0], velocity, dt, solved)
+        return self.brake(state, dt)
 
     def brake(self, state: ControlState, dt: float) -> ControlState:
         """Come to rest as soon as accelerations allow."""
-        bounds = self._bounds(state, dt, 1.0)
-        velocity, configurations = self.braking.move(state.q, np.zeros(len(state.q)), bounds, dt)
+        bounds = _velocity_bounds(state.q, state.velocity, self._bounds, state.dt or dt, dt, 1.0)
+        velocity, configurations = _moved(state.q, np.zeros(len(state.q)), bounds, self._bounds, dt)
         return ControlState(configurations[0], velocity, dt, solved=False)
-
-    def _bounds(self, state: ControlState, dt: float, speed_share: float) -> Array:
-        last_dt = dt if state.dt is None else state.dt
-        return self.braking.bounds(state.q, state.velocity, last_dt, dt, speed_share)
 
     def _solve(
         self, problem: ControlProblem, q: Array, bounds: Array, dt: float, speed_share: float
     ) -> tuple[Array | None, bool]:
         """Return the best velocities (dof,), or None, and whether they satisfy all inequalities."""
-        hessian, gradients = self._objective(problem, q)
-        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradients, gradients)):  # an ellipsoid is singular
+        hessian, gradient = self._objective(problem, q)
+        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradient, gradient)):  # an ellipsoid is singular
             return None, False
-        rows, allowed = self._no_limits
-        if self._limits:
-            pairs = [limit.inequalities(q, dt) for limit in self._limits]
-            many = len(pairs) > 1
-            rows, allowed = (np.concatenate(parts) if many else parts[0] for parts in zip(*pairs, strict=True))
+        rows, allowed = np.empty((0, len(q))), np.empty(0)
+        for limit in self._limits:
+            more, sides = limit.inequalities(q, dt)
+            rows, allowed = (more, sides) if not len(rows) else (np.vstack([rows, more]), np.append(allowed, sides))
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
-            program = self.braking.program(hessian, gradients, durations, bounds, speed_share, rows, allowed, relaxed)
+            program = _program(hessian, gradient, durations, bounds, self._bounds, speed_share, rows, allowed, relaxed)
             step, _, exit_flag, _ = daqp.solve(*program)
             if exit_flag > 0 and math.isfinite(step.sum()):
                 return step[: len(q)] / dt, not relaxed
         return None, False
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
-        """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradients.
-
-        The gradients (1 + h, dof) are those of the targets at the end of the step, and of the horizon's intervals.
-        """
-        dof, weight = len(q), problem.posture.weight**2
-        gradient, damping = weight * (q - problem.posture.reference), np.full(dof, weight)  # of the posture
-        hessian, later = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
-        for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
+        """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradient (dof,)."""
+        dof, weight = len(q), problem.reference_weight**2
+        gradient, damping = weight * (q - problem.reference), np.full(dof, weight)
+        hessian = np.zeros((dof, dof))
+        for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
+            columns = block[1]
             differentials = None if problem.differentials is None else problem.differentials[i]
             parts = targets.linearize(q[None, columns], differentials)
-            block = (slice(None), slice(None)) if self._whole else (columns[:, None], columns)
             hessian[block] += parts.hessian[0]
-            gradient[block[1]] += parts.gradient[0]
-            amount = self.lm_damping * parts.ellipsoid_square[0]
+            gradient[columns] += parts.gradient[0]
+            amount = LM_DAMPING * parts.ellipsoid_square[0]
+            position_weight = targets.objective.position_weight**2
             previous = None if problem.previous_positions is None else problem.previous_positions[i]
             if previous is not None:
-                offset = parts.poses[0, :3, 3] - previous
-                distance = math.sqrt(offset @ offset)
+                distance = math.dist(parts.poses[0, :3, 3], previous)
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
-                amount += targets.objective.position_weight**2 * self.reaches[i] * lag
-            damping[block[1]] += amount
-            predicted = problem.predicted_positions[i] if problem.horizon else None
-            if predicted is not None and targets.positions is not None:
-                moved = targets.positions - predicted
-                later[1:, block[1]] += targets.objective.position_weight**2 * moved @ parts.jacobian[0, :3]
+                amount += position_weight * self._reaches[i] * lag
+            damping[columns] += amount
         for cost in self._costs:
             time = np.array([problem.time])
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
         hessian.reshape(-1)[:: dof + 1] += damping + 1e-12  # the diagonal
-        return hessian, gradient + later
+        return hessian, gradient
 
 
-def _require_fitting(limit: Limit, name: str, group: ArmGroup) -> None:
-    """Raise InvalidInputError unless a limit can be computed for the joints."""
-    try:
-        matrix, bound = map(np.asarray, limit.inequalities(group.sample(1, 0)[0], 0.01))
-    except Exception as error:  # user code may raise anything
-        raise InvalidInputError(
-            f"{name} cannot be computed for {group.name!r}: {type(error).__name__}: {error}; found {limit!r}"
-        ) from error
-    if bound.ndim != 1 or matrix.shape != (len(bound), group.dof):
-        raise InvalidInputError(
-            f"{name}.inequalities must have shapes (k, {group.dof}) and (k,), one column for each joint of "
-            f"{group.name!r}; found {matrix.shape} and {bound.shape}"
-        )
+@kernel
+def _velocity_bounds(q, velocity, limits, last_dt, dt, speed_share):  # type: ignore[no-untyped-def]
+    """Return the smallest and the largest velocities of the next step, shape (2, dof)."""
+    bounds = np.empty((2, len(q)))
+    for i in range(len(q)):
+        v, a = velocity[i], limits[3, i]
+        change = 0.5 * a * (last_dt + dt)
+        fastest = max(speed_share * limits[2, i], abs(v) - change)
+        upper = min(fastest, v + change, _braking_speed(limits[1, i] - q[i], a, dt))
+        bounds[0, i] = min(-min(fastest, change - v, _braking_speed(q[i] - limits[0, i], a, dt)), upper)
+        bounds[1, i] = upper
+    return bounds
+
+
+@part
+def _braking_speed(distance, a, dt):  # type: ignore[no-untyped-def]
+    distance, half = max(distance, 0.0), 0.5 * a * dt
+    fast = np.sqrt(2.0 * a * distance) - half  # nan without a limit of acceleration
+    return fast if fast > half else distance / dt
+
+
+@kernel
+def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
+    """Return the velocity within bounds, and two configurations (2, dof): after the step, and after braking."""
+    achieved, configurations = np.empty(len(q)), np.empty((2, len(q)))
+    for i in range(len(q)):
+        achieved[i] = min(max(velocity[i], bounds[0, i]), bounds[1, i])
+        configurations[0, i] = min(max(q[i] + dt * achieved[i], limits[0, i]), limits[1, i])
+        slower = max(abs(achieved[i]) - 0.5 * limits[3, i] * dt, 0.0)
+        configurations[1, i] = configurations[0, i] + np.sign(achieved[i]) * slower**2 / (2.0 * limits[3, i])
+    return achieved, configurations
+
+
+@kernel
+def _program(hessian, gradient, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
+    """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
+
+    The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is the
+    same and whose halved gradient (dof,) is that at the present configuration. `bounds` and the inequalities
+    rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the share of the limits
+    that may be used, and reached within the limits of acceleration. `relaxed` weakens each inequality that no velocity
+    within the bounds satisfies, as little as possible.
+    """
+    stages, dof = len(durations), len(gradient)
+    size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
+    quadratic, linear = np.zeros((size, size)), np.zeros(size)
+    matrix = np.zeros((count + size - dof, size))
+    above = np.full(size + len(matrix), unlimited)
+    below = -above
+    for k in range(stages):
+        for a in range((k + 1) * dof):
+            weight = durations[k] / durations.sum() * durations[a // dof] / dt
+            linear[a] += weight * gradient[a % dof]
+            for b in range((k + 1) * dof):
+                quadratic[a, b] += weight * durations[b // dof] / dt * hessian[a % dof, b % dof]
+    for i in range(dof):
+        above[i], below[i] = min(dt * bounds[1, i], unlimited), max(dt * bounds[0, i], -unlimited)
+    for i in range(dof, size):
+        fastest = min(dt * speed_share * limits[2, i % dof], unlimited)
+        above[i], below[i] = max(fastest, above[i - dof]), min(-fastest, below[i - dof])
+        row, k = count + i - dof, i // dof
+        matrix[row, i], matrix[row, i - dof] = 1.0, -1.0
+        change = min(0.5 * (durations[k - 1] + durations[k]) * limits[3, i % dof] * dt, unlimited)
+        above[size + row], below[size + row] = change, -change
+    matrix[:count, :dof] = rows
+    above[size : size + count] = allowed
+    for k in range(count if relaxed else 0):
+        least = 0.0
+        for i in range(dof):
+            least += min(rows[k, i] * below[i], rows[k, i] * above[i])
+        above[size + k] = max(allowed[k], least + 1e-9 * abs(least))
+    return quadratic, linear, matrix, above, below, np.zeros(len(above), np.int32)

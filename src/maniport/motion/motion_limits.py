@@ -114,10 +114,7 @@ class MotionLimits:
                     (numbers.get(quantity), where),
                     (default.get(quantity), f"{where} (default)"),
                     (PANDA.get(own, {}).get(quantity), "Franka's limits of the Panda (FER)"),
-                    (
-                        nominal[i] if nominal is not None and np.isfinite(nominal[i]) else None,
-                        "the robot's description",
-                    ),
+                    (None if nominal is None or np.isinf(nominal[i]) else nominal[i], "the robot's description"),
                 ]
                 if quantity in DERIVATIVES:
                     lower = {key: magnitudes[i] for key, magnitudes in limits.items()}
@@ -146,20 +143,19 @@ class MotionLimits:
 
     @property
     def lower(self) -> Array:
-        """Smallest positions with the margin, shape (dof,) [rad] or [m]."""
+        """Smallest positions with the margin, shape (dof,) [rad or m]."""
         return np.asarray(self.arm.lower)
 
     @property
     def upper(self) -> Array:
-        """Largest positions with the margin, shape (dof,) [rad] or [m]."""
+        """Largest positions with the margin, shape (dof,) [rad or m]."""
         return np.asarray(self.arm.upper)
 
     @cached_property
     def dynamics(self) -> InverseDynamics | None:
         """Inverse dynamics; None where the description of an arm has no masses."""
-        return (
-            InverseDynamics(self.arm) if all(arm.chain.inertia is not None for arm in as_group(self.arm).arms) else None
-        )
+        has_masses = all(arm.chain.inertia is not None for arm in as_group(self.arm).arms)
+        return InverseDynamics(self.arm) if has_masses else None
 
     def require_held(self, least: float = 0.05) -> None:
         """Require that the joints hold the arm against gravity in a share of at least `least` of its configurations."""
@@ -193,17 +189,10 @@ class MotionLimits:
         return self.dynamics.torques(positions, 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0))
 
     def use(self, time: ArrayLike, q: ArrayLike) -> "LimitUse":
-        """Largest share of each limit that a motion uses.
+        """Largest share of each limit that a motion uses, with times (m,) at a constant rate [s] and q (m, dof).
 
         Velocity, acceleration and jerk are first, second and third differences of neighboring samples, at the middle
         of these samples; shares of torques and their rates are zero where limits or masses are unknown.
-
-        Parameters
-        ----------
-        time : array_like, shape (m,)
-            At a constant rate [s]; `InvalidInputError` otherwise.
-        q : array_like, shape (m, dof)
-            [rad] or [m].
         """
         times, values = as_times(time, fewest=2), as_finite(q, "q")
         require_rows(len(times), q=(values, (self.arm.dof,)))
@@ -231,15 +220,15 @@ class MotionLimits:
 
 @dataclass(frozen=True, eq=False)
 class LimitUse:
-    """Largest shares of limits that a motion uses; 1 is the limit.
+    """Largest shares of limits that a motion uses, by rows of `QUANTITIES`; 1 is the limit.
+
+    A share of a position is measured from the middle of the joint's range.
 
     Attributes
     ----------
     joint_names : tuple of str
-        Names of the degrees of freedom.
     shares, times : ndarray, shape (6, dof)
-        Largest shares of `QUANTITIES` (position, velocity, acceleration, jerk, torque, torque rate), and when [s]. A
-        share of a position is measured from the middle of the joint's range.
+        Largest shares, and when [s].
     """
 
     joint_names: tuple[str, ...]

@@ -1,9 +1,7 @@
 """An arm, or a group of arms, follows target ellipsoids and paths step by step with the `Controller`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,75 +10,16 @@ from threadpoolctl import ThreadpoolController
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.controller import LM_DAMPING, Controller, ControlProblem, ControlState
-from maniport.motion.costs.cost import Cost, as_costs
-from maniport.motion.costs.orientation import POINTING, axis_weights
-from maniport.motion.costs.posture import PostureCost
-from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
-from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
-from maniport.motion.plan.plan_motion import plan_motion
-from maniport.motion.plan.planner import Planner
+from maniport.motion.collision_limit import Limit
+from maniport.motion.controller import Controller, ControlProblem, ControlState
+from maniport.motion.objective import FOLLOWING_WEIGHT, POINTING, Damping, axis_weights
+from maniport.motion.problem import Cost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
-from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Part, Progress, Step, between, ignore_fraction
-from maniport.util.validation import Array, as_choice, as_generator, as_number
-
-
-@dataclass(frozen=True)
-class Control:
-    """Settings of the tracker.
-
-    Attributes
-    ----------
-    rate : float
-        Control rate [Hz]; there is at least one step for each time of the profile.
-    interpolation : {"cubic", "linear"}
-        Interpolation of targets: splines (of logarithms for ellipsoids), or geodesics and straight lines.
-    velocity_limits, acceleration_limits : array_like, shape (dof,) or one number, optional
-        [rad/s], [rad/s²], or in meters. Default: the arm's own velocity limits, and no acceleration limits.
-    lm_damping : float
-        Levenberg-Marquardt damping of the ellipsoid cost, not negative.
-    position_cost : float
-        Weight of position errors [1/m].
-    orientation_axes : {"pointing", "whole"}
-        As in `maniport.motion.PlanSettings`.
-    costs : sequence of Cost
-        Further costs, see `maniport.motion.Cost`.
-    limits : sequence of Limit
-        Further hard limits, see `maniport.motion.Limit`.
-
-    Raises
-    ------
-    InvalidInputError
-        When a value is out of its range, or is no cost or limit.
-    """
-
-    rate: float = 100.0
-    interpolation: str = "cubic"
-    velocity_limits: ArrayLike | None = None
-    acceleration_limits: ArrayLike | None = None
-    lm_damping: float = LM_DAMPING
-    position_cost: float = FOLLOWING_WEIGHT
-    orientation_axes: str = POINTING
-    costs: Sequence[Cost] = ()
-    limits: Sequence[Limit] = ()
-
-    def __post_init__(self) -> None:
-        as_number(self.rate, "rate", above=0.0)
-        as_choice(self.interpolation, "interpolation", ("cubic", "linear"))
-        as_number(self.position_cost, "position_cost", above=0.0)
-        axis_weights(self.orientation_axes)
-        as_number(self.lm_damping, "lm_damping", minimum=0.0)
-        for name in ("costs", "limits"):
-            if not isinstance(getattr(self, name), Sequence) or isinstance(getattr(self, name), str):
-                raise InvalidInputError(f"{name} must be a sequence; found {getattr(self, name)!r}")
-        for i, limit in enumerate(self.limits):
-            if not isinstance(limit, Limit):
-                raise InvalidInputError(f"limits[{i}] must have the method inequalities; found {limit!r}")
+from maniport.util.validation import Array, as_number
 
 
 def track(
@@ -95,11 +34,15 @@ def track(
     damping: Damping = DAMPING,
     weights: ArrayLike | Sequence[ArrayLike] | None = None,
     rotations: ArrayLike | Sequence[ArrayLike] | None = None,
+    orientation_axes: str = POINTING,
+    position_cost: float = FOLLOWING_WEIGHT,
+    rate: float = 100.0,
+    velocity_limits: ArrayLike | None = None,
+    acceleration_limits: ArrayLike | None = None,
     collisions: Collisions | bool | None = None,
-    bank: SeedBank | None = None,
-    random_state: Any = 0,
+    costs: Sequence[Cost] = (),
+    limits: Sequence[Limit] = (),
     progress: Progress | None = None,
-    **control: Any,
 ) -> RobotMotion:
     """Track target ellipsoids and target paths of end effectors with a controller.
 
@@ -117,49 +60,49 @@ def track(
     path, rotations : array_like, shapes (n, 3) and (n, 3, 3), optional
         Target positions [m] and orientations of the end effector in the base frame.
     start : array_like, shape (dof,), optional
-        First configuration. Default: the first of the reference, else that of a planned motion.
+        First configuration. Default: the first of the reference.
     reference : array_like, shape (n, dof), optional
         Configurations to stay near where path and ellipsoids leave freedom, such as a plan's [rad or m].
-    spec, damping
+    spec, damping, orientation_axes
         As in `maniport.motion.plan_motion`; the damping is above zero, since arms pass singular configurations.
     weights : array_like, shape (n, m, m), optional
         Weights of the directions of the ellipsoids, see `maniport.learning.tracking_weights`; m = d (d + 1) / 2.
+    position_cost : float
+        Weight of position errors [1/m].
+    rate : float
+        Control rate [Hz]; there is at least one step for each time of the profile.
+    velocity_limits, acceleration_limits : array_like, shape (dof,) or one number, optional
+        [rad/s], [rad/s²], or in meters. Default: the arm's own velocity limits, and no acceleration limits.
     collisions : Collisions or bool, optional
         Collision model; True: of the arm with itself, and with the other arms of the group.
-    bank : SeedBank, optional
-        Seed configurations of the planned start of a single arm. Default: 16 384 new samples (0.1 s).
-    random_state, progress : optional
-        Random seed; called with the name of a step and the fraction done.
-    **control
-        Of `maniport.motion.Control`.
+    costs, limits : sequences of Cost and Limit
+        Further costs and hard limits, see `maniport.motion.Cost` and `maniport.motion.Limit`.
+    progress : optional
+        Called with the name of a step and the fraction done.
 
     Raises
     ------
     InvalidInputError, NotSPDError
-        When an argument has a wrong shape or value, an ellipsoid is asymmetric or indefinite, an arm has fewer than
-        three joints or coupled ones, or the bank was made for another arm.
+        When an argument has a wrong shape or value, an ellipsoid is asymmetric or indefinite, or an arm has fewer than
+        three joints or coupled ones.
     """
-    settings, group, model = Control(**control), as_group(arm), as_collisions(collisions, arm)
-    if bank is not None:
-        bank.require_fits(group.arms[0], spec)
+    group, model = as_group(arm), as_collisions(collisions, arm)
+    control_rate = as_number(rate, "rate", above=0.0)
+    position_weight, axes = as_number(position_cost, "position_cost", above=0.0), axis_weights(orientation_axes)
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    axes = axis_weights(settings.orientation_axes)
-    schedules = schedules_of(arm, time, spec, damping, settings.position_cost, axes, arrays, near)
-    begin = near[0] if start is None and near is not None else start
-    if begin is not None:
-        begin = np.clip(group.require_within_limits(begin, "start", single=True), group.lower, group.upper)
-    speeds = speed_limits(arm, settings.velocity_limits)
-    accelerations = as_limits(arm, settings.acceleration_limits, "acceleration_limits")
-    braking = BrakingLimit(arm.lower, arm.upper, speeds, accelerations)
-    distances = CollisionLimit(model) if model is not None and model.checked else None
-    costs = as_costs(settings.costs, arm, schedules[0].time)
-    controller = Controller(arm, braking, distances, costs, settings.limits, settings.lm_damping)
-    step, planned = Step(progress, "Track trajectory"), 0.0 if begin is not None else 0.5  # the share of the work
-    if begin is None:
-        begin = _planned_start(group, schedules, spec, settings, bank, random_state)
-    sampled = [schedule.sampled(settings.rate, settings.interpolation) for schedule in schedules]
-    joints, held = follow(controller, begin, sampled, between(step, planned, 1.0))
+    schedules = schedules_of(arm, time, spec, damping, position_weight, axes, arrays, near)
+    if start is None:
+        if near is None:
+            raise InvalidInputError("start is required without reference: a configuration, such as the first of a plan")
+        start = near[0]
+    begin = group.require_within_limits(start, "start", single=True)
+    speeds = speed_limits(arm, velocity_limits)
+    accelerations = as_limits(arm, acceleration_limits, "acceleration_limits")
+    costs = as_costs(costs, arm, schedules[0].time)
+    controller = Controller(arm, speeds, accelerations, model, costs, limits)
+    step, sampled = Step(progress, "Track trajectory"), [own.sampled(control_rate) for own in schedules]
+    joints, held = follow(controller, np.clip(begin, arm.lower, arm.upper), sampled, between(step, 0.0, 1.0))
     trajectory = Trajectory.of_positions(group, schedules[0].time, sampled[0].time, joints)
     result = RobotMotion.of(group, schedules, trajectory, model, speeds, held=held)
     step.end()
@@ -177,7 +120,7 @@ def follow(
     dt = (times[-1] - times[0]) / (len(times) - 1)
     targets = [schedule.targets() for schedule in schedules]
     has_reference = schedules[0].configurations is not None
-    posture_weight = 0.3 if has_reference else 1e-2  # a little for joints that no other cost determines
+    reference_weight = 0.3 if has_reference else 1e-2  # a little for joints that no other cost determines
     references = np.tile(start, (len(times), 1))
     for schedule, columns in zip(schedules, controller.columns, strict=True):
         if schedule.configurations is not None:
@@ -187,12 +130,9 @@ def follow(
     # On matrices this small, threads of BLAS only wait for one another
     with _threads().limit(limits=1, user_api="blas"):
         for i in range(1, len(times)):
-            problem = ControlProblem(
-                tuple(own[i : i + 1] for own in targets),
-                PostureCost(references[i], posture_weight),
-                float(times[i]),
-                tuple(None if own.positions is None else own.positions[i - 1] for own in schedules),
-            )
+            previous = tuple(None if own.positions is None else own.positions[i - 1] for own in schedules)
+            rows = tuple(own[i : i + 1] for own in targets)
+            problem = ControlProblem(rows, references[i], reference_weight, float(times[i]), previous)
             state = controller.step(problem, state, dt)
             joints[i], held[i] = state.q, not state.solved
             if i % 100 == 0:
@@ -204,32 +144,3 @@ def follow(
 def _threads() -> ThreadpoolController:
     """Return the controller of thread pools, whose search of all loaded libraries takes time."""
     return ThreadpoolController()
-
-
-def _planned_start(
-    group: ArmGroup,
-    schedules: Sequence[Schedule],
-    spec: EllipsoidSpec,
-    settings: Control,
-    bank: SeedBank | None,
-    random_state: Any,
-) -> Array:
-    """First configuration of a motion that is planned through the same targets."""
-    random = as_generator(random_state)
-    planner = Planner.of(MotionLimits.of(group, joint_limit_margin=0.0), spec, False, random)
-    if bank is not None:
-        planner = replace(planner, arms=(replace(planner.arms[0], bank=bank),))
-    names = {"profiles": "ellipsoids", "paths": "positions", "weights": "weights", "rotations": "rotations"}
-    values = {name: [getattr(schedule, own) for schedule in schedules] for name, own in names.items()}
-    plan = plan_motion(
-        group,
-        **{name: None if parts[0] is None else parts for name, parts in values.items()},  # type: ignore[arg-type]
-        time=schedules[0].time,
-        spec=spec,
-        damping=schedules[0].objective.damping,
-        planner=planner,
-        position_tolerance=1e-3,
-        orientation_axes=settings.orientation_axes,
-        random_state=random,
-    )
-    return np.asarray(plan.trajectory.joint_positions[0])

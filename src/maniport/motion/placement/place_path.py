@@ -1,7 +1,7 @@
 """Placement of hand paths relative to robot arms that minimizes the distance to target ellipsoids."""
 
 from collections.abc import Sequence
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +11,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_compatible
 from maniport.motion.demands import Demand
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.placement.placement import Placement
-from maniport.motion.placement.problem import (
+from maniport.motion.placement.placement import (
     HEADING,
     OFFSET,
     SCALE,
@@ -20,16 +19,16 @@ from maniport.motion.placement.problem import (
     TILT,
     YAW,
     ArmPath,
+    Place,
+    Placement,
     PlacementProblem,
     base_rotations,
-    named,
 )
 from maniport.motion.placement.search import WEIGHT, best_placements
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
-from maniport.motion.search.descent import pointwise_best
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank, pointwise_best
 from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
@@ -48,17 +47,7 @@ from maniport.util.validation import (
 )
 
 
-@overload
-def place_path(path: ArrayLike, profile: ArrayLike, arm: Arm, **options: Any) -> Placement: ...
-
-
-@overload
 def place_path(
-    path: Sequence[ArrayLike], profile: Sequence[ArrayLike], arm: ArmGroup | Sequence[Arm], **options: Any
-) -> tuple[Placement, ...]: ...
-
-
-def place_path(  # type: ignore[misc]
     path: Any,
     profile: Any,
     arm: Any,
@@ -70,7 +59,7 @@ def place_path(  # type: ignore[misc]
     yaw: float | None = None,
     tilt: float | str | None = None,
     offset: Sequence[float | None] | ArrayLike | None = None,
-    workspace: Sequence[Sequence[float | None]] | None = None,
+    workspace: Sequence[Sequence[float | None]] | Array | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     collisions: Any = None,
@@ -79,16 +68,14 @@ def place_path(  # type: ignore[misc]
     rank: int = 1,
     random_state: Any = 0,
     progress: Progress | None = None,
-) -> Placement | tuple[Placement, ...]:
+) -> Any:
     """Find the scale, yaw, offset and optional tilt that minimize the distance to target ellipsoids.
 
-    Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
-    for the best ones trajectories are planned through some waypoints of the path, and placement and trajectory are
-    improved together. The ellipsoids rotate with the path.
+    Thousands of placements are compared by samples of the arm; for the best ones trajectories are planned through some
+    waypoints, and placement and trajectory are improved together. The ellipsoids rotate with the path.
 
-    The paths of several arms, such as those of both hands, keep their relation: they are scaled, rotated and moved
-    together, about the mean of all their waypoints. The costs of the arms are summed; collisions between them are not
-    checked.
+    The paths of several arms keep their relation: they are scaled, rotated and moved together, about the mean of all
+    their waypoints. The costs of the arms are summed; collisions between them are not checked.
 
     Parameters
     ----------
@@ -103,7 +90,7 @@ def place_path(  # type: ignore[misc]
         Times of the waypoints [s], which weigh them. Default: equal weights.
     demands : sequence of (EllipsoidSpec, ndarray of shape (n, 3)), optional
         Vectors that are rotated and scaled with the path, which the arm's ellipsoids should contain, such as those of
-        `maniport.motion.demands.demands_of`, for a robot that follows at the person's speed. Default: none.
+        `maniport.motion.demands.demands_of`.
     map_rotation : array_like, shape (3, 3), optional
         Rotation of the ellipsoids by the adapter, to be applied to the path. Default: the identity.
     scale : float or (float, float), optional
@@ -120,12 +107,10 @@ def place_path(  # type: ignore[misc]
         As in `maniport.motion.nearest_feasible`; the bank serves the pointwise optimum.
     collisions : Collisions or bool, optional
         Collision model of planned trajectories; True: self-collisions. The path stays above a table.
-    reachability_map : maniport.motion.ReachabilityMap, optional
-        Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
-    rank : int
-        Rank of the returned placement among the `candidates`, from 1.
-    random_state : optional
-        Random seed.
+    reachability_map : optional
+        Of this arm and these ellipsoids, such as ``planner.arms[0].reachability_map``. Default: a new one (0.4 s).
+    rank, random_state : int
+        Rank of the returned placement among the `candidates`, from 1; random seed.
 
     Returns
     -------
@@ -145,9 +130,7 @@ def place_path(  # type: ignore[misc]
         "path": path, "profile": profile, "collisions": collisions, "reachability_map": reachability_map, "bank": bank,
         "demands": demands,
     }  # fmt: skip
-    paths, profiles, models, maps, banks, demanded = (
-        of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
-    )
+    paths, profiles, models, maps, banks, demanded = (of_each(value, name, arm) for name, value in arguments.items())
     fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "Place path")
@@ -159,23 +142,14 @@ def place_path(  # type: ignore[misc]
     for own, samples in zip(arms, maps, strict=True):
         require_compatible("the reachability_map was built for", (samples.arm, own), (samples.spec, spec))
     _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
-    objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
-    for i, objective in enumerate(objectives):
-        index = "" if len(arms) == 1 else f"s[{i}]"
-        targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
-        require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
-        positions.append(as_metres(paths[i], f"path{index}"))
-        count = (len(targets[0]), 3)
-        require_shape(positions[i], f"path{index}", count, ", one point for each ellipsoid of the profile")
-    times = _times(time, positions)
-    center = np.concatenate(positions).mean(axis=0)
     rotation = np.eye(3) if map_rotation is None else as_rotation(map_rotation, "map_rotation", 3)
-    members = tuple(
-        ArmPath(objectives[i], (positions[i] - center) @ rotation.T, targets[i], maps[i], turned)
-        for i, turned in enumerate(_turned(needed, rotation, len(targets[0])) for needed in demanded)
-    )
-    outline = np.concatenate([member.path for member in members])
-    problem = PlacementProblem(members, outline, times, fixed, lower, upper, bounds)
+    objectives = [Objective.of(own, spec, damping, WEIGHT) for own in arms]
+    positions, targets = _checked(objectives, paths, profiles)
+    center, times = np.concatenate(positions).mean(axis=0), _times(time, positions)
+    turned = [(own - center) @ rotation.T for own in positions]
+    needed = [_turned(own, rotation, len(times)) for own in demanded]
+    members = tuple(map(ArmPath, objectives, turned, targets, maps, needed))
+    problem = PlacementProblem(members, np.concatenate(turned), times, fixed, lower, upper, bounds)
     results = best_placements(problem, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(results):
         raise InvalidInputError(f"rank must be at most {len(results)}, the number of placements; found {rank}")
@@ -185,17 +159,31 @@ def place_path(  # type: ignore[misc]
         aims = member.targets(best.place)
         q = pointwise_best(aims, samples.starts_for(aims, budget.pointwise_starts), q, part)
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
-        error = np.asarray(aims.position_error(q))
         placed.append(Placement(
-            **vars(named(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
+            **vars(Place.of(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
             profile=ellipsoids, spec=spec, center=center, map_rotation=rotation,
-            base_orientation=base_rotations(best.place[None])[0], position_error=error,
-            reachable=error <= 1e-3, joint_positions=q,
-            candidates=tuple(named(other.place, other.distance[i]) for other in results),
+            base_orientation=base_rotations(best.place[None])[0], position_error=np.asarray(aims.position_error(q)),
+            joint_positions=q,
+            candidates=tuple(Place.of(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)
     step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
     return tuple(placed) if several else placed[0]
+
+
+def _checked(
+    objectives: Sequence[Objective], paths: Sequence[Any], profiles: Sequence[Any]
+) -> tuple[list[Array], list[Array]]:
+    """Return the path (n, 3) and the target ellipsoids (n, d, d) of each arm."""
+    positions, targets = list[Array](), list[Array]()
+    for i, objective in enumerate(objectives):
+        index = "" if len(objectives) == 1 else f"s[{i}]"
+        targets.append(objective.checked(profiles[i], f"profile{index}"))
+        require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
+        positions.append(as_metres(paths[i], f"path{index}"))
+        shape = (len(targets[0]), 3)
+        require_shape(positions[i], f"path{index}", shape, ", one point for each ellipsoid of the profile")
+    return positions, targets
 
 
 def as_workspace(workspace: Any) -> Array:

@@ -1,7 +1,11 @@
-"""Placement of a path relative to a robot."""
+"""Placements of a path relative to a robot, and the problem of finding one.
 
-import os
-from dataclasses import dataclass
+A search has seven components of a placement: log scale, yaw, tilt and heading of the base [rad], and the position of
+the path's center [m]. The path is rotated by the yaw about the vertical. The base is tilted toward the heading, so the
+vertical is rotated by the inverse in its frame.
+"""
+
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import EllipsoidSpec
 from maniport.arms.chain import rotation_about
 from maniport.errors import InvalidInputError
+from maniport.motion.demands import Demand
+from maniport.motion.objective import Objective, Targets
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.spd.kernels import congruence
-from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, require_shape
 
-DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.save` writes
+DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.write_data` writes
+SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)
+SIZE = 7
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,6 +50,20 @@ class Place:
     heading: float
     offset: Array
     planned_distance: Array
+
+    @classmethod
+    def of(cls, place: Array, planned_distance: Array) -> "Place":
+        """Make a placement from its components (7,) and the distances of the trajectory there."""
+        yaw, heading = np.remainder(place[[YAW, HEADING]] + np.pi, 2.0 * np.pi) - np.pi
+        tilt = float(place[TILT])
+        return Place(
+            scale=float(np.exp(place[SCALE])),
+            yaw=float(yaw),
+            tilt=tilt,
+            heading=float(heading) if tilt else 0.0,
+            offset=place[OFFSET],
+            planned_distance=planned_distance,
+        )
 
     @property
     def rms(self) -> float:
@@ -75,8 +98,6 @@ class Placement(Place, NotebookDisplay):
         Rotation of the ellipsoids by the adapter, which also rotates the path.
     position_error : ndarray, shape (n,)
         Distance of the end effector from the waypoint there [m].
-    reachable : ndarray of bool, shape (n,)
-        Whether that is at most 1 mm.
     joint_positions : ndarray, shape (n, dof)
         Joint positions of the pointwise optimum [rad or m]: not a motion, they may jump.
     candidates : tuple of Place
@@ -90,10 +111,14 @@ class Placement(Place, NotebookDisplay):
     center: Array
     map_rotation: Array
     position_error: Array
-    reachable: NDArray[np.bool_]
     pointwise_best: Array
     joint_positions: Array
     candidates: tuple[Place, ...] = ()
+
+    @property
+    def reachable(self) -> NDArray[np.bool_]:
+        """Whether each position error is at most 1 mm, shape (n,)."""
+        return np.asarray(self.position_error <= 1e-3)
 
     @property
     def rotation(self) -> Array:
@@ -103,7 +128,7 @@ class Placement(Place, NotebookDisplay):
     def apply(self, points: ArrayLike) -> Array:
         """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
         positions = as_finite(points, "points")
-        if positions.ndim < 1 or positions.shape[-1] != 3:
+        if positions.shape[-1:] != (3,):
             raise InvalidInputError(f"points must have shape (..., 3); found {positions.shape}")
         rotation = self.rotation @ self.map_rotation
         return np.asarray(self.scale * (positions - self.center) @ rotation.T + self.offset)
@@ -114,19 +139,8 @@ class Placement(Place, NotebookDisplay):
         require_shape(ellipsoids, "profile", ("n", size, size))
         return congruence(self.spec.rotation(self.rotation), ellipsoids)
 
-    def save(self, folder: str | os.PathLike[str], time: ArrayLike | None = None, *, overwrite: bool = False) -> None:
-        """Write `DATA_FILES` to a folder, whole or not at all: ellipsoids and path, with their times (n,) [s] if known.
-
-        Raises
-        ------
-        OutputError
-            When the folder holds earlier ones that may not be overwritten, or other things, or cannot be written.
-        """
-        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
-            self.write_data(staging, time)
-
     def write_data(self, folder: Path, time: ArrayLike | None = None) -> None:
-        """Write `DATA_FILES` into an existing folder."""
+        """Write `DATA_FILES` into an existing folder: ellipsoids and path, with their times (n,) [s] if known."""
         save_ellipsoids(folder / DATA_FILES[0], self.profile, time)
         save_path(folder / DATA_FILES[1], self.path, time)
 
@@ -135,3 +149,134 @@ class Placement(Place, NotebookDisplay):
         place = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
         optimum = f"pointwise optimum {np.median(self.pointwise_best):.2f} (median)"
         return f"Placement({len(self.path)} points, {place}, {optimum}, {np.sum(~self.reachable)} out of reach)"
+
+
+def base_rotations(places: Array) -> Array:
+    """Rotations of the base in a world whose z axis is up, shape (k, 3, 3)."""
+    heading = _about(2, places[:, HEADING])
+    return np.asarray(heading @ _about(1, places[:, TILT]) @ np.swapaxes(heading, 1, 2))
+
+
+def path_rotations(places: Array) -> Array:
+    """Rotations of the path in the frame of the base, shape (k, 3, 3)."""
+    level = places[:, TILT, None, None] == 0.0
+    base = np.where(level, np.eye(3), np.swapaxes(base_rotations(places), 1, 2))
+    return np.asarray(base @ _about(2, places[:, YAW]))
+
+
+def _about(axis: int, angles: Array) -> Array:
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    rotations = np.tile(np.eye(3), (len(angles), 1, 1))
+    rotations[:, first, first] = rotations[:, second, second] = np.cos(angles)
+    rotations[:, second, first] = np.sin(angles)
+    rotations[:, first, second] = -rotations[:, second, first]
+    return rotations
+
+
+@dataclass(frozen=True)
+class ArmPath:
+    """A path around the common center with its ellipsoids, and the arm that follows it."""
+
+    objective: Objective
+    path: Array  # (n, 3), relative to the center [m], rotated as the ellipsoids
+    profile: Array  # (n, d, d), target ellipsoids before the placement, without damping
+    reachability_map: ReachabilityMap
+    demanded: tuple[Demand, ...] = ()  # before the placement
+
+    def placed(self, places: Array) -> tuple[Array, Array]:
+        """Positions (k, n, 3) and ellipsoids (k, n, d, d) at placements (k, 7)."""
+        rotations, spec = path_rotations(places), self.objective.spec
+        scale = np.exp(places[:, SCALE])[:, None, None]
+        positions = scale * self.path @ np.swapaxes(rotations, 1, 2) + places[:, None, OFFSET]
+        return positions, congruence(spec.rotation(rotations)[:, None], self.profile)
+
+    def demands(self, places: Array) -> list[Demand]:
+        """Demands with vectors (k, n, 3) at placements (k, 7)."""
+        turns = np.exp(places[:, SCALE])[:, None, None] * np.swapaxes(path_rotations(places), 1, 2)
+        return [(spec, vectors @ turns) for spec, vectors in self.demanded]
+
+    def thinned(self, rows: NDArray[np.intp]) -> "ArmPath":
+        """Return the path with some of its waypoints."""
+        demanded = tuple((spec, vectors[rows]) for spec, vectors in self.demanded)
+        return replace(self, path=self.path[rows], profile=self.profile[rows], demanded=demanded)
+
+    def targets(self, place: Array) -> Targets:
+        """Targets of the arm at a placement (7,)."""
+        positions, profile = self.placed(place[None])
+        return self.objective.targets(profile[0], positions[0])
+
+    def derivatives(self, place: Array) -> tuple[Array, Array, Array]:
+        """Return derivatives of positions in a placement (n, 3, 7), and generators of rotations.
+
+        The generators are those of ellipsoids (7, d, d) and of vectors (7, 3, 3).
+        """
+        rotation = path_rotations(place[None])[0]
+        positions, vertical = np.exp(place[SCALE]) * self.path @ rotation.T, rotation[:, 2]
+        axes = np.zeros((SIZE, 3))
+        axes[YAW] = vertical
+        axes[TILT] = np.sin(place[HEADING]), -np.cos(place[HEADING]), 0.0
+        axes[HEADING] = np.array([0.0, 0.0, 1.0]) - vertical
+        shifts = np.cross(axes, positions[:, None]).swapaxes(1, 2)
+        shifts[:, :, SCALE] = positions
+        shifts[:, :, OFFSET] = np.eye(3)
+        turns = np.cross(np.eye(3), axes[:, None])
+        return shifts, self.objective.spec.rotation(turns), turns
+
+
+@dataclass(frozen=True)
+class PlacementProblem:
+    """Paths of one or several arms with one common placement, and bounds of it."""
+
+    arms: tuple[ArmPath, ...]
+    outline: Array  # (m, 3), all waypoints of all arms, which stay in the workspace
+    time: Array  # (n,) [s]
+    fixed: Array  # (7,), the fixed components of the placement; nan where free
+    lower: Array  # (7,), bounds of placements
+    upper: Array  # (7,)
+    workspace: Array  # (2, 3), lower and upper bounds of the paths [m]
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Free components of a placement, shape (7,)."""
+        return np.isnan(self.fixed)
+
+    def thinned(self, count: int) -> "PlacementProblem":
+        """Return the same with `count` evenly spaced waypoints of each path."""
+        rows = evenly_spaced(len(self.time), count)
+        arms = tuple(arm.thinned(rows) for arm in self.arms)
+        return replace(self, arms=arms, time=self.time[rows])
+
+    def costs(self, places: Array, samples: int) -> Array:
+        """Mean cost of placements (k, 7) by the samples next to each waypoint, summed over the arms, shape (k,)."""
+        total = np.zeros(len(places))
+        for arm in self.arms:
+            positions, profiles = arm.placed(places)
+            flat = profiles.reshape(-1, *profiles.shape[2:])
+            demands = [(spec, vectors.reshape(-1, 3)) for spec, vectors in arm.demands(places)]
+            costs = arm.reachability_map.costs(arm.objective, flat, positions.reshape(-1, 3), samples, demands)
+            total += costs.reshape(positions.shape[:2]).mean(axis=1)
+        return total
+
+    def inside(self, places: Array) -> Array:
+        """Those of the placements (k, 7) that fit into the workspace, shifted and shrunk where free."""
+        moved, inside = self.within(places)
+        return np.asarray(moved[inside])
+
+    def within(self, places: Array, rounding: float = 1e-9) -> tuple[Array, NDArray[np.bool_]]:
+        """Shift placements (k, 7) into the workspace, and shrink the path, where free; and which fit, (k,)."""
+        places, free, (least, most) = places.copy(), self.free, self.workspace
+        if not np.any(np.isfinite(self.workspace)):
+            return places, np.ones(len(places), bool)
+        turned = self.outline @ np.swapaxes(path_rotations(places), 1, 2)
+        low, high = turned.min(axis=1), turned.max(axis=1)
+        if free[SCALE]:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                fixed = np.fmin((most - places[:, OFFSET]) / high, (least - places[:, OFFSET]) / low)
+                largest = np.where(free[OFFSET], (most - least) / (high - low), np.maximum(fixed, 0.0)).min(axis=1)
+                places[:, SCALE] = np.minimum(places[:, SCALE], np.log(largest) - rounding)
+        scale = np.exp(places[:, SCALE, None])
+        ends = least - scale * low, most - scale * high
+        inside = np.minimum(np.maximum(places[:, OFFSET], ends[0]), ends[1])
+        places[:, OFFSET] = np.where(free[OFFSET], inside, places[:, OFFSET])
+        kept = (places[:, OFFSET] >= ends[0] - rounding) & (places[:, OFFSET] <= ends[1] + rounding)
+        return places, kept.all(axis=1) & (places[:, SCALE] >= self.lower[SCALE] - rounding)

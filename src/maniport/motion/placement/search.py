@@ -13,7 +13,7 @@ are solved for the placement first, (C − Bᵀ A⁻¹ B) p = Bᵀ A⁻¹ g − 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,21 +21,21 @@ from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.demands import EXCESS_WEIGHT, inverses
 from maniport.motion.kernels import add_log_residual, add_residual
-from maniport.motion.placement.problem import HEADING, SCALE, SIZE, TILT, ArmPath, PlacementProblem
+from maniport.motion.placement.placement import SCALE, SIZE, TILT, ArmPath, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt, optimize, time_weights
 from maniport.motion.plan.plan_settings import SearchBudget
 from maniport.motion.plan.roadmap import shortest_path
 from maniport.spd.kernels import compose
-from maniport.util.progress import Part, ignore_fraction, pieces
+from maniport.util.progress import Part, ignore_fraction
 from maniport.util.sampling import sobol
 from maniport.util.validation import Array
 
 SAMPLES = 16  # Samples next to a waypoint that placements are compared by
-PLANS = 4  # Placements for which trajectories are planned
+PLANNED = 4  # Placements for which trajectories are planned
 SEPARATION = 0.1
 """Smallest mean distance of the paths at these placements [m]; without it, two seeds of six end 30 % worse."""
-IMPROVED = 2  # Placements that are improved with collisions, which take most of the time
-ROUGH = 1e-3  # Smallest relative decrease of the cost for another step without collisions
+REFINED = 2  # Placements that are improved once more, without collisions, which takes most of the time
+COARSE_TOLERANCE = 1e-3  # Smallest relative decrease of the cost for another step while collisions are ignored
 FIRST_WEIGHT, WEIGHT = 30.0, 200.0
 """Weights of the position error, of a first trajectory and of the cost of a placement [1/m]."""
 
@@ -55,77 +55,60 @@ class PlannedPlacement:
 def best_placements(
     problem: PlacementProblem, seed: np.random.Generator, budget: SearchBudget, progress: Part = ignore_fraction
 ) -> list[PlannedPlacement]:
-    """Search the free components; return the placements with planned trajectories, best first."""
-    searches = [(problem, budget)]
-    if problem.free[TILT]:  # upright placements may fit into the workspace where tilted ones do not
-        fixed = problem.fixed.copy()
-        fixed[[TILT, HEADING]] = 0.0
-        more = replace(budget, candidates=4 * budget.candidates)
-        searches = [(replace(problem, fixed=fixed), budget), (problem, more)]
-    parts = pieces(progress, *[1.0] * len(searches))
-    results: list[PlannedPlacement] = []
-    for search, part in zip(searches, parts, strict=True):
-        results += _search(*search, seed, part)
-    if not results:
+    """Search the free components; return placements with planned trajectories, best first."""
+    free = bool(problem.free.any())
+    places = _shortlist(problem, seed, budget.candidates) if free else problem.inside(problem.fixed[None])
+    if not len(places):
         raise InvalidInputError(
             "workspace: the path does not fit into it, at its smallest scale of "
             f"{np.exp(problem.lower[SCALE]):.3g} and whatever else is free"
         )
-    return sorted(results, key=attrgetter("cost"))
-
-
-def _search(
-    problem: PlacementProblem, budget: SearchBudget, seed: np.random.Generator, progress: Part, waypoints: int = 64
-) -> list[PlannedPlacement]:
-    """Plan trajectories through some waypoints for the best placements, and improve both."""
-    coarse = problem.thinned(len(problem.time) if problem.arms[0].demanded else waypoints)
-    free = bool(problem.free.any())
-    places = _shortlist(problem, seed, budget) if free else problem.inside(problem.fixed[None])
+    coarse = problem.thinned(len(problem.time) if problem.arms[0].demanded else 64)
     time, duration, weights = coarse.time, 1.0, np.ones(1)
     if len(time) > 1:
         duration = time[-1] - time[0]
         weights = time_weights(time) / duration
     terms = TrajectoryTerms(0.06 / duration, 3e-4 / duration, weights, rel_tol=budget.rel_tol)  # means over time
-    rough = PlacementTrajectoryCost(coarse, [replace(terms, rel_tol=ROUGH)] * len(coarse.arms))
-    exact = PlacementTrajectoryCost(
+    ignoring = PlacementTrajectoryCost(coarse, [replace(terms, rel_tol=COARSE_TOLERANCE)] * len(coarse.arms))
+    avoiding = PlacementTrajectoryCost(
         coarse, [replace(terms, collisions=arm.reachability_map.collisions) for arm in coarse.arms]
     )
     progress(0.3)
-    placements = []
-    for place in places:
-        state: State = place, _planned(coarse, place, rough.terms, budget, seed)
-        if free:
-            state = rough.improved(state)
-        placements.append(exact.evaluated(state))
-    progress(0.7)
-    placements.sort(key=attrgetter("cost"))
+    states = [(place, _planned(coarse, place, ignoring.terms, budget, seed)) for place in places]
     if free:
-        for i, start in enumerate(placements[:IMPROVED]):
-            placements[i] = exact.evaluated(exact.improved((start.place, start.q)))
-        placements.sort(key=attrgetter("cost"))
-        progress(1.0)
+        states = [ignoring.improved(state) for state in states]
+    placements = sorted(map(avoiding.evaluated, states), key=attrgetter("cost"))
+    progress(0.7)
+    if free:
+        best = [avoiding.evaluated(avoiding.improved((own.place, own.q))) for own in placements[:REFINED]]
+        placements = sorted(best + placements[REFINED:], key=attrgetter("cost"))
+    progress(1.0)
     return placements
 
 
-def _shortlist(problem: PlacementProblem, seed: np.random.Generator, budget: SearchBudget) -> list[Array]:
+def _shortlist(problem: PlacementProblem, seed: np.random.Generator, count: int) -> Array:
     """Return the best random placements: of all at a few waypoints, then of some at more waypoints."""
-    count, lower, upper = budget.candidates, problem.lower[:4], problem.upper[:4]
+    tilted = bool(problem.free[TILT])
+    count *= 5 if tilted else 1
+    lower, upper = problem.lower[:4], problem.upper[:4]
     unit = sobol(4, max(count - 1, 1).bit_length(), seed)[:count]
     reached = [arm.reachability_map.reach for arm in problem.arms]
     centers = np.mean([reach[seed.choice(len(reach), count, replace=len(reach) < count)] for reach in reached], axis=0)
     places = np.column_stack([lower + unit * (upper - lower), centers])
+    if tilted:
+        places[::5, TILT] = 0.0  # upright placements may fit into the workspace where tilted ones do not
     places = problem.inside(np.where(problem.free, places, problem.fixed))
     if not len(places):
-        return []
+        return places
     coarse = problem.thinned(8)
     places = places[np.argsort(coarse.costs(places, SAMPLES), kind="stable")[:64]]
     paths = np.concatenate([arm.placed(places)[0] for arm in coarse.arms], axis=1)
     chosen: list[int] = []
     for i in np.argsort(problem.thinned(50).costs(places, SAMPLES), kind="stable"):
         distances = np.linalg.norm(paths[chosen] - paths[i], axis=2).mean(axis=1)
-        if len(chosen) < PLANS and np.all(distances >= SEPARATION):
+        if len(chosen) < PLANNED and np.all(distances >= SEPARATION):
             chosen.append(int(i))
-    return list(places[chosen])
+    return np.asarray(places[chosen])
 
 
 def _planned(
@@ -146,17 +129,6 @@ def _planned(
         path = shortest_path(nodes, problem.time, np.tile(largest, (len(targets), 1)))
         trajectories.append(optimize(targets, problem.time, nodes.q[path], own, FIRST_WEIGHT))
     return tuple(trajectories)
-
-
-class BorderedDerivatives(NamedTuple):
-    """Slopes of a trajectory, and those in the free numbers of its placement."""
-
-    gradient: Array
-    hessian: Array
-    band: Array
-    place_gradient: Array  # (k,)
-    coupling: Array  # B, (n, dof, k)
-    place_hessian: Array  # C, (k, k)
 
 
 class PlacementTrajectoryCost:
@@ -183,57 +155,46 @@ class PlacementTrajectoryCost:
         parts = zip(self.waypoints, state[1], strict=True)
         return PlannedPlacement(*state, cost, tuple(waypoints.targets.distance(q) for waypoints, q in parts))
 
-    def evaluate(self, state: State) -> tuple[float, list[BorderedDerivatives]]:
-        """Cost, and slopes of each arm."""
+    def evaluate(self, state: State) -> tuple[float, Any]:
+        """Cost; slopes of the trajectory of each arm with its coupling B (n, dof, k), and h (k,) and C (k, k)."""
         (place, trajectories), free = state, self.problem.free
-        total, slopes = 0.0, []
+        total, arms, gradient, hessian = 0.0, [], np.zeros(free.sum()), np.zeros((free.sum(), free.sum()))
         for waypoints, cost, q in zip(self.waypoints, self.costs, trajectories, strict=True):
             waypoints.move(place)
-            value, (gradient, blocks, band) = cost.evaluate(q)
-            total, weights, dof = total + value, cost.weights, q.shape[1]
+            value, slopes = cost.evaluate(q)
+            weights, dof = cost.weights, q.shape[1]
             border = waypoints.hessian[:, :, dof:][:, :, free]
-            slopes.append(
-                BorderedDerivatives(
-                    gradient,
-                    blocks,
-                    band,
-                    weights @ waypoints.gradient[:, dof:][:, free],
-                    weights[:, None, None] * border[:, :dof],
-                    np.tensordot(weights, border[:, dof:][:, free], 1),
-                )
-            )
-        return total, slopes
+            total += value
+            gradient += weights @ waypoints.gradient[:, dof:][:, free]
+            hessian += np.tensordot(weights, border[:, dof:][:, free], 1)
+            arms.append((*slopes, weights[:, None, None] * border[:, :dof]))
+        return total, (arms, gradient, hessian)
 
-    def trial(self, state: State, slopes: list[BorderedDerivatives], damping: float) -> tuple[State, float]:
+    def trial(self, state: State, slopes: Any, damping: float) -> tuple[State, float]:
         """State after a damped step, within the limits, and the expected decrease of the cost."""
-        (place, trajectories), free = state, self.problem.free
-        place_gradient, place_hessian = (
-            np.sum([arm.place_gradient for arm in slopes], axis=0),
-            np.sum([arm.place_hessian for arm in slopes], axis=0),
-        )
-        inner, pull, solutions, damped = place_hessian, place_gradient, [], []
-        for cost, q, arm in zip(self.costs, trajectories, slopes, strict=True):
-            own = damping * (np.einsum("nii->ni", arm.hessian) + arm.band[0])
-            sides = np.concatenate([arm.gradient[..., None], arm.coupling], axis=2)
-            solution = cost.solve(sides, arm.hessian, arm.band, cost.blocked(q, arm.gradient), own)
-            inner = inner - np.tensordot(arm.coupling, solution[..., 1:], ((0, 1), (0, 1)))
-            pull = pull - np.tensordot(solution[..., 0], arm.coupling, 2)
-            solutions.append(solution)
-            damped.append(own)
+        (place, trajectories), free, (arms, gradient, hessian) = state, self.problem.free, slopes
+        inner, pull, solutions = hessian, gradient, []
+        for cost, q, (slope, blocks, band, coupling) in zip(self.costs, trajectories, arms, strict=True):
+            damped = damping * (np.einsum("nii->ni", blocks) + band[0])
+            sides = np.concatenate([slope[..., None], coupling], axis=2)
+            solution = cost.solve(sides, blocks, band, cost.blocked(q, slope), damped)
+            inner = inner - np.tensordot(coupling, solution[..., 1:], ((0, 1), (0, 1)))
+            pull = pull - np.tensordot(solution[..., 0], coupling, 2)
+            solutions.append((solution, damped))
         at, lower, upper = place[free], self.problem.lower[free], self.problem.upper[free]
-        weight = np.diag(place_hessian)
-        loose = ~(((at <= lower) & (place_gradient > 0.0)) | ((at >= upper) & (place_gradient < 0.0)) | (weight <= 0.0))
+        weight = np.diag(hessian)
+        loose = ~(((at <= lower) & (gradient > 0.0)) | ((at >= upper) & (gradient < 0.0)) | (weight <= 0.0))
         inner = inner + np.diag((damping + 1e-9) * weight)  # path and arm may turn together at no cost
         step = np.zeros(len(at))
         step[loose] = -np.linalg.solve(inner[np.ix_(loose, loose)], pull[loose])
         moved = place.copy()
         moved[free] = np.clip(at + step, lower, upper)
         moved = self.problem.within(moved[None])[0][0]
-        expected = float(step @ (damping * weight * step - place_gradient))
+        expected = float(step @ (damping * weight * step - gradient))
         trial = []
-        for cost, q, solution, own, arm in zip(self.costs, trajectories, solutions, damped, slopes, strict=True):
+        for cost, q, (solution, damped), (slope, *_) in zip(self.costs, trajectories, solutions, arms, strict=True):
             change = -(solution[..., 0] + solution[..., 1:] @ step)
-            expected += float(np.sum(change * (own * change - arm.gradient)))
+            expected += float(np.sum(change * (damped * change - slope)))
             trial.append(cost.within(q + change))
         return (moved, tuple(trial)), expected
 
@@ -257,7 +218,7 @@ class MovingPathCost:
         """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
         targets, dof = self.targets, q.shape[1]
         poses, jacobian, velocity, changes = targets.arm.posed_differentials(q, targets.objective.spec.bounded)
-        values, vectors, singular, changes = targets.ellipsoid_cost.spectrum(velocity, changes)
+        values, vectors, singular, changes = targets.spectrum(velocity, changes)
         assert targets.positions is not None
         achieved = targets.root @ compose(values, vectors) @ targets.root
         turned = achieved[:, None] @ self._generators - self._generators @ achieved[:, None]

@@ -3,33 +3,38 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from maniport.arms import load_arm
+from maniport.arms import Arm, load_arm
 from maniport.arms.collisions import Collisions
-from maniport.errors import InvalidInputError
-from maniport.motion import BrakingLimit, CollisionLimit, Controller, ControlProblem, ControlState
-from maniport.motion.costs.posture import PostureCost
+from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.objective import FOLLOWING_WEIGHT, Linearization, Objective
 
 
+class NoTargets:
+    positions, objective = None, SimpleNamespace(position_weight=0.0)
+
+    def linearize(self, q, differentials=None):
+        return Linearization(
+            np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None], np.zeros((1, 6, 7))
+        )
+
+
 @pytest.mark.parametrize("seed", range(3))
-def test_braking_limits_never_contradict_one_another(panda, seed):
+def test_limits_never_contradict_one_another(panda, seed):
     """Whatever velocity is desired and whatever steps last, position, velocity and acceleration limits are kept."""
     rng = np.random.default_rng(seed)
     accelerations = rng.uniform(1, 20, 7) if seed < 2 else np.full(7, np.inf)
-    limit = BrakingLimit(panda.lower, panda.upper, panda.velocity_limits, accelerations)
-    q, velocity, last_dt = panda.sample(1, seed)[0], np.zeros(7), 0.01
+    driver = Controller(panda, panda.velocity_limits, accelerations)
+    state = ControlState.at_rest(panda.sample(1, seed)[0])
     for i in range(2000):
         if i % 200 == 0:
             desired = 10.0 * rng.choice([-1.0, 1.0], 7)
         dt = 0.01 if i < 1000 else rng.uniform(0.001, 0.03)
-        bounds = limit.bounds(q, velocity, last_dt, dt)
-        assert np.all(bounds[0] <= bounds[1])
-        next_velocity, configurations = limit.move(q, desired, bounds, dt)
-        change = 0.5 * accelerations * (dt + last_dt)
-        assert np.all(np.abs(next_velocity - velocity) <= change * (1 + 1e-9) + 1e-9)
-        assert np.all(np.abs(next_velocity) <= panda.velocity_limits * (1 + 1e-12))
-        assert np.all((configurations >= panda.lower - 1e-9) & (configurations <= panda.upper + 1e-9))
-        q, velocity, last_dt = configurations[0], next_velocity, dt
+        before, state = state, driver.step(ControlProblem((NoTargets(),), state.q + desired, 1.0), state, dt)
+        assert state.solved
+        change = 0.5 * accelerations * (dt + (before.dt or dt))
+        assert np.all(np.abs(state.velocity - before.velocity) <= change * (1 + 1e-9) + 1e-9)
+        assert np.all(np.abs(state.velocity) <= panda.velocity_limits * (1 + 1e-12))
+        assert np.all((state.q >= panda.lower - 1e-9) & (state.q <= panda.upper + 1e-9))
 
 
 @pytest.fixture(scope="module")
@@ -48,19 +53,12 @@ def clearance_of(collisions, q):
     return clearance
 
 
-class NoTargets:
-    def linearize(self, q, differentials=None):
-        return Linearization(
-            np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None], np.zeros((1, 6, 7))
-        )
-
-
-def moved(arm, limit, start, goal, acceleration=10.0):
+def moved(arm, collisions, start, goal, acceleration=10.0):
     """Configurations on the motion from one configuration towards another."""
-    braking = BrakingLimit(arm.lower, arm.upper, 0.5 * arm.velocity_limits, np.full(7, acceleration))
-    driver, state, path = Controller(arm, braking, limit), ControlState.at_rest(start), []
+    driver = Controller(arm, 0.5 * arm.velocity_limits, np.full(7, acceleration), collisions)
+    state, path = ControlState.at_rest(start), []
     for _ in range(150):
-        state = driver.step(ControlProblem((NoTargets(),), PostureCost(goal, 1.0)), state, 0.02)
+        state = driver.step(ControlProblem((NoTargets(),), goal, 1.0), state, 0.02)
         path.append(state.q)
     return np.array(path)
 
@@ -68,29 +66,14 @@ def moved(arm, limit, start, goal, acceleration=10.0):
 def test_configurations_that_collide_are_not_reached(hand):
     arm, collisions, q, clearance = hand
     for start, goal in zip(q[clearance > 0.03][:2], q[clearance < -0.02][:2], strict=True):
-        path = moved(arm, CollisionLimit(collisions), start, goal)
+        path = moved(arm, collisions, start, goal)
         assert clearance_of(collisions, path).min() > 0.015
         assert not collisions.collides(path).any()
         assert clearance_of(collisions, moved(arm, None, start, goal)).min() < 0.0
 
 
-def test_pairs_within_the_margin_move_apart(hand):
-    arm, collisions, q, clearance = hand
-    for start in q[(clearance > 0.002) & (clearance < 0.015)][:2]:
-        path = clearance_of(collisions, moved(arm, CollisionLimit(collisions), start, start, np.inf))
-        assert path[-1] > 0.019
-        assert np.all(np.diff(path) > -1e-4)
-
-
-def test_wrong_arguments_of_collision_limits_are_errors(hand):
-    arm, collisions, *_ = hand
-    for model, options, words in (
-        (Collisions.of(load_arm("myoarm")), {}, "no collision geometry"), (arm, {}, "collisions must be"),
-        (collisions, {"margin": 0.1}, "reach"), (collisions, {"time_constant": 0.0}, "time_constant"),
-        (collisions, {"separation_share": 2.0}, "separation_share"),
-    ):  # fmt: skip
-        with pytest.raises(InvalidInputError, match=words):
-            CollisionLimit(model, **options)
+WIDE = Arm.from_dh("wide", [[0.0, 0.0, 0.1, 0.0]] * 7, -9.0, 9.0)
+SLOW = np.full(7, 5.0), np.full(7, 2.0)  # velocities and accelerations
 
 
 class OneAxis:
@@ -110,12 +93,10 @@ class OneAxis:
 
 
 def approached(horizon, limits=(), steps=150):
-    """Velocity and position of a joint that accelerates by at most 2/s² and goes from 0 to 1 by steps of 0.01 s."""
-    braking = BrakingLimit(np.full(7, -9.0), np.full(7, 9.0), np.full(7, 5.0), np.full(7, 2.0))
-    driver, state, states = Controller(load_arm("panda"), braking, limits=limits), ControlState.at_rest(np.zeros(7)), []
-    later = np.repeat(OneAxis.positions, len(horizon), axis=0)
+    """States of a joint that accelerates by at most 2/s² and goes from 0 to 1 by steps of 0.01 s."""
+    driver, state, states = Controller(WIDE, *SLOW, limits=limits), ControlState.at_rest(np.zeros(7)), []
     for _ in range(steps):
-        problem = ControlProblem((OneAxis(),), PostureCost(np.zeros(7), 1e-3), 0.0, None, horizon, (later,))
+        problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, horizon)
         states.append(state := driver.step(problem, state, 0.01))
     return states
 
@@ -144,10 +125,8 @@ def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
     wall = Wall()
     states = approached((0.05, 0.1), (wall,), steps=60)
     assert all(state.solved for state in states)
-    braking = BrakingLimit(np.full(7, -9.0), np.full(7, 9.0), np.full(7, 5.0), np.full(7, 2.0))
-    driver, state, wall.at = Controller(load_arm("panda"), braking, limits=(wall,)), states[-1], states[-1].q[0] + 0.01
-    later = np.repeat(OneAxis.positions, 2, axis=0)
-    problem = ControlProblem((OneAxis(),), PostureCost(np.zeros(7), 1e-3), 0.0, None, (0.05, 0.1), (later,))
+    driver, state, wall.at = Controller(WIDE, *SLOW, limits=(wall,)), states[-1], states[-1].q[0] + 0.01
+    problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, (0.05, 0.1))
     for _ in range(20):
         last, state = state, driver.step(problem, state, 0.01)
         assert not state.solved
@@ -159,13 +138,12 @@ def test_position_has_priority_over_the_ellipsoid():
     panda, start = load_arm("panda"), np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
     shapes = panda.manipulability(start) + np.linspace(0.0, 3.0, 60)[:, None, None] * np.diag([0.0, 0.0, 1.0])
     position = panda.forward(start)[:3, 3]
-    bounds = BrakingLimit(panda.lower, panda.upper, panda.velocity_limits, np.full(7, 10.0))
-    driver, state = Controller(panda, bounds), ControlState.at_rest(start)
+    driver, state = Controller(panda, panda.velocity_limits, np.full(7, 10.0)), ControlState.at_rest(start)
     objective = Objective.of(panda, position_weight=FOLLOWING_WEIGHT)
     distances, errors = [], []
     for shape in shapes:
         targets = objective.targets(shape[None], position[None])
-        problem = ControlProblem((targets,), PostureCost(start, 1e-2), 0.0, None, (0.05, 0.1), (position[None],) * 2)
+        problem = ControlProblem((targets,), start, 1e-2, 0.0, None, (0.05, 0.1))
         state = driver.step(problem, state, 0.01)
         distances.append(targets.distance(state.q[None])[0])
         errors.append(np.linalg.norm(panda.forward(state.q)[:3, 3] - position))
