@@ -26,7 +26,7 @@ from maniport.arms import VELOCITY, Arm
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner
 from maniport.motion.placement import search
-from maniport.motion.plan import arm_planner
+from maniport.motion.plan import planner
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.pipeline import follow_profile
 
@@ -43,13 +43,12 @@ BUDGETS: dict[str, dict[str, Any]] = {
 }
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
-    "no relaxation": (arm_planner, "relaxed", lambda problem, at, q, terms, weight, tolerance: q),
     "no joint descent of the placement": (search.PlacementTrajectoryCost, "improved", lambda problem, state: state),
     "1 planned placement": (search, "PLANNED", 1),
-    "planning time scale 2": (arm_planner, "PLANNING_TIME_SCALE", 2.0),
-    "smoothness / 3": (arm_planner, "SMOOTHNESS", arm_planner.SMOOTHNESS / 3.0),
-    "smoothness · 3": (arm_planner, "SMOOTHNESS", arm_planner.SMOOTHNESS * 3.0),
-    "no first optimization at the stages": (arm_planner, "optimize", lambda targets, time, q, terms, weight: q),
+    "planning time scale 2": (planner, "PLANNING_TIME_SCALE", 2.0),
+    "smoothness / 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS / 3.0),
+    "smoothness · 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS * 3.0),
+    "no first optimization at the stages": (planner, "optimize", lambda targets, time, q, terms, weight: q),
 }
 """Changed functions and constants: module, name and value."""
 VARIANTS = [*BUDGETS, *PATCHES]

@@ -12,8 +12,9 @@ from scipy.stats import special_ortho_group
 
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
+from maniport.spd.kernels import cholesky
 from maniport.transfer import EllipsoidCorrespondence
-from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
+from maniport.transfer.icp.rotation import RotationProblem
 
 from .inputs import DAMPING, Array, damped, domains, recentred_domains
 from .measure import Row, compare, duration, faster, fresh_process, megabytes, peak_memory, within
@@ -35,7 +36,7 @@ def _rotation_step(n: int, bound: float, seconds: float) -> Row:
     student, teacher, weights = _matched_pairs(n)
     starts = [np.eye(3), *special_ortho_group.rvs(3, size=3, random_state=0)]
     ours, peer = (
-        RotationProblem(cholesky_factors(student), teacher, weights),
+        RotationProblem(cholesky(student), teacher, weights),
         PymanoptRotation(student, teacher, weights),
     )
     norms = [

@@ -15,7 +15,8 @@ from scipy.stats import special_ortho_group
 
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
-from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
+from maniport.spd.kernels import cholesky
+from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.rigid_adapter import recenter
 from maniport.transfer.rotation_group import rotation_angle
 
@@ -123,10 +124,10 @@ def outcome(setting: Setting, seed: int) -> Outcome:
 
 def best_for_copies(adapter: mp.RiemannianICP, teacher: Array, student: Array) -> Array:
     """Return the best rotation for the true pairs of copies, after both clouds are recentered as in a fit."""
-    sides = adapter.teacher_regularization.apply(teacher, ""), adapter.student_regularization.apply(student, "")
+    sides = adapter.teacher_side(teacher), adapter.student_side(student)
     moved = recenter(sides[0], adapter.teacher_mean_, adapter.dispersion_ratio_)
     fixed = recenter(sides[1], adapter.student_mean_)
-    problem = RotationProblem(cholesky_factors(fixed), moved, np.full(len(fixed), 1.0 / len(fixed)))
+    problem = RotationProblem(cholesky(fixed), moved, np.full(len(fixed), 1.0 / len(fixed)))
     return min(
         (problem.minimize(start) for start in special_ortho_group.rvs(3, 24, np.random.default_rng(0))),
         key=lambda end: end.cost,
@@ -181,5 +182,5 @@ def _times(points: Array, noise: float, random: np.random.Generator) -> Array:
     if noise == 0.0:
         return points
     factor = mp.spd.expm(mp.spd.from_vector(noise * random.standard_normal((len(points), 6))))
-    root = mp.spd.sqrtm(points)
+    root = mp.spd.powm(points, 0.5)
     return np.asarray(root @ factor @ root)

@@ -32,7 +32,7 @@ def demonstrations(count, seed=0):
 
 def deviation(profile, covariance, ellipsoids):
     """Return distances from the mean profile in standard deviations of the demonstrations, shape (n,)."""
-    whitening = mp.spd.invsqrtm(profile)
+    whitening = mp.spd.powm(profile, -0.5)
     error = mp.spd.to_vector(mp.spd.logm(whitening @ ellipsoids @ whitening))
     return np.sqrt(np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error))
 
@@ -46,7 +46,7 @@ def main(folder):
     lengths = ", ".join(str(len(time)) for time in times)
     print(f"demonstrations of {lengths} ellipsoids, aligned to {len(alignment.time)}")
 
-    model = mp.ProfileGMM(random_state=0).fit(*alignment.stacked())  # BIC selects the number of Gaussians
+    model = mp.ProfileGMM().fit(*alignment.stacked())  # BIC selects the number of Gaussians
     profile, covariance = model.predict(alignment.time, return_covariance=True)
     deviations = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     similar = deviations < np.median(deviations)

@@ -2,26 +2,101 @@
 
     python scripts/evaluate_human_to_panda.py --details build/evaluation.md
 
-Takes about five minutes. `--methods` takes any names that the command line accepts, `--motions` a choice of the six.
+Takes about five minutes. `--method` takes a method other than `auto`, `--motions` a choice of the six.
 """
 
 import argparse
 import json
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 import maniport as mp
-from maniport.evaluation import Evaluation
-from maniport.evaluation.summary import IDENTITY, MEAN_TRANSPORT, TRANSPORT
+from maniport.arms import Arm, load_arm
+from maniport.domain import sample_domain
+from maniport.errors import ManiportWarning
+from maniport.evaluation import Evaluation, evaluate, select_method
+from maniport.evaluation.comparison import with_feasible_set
+from maniport.evaluation.metrics import BASELINES, IDENTITY, LOOKUP, MEAN_TRANSPORT, TRANSPORT
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, report_of
-from maniport.studies.methods import FITTED_METHODS, Motion, study
-from maniport.transfer import METHODS
-from maniport.util.defaults import AUTO
+from maniport.studies.paper import trajectories
+from maniport.transfer import METHODS, method_of
+from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.progress import Progress, Step
+from maniport.util.sampling import evenly_spaced
 
 PAGE = Path(__file__).parent.parent / "docs" / "evaluation.md"
 BEGIN, END = "<!-- feasibility gaps -->", "<!-- end of feasibility gaps -->"
+
+FITTED_METHODS = ("icp", "length-field")  # Methods in every table besides the baselines
+
+RECORDINGS = {"ladder": "a person climbs a ladder (BVH)", "freeform": "free arm motion (C3D)"}
+
+EVALUATIONS = {
+    "H-Eval-1": "sideways motion of the extended arm at 140° elevation",
+    "H-Eval-2": "elbow fold",
+    "H-Eval-3": "elbow and shoulder fold",
+    "H-Eval-4": "upward motion of the extended arm in the plane of 60°",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion of a human arm."""
+
+    name: str
+    about: str
+    person: Arm  # its base frame is the trunk
+    profile: np.ndarray  # (n, 3, 3), velocity ellipsoids of the hand
+
+
+def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
+    """Return the evaluation motions of Reithmeir et al. 2022 (rHuMan) and the recordings, 150 ellipsoids each."""
+    selected = []
+    person, paths = trajectories.human_arm(), trajectories.human_evaluation()
+    for name in (*EVALUATIONS, *RECORDINGS) if names is None else names:
+        if name in EVALUATIONS:
+            selected.append(Motion(name, EVALUATIONS[name], person, person.manipulability(paths[name])))
+            continue
+        with warnings.catch_warnings():  # models and people differ
+            warnings.simplefilter("ignore", ManiportWarning)
+            fit = fit_arm(read_recording(shipped_recording(name)))
+        ellipsoids = fit.arm.manipulability(fit.joint_angles[evenly_spaced(len(fit), 150)])
+        selected.append(Motion(name, RECORDINGS[name], fit.arm, ellipsoids))
+    return tuple(selected)
+
+
+def study(
+    method: str = AUTO,
+    names: Iterable[str] | None = None,
+    random_state: int = 0,
+    progress: Progress | None = None,
+) -> dict[Motion, Evaluation]:
+    """Evaluate a method on the motions, by motion, with all others in further rows."""
+    robot = load_arm(ROBOT)
+    shared: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
+    student, evaluated = sample_domain(robot, STUDENT_SAMPLES, random_state + 1), {}
+    for motion in motions(names):
+        step, teacher = Step(progress, motion.name), sample_domain(motion.person, TEACHER_SAMPLES, random_state)
+        options: dict[str, Any] = {"robot": robot, "random_state": random_state}
+        if method == AUTO:
+            adapter, _ = select_method(teacher, student, motion.profile, **options, **shared)
+        else:
+            adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot)
+            adapter.fit(teacher, student)
+        options |= {"person": motion.person, "rows": (*BASELINES, LOOKUP, *FITTED_METHODS)}
+        evaluated[motion] = evaluate(adapter, teacher, student, motion.profile, **options)
+        step.end(f"{evaluated[motion].adapter.name} and {len(evaluated[motion].rows) - 1} more")
+    return evaluated
+
+
 Results = Mapping[Motion, Evaluation]
 
 

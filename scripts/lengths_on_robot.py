@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 import maniport as mp
+from evaluate_human_to_panda import EVALUATIONS, RECORDINGS
 from lengths_table import FILES, ROBOTS
 from maniport.arms import VELOCITY, Arm
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner, nearest_feasible, place_path, plan_motion
-from maniport.studies.methods import EVALUATIONS, RECORDINGS
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from maniport.transfer import method_of
 from maniport.util.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES

@@ -20,13 +20,14 @@ from typing import Any
 import numpy as np
 
 import maniport as mp
+from evaluate_human_to_panda import Motion, motions
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
-from maniport.evaluation import distance_preservation, identity_test, smoothness
+from maniport.estimator import clone
+from maniport.evaluation import distance_preservation, smoothness
 from maniport.motion import FeasibleProjector, nearest_feasible
-from maniport.studies.methods import Motion, motions
 from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
-from maniport.transfer.length_field.field import NEAR_SINGULAR
+from maniport.transfer.length_field.field import NEAR_SINGULAR, least_singular
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96
@@ -132,12 +133,13 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
     images = adapter.transform(fresh)
     kept = distance_preservation(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
     along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)
-    other = [mp.sample_domain(case.arm, TEACHER, random, spec=spec) for _ in range(2)]
+    first, second = (mp.sample_domain(case.arm, TEACHER, random, spec=spec) for _ in range(2))
+    changes = clone(adapter).fit(first, second).errors(first, first)  # identity test
     squeezed, folded, back = inverse(adapter, fresh, images) if isinstance(adapter, LengthField) else (np.nan,) * 3
     step, report = max(steps, default=np.nan), getattr(adapter, "report_", None)
     checks = (report.reversing, report.nonmonotone, report.moved_axes) if report else (np.nan,) * 3
     return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), step,
-            kept.rank_correlation, kept.major_axis_angle or 0.0, identity_test(adapter, *other),
+            kept.rank_correlation, kept.major_axis_angle or 0.0, np.sqrt(np.mean(changes**2)),
             squeezed, folded, back, *checks]  # fmt: skip
 
 
@@ -148,7 +150,8 @@ def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpe
 
 def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
     """Return the smallest singular value, the orientation-reversing share, and the largest error of the inverse."""
-    squeezed = adapter._field().singular_values(adapter.teacher_side(fresh))
+    field = adapter._field()
+    squeezed = least_singular(field.slopes(*field.base(adapter.teacher_side(fresh))))
     sure, worst = squeezed >= INVERTIBLE, 0.0
     for one, image in zip(fresh[sure][:50], images[sure][:50], strict=True):
         try:

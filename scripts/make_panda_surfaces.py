@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 from maniport.arms.chain import Mesh, Shape
 from maniport.arms.loaders.document import read_shapes
-from maniport.arms.loaders.urdf import Urdf
+from maniport.arms.loaders.urdf import shapes as urdf_shapes
 from maniport.arms.meshes import welded
 from maniport.util.validation import Array
 
@@ -33,7 +33,7 @@ def main() -> None:
     urdf = next((place for place in places if place.exists()), None)
     if urdf is None:
         sys.exit("panda.urdf is not there: install example-robot-data 6.0.0, or give the file")
-    meshes = {shape.link: welded(shape.mesh) for shape in read_shapes(Urdf, urdf, [*LINKS, HAND, *FINGERS])}
+    meshes = {shape.link: welded(shape.mesh) for shape in read_shapes(urdf_shapes, urdf, [*LINKS, HAND, *FINGERS])}
     total = sum(len(meshes[link][1]) for link in LINKS)
     shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {HAND: HAND_TRIANGLES}
     shapes = [Shape(link, _reduced(meshes[link], share)) for link, share in shares.items()]

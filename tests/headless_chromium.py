@@ -1,4 +1,4 @@
-"""Chromium without a window, driven over its DevTools pipe with the standard library alone.
+"""Chromium without a window, driven over its DevTools socket.
 
 A test that takes the fixture `browser` is skipped where there is no Chromium, and fails instead where the environment
 variable MANIPORT_NEEDS_BROWSER is set, as it is in CI. Folders of tests get the fixture by importing it in conftest.py.
@@ -7,17 +7,16 @@ The same holds for `axe`, the script of axe-core: the file that MANIPORT_AXE nam
 """
 
 import base64
-import fcntl
 import itertools
 import json
 import os
-import select
 import shutil
-import signal
+import subprocess
 import time
 from pathlib import Path
 
 import pytest
+from websockets.sync.client import connect
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 MISSING = "no Chromium here; Debian: apt-get install chromium"
@@ -25,7 +24,7 @@ MISSING = "no Chromium here; Debian: apt-get install chromium"
 INSTALL = "npm install --no-save axe-core"
 
 FLAGS = (
-    "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe",
+    "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-port=0",
     "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--disable-back-forward-cache", "--disable-dev-shm-usage", "--hide-scrollbars",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
@@ -58,15 +57,13 @@ class Browser:
     """
 
     def __init__(self, profile: Path):
-        (orders_out, self.orders), (self.answers, answers_in) = _pipe(), _pipe()
-        words = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "about:blank"]
-        silence = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_WRONLY, 0) for number in (1, 2)]
-        # Chromium reads orders from 3 and writes answers to 4
-        ends = [(os.POSIX_SPAWN_DUP2, orders_out, 3), (os.POSIX_SPAWN_DUP2, answers_in, 4)]
-        self.process = os.posix_spawn(CHROMIUM, words, os.environ, file_actions=[*silence, *ends])
-        os.close(orders_out)
-        os.close(answers_in)
-        self.rest, self.numbers, self.session = b"", itertools.count(1), None
+        words, port = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "about:blank"], profile / "DevToolsActivePort"
+        self.process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        while not port.exists() or len(port.read_text().split()) < 2:
+            assert self.process.poll() is None, "Chromium has ended"
+            time.sleep(0.05)
+        self.socket = connect("ws://127.0.0.1:{}{}".format(*port.read_text().split()), max_size=None)
+        self.numbers, self.session = itertools.count(1), None
         self.complaints, self.errors, self.requests = [], [], []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -78,23 +75,12 @@ class Browser:
         number = next(self.numbers)
         order = {"id": number, "method": method, "params": params}
         order |= {"sessionId": self.session} if self.session else {}
-        os.write(self.orders, json.dumps(order).encode() + b"\0")
-        while (message := self.read()).get("id") != number:
+        self.socket.send(json.dumps(order))
+        while (message := json.loads(self.socket.recv(timeout=60))).get("id") != number:
             self.note(message)
         if "error" in message:
             raise RuntimeError(f"{method}: {message['error']}")
         return message["result"]
-
-    def read(self):
-        while b"\0" not in self.rest:
-            if not select.select([self.answers], [], [], 60)[0]:
-                raise TimeoutError("Chromium does not answer")
-            more = os.read(self.answers, 1 << 20)
-            if not more:
-                raise RuntimeError("Chromium has ended")
-            self.rest += more
-        message, self.rest = self.rest.split(b"\0", 1)
-        return json.loads(message)
 
     def note(self, message):
         method, params = message.get("method"), message.get("params", {})
@@ -163,20 +149,6 @@ class Browser:
         Path(path).write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
 
     def close(self):
-        os.close(self.orders)
-        os.kill(self.process, signal.SIGTERM)
-        end = time.monotonic() + 20.0
-        while os.waitpid(self.process, os.WNOHANG)[0] == 0:
-            if time.monotonic() > end:
-                os.kill(self.process, signal.SIGKILL)
-            time.sleep(0.05)
-        os.close(self.answers)
-
-
-def _pipe():
-    """Both ends of a pipe, reading first, with numbers that do not get in the way of Chromium's."""
-    low = os.pipe()
-    high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 20) for end in low]
-    for end in low:
-        os.close(end)
-    return high
+        self.socket.close()
+        self.process.terminate()
+        self.process.wait(20)

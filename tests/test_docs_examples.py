@@ -23,9 +23,8 @@ from maniport.batch.inputs import digest
 from maniport.errors import ManiportError
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.config import Config
-from maniport.pipeline.transfer import settings_of
-from maniport.pipeline.values import Settings
-from maniport.util.defaults import AUTO, BOTH
+from maniport.pipeline.settings import load_robot, settings_of
+from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
 from sizes import SMALL, little_search
 
@@ -59,12 +58,11 @@ def short_work():
     results = {}
 
     def quick(recording, config=None, *, progress=None, **options):
-        config = config.config if isinstance(config, Settings) else config or Config()
-        config = config.changed(**{**SMALL, **options})
-        if config.transfer.method == AUTO:
+        config = (config or Config()).changed(**{**SMALL, **options})
+        if config.method == AUTO:
             config = config.changed(method="parallel-transport")
-        human, motion = replace(config.human, start=None, stop=None), replace(config.motion, export=())
-        key = digest(recording, human, config.robot.load(human.side == BOTH), config.transfer, motion, config.seed)
+        same = replace(config, recording=(), start=None, stop=None, export=(), verb="")
+        key = digest(recording, same, load_robot(config))
         if key not in results:
             results[key] = transfer_recording(recording, config, progress=progress)
         return results[key]

@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from kills.trial import strike, works
+from kills.__main__ import strike, works
 
 TIMES = 4
 

@@ -18,17 +18,15 @@ class _Output:
         self._stream = stream
         self.fault: OSError | None = None
 
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
     def write(self, text: str) -> int:
-        """Write, or drop the text."""
         self._attempt(self._stream.write, text)
         return len(text)
 
     def flush(self) -> None:
-        """Flush, or drop the text."""
         self._attempt(self._stream.flush)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
 
     def _attempt(self, act: Any, *arguments: Any) -> None:
         if self.fault is not None:
@@ -46,11 +44,10 @@ def main() -> None:
     """Run the command line in this process."""
     signal.signal(signal.SIGINT, _interrupt)
     _occupy_closed_descriptors()
-    outputs = tuple(
+    sys.stdout, sys.stderr = outputs = [
         _Output(os.fdopen(number, "w", encoding="utf-8", closefd=False) if stream is None else stream)
         for number, stream in ((1, sys.stdout), (2, sys.stderr))
-    )
-    sys.stdout, sys.stderr = outputs
+    ]
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")
     from maniport.cli import main as run

@@ -7,6 +7,7 @@ A message states what is wrong, where (argument or file, index), what was found 
 
 import json
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -22,21 +23,7 @@ _LINE_ENDS = re.compile(r"[\t-\r\x1c-\x1e\x85\u2028\u2029]+")
 
 
 def printable(text: str, longest: int | None = None) -> str:
-    r"""Return text in one line without control characters, which names and text from files may hold.
-
-    Line ends become spaces; other characters that are not printable become Python's escape sequences.
-
-    Parameters
-    ----------
-    text : str
-    longest : int, optional
-        Number of characters above which the middle is left out.
-
-    Examples
-    --------
-    >>> printable("a\\x1b[2Jb\\nc")
-    'a\\\\x1b[2Jb c'
-    """
+    """Return text, which may be from files, in one line of printable characters; the middle is left out if too long."""
     if not text.isprintable():
         line = _LINE_ENDS.sub(" ", text)
         text = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in line)
@@ -105,6 +92,17 @@ class IdentifiabilityWarning(ManiportWarning):
     """The data do not determine what was fitted to them."""
 
 
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect the texts of warnings in the block, each once; the list has them at its end."""
+    texts: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ManiportWarning)
+        yield texts
+    own = (str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
+    texts += dict.fromkeys(own)
+
+
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:
     """Sort existing names by their similarity to the requested name."""
     lowered = str(name).lower()
@@ -112,23 +110,12 @@ def nearest_first(name: object, available: Iterable[str]) -> list[str]:
 
 
 def unknown_name(what: str, name: object, available: Iterable[str], where: str = "") -> UnknownNameError:
-    """Build the error for a name that does not exist; it lists the names that do, nearest first.
-
-    Parameters
-    ----------
-    what : str
-        What was looked for, such as ``"robot"`` or ``"frame"``, or the argument that takes the name.
-    name : object
-        The requested name, or the value in its place.
-    available : iterable of str
-        The names that exist.
-    where : str, optional
-        Where it was looked for, such as ``"in 'arm.urdf'"``.
-    """
+    """Build the error for a name that does not exist; `what` it names, and `where`, such as ``"in 'arm.urdf'"``."""
     names = nearest_first(name, available)
-    listed = ", ".join(repr(n) for n in names[:20]) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
-    place = f" {where}" if where else ""
-    return UnknownNameError(f"unknown {what} {name!r}{place}; available, nearest first: {listed or 'none'}")
+    listed = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
+    return UnknownNameError(
+        f"unknown {what} {name!r} {where}".rstrip() + f"; available, nearest first: {listed or 'none'}"
+    )
 
 
 def as_text(path: str) -> str:

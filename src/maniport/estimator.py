@@ -12,7 +12,6 @@ from typing import Any, Self, TypeVar
 from maniport.errors import InvalidInputError
 
 E = TypeVar("E")
-LONGEST = 200  # Characters of a parameter that are shown
 
 
 class Estimator:
@@ -51,7 +50,7 @@ class Estimator:
 
     def __repr__(self) -> str:
         values = ((name, repr(getattr(self, name)), repr(default)) for name, default in self._parameters().items())
-        changed = (f"{name}={_short(value)}" for name, value, default in values if value != default)
+        changed = (f"{name}={' '.join(value.split())}" for name, value, default in values if value != default)
         return f"{type(self).__name__}({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:
@@ -76,9 +75,3 @@ def _copied(value: Any) -> Any:
     if type(value) is dict:
         return {name: _copied(item) for name, item in value.items()}
     return copy.deepcopy(value)
-
-
-def _short(text: str) -> str:
-    """Return a parameter in one line, with its middle omitted if it is long."""
-    line = " ".join(text.split())
-    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"

@@ -1,12 +1,14 @@
-"""Robots that show something, for tests of surfaces, and what those tests measure."""
+"""Robots with shapes, measures of these, and models of Pinocchio as references."""
 
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from fuzz.mesh_examples import stl
 from fuzz.robot_examples import LIMIT, WITH_MESHES
 from maniport.arms import Arm, Surface, load_arm
+from maniport.arms.chain import PRISMATIC
 
 
 def volume(surface: Surface) -> float:
@@ -18,7 +20,7 @@ def volume(surface: Surface) -> float:
 def drawn(arm: Arm, q: np.ndarray) -> np.ndarray:
     """All corners of an arm in its base frame, in a fixed order."""
     poses = arm.link_poses(q)
-    points = [s.points @ poses[s.joint, :3, :3].T + poses[s.joint, :3, 3] for s in arm.geometry.surfaces(None)]
+    points = [s.points @ poses[s.joint, :3, :3].T + poses[s.joint, :3, 3] for s in arm.surfaces()]
     return ordered(np.concatenate(points))
 
 
@@ -46,3 +48,19 @@ def one_link(folder: Path, geometry: str, origin: str = "") -> Arm:
         "</robot>"
     )
     return load_arm(path)
+
+
+def model_of(chain):
+    """Build Pinocchio's model of all joints of a chain, in the base frame."""
+    model = pin.Model()
+    model.gravity.linear = np.array(chain.gravity)
+    for k, joint in enumerate(chain.joints):
+        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+        model.addJoint(k, kind(joint.axis), pin.SE3(joint.placement), joint.name)
+        if chain.inertia is None:
+            continue
+        own = chain.inertia[k + 1]
+        numbers = [own[0, 0], own[5, 1], own[3, 2], own[4, 0], *own[[3, 3, 4, 3, 4, 5], [3, 4, 4, 5, 5, 5]]]
+        body = pin.Inertia.FromDynamicParameters(np.array(numbers))
+        model.appendBodyToJoint(k + 1, body, pin.SE3.Identity())
+    return model

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-_INERTIA = {"ixx": "1", "iyy": "1", "izz": "1", "ixy": "0", "ixz": "0", "iyz": "0"}
+_INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 _COMPILER = {"boundmass": "1e-3", "boundinertia": "1e-6", "fusestatic": "false", "strippath": "false"}
 
 
@@ -14,25 +14,18 @@ def model_of(mujoco, path):
     text = re.sub(r"\bdrake:", "", path.read_text(encoding="utf-8"))
     root = ElementTree.fromstring(text)
     if root.tag == "robot":
+        root[:] = [*root.findall("link"), *root.findall("joint")]
         for link in root.findall("link"):
-            for part in [*link.findall("visual"), *link.findall("collision"), *link.findall("inertial")]:
-                link.remove(part)
-            inertial = ElementTree.SubElement(link, "inertial")
-            ElementTree.SubElement(inertial, "mass", value="1")
-            ElementTree.SubElement(inertial, "inertia", dict(_INERTIA))
-        for gone in [*root.findall("gazebo"), *root.findall("transmission"), *root.findall("mujoco")]:
-            root.remove(gone)
+            link[:] = [ElementTree.fromstring(_INERTIAL)]
         ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
     else:
-        for tag in ("asset", "actuator", "sensor", "tendon", "contact", "keyframe"):
-            for gone in root.findall(tag):
-                root.remove(gone)
-        for floor in root.findall("worldbody/geom"):
-            root.find("worldbody").remove(floor)
-        for body in root.iter("body"):
-            for part in [*body.findall("geom"), *body.findall("camera"), *body.findall("inertial")]:
-                body.remove(part)
-            ElementTree.SubElement(body, "geom", size="0.01", mass="1")
+        root[:] = [
+            section for section in root if section.tag in ("compiler", "option", "default", "worldbody", "equality")
+        ]
+        for body in [root.find("worldbody"), *root.iter("body")]:
+            body[:] = [part for part in body if part.tag in ("body", "joint", "freejoint", "site")]
+            if body.tag == "body":
+                ElementTree.SubElement(body, "geom", size="0.01", mass="1")
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from drawn_arms import model_of
 from numpy.testing import assert_allclose
 
 from maniport.arms import EllipsoidSpec, load_arm
 from maniport.arms.arm import Arm
-from maniport.arms.chain import PRISMATIC
 from maniport.arms.manipulability import manipulability
 from maniport.errors import InvalidInputError, NotSPDError
 
@@ -59,10 +59,7 @@ def arm(request: pytest.FixtureRequest) -> Arm:
 
 def test_kinematics_agrees_with_pinocchio(arm):
     """Poses and Jacobians are those of Pinocchio's model of the same chain, points those of arms that end there."""
-    chain, model, parent = arm.chain, pin.Model(), 0
-    for joint in chain.joints:
-        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
-        parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
+    chain, model = arm.chain, model_of(arm.chain)
     frame = chain.frames[chain.frame]
     placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
     index, data, q = model.addFrame(placed), model.createData(), arm.sample(600, random_state=3)

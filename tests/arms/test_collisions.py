@@ -78,7 +78,6 @@ def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
 
 
 def test_distances_are_those_of_mujoco_and_depths_those_of_qhull(checked):
-    """The hulls of links that lie where the single arms have them are as far apart, or deep in one another."""
     group, solids = as_group(checked.arm), checked._solids
     hulls = solids.hulls
     meshes = "".join(
@@ -92,23 +91,17 @@ def test_distances_are_those_of_mujoco_and_depths_those_of_qhull(checked):
     pairs = checked._pairs[checked._pairs[:, 1] >= 0]
     deep = 0
     for q in checked.arm.sample(16, 3):
-        poses = {}  # of the links of the tree
-        for arm, part, links in zip(group.arms, group.split(q), group.kinematics.links, strict=True):
-            poses |= dict(zip(links, arm.link_poses(part), strict=True))
+        turns, origins = (part[0] for part in group.kinematics.link_poses(q[None]))
         for i, hull in enumerate(hulls):
-            data.mocap_pos[i] = poses[hull.joint][:3, 3]
-            mujoco.mju_mat2Quat(data.mocap_quat[i], poses[hull.joint][:3, :3].ravel())
+            data.mocap_pos[i] = origins[hull.joint]
+            mujoco.mju_mat2Quat(data.mocap_quat[i], turns[hull.joint].ravel())
         mujoco.mj_kinematics(model, data)
-        ours = solids.distances(q[None], pairs, np.ones((1, len(pairs)), dtype=bool))[0]
+        ours = solids.contacts(q[None], pairs).distances
         theirs = [mujoco.mj_geomDistance(model, data, a, b, 10.0, np.zeros(6)) for a, b in pairs.tolist()]
         ours += solids._skins[pairs].sum(axis=1)
         for distance, reference, pair in zip(ours, theirs, pairs, strict=True):
-            if (
-                distance < 0
-            ):  # MuJoCo measures some depths too small; hulls leave one another through a face of this one
-                corners = [
-                    hulls[i].corners @ poses[hulls[i].joint][:3, :3].T + poses[hulls[i].joint][:3, 3] for i in pair
-                ]
+            if distance < 0:  # MuJoCo measures some too small; hulls leave one another through a face of this one
+                corners = [hulls[i].corners @ turns[hulls[i].joint].T + origins[hulls[i].joint] for i in pair]
                 reference = ConvexHull((corners[0][:, None] - corners[1]).reshape(-1, 3)).equations[:, 3].max()
                 deep += 1
             assert distance == pytest.approx(reference, abs=2e-6)
@@ -133,7 +126,7 @@ def test_slopes_are_derivatives_of_the_distances(checked):
 
 def test_the_fast_test_frees_no_configuration_that_collides(checked):
     q, pairs, solids = checked.arm.sample(300, 5), checked._pairs, checked._solids
-    exact = solids.distances(q, pairs, np.ones((len(q), len(pairs)), dtype=bool))[0].reshape(len(q), -1)
+    exact = solids.contacts(q, pairs).distances.reshape(len(q), -1)
     for margin in (0.0, 0.03):
         near = solids.maybe_near(q, pairs, margin)
         assert np.all(exact[~near] > margin)

@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.arms import load_arm
-from maniport.arms.loaders import _source
-from maniport.arms.loaders.model import RobotModel
+from maniport.arms.loaders import read_model
 from maniport.arms.loaders.packages import find_robot
 from maniport.errors import FileFormatError
 from real_robots import NEEDS_ROBOTS
@@ -20,8 +19,9 @@ from real_robots import NEEDS_ROBOTS
 )
 def test_dynamics_are_those_of_the_whole_robot(robot):
     """Other limbs and fingers rest at zero, or at the limit next to zero; joints that follow them follow."""
-    arm, source = load_arm(robot), RobotModel(_source(find_robot(robot).path))
-    model, positions = source.model, arm.sample(3, random_state=0)
+    path = find_robot(robot).path
+    arm, source, model = load_arm(robot), read_model(path), pin.buildModelFromUrdf(str(path))
+    positions = arm.sample(3, random_state=0)
     rest = {name: float(np.clip(0.0, *bounds)) for name, bounds in source.bounds.items()}
     columns = [model.joints[model.getJointId(name)].idx_v for name in arm.joint_names]
     terms = arm._kinematics.dynamics(positions)

@@ -179,5 +179,21 @@ def test_axes_of_no_length_and_places_out_of_the_world_are_refused(write, axis, 
     body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
     urdf = write(jointed("revolute", f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'))
     for path in (urdf, write(world(f'<body name="a">{body}</body>'), "r.xml")):
-        with pytest.raises(ValueError, match=r"'j' must (have an axis of finite length|be placed by)|<body> needs pos"):
+        with pytest.raises(ValueError, match=r"'j' (must|needs an origin)|<body> 'b' needs pos"):
             load_arm(path, frame="b")
+
+
+def test_a_part_is_the_whole_arm_with_coordinates_held():
+    whole, part = load_arm("panda"), load_arm("panda", base="panda_link3")
+    q = whole.sample(4, random_state=1)
+    before = load_arm("panda", frame="panda_link3").forward(q[:, :3])
+    np.testing.assert_allclose(before @ part.forward(q[:, 3:]), whole.forward(q), atol=1e-12)
+    np.testing.assert_array_equal(part.velocity_limits, whole.velocity_limits[3:])
+    assert part.frames[0] == "panda_link3"
+    with pytest.raises(UnknownNameError, match="unknown base 'panda_link2'"):
+        part.restricted(base="panda_link2")
+    some = load_arm("panda", joints=["panda_joint1", "panda_joint2"], lock={"panda_joint4": -1.5})
+    q = np.array([0.3, -0.2, 0.0, -1.5, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(some.forward(q[:2]), whole.forward(q), atol=1e-12)
+    assert some.chain.locked == pytest.approx(dict(zip(whole.joint_names[2:], q[2:], strict=True)))
+    np.testing.assert_array_equal(some.restricted(frame="panda_link3").chain.frames["panda_link0"].placement, np.eye(4))

@@ -1,6 +1,8 @@
 """Robots by name, out of packages: which of their joints and bodies are taken, and MuJoCo's Jacobians."""
 
+import json
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,26 +13,7 @@ from maniport.arms.loaders import robot_limbs
 from maniport.arms.loaders.packages import PACKAGES, find_robot
 from maniport.errors import InvalidInputError, MissingPackageError, UnknownNameError
 
-GOLDEN = {
-    "example-robot-data": {
-        "ur3": (None, "tool0", 6), "ur5": (None, "tool0", 6), "ur10": (None, "tool0", 6),
-        "xarm7": (None, "link_eef", 7), "kinova": (None, "j2s6s200_end_effector", 6), "z1": (None, "gripperStator", 6),
-        "so100": (None, "gripper", 5), "so101": (None, "gripper_link", 5), "tiago": (None, "hand_palm_link", 8),
-        "tiago_no_hand": (None, "wrist_ft_tool_link", 8), "talos": ("torso_2_link", "gripper_SIDE_base_link", 7),
-        "g1": ("torso_link", "SIDE_rubber_hand", 7), "g1_with_hands": ("torso_link", "SIDE_hand_palm_link", 7),
-        "alex": ("Torso", "SIDENub", 7), "baxter": (None, "SIDE_gripper_base_link", 7),
-        "human": ("middle_thorax", "SIDE_hand", 8), "icub": ("chest", "S_hand", 7),
-        "pr2": ("torso_lift_link", "S_gripper_palm_link", 7), "romeo": ("torso", "S_wrist", 7),
-        "simple_humanoid": ("torso", "S_wrist", 7), "tiago_dual": ("torso_lift_link", "hand_SIDE_palm_link", 7),
-        "tiago_pro": ("torso_lift_link", "gripper_SIDE_base_link", 7),
-    },
-    "airo-models": {"ur3e": (None, "tool0", 6), "ur5e": (None, "tool0", 6)},
-    "robosuite": {
-        **dict.fromkeys(("iiwa", "jaco", "kinova3", "panda", "sawyer", "xarm7"), (None, "right_hand", 7)),
-        "ur5e": (None, "right_hand", 6), "spot_arm": (None, "right_hand", 6), "baxter": (None, "SIDE_hand", 7),
-        "gr1": ("torso_waist_roll", "SIDE_eef", 7), "tiago": ("torso_lift_link", "SIDE_hand", 6),
-    },
-}  # fmt: skip
+GOLDEN = json.loads((Path(__file__).parent / "robot_packages.json").read_text())
 """Base, tip and degrees of freedom of every arm, each looked at: what carries the gripper or the hand."""
 
 

@@ -210,21 +210,15 @@ def test_two_arms_of_a_person_go_to_two_of_a_robot(tmp_path):
     assert mp.transfer_batch(["both-arms"], [robot, "rhuman"], tmp_path, **options).kept == 2
 
 
-class Interrupting:
-    def __init__(self, count, act):
-        self.count, self.act = count, act
-
-    def __call__(self, step, fraction, found=""):
-        self.count -= "→" in step
-        if self.count == 0:
-            self.act()
-
-
 def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeypatch):
     run = batch.transfer_batch
 
     def interrupted(*given, progress, **more):
-        return run(*given, progress=Interrupting(1, lambda: os.kill(os.getpid(), signal.SIGINT)), **more)
+        def kill(step, *_):
+            if "→" in step:
+                os.kill(os.getpid(), signal.SIGINT)
+
+        return run(*given, progress=kill, **more)
 
     words = ["batch", str(recordings / "anna"), "-o", str(tmp_path / "dataset"), "--processes", "1", "--no-move"]
     words += ["--start", "1", "--stop", "1.5", "--method", "identity", "--no-collisions", "--json"]
@@ -284,8 +278,9 @@ def test_names_of_recordings(tmp_path, monkeypatch, whole):
     a, b, c, d = (tmp_path / name for name in "abcd")
     assert names(a, b) == names(f"{tmp_path}/**/*.bvh") == ["a/walk.bvh", "b/walk.bvh"]
     assert names(a, tmp_path / "b" / "table.csv") == ["table.csv", "walk.bvh"]
+    assert names(a, b, d / "1.c3d") == ["1.c3d", "a/walk.bvh", "b/walk.bvh"]  # only what clashes is renamed
     assert names(f"{tmp_path}/[ab]/*", without=a) == ["b/table.csv", "b/walk.bvh"]
-    assert names(f"{d}/*", c) == ["c/1.c3d/2.c3d", "c/3\\udcff.c3d", "d/1.c3d"]
+    assert names(f"{d}/*", c) == ["3\\udcff.c3d", "c/1.c3d/2.c3d", "d/1.c3d"]
     monkeypatch.chdir(d / "1.c3d")
     for given in (["."], ["../../c/*/../../d/1.c3d"], [d / "1.c3d", "*.json"]):
         assert names(*given) == ["1.c3d"]

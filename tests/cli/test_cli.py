@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 import maniport
+from crane import CRANE
 from maniport import cli, load_arm, pipeline
+from maniport.errors import ManiportError
 from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
+from maniport.pipeline.settings import plan_settings
 from maniport.report import write
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from sizes import little_search, panda_profile
@@ -67,6 +70,15 @@ def test_fit_uses_the_robot_where_it_is_named(run, domains):
     assert adapters[True].cost_ < adapters[False].cost_
 
 
+def test_locked_joints_of_any_robot_are_in_degrees(run, tmp_path):
+    (tmp_path / "crane.urdf").write_text(CRANE)
+    assert "nod at 10°" in run("info", tmp_path / "crane.urdf", "--lock", "nod=10")[1]
+    code, _, err = run("domain", tmp_path / "crane.urdf", "--lock", "nod=100", "-o", tmp_path / "domain.npz")
+    assert (code, "--lock: nod is 100°; allowed are -57.30° to 57.30°" in err) == (2, True)
+    code, _, err = run("fit", "a.npz", "b.npz", "--lock", "nod=100", "-o", tmp_path / "a.npz")
+    assert (code, "need --robot" in err) == (2, True)
+
+
 def test_info_describes_results(run, tmp_path):
     save_path(tmp_path / "path.npz", np.zeros((5, 3)), np.linspace(0.0, 2.0, 5))
     assert "Path: 5 positions\n- Duration: 2 s\n" in run("info", tmp_path / "path.npz")[1]
@@ -77,6 +89,10 @@ def test_info_describes_results(run, tmp_path):
     (tmp_path / "summary.json").write_text("[1")
     code, _, err = run("info", tmp_path, "--json")
     assert (code, "summary.json: is no summary of a run" in err) == (2, True)
+    (tmp_path / "many").mkdir()
+    (tmp_path / "many" / "batch.json").write_text("{}")
+    code, _, err = run("info", tmp_path / "many")
+    assert (code, "is the folder of a batch" in err) == (2, True)
 
 
 def test_the_printed_template_completes_the_arm(run, tmp_path):
@@ -185,7 +201,7 @@ def test_wrong_input_ends_with_one_sentence(run, tmp_path, monkeypatch, words, f
 
 @pytest.mark.parametrize("command", ["demo", "transfer", "learn", "track", "place", "reproduce"])
 def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, command):
-    own = {"learn": "path.npz", "place": "path.npz", "reproduce": "toy.md"}.get(command, "joints.csv")
+    own = {"learn": "path.npz", "place": "path.npz", "reproduce": "paper.md"}.get(command, "joints.csv")
     (tmp_path / own).write_text("earlier")
     one_file = {"transfer": ("no.bvh",), "learn": ("no.bvh",), "track": ("no.npz",), "reproduce": ("toy",)}
     words = {"demo": (), "place": ("no.npz", "--path", "no.npz"), **one_file}[command]
@@ -211,42 +227,31 @@ def test_every_command_has_help_with_an_example(run):
             assert out.index("Motion:") < out.index("--position-tolerance")
 
 
-class AskedError(Exception):
-    """Configuration that the library gets, instead of the work."""
-
-
 @pytest.fixture
 def track(run, monkeypatch, tmp_path):
-    """Call `maniport track` with options; return exit code, standard error, and the configuration of the library."""
+    """Call `maniport track` with options; return standard error, and the configurations that the library got."""
     save_ellipsoids(tmp_path / "p.npz", np.tile(np.eye(3), (3, 1, 1)), [0.0, 1.0, 2.0])
+    configs = []
 
-    def asked(arm, profiles, time, paths, config, **_):
-        config.motion.control(arm)
-        raise AskedError(config.motion)
+    def stop(arm, profiles, time, paths, config, **_):
+        plan_settings(config, arm)
+        configs.append(config)
+        raise ManiportError("no work")
 
-    monkeypatch.setattr(pipeline, "follow_profile", asked)
-
-    def call(*words):
-        try:
-            code, _, err = run("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)
-        except AskedError as caught:
-            return 0, "", caught.args[0]
-        return code, err, None
-
-    return call
+    monkeypatch.setattr(pipeline, "follow_profile", stop)
+    return lambda *words: (run("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)[2], configs)
 
 
 def test_units_of_the_command_line_are_converted(track):
     panda, home = load_arm("panda"), "0,-45,0,-135,0,90,45"
     words = ("--position-tolerance", 12, "--speed-scale", 0.5, "--joint-limit-margin", 5, "--home", home, "--table", 0)
-    code, err, asked = track(*words, "--orientation", "0,0,-1")
-    assert (code, err) == (0, "")
+    _, (asked,) = track(*words, "--orientation", "0,0,-1")
     assert asked.position_tolerance == pytest.approx(0.012)
     assert asked.speed_scale == 0.5
     assert asked.orientation == (0.0, 0.0, -1.0)
     np.testing.assert_allclose(asked.home, np.radians([float(word) for word in home.split(",")]))
     lower = panda.lower + 0.05 * (panda.upper - panda.lower)
-    control = asked.control(panda)
+    control = plan_settings(asked, panda)
     np.testing.assert_allclose(control.motion_limits.lower, lower, atol=1e-12)
     assert "table" in np.array(control.collisions.pairs)
 
@@ -268,7 +273,6 @@ def test_units_of_the_command_line_are_converted(track):
 def test_wrong_options_end_with_one_sentence_before_any_work(track, tmp_path, monkeypatch, words, found):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "limits.yaml").write_text("joints: {joint1: {velocity: 1}}")
-    code, err, _ = track(*words)
-    assert code == 2
-    assert found in err
+    err, configs = track(*words)
+    assert (found in err, configs) == (True, [])
     assert "╭" not in err

@@ -1,46 +1,17 @@
 """Output of every verb: in a pipe, as JSON and with --quiet."""
 
 import json
-import re
-import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from io import BytesIO, TextIOWrapper
+from unittest import mock
 
 import pytest
 
-from maniport import load_arm, sample_domain
-from maniport.cli import app
-from maniport.mocap import shipped_recording
+from maniport import cli, load_arm, sample_domain
+from maniport.mocap import read_recording, shipped_recording
 from maniport.util.files import save_ellipsoids
-from sizes import panda_profile
-
-RUNNER = '''
-"""Run the command line many times in one process, each time between two marks on both streams."""
-import json, os, sys
-from maniport import cli, mocap
-from maniport.motion.plan import reachability_map
-
-reachability_map.SAMPLES = 10_000
-read = mocap.read_recording
-short = read("freeform").crop(2.0, 2.2)
-mocap.read_recording = lambda source, **options: short if source == "freeform" else read(source, **options)
-
-for environment, words in json.loads(sys.argv[1]):
-    os.environ.update(environment)
-    for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(encoding=environment.get("PYTHONIOENCODING", "utf-8"))
-    sys.argv = ["maniport", *words]
-    code = 0
-    try:
-        cli.main()
-    except SystemExit as stop:
-        code = int(stop.code or 0)
-    for name in environment:
-        del os.environ[name]
-    for stream in (sys.stdout, sys.stderr):
-        stream.flush()
-        stream.write(f"\\n=== {code}\\n")
-        stream.flush()
-'''
+from sizes import little_search, panda_profile
 
 LIGHT = {
     "domain": "domain panda -n 64 -o {tmp}/more.npz",
@@ -58,43 +29,47 @@ TESTED_ELSEWHERE = {"batch", "live", "place", "reproduce", "track", "transfer", 
 MISTAKE = "info pnda"
 
 
+def call(words, encoding="utf-8"):
+    """Call the command line with streams of an encoding; return exit code, standard output and standard error."""
+    streams = [TextIOWrapper(BytesIO(), encoding=encoding) for _ in range(2)]
+    with (
+        redirect_stdout(streams[0]), redirect_stderr(streams[1]), pytest.raises(SystemExit) as stop,
+        mock.patch.object(sys, "argv", ["maniport", *words]),
+    ):  # fmt: skip
+        cli.main()
+    texts = []
+    for stream in streams:
+        stream.flush()
+        texts.append(stream.buffer.getvalue().decode(encoding))
+    return int(stop.value.code or 0), *texts
+
+
 @pytest.fixture(scope="module")
-def verbs(tmp_path_factory):
-    """Arguments of each verb, in an order in which each finds its files."""
+def piped(tmp_path_factory):
+    """Exit code, standard output and standard error by mode and verb, in an order in which each finds its files."""
     tmp = tmp_path_factory.mktemp("output")
     for name in ("myoarm", "panda"):
         save_ellipsoids(tmp / f"{name}.npz", sample_domain(load_arm(name), 64, 0))
     _, time, _, ellipsoids, _ = panda_profile()
     save_ellipsoids(tmp / "profile.npz", ellipsoids, time)
-    places = {"tmp": tmp, "recording": shipped_recording("freeform")}
-    lines = {**LIGHT, **HEAVY, "mistake": MISTAKE}
-    return {verb: [word.format(**places) for word in line.split()] for verb, line in lines.items()}
+    short, file = read_recording("freeform").crop(2.0, 2.2), shipped_recording("freeform")
+    lines = {verb: line.format(tmp=tmp, recording=file).split()
+             for verb, line in {**LIGHT, **HEAVY, "mistake": MISTAKE}.items()}  # fmt: skip
 
+    def read(source, **options):
+        return short if source == "freeform" else read_recording(source, **options)
 
-MODES = {  # options, environment, and verbs if not all
-    "lines": ([], {}, LIGHT),
-    "quiet": (["--quiet"], {}, ["domain", "fit", "mistake"]),
-    "json": (["--json"], {}, [*LIGHT, *HEAVY, "mistake"]),
-    "ascii": ([], {"PYTHONIOENCODING": "ascii"}, ["fit"]),
-    "ascii json": (["--json"], {"PYTHONIOENCODING": "ascii"}, ["apply"]),
-}
-
-
-@pytest.fixture(scope="module")
-def piped(verbs):
-    """Exit code, standard output and standard error in a pipe, by mode and verb."""
-    runs = [(mode, verb) for mode, (*_, names) in MODES.items() for verb in names]
-    plan = [[MODES[mode][1], verbs[verb] + MODES[mode][0]] for mode, verb in runs]
-    result = subprocess.run(
-        [sys.executable, "-c", RUNNER, json.dumps(plan)], capture_output=True, timeout=300, check=True
-    )
-    streams = [re.split(r"\n=== (\d+)\n", text.decode()) for text in (result.stdout, result.stderr)]
-    out, err = (parts[:-1:2] for parts in streams)
-    return dict(zip(runs, zip(map(int, streams[0][1::2]), out, err, strict=True), strict=True))
+    with little_search(), mock.patch("maniport.pipeline.settings.read_recording", read):
+        results = {("json", verb): call([*words, "--json"]) for verb, words in lines.items()}
+    results |= {("lines", verb): call(lines[verb]) for verb in LIGHT}
+    return results | {("quiet", verb): call([*lines[verb], "--quiet"]) for verb in ("domain", "fit", "mistake")} | {
+        ("ascii", "fit"): call(lines["fit"], "ascii"),
+        ("ascii json", "apply"): call([*lines["apply"], "--json"], "ascii"),
+    }  # fmt: skip
 
 
 def test_every_verb_is_tested():
-    names = {command.callback.__name__ for command in app.registered_commands}
+    names = {command.callback.__name__ for command in cli.app.registered_commands}
     assert names == {*LIGHT, *HEAVY, *TESTED_ELSEWHERE}
 
 

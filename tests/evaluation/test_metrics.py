@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from maniport import IdentityMap, MeanTransport, ParallelTransport
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.estimator import clone
-from maniport.evaluation import distance_preservation, identity_test, rmse, smoothness
+from maniport.evaluation import distance_preservation, rmse, smoothness
 
 
 def diagonals(logarithms):
@@ -33,10 +32,10 @@ def test_steps_of_a_dilated_profile_are_dilated():
 
 
 @pytest.mark.parametrize(("angle", "turn"), [(25.0, 25.0), (171.0, 9.0)])
-def test_a_rotation_keeps_distances_and_turns_axes(rng, turn_about, angle, turn):
+def test_a_rotation_keeps_distances_and_turns_axes(angle, turn):
     """M → R M Rᵀ is an isometry; axes have no sign, so that a rotation by 171° is one by 9°."""
-    shapes = diagonals(np.array([[2.0, 0.5, -1.0]]) + 0.1 * rng.standard_normal((20, 3)))
-    rotation = turn_about(angle)
+    shapes = diagonals(np.array([[2.0, 0.5, -1.0]]) + 0.1 * np.random.default_rng(11).standard_normal((20, 3)))
+    rotation = Rotation.from_euler("z", angle, degrees=True).as_matrix()
     measured = distance_preservation(rotation @ shapes @ rotation.T, shapes)
     assert measured.rank_correlation == pytest.approx(1.0)
     assert measured.major_axis_angle == pytest.approx(turn, abs=1e-6)
@@ -53,21 +52,6 @@ def test_rank_correlation_on_a_line():
     """Points 0, 1, 3 mapped to 0, 2, 3 have the distances 2, 3, 1 for 1, 3, 2."""
     mapped, original = (diagonals([[x, 0.0, 0.0] for x in points]) for points in ((0, 2, 3), (0, 1, 3)))
     assert distance_preservation(mapped, original).rank_correlation == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize("adapter", [ParallelTransport(damping=0.01), IdentityMap()], ids=repr)
-def test_identity_test_of_equal_samples_is_passed_exactly(make_cloud, rng, turn_about, adapter):
-    points, base_rotation = make_cloud(rng, 40), turn_about(90.0)
-    adapter = clone(adapter).set_params(base_rotation=base_rotation)
-    assert identity_test(adapter, points, points) < 1e-9
-    assert not hasattr(adapter, "rotation_")
-    np.testing.assert_array_equal(adapter.base_rotation, base_rotation)
-
-
-def test_mean_transport_moves_by_the_distance_of_the_means(make_cloud, rng):
-    """Students that differ by exp(δ) move everything by √3 δ: in the identity test."""
-    points, delta = make_cloud(rng, 40), 0.2
-    assert identity_test(MeanTransport(), points, np.exp(delta) * points) == pytest.approx(np.sqrt(3.0) * delta)
 
 
 POINTS = diagonals(np.random.default_rng(0).standard_normal((5, 3)))

@@ -1,6 +1,5 @@
 """Formats that people bring: files to begin with, and what reads and uses them."""
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
@@ -20,12 +19,11 @@ from maniport.arms.collisions import read_boxes
 from maniport.arms.collisions.obstacles import disabled_pairs
 from maniport.arms.human import JOINTS
 from maniport.arms.meshes.mesh_files import load_mesh
-from maniport.errors import FileFormatError
 from maniport.live.transport import read_frame
 from maniport.mocap import read_recording, shipped_recording
-from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.c3d import DEC, MIPS
 from maniport.mocap.readers.mot import RAJAGOPAL
+from maniport.mocap.roles import load_names
 from maniport.motion.motion_limits import MotionLimits
 from maniport.transfer import load_adapter
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
@@ -67,17 +65,6 @@ def _read_recording(path: Path, unit: str | None = "mm", rate: float | None = No
 
 def _read_metres(path: Path) -> Any:
     return _read_recording(path, None)
-
-
-def _read_table(path: Path) -> Arm:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        content = {key: content[key] for key in ("rows", "lower", "upper")}
-    except (ValueError, KeyError, TypeError, RecursionError):
-        raise FileFormatError("no table") from None
-    arm = Arm.from_dh("table", **content)
-    require_finite(arm.forward(np.stack([arm.lower, arm.upper])))
-    return arm
 
 
 def _read_adapter(path: Path) -> Any:
@@ -191,9 +178,6 @@ TARGETS = {
     "poses": Target(".npz", lambda: [_saved(lambda p: np.savez(p, **format_files.amass(motion(n=5))))], _read_metres),
     "urdf": Target(".urdf", lambda: [URDF.encode(), WITH_MESHES.encode()], _read_robot),
     "mjcf": Target(".xml", lambda: [MJCF.encode()], _read_robot),
-    "dh": Target(".json", lambda: [json.dumps({
-        "rows": [[0, 0.3, 0, 1.57], [0.1, 0, 0.4, 0], [0, 0.1, 0.2, -1.57]], "lower": [-2, -1.5, -3], "upper": 2.5,
-    }).encode()], _read_table),
     **{suffix[1:]: _meshes(suffix) for suffix in (".stl", ".obj", ".ply", ".off", ".dae", ".gltf", ".glb")},
     "ellipsoids": Target(".npz", lambda: [_saved(lambda path: save_ellipsoids(path, ellipsoids(), np.arange(12.0)))],
                          load_ellipsoids),

@@ -11,7 +11,8 @@ def _truth(time):
 
 def _scatter(centers, deviations):
     """Ellipsoids at whitened Mandel coordinates `deviations` (..., n, m) about centers (n, d, d)."""
-    return spd.unwhiten(spd.expm(spd.from_vector(deviations)), centers)
+    root = spd.powm(centers, 0.5)
+    return root @ spd.expm(spd.from_vector(deviations)) @ root
 
 
 @pytest.fixture(scope="session")

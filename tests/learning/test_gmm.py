@@ -7,7 +7,8 @@ from sklearn.base import clone
 from sklearn.mixture import GaussianMixture
 
 from maniport import spd
-from maniport.learning import ProfileGMM
+from maniport.errors import InvalidInputError
+from maniport.learning import ProfileGMM, align, tracking_weights
 
 TIME = np.linspace(0.0, 1.0, 40)
 
@@ -18,7 +19,7 @@ def taught(demonstrate):
     time = np.linspace(0.0, 1.0, 80)
     amplitude = 0.03 + 0.3 * np.exp(-0.5 * ((time - 0.5) / 0.12) ** 2)
     demos = demonstrate(np.random.default_rng(0), 5, time, amplitude)
-    model = ProfileGMM(6, random_state=0).fit(np.tile(time, 5), demos.reshape(-1, 3, 3))
+    model = ProfileGMM(6).fit(np.tile(time, 5), demos.reshape(-1, 3, 3))
     return time, amplitude, demos, model
 
 
@@ -53,7 +54,7 @@ def test_small_spread_equals_the_euclidean_mixture():
     vectors = kinks + 0.05 * rng.standard_normal((400, 6))
     points = spd.expm(spd.from_vector(small * vectors))
     ridge, options = 1e-6, {"n_components": 2, "tol": 1e-9, "max_iter": 500}
-    model = ProfileGMM(regularization=ridge * small**2, random_state=0, **options).fit(time, points)
+    model = ProfileGMM(regularization=ridge * small**2, **options).fit(time, points)
     scaled = np.column_stack([time, vectors])
     flat = GaussianMixture(reg_covar=ridge, random_state=0, means_init=_in_flat(model, small), **options).fit(scaled)
     assert_allclose(model.weights_, flat.weights_, atol=2e-3)
@@ -72,7 +73,7 @@ def test_likelihood_rises_in_em(demonstrate):
     time = np.linspace(0.0, 1.0, 30)
     demos = demonstrate(np.random.default_rng(4), 3, time, 0.3)
     inputs, points = np.tile(time, 3), demos.reshape(-1, 3, 3)
-    model = ProfileGMM(2, tol=1e-7, regularization=1e-9, random_state=0).fit(inputs, points)
+    model = ProfileGMM(2, tol=1e-7, regularization=1e-9).fit(inputs, points)
     assert model.converged_
     assert np.diff(model.history_).min() > -1e-4
     assert model.log_likelihood_ == model.history_.max()
@@ -84,7 +85,7 @@ def test_bic_finds_the_number_of_separate_components(count, scatter):
     centers = spd.expm(spd.from_vector(1.5 * rng.standard_normal((count, 6))))
     which = np.arange(160) % count
     points = scatter(centers[which], 0.1 * rng.standard_normal((160, 6)))
-    model = ProfileGMM(random_state=0).fit(which + 0.1 * rng.standard_normal(160), points)
+    model = ProfileGMM().fit(which + 0.1 * rng.standard_normal(160), points)
     assert model.n_components_ == count
     assert len(model.bic_curve_) == (2 if count == 1 else 4)
     assert_allclose(np.sort(model.weights_), 1 / count, atol=0.05)
@@ -92,7 +93,7 @@ def test_bic_finds_the_number_of_separate_components(count, scatter):
 
 def covariance_tensor(ellipsoids, covariance):
     """E[L_ij L_kl] of tangents L = P^½ V P^½ at ellipsoids P, shape (n, 3, 3, 3, 3)."""
-    root = spd.sqrtm(ellipsoids)[:, None]
+    root = spd.powm(ellipsoids, 0.5)[:, None]
     basis = root @ spd.from_vector(np.eye(6)) @ root
     return np.einsum("nab,naij,nbkl->nijkl", covariance, basis, basis, optimize=True)
 
@@ -101,7 +102,7 @@ def test_congruence_of_the_data_is_congruence_of_the_prediction(demonstrate):
     """C X Cᵀ for all data gives C P Cᵀ, the covariance tensor turned by C, and the same likelihood."""
     time, groups = np.tile(TIME, 3), np.repeat([0, 1, 2], 40)
     points = demonstrate(np.random.default_rng(0), 3, TIME, 0.2).reshape(-1, 3, 3)
-    model = ProfileGMM(3, random_state=0).fit(time, points, groups)
+    model = ProfileGMM(3).fit(time, points, groups)
     change = np.array([[1.2, 0.3, -0.5], [0.0, 0.7, 0.4], [0.8, -0.2, 1.5]])
     moved = clone(model).fit(time, change @ points @ change.T, groups)
     mean, covariance = model.predict(TIME, return_covariance=True)
@@ -113,3 +114,44 @@ def test_congruence_of_the_data_is_congruence_of_the_prediction(demonstrate):
     found = covariance_tensor(mean_moved, covariance_moved)
     assert_allclose(found, tensor, atol=1e-6 * np.abs(tensor).max())
     assert moved.log_likelihood_ == pytest.approx(model.log_likelihood_, abs=1e-8)
+
+
+def test_weights_are_the_precision_without_damping():
+    factors = np.random.default_rng(0).standard_normal((7, 6, 6)) * np.linspace(0.1, 1.0, 7)[:, None, None]
+    covariance = factors @ np.swapaxes(factors, -1, -2)
+    ratio = tracking_weights(covariance, damping=0.0) @ covariance
+    assert_allclose(ratio, ratio[0, 0, 0] * np.broadcast_to(np.eye(6), ratio.shape), atol=1e-7 * ratio[0, 0, 0])
+
+
+GOOD = np.broadcast_to(np.eye(3), (4, 3, 3)).copy()
+EYES = np.broadcast_to(np.eye(3), (40, 3, 3)) * (1 + TIME[:, None, None])
+SQUARE = np.broadcast_to(np.eye(6), (3, 6, 6))
+ONE, HALF = ProfileGMM(1), TIME[:, None, None] > 0.5
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda: align([]), "profiles"), (lambda: align([GOOD, np.where(np.eye(3) > 0, np.nan, GOOD)]), r"profiles\[1\]"),
+    (lambda: align([GOOD, GOOD * [1.0, 1.0, 0.0]]), r"profiles\[1\]\[0\] is singular"),
+    (lambda: align([GOOD, GOOD[:, :2, :2]]), "3×3 matrices; found 2×2"),
+    (lambda: align([GOOD, GOOD[:1]]), r"profiles\[1\]"), (lambda: align([GOOD, GOOD], reference=2), "reference"),
+    (lambda: align([GOOD, GOOD], reference=-1), "reference"), (lambda: align([GOOD, GOOD], [[0, 1, 2, 3]]), "times"),
+    (lambda: align([GOOD], [[0, 1, 2]]), r"times\[0\]"), (lambda: align([GOOD], [[0, 2, 1, 3]]), r"times\[0\]"),
+    (lambda: align([GOOD, GOOD]).warp([[0.0]]), "signals"),
+    (lambda: align([GOOD, GOOD]).warp([np.zeros((4, 3)), np.zeros((3, 3))]), r"signals\[1\]"),
+    (lambda: ONE.fit(TIME, np.where(HALF, np.nan, EYES)), "ellipsoids"),
+    (lambda: ONE.fit(TIME[1:], EYES), "time must be 40 numbers"), (lambda: ONE.fit(np.ones(40), EYES), "time"),
+    (lambda: ProfileGMM(6).fit(TIME, EYES), "48 ellipsoids, .* found 40"),
+    (lambda: ONE.fit(TIME, EYES, [1, 2]), "groups"), (lambda: ONE.fit(TIME, EYES, np.zeros(40)), "groups"),
+    (lambda: ProfileGMM(0).fit(TIME, EYES), "n_components"),
+    (lambda: ONE.fit(TIME, EYES).predict(np.ones((2, 3))), "time"),
+    (lambda: ONE.fit(TIME, EYES).predict([np.nan]), "time"),
+    (lambda: ONE.fit(TIME, EYES).predict([1e6]), "the prediction at these times"),
+    (lambda: tracking_weights(SQUARE * np.nan), "covariance"),
+    (lambda: tracking_weights(np.ones((3, 6))), "covariance"),
+    (lambda: tracking_weights(0.0 * SQUARE), "covariance is zero"),
+    (lambda: tracking_weights(np.ones((1, 6, 6)), 0.0), "singular"),
+    (lambda: tracking_weights(-SQUARE), "no negative eigenvalue"), (lambda: tracking_weights(SQUARE, -0.1), "damping"),
+])  # fmt: skip
+def test_wrong_arguments_are_rejected(call, words):
+    with pytest.raises(InvalidInputError, match=words):
+        call()

@@ -32,18 +32,10 @@ def test_frames_whose_time_does_not_increase_are_omitted():
     np.testing.assert_array_equal(places, positions)
     assert "2 frames" in notes[0]
     assert in_order(time, positions)[0] is time
-
-
-@pytest.mark.parametrize(
-    ("time", "words"),
-    [
-        (np.r_[np.arange(90), np.arange(90)] / 30, "90 of 180 frames .* index 90, 0 s"),
-        (np.round(np.arange(90) / 30, 1), "59 of 90 frames .* index 1"),
-    ],
-)
-def test_two_recordings_in_one_and_coarse_times_are_rejected(time, words):
-    with pytest.raises(InvalidInputError, match=words):
-        in_order(time, np.zeros((len(time), 1)))
+    twice, rounded = np.r_[np.arange(90), np.arange(90)] / 30, np.round(np.arange(90) / 30, 1)
+    for wrong, words in ((twice, "90 of 180 frames .* index 90, 0 s"), (rounded, "59 of 90 frames .* index 1")):
+        with pytest.raises(InvalidInputError, match=words):
+            in_order(wrong, np.zeros((len(wrong), 1)))
 
 
 def test_outliers_are_missing(slow_motion, record):

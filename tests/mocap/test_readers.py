@@ -28,9 +28,9 @@ from format_files import (
 from fuzz.c3d_writer import LABELS, Writer
 from maniport.errors import FileFormatError, UnknownNameError
 from maniport.mocap import fit_arm, read_recording, shipped_recording
-from maniport.mocap.import_options import UNITS
-from maniport.mocap.marker_sets import load_names
+from maniport.mocap.readers import UNITS
 from maniport.mocap.readers.c3d import DEC, MIPS
+from maniport.mocap.roles import load_names
 
 TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
 JOINTS = {"shoulder": "shoulder_r", "elbow": "elbow_r", "wrist": "wrist_r"}

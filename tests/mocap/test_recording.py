@@ -14,7 +14,7 @@ def wave(n=101, rate=100.0, missing=()):
 
 
 def test_short_gaps_are_interpolated_and_long_ones_stay():
-    filled = wave(missing=[(0, 3), (20, 30), (40, 70), (99, 101)]).fill_gaps(0.2)
+    filled = wave(missing=[(0, 3), (20, 30), (40, 70), (99, 101)]).fill_gaps()
     lost = np.isnan(filled.point("circle")[:, 0])
     assert np.flatnonzero(lost).tolist() == [0, 1, 2, *range(40, 70), 99, 100]
     assert np.abs(filled.positions - wave().positions)[~lost].max() < 1e-3

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -7,12 +6,10 @@ from numpy.testing import assert_allclose
 
 from maniport.arms import Arm
 from maniport.motion.objective import Objective
-from maniport.motion.plan.arm_planner import relaxed
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, optimize, time_weights
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path
 
 ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
-THREE = Arm.from_dh("three", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5]], -2, 2)
 UNEVEN = np.array([0.0, 0.3, 0.5, 0.9, 1.0, 1.6, 1.7, 2.2])
 
 
@@ -24,17 +21,12 @@ class Wall:
         rows = np.flatnonzero(distance < threshold)
         return rows, distance[rows], np.tile(-np.eye(q.shape[1])[0], (len(rows), 1))
 
-    def collides(self, q):
-        return q[:, 0] >= 0.3
-
 
 @pytest.fixture(scope="module")
 def terms():
-    """Smoothness that matters, limits that are exceeded, weights, and a wall with various clearances."""
-    generator = np.random.default_rng(1)
-    weights, clearance = generator.uniform(0.1, 1.0, (2, len(UNEVEN)))
-    limits = np.full(4, 0.5), np.full(4, 2.0)
-    return TrajectoryTerms(0.2, 1e-3, weights, *limits, Wall(), clearance=0.05 * clearance)
+    """Smoothness that matters, limits that are exceeded, weights, and a wall."""
+    weights = np.random.default_rng(1).uniform(0.1, 1.0, len(UNEVEN))
+    return TrajectoryTerms(0.2, 1e-3, weights, np.full(4, 0.5), np.full(4, 2.0), Wall())
 
 
 @pytest.fixture(scope="module")
@@ -80,24 +72,3 @@ def test_optimizer_never_raises_the_cost_and_keeps_limits(targets, terms):
         cost = TrajectoryCost(ARM, targets.weighing(30.0), UNEVEN, one)
         assert cost.evaluate(solution)[0] <= cost.evaluate(q)[0]
         assert ARM.within_limits(solution).all()
-
-
-def near_the_wall(clearance):
-    """A trajectory of the arm with such a clearance at one waypoint, and its own targets."""
-    q = 0.4 + 0.2 * np.sin(np.outer(UNEVEN, [1, 0.7, 1.3]))
-    q[:, 0] = 0.3 - clearance - 0.2 * np.abs(UNEVEN - UNEVEN[4])
-    return q, Objective.of(THREE).targets(THREE.manipulability(q), THREE.forward(q)[:, :3, 3])
-
-
-@pytest.mark.parametrize("reason", ["clearance", "duration"])
-def test_relaxation_brings_the_end_effector_nearer(reason):
-    q, own = near_the_wall(0.005 if reason == "clearance" else 0.1)
-    speed = np.abs(np.diff(q, axis=0) / np.diff(UNEVEN)[:, None]).max(axis=0)
-    terms = TrajectoryTerms(1e-6, 1e-9, np.full(len(UNEVEN), 0.2), collisions=Wall())
-    weight = 1000.0
-    if reason == "duration":
-        terms, weight = replace(terms, collisions=None, velocity=0.8 * speed), 30.0
-    before = optimize(own, UNEVEN, q, terms, weight)
-    after = relaxed(own, UNEVEN, before, terms, weight, 1e-4)
-    assert own.position_error(after).max() < 0.5 * own.position_error(before).max()
-    assert (0.3 - after[:, 0]).min() > 1e-3

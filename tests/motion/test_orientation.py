@@ -9,8 +9,8 @@ from maniport.arms import load_arm
 from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError
 from maniport.motion import plan_motion, track
-from maniport.motion.costs.orientation import POINTING, WHOLE
-from maniport.pipeline.options import MotionOptions
+from maniport.motion.objective import POINTING, WHOLE
+from maniport.pipeline.config import Config
 
 TIME = np.linspace(0.0, 2.0, 12)
 
@@ -58,4 +58,4 @@ def test_wrong_orientations_are_named(panda, motion):
     with pytest.raises(InvalidInputError, match=r"rotations must have shape \(12, 3, 3\)"):
         track(panda, profile, rotations=rotations[:5], time=TIME, path=path)
     with pytest.raises(InvalidInputError, match="orientation"):
-        MotionOptions(orientation=(0.0, 0.0, 0.0))
+        Config(orientation=(0.0, 0.0, 0.0))

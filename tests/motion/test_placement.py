@@ -12,17 +12,19 @@ from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import MotionLimits, Objective, ReachabilityMap, SeedBank, place_path
+from maniport.motion import MotionLimits, SeedBank, place_path
 from maniport.motion.demands import demands_of
+from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import as_workspace, fixed_place
 from maniport.motion.placement.placement import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 
-DAMPING = Regularization.absolute(0.003)
+DAMPING = Regularization(epsilon=0.003)
 TIME = np.linspace(0.0, 2.0, 12)
 START = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
 FOUR = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)

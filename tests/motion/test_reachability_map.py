@@ -1,4 +1,4 @@
-"""The reachability map: the axis that an arm turns about, joints without effect, and nodes on a path."""
+"""The reachability map: joints without effect, and nodes on a path."""
 
 import numpy as np
 import pytest
@@ -20,23 +20,6 @@ def targets_of(arm, count=6, spec=VELOCITY, seed=3):
     """Ellipsoids that an arm makes, with the tip where it makes them."""
     q = arm.sample(count, seed)
     return Objective.of(arm, spec).targets(arm.ellipsoids(q, spec), arm.forward(q)[:, :3, 3])
-
-
-@pytest.mark.parametrize("name", ["panda", "shoulder"])
-def test_arms_turn_about_their_first_axis(panda, name):
-    arm = {"panda": panda, "shoulder": SHOULDER}[name]
-    axis = ReachabilityMap(arm, VELOCITY, 64).axis
-    assert_allclose(axis.frame @ axis.frame.T, np.eye(3), atol=1e-12)
-    assert_allclose(axis.frame[2], [0, 1, 0] if name == "shoulder" else [0, 0, 1], atol=1e-12)
-    assert_allclose(np.linalg.det(axis.frame), 1.0)
-    q = np.tile(arm.sample(1, 5), (2, 1))
-    q[:, 0] = [-0.4, 0.9]
-    places, angles = axis.cylindrical(arm.forward(q)[:, :3, 3])
-    assert_allclose(places[0], places[1], atol=1e-12)
-    assert_allclose(np.remainder(np.diff(angles), 2 * np.pi), 1.3)
-    turn = axis.rotations(np.array([1.3]))[0]
-    first, second = arm.manipulability(q)
-    assert_allclose(second, turn @ first @ turn.T, atol=1e-12)
 
 
 def test_joints_without_effect_stay_in_the_middle(panda):

@@ -8,8 +8,8 @@ import pytest
 from maniport import Arm, load_arm, transfer_recording
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.pipeline.config import Config
+from maniport.pipeline.settings import settings_of
 from maniport.pipeline.stages import sample_robot
-from maniport.pipeline.transfer import settings_of
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from maniport.pipeline.transfer import settings_of
     [({}, None), ({"ellipsoids": "force"}, "joint-limits"), ({"ellipsoids": "force", "joint_weights": "unit"}, None)],
 )
 def test_force_ellipsoids_have_torque_limits_by_default(options, weights):
-    assert Config().changed(**options).transfer.spec.joint_weights == weights
+    assert Config().changed(**options).spec.joint_weights == weights
 
 
 @pytest.mark.parametrize(("options", "text"), [
@@ -52,16 +52,12 @@ def test_forces_without_gravity_are_said_to_be_so():
         sample_robot(settings)
 
 
-def test_a_payload_is_carried():
-    config = Config().changed(payload=2.0, payload_center=(0.0, 0.0, 0.1))
-    robot, empty = settings_of(config).robot, load_arm("panda")
-    q = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
-    added = robot.gravity_torques(q) - empty.gravity_torques(q)
-    center = (empty.forward(q) @ [0.0, 0.0, 0.1, 1.0])[:2]
-    assert added[1] == pytest.approx(-2.0 * 9.81 * center[0], rel=1e-2)
-
-
-def test_torque_limits_of_a_file_weight_the_ellipsoids(tmp_path):
+def test_payloads_and_limits_of_a_file_reach_the_robot(tmp_path):
     (tmp_path / "limits.yaml").write_text("default: {effort: 60.0}", encoding="utf-8")
-    config = Config().changed(ellipsoids="force", limits=str(tmp_path / "limits.yaml"))
-    np.testing.assert_array_equal(settings_of(config).robot.effort_limits, 60.0)
+    config = Config(
+        payload=2.0, payload_center=(0.0, 0.0, 0.1), ellipsoids="force", limits=str(tmp_path / "limits.yaml")
+    )
+    robot, q = settings_of(config).robot, np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
+    loaded = load_arm("panda").with_payload(2.0, (0.0, 0.0, 0.1))
+    np.testing.assert_allclose(robot.gravity_torques(q), loaded.gravity_torques(q))
+    np.testing.assert_array_equal(robot.effort_limits, 60.0)

@@ -9,7 +9,7 @@ from maniport.arms import VELOCITY
 from maniport.arms.chain import SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
-from maniport.learning.agreement import axis_deviations
+from maniport.learning.alignment import axis_deviations
 from maniport.mocap import Recording, shipped_recording, synthetic_recording
 from maniport.report.renderings import files_of
 from maniport.report.values import report_of
@@ -47,7 +47,7 @@ def people():
 
 
 def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes():
-    reached = mp.learn([shipped_recording("freeform")], [REACHES], components=4)
+    reached = mp.learn([shipped_recording("freeform")], segments=[REACHES], components=4)
     n, agreement = len(reached.time), reached.agreement
     start, stop = REACHES[reached.alignment.reference]
     assert start <= reached.time[0] < reached.time[-1] <= stop
@@ -126,17 +126,17 @@ def test_files_are_whole_and_can_be_read(people, tmp_path):
     ([], None, "at least one recording"),
     (["freeform"], [[(1.0, 2.0)]], "at least two demonstrations are needed; found 1"),
     (["freeform"], [[(1.0, 2.0), (1.5, 3.0)]], "must not overlap"),
-    (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before it ends"),
+    (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before they end"),
     (["freeform"], [[(1.0, 2.0), (2.5, 99.0)]], "must lie between 0.00 and 9.15 s; found 2.5 to 99 s"),
-    (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"), (["freeform"], "all", "one list"),
-    (["freeform"], [None, None], "one list for each of the 1 recordings"),
+    (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"),
+    (["freeform"], "all", "must be auto, or times"), (["freeform"], [None, None], "one list for each of the 1"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(recordings, segments, message):
     with pytest.raises(InvalidInputError, match=message):
-        mp.learn(recordings, segments)
+        mp.learn(recordings, segments=segments)
 
 
 def test_repetitions_are_demonstrations(repeated):
-    learned = mp.learn([repeated], "auto", components=2)
+    learned = mp.learn([repeated], segments="auto", components=2)
     assert len(learned.demonstrations) == 4
     assert learned.agreement.after < 0.1

@@ -26,10 +26,10 @@ CALLS = {
     "spd.distance": ("pp", spd.distance), "spd.log": ("pp", spd.log), "spd.exp": ("px", spd.exp),
     "spd.inner": ("pxx", spd.inner), "spd.geodesic": ("pp", lambda a, b: spd.geodesic(a, b, 0.3)),
     "spd.transport": ("xpp", spd.transport), "spd.axes": ("p", spd.axes), "spd.lengths": ("p", spd.lengths),
-    "spd.volume": ("p", spd.volume), "spd.condition": ("p", spd.condition), "spd.expm": ("x", spd.expm),
-    "spd.logm": ("p", spd.logm), "spd.powm": ("p", lambda a: spd.powm(a, -0.7)), "spd.sqrtm": ("p", spd.sqrtm),
-    "spd.invsqrtm": ("p", spd.invsqrtm), "spd.to_vector": ("x", spd.to_vector),
-    "spd.from_vector": ("v", spd.from_vector), "spd.whiten": ("pp", spd.whiten), "spd.unwhiten": ("pp", spd.unwhiten),
+    "spd.volume": ("p", spd.volume), "spd.expm": ("x", spd.expm),
+    "spd.logm": ("p", spd.logm), "spd.powm": ("p", lambda a: spd.powm(a, -0.7)),
+    "spd.to_vector": ("x", spd.to_vector),
+    "spd.from_vector": ("v", spd.from_vector),
     "spd.mean": ("sw", spd.mean), "spd.dispersion": ("s", lambda a: spd.dispersion(a, kind="rms")),
 }  # fmt: skip
 """Every function, and what it takes: points, tangents (x), Mandel vectors, a set of points, weights."""
@@ -78,8 +78,6 @@ def test_distance_is_a_metric_at_every_condition(case):
     assert_allclose(spd.distance(a, 4.0 * a), math.sqrt(case.d) * math.log(4.0), atol=case.rounding)
     assert np.all(spd.distance(a, c) <= apart + spd.distance(b, c) + case.rounding)
     assert_allclose(spd.distance(1e5 * a, 1e5 * b), apart, atol=case.rounding)
-    turn = np.linalg.qr(case.rng.standard_normal((case.d, case.d)))[0]
-    assert_allclose(spd.distance(congruent(turn, a), congruent(turn, b)), apart, atol=case.rounding)
 
 
 @given(case=cases())
@@ -127,10 +125,6 @@ def test_powers_are_multiples_of_the_logarithm(case):
     assert_allclose(spd.distance(spd.expm(logarithm), x), 0.0, atol=case.rounding)
     for s in (-1.0, 0.0, 0.4, 1.0):
         assert_allclose(spd.logm(spd.powm(x, s)), s * logarithm, atol=case.rounding)
-    assert_allclose(spd.sqrtm(x), spd.powm(x, 0.5), rtol=1e-12, atol=1e-14 * case.scale**0.5)
-    root, inverse = spd.sqrtm(x), spd.invsqrtm(x)
-    assert_allclose(root @ root, x, atol=1e-12 * case.scale)
-    assert_allclose(root @ inverse, np.broadcast_to(np.eye(case.d), x.shape), atol=case.rounding)
 
 
 @given(case=cases())
@@ -141,7 +135,6 @@ def test_axes_give_the_ellipsoid_back(case):
     assert_allclose(np.swapaxes(directions, -1, -2) @ directions, [np.eye(case.d)] * 4, atol=1e-12)
     assert_allclose((directions * lengths[:, None] ** 2) @ np.swapaxes(directions, -1, -2), x, atol=1e-12 * case.scale)
     assert_array_equal(spd.lengths(x), lengths)
-    assert_allclose(spd.condition(x), case.condition, rtol=case.rounding)
     assert_allclose(spd.volume(9.0 * x), 3.0**case.d * spd.volume(x), rtol=1e-9 + case.rounding)
     ball = spd.volume(np.eye(case.d))
     assert_allclose(spd.volume(x), ball * np.exp(0.5 * np.linalg.slogdet(x)[1]), rtol=case.rounding)
@@ -173,12 +166,3 @@ def test_mean_is_no_farther_from_points_than_they_are_apart(case):
     assert np.all(spd.lengths(center) > 0.0)
     assert_array_equal(center, center.T)
     assert spd.distance(center, x).max() <= spd.distance(x[:, None], x).max() + case.rounding
-
-
-@given(case=cases())
-def test_unwhitening_inverts_whitening(case):
-    x, center = case.spd(4), case.spd()
-    with refused_only_above(case.rounding_between):
-        whitened = spd.whiten(x, center)
-        assert_allclose(spd.distance(np.eye(case.d), whitened), spd.distance(center, x), atol=case.rounding_between)
-        assert_allclose(spd.distance(spd.unwhiten(whitened, center), x), 0.0, atol=case.rounding_between)

@@ -9,6 +9,7 @@ from maniport.arms import load_arm
 from maniport.arms.loaders.packages import PACKAGES
 from maniport.cli import app
 from maniport.pipeline.config import Config
+from maniport.pipeline.settings import load_robot
 from real_robots import NEEDS_ROBOTS
 
 
@@ -63,11 +64,11 @@ def test_info_warns_of_pairs_of_links_that_hulls_cannot_decide():
 def test_an_arm_is_the_same_after_a_configuration_file(crane, tmp_path):
     arm = load_arm(crane, base="post", lock={"nod": -0.3})
     Config().changed(robot=arm).save(tmp_path / "run.yaml")
-    again = Config.load(tmp_path / "run.yaml").robot.load()
+    again = load_robot(Config.load(tmp_path / "run.yaml"))
     q = arm.sample(4, random_state=0)
     np.testing.assert_allclose(again.jacobian(q), arm.jacobian(q), atol=1e-6)
     Config().changed(robot=load_arm("panda")).save(tmp_path / "run.yaml")
-    assert Config.load(tmp_path / "run.yaml").robot.load().joint_names == load_arm("panda").joint_names
+    assert load_robot(Config.load(tmp_path / "run.yaml")).joint_names == load_arm("panda").joint_names
 
 
 def test_a_robot_with_two_arms_lists_its_ends():

@@ -17,8 +17,6 @@ def test_singular_ellipsoids_have_axes_of_length_zero():
     assert_allclose(np.abs(directions[:, -1]), np.array([1.0, 2.0, 2.0]) / 3.0, rtol=1e-12)
     assert_allclose(spd.volume(flat), 0.0, atol=1e-12)
     assert_array_equal(spd.lengths(np.zeros((3, 3))), np.zeros(3))
-    with pytest.raises(ValueError, match="points is singular"):
-        spd.condition(flat)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from maniport import spd
 from maniport.errors import NotSPDError
-from maniport.spd.neighbors import nearest
+from maniport.spd.affine_invariant import nearest
 
 
 @pytest.mark.parametrize("d", [2, 3, 6])

@@ -9,7 +9,7 @@ FLAT = np.diag([4.0, 2.0, 0.0])
 REMEDIES = {
     "none": Regularization(),
     "damping": Regularization(damping=0.1).fitted([FLAT, FLAT]),
-    "absolute": Regularization.absolute(0.2),
+    "absolute": Regularization(epsilon=0.2),
 }
 
 
@@ -36,4 +36,4 @@ def test_other_matrices_are_refused_by_name(remedy):
 
 def test_damping_lost_in_rounding_is_refused_by_name():
     with pytest.raises(NotSPDError, match=r"^path is singular"):
-        Regularization.absolute(1e-14).apply(1e6 * FLAT, "path")
+        Regularization(epsilon=1e-14).apply(1e6 * FLAT, "path")

@@ -12,11 +12,9 @@ from maniport.errors import FileFormatError, InvalidInputError, MissingPackageEr
 from maniport.evaluation import polytope_extent
 from maniport.motion.arm_model import InverseDynamics
 from maniport.studies.tasks import methods, run
-from maniport.studies.tasks.demonstrations import ROBOTS, demonstrations, of_folder, robot_of
-from maniport.studies.tasks.report import TaskStudy, Unit, median_interval, study_report
-from maniport.studies.tasks.score import carry, push, react, read_motion, resist, score
-from maniport.studies.tasks.simulation import ROTOR, SimulatedArm
-from maniport.studies.tasks.task import Task
+from maniport.studies.tasks.run import TaskStudy, Unit, median_interval, study_report
+from maniport.studies.tasks.score import ROTOR, SimulatedArm, carry, push, react, read_motion, resist, score
+from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Task, demonstrations, of_folder
 
 pytest.importorskip("mujoco")
 
@@ -46,14 +44,13 @@ def task(panda):
 
 
 def joint_motion(count=16):
-    ready = np.array(robot_of("panda").ready)
+    ready = np.array(ROBOTS["panda"].ready)
     return ready + np.linspace(0.0, 0.4, count)[:, None] * np.ones(7)
 
 
-def write(path, task, q, names=None):
-    head = names or ["time_s", *(f"{name}_rad" for name in task.arm.joint_names)]
+def write(path, task, q):
     rows = [",".join(map(repr, row)) for row in np.column_stack([task.time, q]).tolist()]
-    path.write_text("\n".join([",".join(head), *rows]) + "\n")
+    path.write_text("\n".join([",".join(["time_s", *(f"{name}_rad" for name in task.arm.joint_names)]), *rows]) + "\n")
     return path
 
 
@@ -85,7 +82,7 @@ def test_react_takes_the_time_of_the_fastest_joint():
     """With a low velocity limit it is that of the fastest joint, 1.875 times its mean speed with minimum jerk."""
     arm = load_arm("panda").with_limits(velocity=0.05)
     simulated = SimulatedArm(arm)
-    q = np.array([robot_of("panda").ready])
+    q = np.array([ROBOTS["panda"].ready])
     up = np.array([[0.0, 0.0, 1.0]])
     jacobian = arm.jacobian(q[0])[:3]
     short = 0.02  # [m], over which the Jacobian is nearly constant
@@ -167,7 +164,7 @@ def test_ratios_are_above_one_where_a_method_is_better():
 
 
 def test_report_has_medians_and_failures():
-    units = (unit(20.0), unit(30.0), unit(40.0, valid=False), Unit("b", "panda", False, 0.0, (), "out of reach"))
+    units = (unit(20.0), unit(30.0), unit(40.0, valid=False), Unit("b", "panda", failure="out of reach"))
     report = study_report(TaskStudy(units, 0))
     table = report.sections[0].tables[0].value[0]
     assert table["force"]["push"]["median"] == 2.0
@@ -176,9 +173,9 @@ def test_report_has_medians_and_failures():
 
 
 def test_bootstrap_covers_the_median():
-    median, low, high = median_interval(np.arange(21.0))
-    assert low < median == 10.0 < high
-    assert median_interval([1.0, 1.0]) == (1.0, 1.0, 1.0)
+    interval = median_interval(np.arange(21.0))
+    assert interval["low"] < interval["median"] == 10.0 < interval["high"]
+    assert median_interval([1.0, 1.0]) == {"median": 1.0, "low": 1.0, "high": 1.0}
 
 
 @pytest.fixture
@@ -214,8 +211,8 @@ def test_runs_repeat_their_bytes_and_are_resumed(small, tmp_path, monkeypatch):
 
 def test_all_costs_are_finite_on_the_path(small):
     motion = next(run.demonstrations())
-    problem = run.problem_of(ROBOTS[0], motion)
-    q = methods.follow(problem, np.array(ROBOTS[0].ready))
+    problem = methods.problem_of(ROBOTS["panda"], motion)
+    q = methods.follow(problem, np.array(ROBOTS["panda"].ready))
     assert np.abs(problem.arm.forward(q)[:, :3, 3] - problem.task.path).max() < 1e-4
     for name, cost in small(problem).items():
         assert np.all(np.isfinite(cost(np.arange(len(q)), q))), name
@@ -224,7 +221,7 @@ def test_all_costs_are_finite_on_the_path(small):
 def test_motions_are_cut_and_named_once():
     names = [motion.name for motion in demonstrations()]
     assert len(names) == len(set(names)) >= 20
-    assert {"ladder 4", "H-Eval-3"} <= {motion.name for motion in demonstrations() if motion.held_out}
+    assert {*names, *ROBOTS} > HELD_OUT
     assert all(motion.time[-1] <= 8.0 for motion in demonstrations())
 
 
@@ -236,6 +233,6 @@ def test_wrong_arguments_are_refused_before_work(tmp_path, monkeypatch):
     for options in (["tasks", "--score", "a.csv"], ["toy", "--quick"]):
         assert CliRunner().invoke(app, ["reproduce", *options]).exit_code != 0
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
-    with pytest.raises(MissingPackageError, match=r"maniport\[simulate\]"):
+    with pytest.raises(MissingPackageError, match=r"\.\[simulate\]"):
         run.study_tasks(tmp_path / "x")
     assert not (tmp_path / "x").exists()

@@ -41,7 +41,7 @@ def test_compiled_map_equals_transform_and_allocates_nothing(clouds, remedy):
     (np.eye(3, dtype=np.float32), InvalidInputError, "float32"),
     (np.arange(18.0).reshape(3, 6)[:, ::2], InvalidInputError, "C-contiguous"),
     ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], InvalidInputError, "list"), (3.0, InvalidInputError, "float"),
-    (np.triu(np.ones((3, 3))), NotSPDError, "not symmetric"), (np.full((3, 3), np.nan), NotSPDError, "finite"),
+    (np.triu(np.ones((3, 3))), NotSPDError, "symmetric"), (np.full((3, 3), np.nan), NotSPDError, "finite"),
     (np.diag([1.0, np.inf, 1.0]), NotSPDError, "finite"), (np.diag([1.0, -1.0, 1.0]), NotSPDError, "positive-definite"),
 ])  # fmt: skip
 @pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}])

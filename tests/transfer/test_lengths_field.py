@@ -9,7 +9,7 @@ import maniport as mp
 from maniport import spd
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotInvertibleError, NotSPDError
-from maniport.transfer.length_field.field import MAX_NEAR_SINGULAR, Inverse
+from maniport.transfer.length_field.field import MAX_NEAR_SINGULAR, least_singular
 from maniport.transfer.length_field.fit import Samples, reported
 
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
@@ -41,7 +41,8 @@ def fitted(domains):
 
 
 def singular_values(adapter, points):
-    return adapter._field().singular_values(adapter.teacher_side(points))
+    field = adapter._field()
+    return least_singular(field.slopes(*field.base(adapter.teacher_side(points))))
 
 
 @sizes
@@ -69,10 +70,9 @@ def test_folds_are_found_and_reported(domains):
     adapter = mp.LengthField(projector=one_shape, n_centers=100, width=0.3, ridge=1e-9).fit(*domains[3])
     points, field = domains[3][0], adapter._field()
     assert adapter.report_.near_singular > 0.1
-    assert not adapter.report_.invertible
     with pytest.raises(NotInvertibleError, match="nearly singular"):
         adapter.inverse_transform(adapter.transform(points[:2]))
-    assert Inverse(field).near_singular > MAX_NEAR_SINGULAR
+    assert field.folded_centers > MAX_NEAR_SINGULAR
     report, slopes = reported(field, Samples(field, points, one_shape, 0.0), 0), field.slopes(*field.base(points))
     assert report.reversing == np.mean(np.linalg.det(slopes) < 0.0) > 0.0
     along = spd.to_vector(np.einsum("nik,njk->nkij", *[field.base(points)[1]] * 2))
@@ -185,14 +185,6 @@ def test_turned_about_the_axis_ellipsoids_have_turned_images(round_domains, roun
     assert_allclose(adapter.transform(turn @ points @ turn.T), turn @ images @ turn.T, atol=1e-9)
     other = Rotation.from_rotvec(np.cross(AXIS, [1.0, 0.0, 0.0])).as_matrix()
     assert spd.distance(adapter.transform(other @ points @ other.T), other @ images @ other.T).max() > 0.1
-
-
-def test_who_knows_of_the_axis_comes_nearer(round_domains, random_spd):
-    new, gaps = random_spd(np.random.default_rng(3), 200, 3, 30.0), []
-    for axis in (AXIS, None):
-        images = mp.LengthField(projector=Round(axis), n_centers=100).fit(*round_domains).transform(new)
-        gaps.append(spd.distance(images, Round()(images)).mean())
-    assert gaps[0] < 0.8 * gaps[1]
 
 
 def test_derivative_inverse_and_loop_know_of_the_axis(round_domains, round_field):

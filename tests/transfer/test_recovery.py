@@ -19,7 +19,7 @@ def copies(seed, n, m, shared, noise, random_rotation):
     turn = random_rotation(random, 3)
     student = np.concatenate([points[:shared], points[n:]])
     factor = mp.spd.expm(mp.spd.from_vector(noise * random.standard_normal((m, 6))))
-    root = mp.spd.sqrtm(student)
+    root = mp.spd.powm(student, 0.5)
     return points[:n], turn @ root @ factor @ root @ turn.T, turn
 
 

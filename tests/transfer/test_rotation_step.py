@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport import spd
-from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
+from maniport.spd.kernels import cholesky
+from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.rotation_group import rotation_from_vector
 
 
@@ -17,7 +18,7 @@ def make_problem(rng, n, d, random_spd, random_rotation, kind="noisy", condition
         turn, noise = random_rotation(rng, d), 0.1 * rng.standard_normal((n, d, d))
         student = spd.expm(turn @ spd.logm(teacher) @ turn.T + noise + np.swapaxes(noise, 1, 2))
     weights = rng.uniform(0.1, 1.0, n)
-    return RotationProblem(cholesky_factors(student), teacher, weights / weights.sum())
+    return RotationProblem(cholesky(student), teacher, weights / weights.sum())
 
 
 def nearly_equal_eigenvalues(rng, gap, rotation, random_spd):
@@ -26,7 +27,7 @@ def nearly_equal_eigenvalues(rng, gap, rotation, random_spd):
     axes = np.linalg.cholesky(random_spd(rng, 6, d))
     values = rng.uniform(0.5, 2.0, (6, 1)) * (1.0 + gap * np.arange(d))
     teacher = rotation.T @ (axes * values[:, None]) @ np.swapaxes(axes, -1, -2) @ rotation
-    return RotationProblem(cholesky_factors(axes @ np.swapaxes(axes, -1, -2)), teacher, np.full(6, 1 / 6))
+    return RotationProblem(cholesky(axes @ np.swapaxes(axes, -1, -2)), teacher, np.full(6, 1 / 6))
 
 
 @pytest.mark.parametrize("d", [2, 3, 4, 6])

@@ -12,7 +12,7 @@ import pytest
 from maniport import cli
 from maniport.errors import OutputError
 from maniport.util import atomic_io
-from maniport.util.atomic_io import folder_written_whole, require_room, written_whole
+from maniport.util.atomic_io import claim, folder_written_whole, require_room, written_whole
 
 NAMES = ("a.json", "b.json")
 CHANGES = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree")  # audit events of changes
@@ -105,6 +105,16 @@ def test_an_earlier_folder_is_replaced_only_when_allowed(tmp_path):
         (folder / "thesis.tex").touch()
     assert {file.name for file in folder.iterdir()} == {*NAMES, "thesis.tex"}
     assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_folder_is_claimed_when_new_empty_or_claimed_before(tmp_path):
+    for _ in range(2):
+        claim(tmp_path / "new", "about.json", {"seed": 1}, ("seed",))
+    (tmp_path / "file").touch()
+    wrong = {"new": "another seed", "file": "exists", "no/parent": "No such file", ".": "other things"}
+    for name, message in wrong.items():
+        with pytest.raises(OutputError, match=message):
+            claim(tmp_path / name, "about.json", {"seed": 2}, ("seed",))
 
 
 @both_kinds

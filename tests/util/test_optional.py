@@ -12,7 +12,7 @@ from maniport.util import optional
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "maniport"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio", "pin-pink": "pink", "pot": "ot"}
+IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio", "pin-pink": "pink"}
 IMPORT_NAMES |= {"rerun-sdk": "rerun"}
 DEPENDENCIES_OF_OTHERS = {"coal", "contourpy", "PIL", "llvmlite", "markupsafe", "msgspec", "websockets"}
 WITH_FALLBACK = {"IPython"}
@@ -32,7 +32,7 @@ def test_a_missing_package_is_reported_with_the_command_that_installs_it(importe
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingPackageError, match=re.escape(user)) as caught:
         getattr(optional, importer)()
-    assert str(caught.value).endswith(f': pip install "maniport[{extra}]"')
+    assert str(caught.value).endswith(f'; in the clone: pip install ".[{extra}]"')
 
 
 def test_other_imports_are_of_dependencies():

@@ -71,7 +71,7 @@ def test_the_page_is_served_on_this_machine_only(make_view, make_state, capsys, 
         with pytest.raises(InvalidInputError):
             LiveView(make_state(), "icp", np.eye(3), port)
     monkeypatch.setitem(sys.modules, "viser", None)
-    with pytest.raises(MissingPackageError, match=r"maniport\[view\]"):
+    with pytest.raises(MissingPackageError, match=r"\.\[view\]"):
         LiveView(make_state(), "icp", np.eye(3))
 
 

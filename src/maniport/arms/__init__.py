@@ -3,8 +3,7 @@
 from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup, as_group
 from maniport.arms.human import PERSONS, myoarm, rhuman
-from maniport.arms.loaders import READERS, load_arm
-from maniport.arms.loaders.groups import load_arms
+from maniport.arms.loaders import READERS, load_arm, load_arms
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.arms.meshes import Geometry, Surface
 

@@ -192,7 +192,9 @@ class Arm(JointSpace):
     def posed_ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
         """Return the results of `forward` and `ellipsoids`."""
         poses, jacobians, _ = self._motions(q)
-        rows = weighting(spec, *self._weighted(q, spec)).rows(jacobians.reshape(-1, 6, self.dof), spec)[1]
+        weight = self._weights(q, spec)[0]
+        rows = jacobians.reshape(-1, 6, self.dof)[:, spec.rows]
+        rows = rows if weight is None else rows @ weight
         return poses, manipulability(rows.reshape(*poses.shape[:-2], *rows.shape[1:]), spec.kind)
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
@@ -202,8 +204,8 @@ class Arm(JointSpace):
         `maniport.arms.kernels.fill_derivatives`. Units are those of M per radian or meter.
         """
         poses, jacobians, own = self._motions(q)
-        flat, weights = jacobians.reshape(-1, 6, self.dof), weighting(spec, *self._weighted(q, spec), changes=True)
-        ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, weights)
+        flat, weights = jacobians.reshape(-1, 6, self.dof), self._weights(q, spec, changes=True)
+        ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, *weights)
         ellipsoids, changes = (part.reshape(*poses.shape[:-2], *part.shape[1:]) for part in (ellipsoids, changes))
         return poses, jacobians, ellipsoids, changes
 
@@ -213,7 +215,7 @@ class Arm(JointSpace):
         `InvalidInputError` for an arm without masses.
         """
         array = self.configurations(q)
-        terms = self._kinematics.dynamics(array.reshape(-1, self.dof), inertia=False)
+        terms = self._kinematics.dynamics(array.reshape(-1, self.dof))
         if terms is None:
             raise InvalidInputError(f"the description of {self.name!r} has no masses")
         return terms.gravity.reshape(array.shape)
@@ -230,17 +232,18 @@ class Arm(JointSpace):
     @cached_property
     def _inertia_fault(self) -> str:
         """Why the joint-space inertia cannot be inverted; empty where it can."""
-        terms = self._kinematics.dynamics(self.sample(1, 0), gravity=False)
+        terms = self._kinematics.dynamics(self.sample(1, 0))
         if terms is None:
             return "has none"
         values, vectors = np.linalg.eigh(terms.inertia[0])
         free = values[0] <= 1e-12 * values[-1]
         return f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates" if free else ""
 
-    def _weighted(self, q: ArrayLike, spec: EllipsoidSpec) -> tuple[Kinematics, Array | None, Array]:
-        """Arguments of `weighting` for a specification at checked configurations."""
+    def _weights(self, q: ArrayLike, spec: EllipsoidSpec, changes: bool = False) -> tuple[Array | None, Array | None]:
+        """Weights of the joints for a specification at checked configurations."""
         limits = self._limits(spec.kind) if isinstance(self.checked_spec(spec).joint_weights, str) else None
-        return self._kinematics, limits, np.asarray(q, dtype=np.float64).reshape(-1, self.dof)
+        flat = np.asarray(q, dtype=np.float64).reshape(-1, self.dof)
+        return weighting(spec, self._kinematics, limits, flat, changes)
 
     def _motions(self, q: ArrayLike, with_jacobians: bool = True) -> tuple[Array, Array, Array]:
         """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of the chain."""
@@ -311,4 +314,4 @@ class Arm(JointSpace):
             One for each joint index with shapes, ascending; empty if the description has no shapes. `FileFormatError`
             when the robot's file or a mesh is missing or cannot be read.
         """
-        return self.geometry.surfaces(15_000)
+        return self.geometry.surfaces

@@ -58,28 +58,33 @@ class ArmGroup(JointSpace):
         self.common, shared = _shared_joints([arm.chain for arm in arms], self.names)
         self.shared = tuple(dict.fromkeys(name for _, _, moving in shared for name in moving))
         self.frames = tuple(dict.fromkeys(frame for arm in arms for frame in arm.frames))
-        own: list[tuple[int, int]] = []  # arm and joint of each column
+        own: list[tuple[Arm, int, int]] = []  # arm, its index, and index of the joint of each column
         columns: list[NDArray[np.intp]] = []
         for i, arm in enumerate(arms):
-            earlier = {name: (k, arms[k].joint_names.index(name)) for k, j, same in shared if j == i for name in same}
-            at = [earlier.get(name, (i, k)) for k, name in enumerate(arm.joint_names)]
             columns.append(np.empty(arm.dof, dtype=np.intp))
-            for k, (owner, joint) in enumerate(at):
-                if owner == i:
-                    own.append((i, joint))
-                columns[-1][k] = len(own) - 1 if owner == i else columns[owner][joint]
+            earlier = {name: k for k, j, same in shared if j == i for name in same}
+            for k, name in enumerate(arm.joint_names):
+                if name in earlier:
+                    columns[i][k] = columns[earlier[name]][arms[earlier[name]].joint_names.index(name)]
+                else:
+                    columns[i][k] = len(own)
+                    own.append((arm, i, k))
         self.columns = tuple(columns)
-        joints = [arms[i].joint_names[k] for i, k in own]
+        joints = [arm.joint_names[k] for arm, _, k in own]
         self.prefixes = tuple(f"{name}_" * (len(set(joints)) < len(joints)) for name in self.names)
         self.locked = {self.prefixes[i] + name: at for i, arm in enumerate(arms) for name, at in arm.locked.items()}
+        speeds, efforts = (
+            np.array([np.inf if limits is None else limits[k] for limits, k in of])
+            for of in ([(arm.velocity_limits, k) for arm, _, k in own], [(arm.effort_limits, k) for arm, _, k in own])
+        )
         super().__init__(
             "+".join(dict.fromkeys(arm.name for arm in arms)),
-            tuple(self.prefixes[i] + joint for (i, _), joint in zip(own, joints, strict=True)),
-            np.array([arms[i].lower[k] for i, k in own]),
-            np.array([arms[i].upper[k] for i, k in own]),
-            _joined_limits([arm.velocity_limits for arm in arms], arms, own),
-            _joined_limits([arm.effort_limits for arm in arms], arms, own),
-            tuple(arms[i].joint_units[k] for i, k in own),
+            tuple(self.prefixes[i] + arm.joint_names[k] for arm, i, k in own),
+            np.array([arm.lower[k] for arm, _, k in own]),
+            np.array([arm.upper[k] for arm, _, k in own]),
+            speeds,
+            efforts,
+            tuple(arm.joint_units[k] for arm, _, k in own),
         )
 
     def __repr__(self) -> str:
@@ -185,13 +190,6 @@ def as_group(arm: Arm | ArmGroup) -> ArmGroup:
     return arm if isinstance(arm, ArmGroup) else ArmGroup(arm)
 
 
-def _joined_limits(limits: Sequence[Array | None], arms: Sequence[Arm], own: Sequence[tuple[int, int]]) -> Array | None:
-    """Limits of the joints of a group, (arm, joint) each; infinite where unknown, None if all are."""
-    parts = [np.full(arm.dof, np.inf) if part is None else part for part, arm in zip(limits, arms, strict=True)]
-    joined = np.array([parts[i][k] for i, k in own])
-    return None if np.all(np.isinf(joined)) else joined
-
-
 def _shared_joints(
     chains: Sequence[Chain], names: Sequence[str]
 ) -> tuple[NDArray[np.intp], list[tuple[int, int, tuple[str, ...]]]]:
@@ -220,19 +218,19 @@ def _shared_joints(
                 f"{first.name!r}{where}"
             )
         moving: list[dict[str, Any]] = []
-        ranges = []
         for chain in (first, second):
             limits = zip(chain.coordinates, chain.lower, chain.upper, chain.coupling[:count].T, strict=True)
-            own = {name: (low, high, column.tolist()) for name, low, high, column in limits if np.any(column)}
-            locked = {joint.name: f"locked at {at:g}" for joint, at in zip(chain.joints, chain.offset, strict=True)}
-            moving.append(own)
-            ranges.append({**locked, **{name: f"{low:g} to {high:g}" for name, (low, high, _) in own.items()}})
+            moving.append({name: (low, high, *column) for name, low, high, column in limits if np.any(column)})
         differ = [name for name in moving[0] | moving[1] if moving[0].get(name) != moving[1].get(name)]
         differ += [first.joints[k].name for k in np.flatnonzero(first.offset[:count] != second.offset[:count])]
         if differ:
+            ranges = []
+            for chain, own in zip((first, second), moving, strict=True):
+                locked = dict(zip([joint.name for joint in chain.joints], chain.offset, strict=True)).get(differ[0])
+                ranges.append("{:g} to {:g}".format(*own[differ[0]]) if differ[0] in own else f"locked at {locked}")
             raise InvalidInputError(
                 f"the joint {differ[0]!r} carries two arms and must have the same limits, or be locked at one "
-                f"position; found {ranges[0].get(differ[0])} for {names[i]}, {ranges[1].get(differ[0])} for {names[j]}"
+                f"position; found {ranges[0]} for {names[i]}, {ranges[1]} for {names[j]}"
             )
         common[i, j] = common[j, i] = count
         shared.append((i, j, tuple(moving[0])))

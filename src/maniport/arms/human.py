@@ -17,11 +17,8 @@ joint              positive direction, from the hanging arm
 ``flexion``        bends the wrist to the palm
 =================  ================================================================================================
 
-The torque limits are the strength of the joints [N m]: 34, 59, 39, 37, 8.8, 11 and 13 in the order of the table, as
-``scripts/derive_myoarm.py`` computes them from the muscles of MyoSim: what all muscles of one direction reach at rest,
-the median over postures, in the weaker direction. They are rough, since strength depends on posture and differs between
-people by more than a factor of two (Nijhof and Gabriel, Journal of Biomechanics 39, 2006). Both models, and arms of all
-sizes, have the same ones.
+The torque limits are those of the muscles of MyoSim, see ``scripts/derive_myoarm.py``, for both models and all sizes:
+rough values, since people differ by more than a factor of two (Nijhof and Gabriel, Journal of Biomechanics 39, 2006).
 
 `FRACTIONS` are lengths of segments as fractions of the body height. Upper arm and forearm are those of men by P. de
 Leva (Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between
@@ -37,7 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import LEFT, RIGHT, SIDES, Frame, pose, read_embedded
+from maniport.arms.chain import LEFT, RIGHT, SIDES, read_embedded
 from maniport.arms.restriction import mirrored
 from maniport.util.validation import Array, as_choice, as_number
 
@@ -75,20 +72,7 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
     Saul et al., Benchmarking of dynamic simulation predictions in two software platforms using an upper limb
     musculoskeletal model, Comput. Methods Biomech. Biomed. Eng. 18, 2015.
     """
-    lengths = _checked(upper_arm, forearm, hand)
-    chain = replace(read_embedded("myoarm"), side=RIGHT)
-    joints, frames, ends = list(chain.joints), dict(chain.frames), ("shoulder", "elbow", "wrist", "hand")
-    points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
-    for i, length in enumerate(lengths):
-        if length is not None:  # scale the translations of joints and frames between the ends of the segment
-            factor = np.ones((4, 4))
-            factor[:3, 3] = length / float(np.linalg.norm(points[i + 1] - points[i]))
-            first, last = frames[ends[i]].joint, frames[ends[i + 1]].joint
-            for k in range(first, last):
-                joints[k] = replace(joints[k], placement=joints[k].placement * factor)
-            if first == last:
-                frames[ends[i + 1]] = Frame(last, frames[ends[i + 1]].placement * factor)
-    return Arm(replace(chain, joints=tuple(joints), frames=frames))
+    return _scaled("myoarm", upper_arm, forearm, hand)
 
 
 def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
@@ -107,42 +91,23 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
     Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
     manifold-aware ICP, IROS 2022.
     """
-    lengths = zip(_checked(upper_arm, forearm, hand), (0.302, 0.2795, 0.05), strict=True)
-    upper, fore, palm = (default if length is None else length for length, default in lengths)
-    # Eight joints and a fixed last row: the elevation plane turns the arm before the elevation and back after it.
-    half = np.pi / 2
-    table: list[list[float]] = [
-        [0, 0, 0, half], [0, 0, 0, half], [0, 0, 0, 0], [half, upper, 0, half], [0, 0, 0, half],
-        [0, -fore, 0, half], [half, 0, 0, -half], [half, 0, 0, half], [np.pi, -palm, 0, np.pi],
-    ]  # fmt: skip
-    names = ["elv_angle", "shoulder_elv", "elv_angle_return", *JOINTS[2:]]
-    # The table's x axis points to the person's right; the trunk frame's points forward.
-    whole = Arm.from_dh("rhuman", table, base=pose(rpy=(0, 0, -half)), joint_names=[*names, "fixed"]).chain
-    joints = list(whole.joints[:8])
-    joints[3] = replace(joints[3], axis=-joints[3].axis)  # the table counts axial rotation outward
-    coupling = np.zeros((8, 7))
-    coupling[np.arange(8), [0, 1, 0, 2, 3, 4, 5, 6]] = 1.0
-    fixed = whole.joints[8].placement @ whole.frames["link9"].placement
-    return Arm(
-        replace(
-            whole,
-            joints=tuple(joints),
-            frames={
-                "shoulder": whole.frames["base"],
-                "elbow": whole.frames["link4"],
-                "wrist": whole.frames["link6"],
-                "hand": Frame(8, fixed),
-            },
-            frame="hand",
-            coordinates=JOINTS,
-            lower=np.radians([-90.0, 0.0, -80.0, 0.0, -90.0, 0.0, -60.0]),
-            upper=np.radians([130.0, 180.0, 40.0, 130.0, 90.0, 25.0, 60.0]),
-            coupling=coupling,
-            offset=np.zeros(8),
-            effort_limits=read_embedded("myoarm").effort_limits,
-            side=RIGHT,
-        )
-    )
+    return _scaled("rhuman", upper_arm, forearm, hand)
+
+
+def _scaled(name: str, *segments: float | None) -> Arm:
+    """Build a model with other lengths of upper arm, forearm and hand [m]: scale what lies between their ends."""
+    chain = replace(read_embedded(name), side=RIGHT)
+    joints, frames, ends = list(chain.joints), dict(chain.frames), ("shoulder", "elbow", "wrist", "hand")
+    points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
+    for i, (segment, length) in enumerate(zip(("upper_arm", "forearm", "hand"), segments, strict=True)):
+        if length is not None:
+            checked = as_number(length, f"{segment} [m]", above=0.0, below=LONGEST_SEGMENT)
+            factor, end = np.ones((4, 4)), frames[ends[i + 1]]
+            factor[:3, 3] = checked / float(np.linalg.norm(points[i + 1] - points[i]))
+            for k in range(frames[ends[i]].joint, end.joint):
+                joints[k] = replace(joints[k], placement=joints[k].placement * factor)
+            frames[ends[i + 1]] = replace(end, placement=end.placement * factor)
+    return Arm(replace(chain, joints=tuple(joints), frames=frames))
 
 
 PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}
@@ -181,8 +146,3 @@ def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
     palm /= np.linalg.norm(palm)
     hanging = np.stack([np.cross(palm, along), palm, along], axis=1)
     return np.asarray(arm.forward(q)[..., :3, :3] @ arm.forward(zero)[:3, :3].T @ hanging)
-
-
-def _checked(upper_arm: float | None, forearm: float | None, hand: float | None) -> list[float | None]:
-    lengths = {"upper_arm [m]": upper_arm, "forearm [m]": forearm, "hand [m]": hand}
-    return [None if x is None else as_number(x, name, above=0.0, below=LONGEST_SEGMENT) for name, x in lengths.items()]

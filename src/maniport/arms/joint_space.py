@@ -29,7 +29,7 @@ class JointSpace(NotebookDisplay):
         self.name, self.dof, self.joint_names, self.joint_units = name, len(joint_names), joint_names, joint_units
         self.lower, self.upper = np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64)
         self.velocity_limits, self.effort_limits = (
-            None if limits is None else np.array(limits, dtype=np.float64)
+            None if limits is None or np.all(np.isinf(limits)) else np.array(limits, dtype=np.float64)
             for limits in (velocity_limits, effort_limits)
         )
         for array in (self.lower, self.upper, self.velocity_limits, self.effort_limits):

@@ -185,31 +185,3 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
                     for x in range(d):
                         for y in range(d):
                             results[n, k, x, y] += coupling[i, k] * (a[i, x, y] + a[i, y, x])
-
-
-@kernel
-def add_weight_changes(rows, weighted, scale_changes, inertia_changes, results):  # type: ignore[no-untyped-def]
-    """Add to ∂M/∂q_k (n, dof, d, d) what W = H⁻¹ S contributes: 2 P S ∂S/∂q_k Pᵀ − P ∂H/∂q_k B − (P ∂H/∂q_k B)ᵀ.
-
-    P = J H⁻¹ are `rows` (n, d, dof), B = W Wᵀ Jᵀ is `weighted` transposed, and S ∂S/∂q_k are `scale_changes`
-    (n, joint, k). Both kinds of changes may have length 0.
-    """
-    d, dof = rows.shape[1:]
-    for n in range(len(rows)):
-        for k in range(dof):
-            for x in range(d if len(scale_changes) > 0 else 0):
-                for y in range(x + 1):
-                    total = 0.0
-                    for i in range(dof):
-                        total += rows[n, x, i] * scale_changes[n, i, k] * rows[n, y, i]
-                    results[n, k, x, y] += 2.0 * total
-                    if x != y:
-                        results[n, k, y, x] += 2.0 * total
-            for y in range(d if len(inertia_changes) > 0 else 0):
-                for i in range(dof):
-                    moved = 0.0
-                    for j in range(dof):
-                        moved += inertia_changes[n, k, i, j] * weighted[n, y, j]
-                    for x in range(d):
-                        results[n, k, x, y] -= rows[n, x, i] * moved
-                        results[n, k, y, x] -= rows[n, x, i] * moved

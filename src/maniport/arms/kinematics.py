@@ -16,11 +16,11 @@ Attachment = tuple[int, Array]  # number of joints before it, and a vector (3,) 
 
 
 class DynamicsTerms(NamedTuple):
-    """Terms of the equation of motion at n configurations; arrays have length 0 where they were not computed."""
+    """Terms of the equation of motion at n configurations; derivatives have length 0 where they were not computed."""
 
     gravity: Array  # (n, dof): torques g that hold the arm [N m] or [N]
-    gravity_changes: Array  # (n, dof, dof): ∂g_i/∂q_k
     inertia: Array  # (n, dof, dof): joint-space inertia H
+    gravity_changes: Array  # (n, dof, dof): ∂g_i/∂q_k
     inertia_changes: Array  # (n, dof, dof, dof): ∂H/∂q_k, k first
 
 
@@ -60,7 +60,7 @@ class Kinematics:
         self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
         self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
         self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
-        self._links, self._gravity = chains[0].inertia, np.array(chains[0].gravity)
+        self._inertia, self._up = chains[0].inertia, -np.array(chains[0].gravity)
         self.moves = np.zeros((count + 1, count), dtype=np.bool_)  # which joints move each link
         for joint, parent in enumerate(parents):
             self.moves[joint + 1] = self.moves[parent]
@@ -96,32 +96,50 @@ class Kinematics:
         fill_link_poses(positions, self.parents, self.placements, self.axes, self.slides, rotations, origins)
         return rotations, origins
 
-    def dynamics(
-        self, q: Array, gravity: bool = True, inertia: bool = True, changes: bool = False
-    ) -> DynamicsTerms | None:
-        """Terms of one chain at configurations (n, dof), `changes` with derivatives; None without masses."""
-        from maniport.arms.dynamics_kernels import fill_dynamics
+    def dynamics(self, q: Array, changes: bool = False) -> DynamicsTerms | None:
+        """Terms of one chain at configurations (n, dof), `changes` with derivatives; None without masses.
 
-        if (links := self._links) is None:
+        With the axis s_k of joint k as a spatial motion vector and the composite inertia I_k of all links outward from
+        it (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 6), all in the base frame,
+
+            H_ij = s_iᵀ I_j s_j for i ≤ j,            g_k = s_kᵀ I_k (−γ; 0) with the acceleration γ of gravity,
+
+        and a joint k takes all outward of it along, so that with the cross product × of motion vectors
+
+            ∂H_ij/∂q_k = 0 for k ≤ i ≤ j,
+                       = −(s_k × s_i)ᵀ I_j s_j for i < k ≤ j,
+                       = −(s_k × s_i)ᵀ I_k s_j − (s_k × s_j)ᵀ I_k s_i for i ≤ j < k,
+            ∂g_k/∂q_j  = ∂g_j/∂q_k = −s_kᵀ I_k (s_j × (−γ; 0)) for j ≤ k.
+        """
+        if self._inertia is None:
             return None
-        # masses, first moments m c, and rotational inertias about the origins of the links
-        bodies = (
-            np.ascontiguousarray(part) for part in (links[:, 0, 0], links[:, [5, 3, 4], [1, 2, 0]], links[:, 3:, 3:])
-        )
-        rows = [len(q) if wanted else 0 for wanted in (gravity, gravity and changes, inertia, inertia and changes)]
-        terms = DynamicsTerms(
-            *(np.empty((n, *[len(self.axes)] * size)) for n, size in zip(rows, (1, 2, 2, 3), strict=True))
-        )
-        fill_dynamics(*self.link_poses(q), self.axes, self.slides, *bodies, -self._gravity, *terms)
-        if self.trivial:
-            return terms
-        c = self.coupling
-        return DynamicsTerms(
-            self.coupled(terms.gravity),
-            c.T @ self.coupled(terms.gravity_changes),
-            c.T @ self.coupled(terms.inertia),
-            np.einsum("nmij,mk->nkij", c.T @ self.coupled(terms.inertia_changes), c, optimize=True),
-        )
+        rotations, origins = (part[:, 1:] for part in self.link_poses(q))
+        turning = np.einsum("njab,jb->nja", rotations, self.axes)
+        moving = np.where(self.slides[:, None], turning, np.cross(origins, turning))
+        turning = np.where(self.slides[:, None], 0.0, turning)
+        s = np.concatenate([moving, turning], axis=-1)
+        forces = np.zeros((*s.shape[:2], 6, 6))  # transforms of spatial forces from the links to the base
+        forces[..., :3, :3] = forces[..., 3:, 3:] = rotations
+        forces[..., 3:, :3] = np.cross(origins[..., None], rotations, axis=-2)
+        composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(axis=1)[:, ::-1]
+        momenta = np.einsum("nkab,nkb->nka", composite, s)  # I_k s_k
+        inertia = np.triu(s @ np.swapaxes(momenta, -1, -2))
+        inertia += np.swapaxes(np.triu(inertia, 1), -1, -2)
+        c, gravity_changes, inertia_changes = self.coupling, np.empty((0, 0, 0)), np.empty((0, 0, 0, 0))
+        if changes:
+            lower = -np.tril(momenta[..., :3] @ np.swapaxes(np.cross(turning, self._up), -1, -2))
+            gravity_changes = c.T @ (lower + np.swapaxes(np.tril(lower, -1), -1, -2)) @ c
+            ours, theirs = (slice(None), slice(None), None), (slice(None), None)  # of joints k and i
+            crosses = np.concatenate([
+                np.cross(turning[ours], moving[theirs]) + np.cross(moving[ours], turning[theirs]),
+                np.cross(turning[ours], turning[theirs]),
+            ], axis=-1)  # fmt: skip
+            before = np.tri(len(s[0]), k=-1, dtype=np.bool_)  # i < k
+            beyond = crosses @ np.swapaxes(s[:, None] @ composite, -1, -2)
+            half = np.where(before[:, None], beyond, crosses @ np.swapaxes(momenta[:, None], -1, -2))
+            half = np.where(before[..., None], half, 0.0)
+            inertia_changes = np.einsum("nmij,mk->nkij", -c.T @ (half + np.swapaxes(half, -1, -2)) @ c, c)
+        return DynamicsTerms(momenta[..., :3] @ self._up @ c, c.T @ inertia @ c, gravity_changes, inertia_changes)
 
 
 class PointKinematics:

@@ -12,7 +12,7 @@ moves the center of the ellipsoid of acceleration only, which is left out.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -110,48 +110,41 @@ class EllipsoidSpec:
 VELOCITY = EllipsoidSpec()  # The default: velocity ellipsoids of the translation
 
 
-class Weighting(NamedTuple):
-    """W = H⁻¹ S of ellipsoids M = J W Wᵀ Jᵀ at n configurations, or of their inverses; None for the identity."""
-
-    scale: Array | None = None  # diagonal of S, (dof,) or (n, dof)
-    scale_changes: Array | None = None  # S ∂S/∂q_k, (n, dof, dof), k last
-    inertia: Array | None = None  # H, (n, dof, dof)
-    inertia_changes: Array | None = None  # ∂H/∂q_k, (n, dof, dof, dof), k first
-
-    def rows(self, jacobian: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
-        """Return J H⁻¹ and J W, shapes (..., d, dof), of the rows that count."""
-        rows = jacobian[..., spec.rows, :]
-        if self.inertia is not None:
-            rows = np.swapaxes(np.linalg.solve(self.inertia, np.swapaxes(rows, -1, -2)), -1, -2)
-        return rows, rows if self.scale is None else np.asarray(rows * self.scale[..., None, :])
-
-
 def weighting(
     spec: EllipsoidSpec, kinematics: Kinematics, limits: Array | None, q: Array, changes: bool = False
-) -> Weighting:
-    """Weights of the joints at configurations (n, dof), and derivatives where `changes` is set.
+) -> tuple[Array | None, Array | None]:
+    """Weights W of ellipsoids M = J W Wᵀ Jᵀ (of force: M⁻¹) at configurations (n, dof), and ∂(W Wᵀ)/∂q_k.
 
-    `limits` (dof,) are those of the joints where these are the weights. Accelerations need masses.
+    W (n or 1, dof, dof) is None for the identity; derivatives (n, k, dof, dof) are None without `changes` and where W
+    is constant. `limits` (dof,) are those of the joints where these are the weights. Accelerations need masses.
     """
-    scale, slopes = limits, None
-    if limits is None and spec.joint_weights is not None:
-        scale = np.array(spec.joint_weights, dtype=np.float64)
-    if spec.kind == "velocity":
-        return Weighting(scale)
-    accelerated, terms = spec.kind == "acceleration", None
-    if limits is not None or accelerated:
-        terms = kinematics.dynamics(q, gravity=limits is not None, inertia=accelerated, changes=changes)
+    accelerated, gravity = spec.kind == "acceleration", limits is not None and spec.kind != "velocity"
+    terms = kinematics.dynamics(q, changes) if accelerated or gravity else None
+    if limits is None and spec.joint_weights is None and not accelerated:
+        return None, None
+    weights: Any = 1.0 if spec.joint_weights is None else spec.joint_weights if limits is None else limits
+    scale: Array = np.ones(q.shape[1]) * weights
+    slopes = None
     if limits is not None and terms is not None:
-        held = np.abs(terms.gravity)
-        scale = np.maximum(limits - held, LEAST_TORQUE * limits)
-        if changes:
+        held = limits - np.abs(terms.gravity)
+        scale = np.maximum(held, LEAST_TORQUE * limits)
+        if changes:  # ∂S/∂q_k, (n, joint, k)
             slopes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
-            slopes[scale > limits - held] = 0.0
-            slopes *= scale[..., None] if accelerated else -(scale[..., None] ** -3)
+            slopes[scale > held] = 0.0
     if not accelerated:
-        return Weighting(None if scale is None else 1.0 / scale, slopes)
+        weight: Array = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)[..., None] * np.eye(q.shape[1])
+        if slopes is None:
+            return weight, None
+        return weight, np.einsum("njk,jl->nkjl", -2.0 * slopes / scale[..., None] ** 3, np.eye(q.shape[1]))
     assert terms is not None  # of an arm with masses
-    return Weighting(scale, slopes, terms.inertia, terms.inertia_changes if changes else None)
+    weight = np.asarray(np.linalg.solve(terms.inertia, scale[..., None] * np.eye(q.shape[1])), dtype=np.float64)
+    if not changes:
+        return weight, None
+    product = weight @ np.swapaxes(weight, -1, -2)
+    half = -np.linalg.solve(terms.inertia[:, None], terms.inertia_changes) @ product[:, None]
+    if slopes is not None:
+        half += np.einsum("nij,njk,nlj->nkil", weight, slopes / scale[..., None], weight, optimize=True)
+    return weight, half + np.swapaxes(half, -1, -2)
 
 
 def manipulability(rows: Array, kind: str = "velocity") -> Array:
@@ -194,31 +187,27 @@ def principal_axes(rows: Array, kind: str = "velocity") -> tuple[Array, Array]:
 
 
 def with_derivatives(
-    jacobian: Array, of_joints: Array, coupling: Array, spec: EllipsoidSpec, weights: Weighting
+    jacobian: Array, of_joints: Array, coupling: Array, spec: EllipsoidSpec, weight: Array | None, change: Array | None
 ) -> tuple[Array, Array]:
     """Return manipulability matrices (n, d, d) and their derivatives (n, dof, d, d) in the degrees of freedom.
 
-    Jacobians (n, 6, dof) are those in the joints, (n, 6, joints), times the coupling.
+    Jacobians (n, 6, dof) are those in the joints, (n, 6, joints), times the coupling; weights are those of `weighting`.
     """
-    from maniport.arms.kernels import add_weight_changes, fill_derivatives  # here: Numba takes its time
+    from maniport.arms.kernels import fill_derivatives  # here: Numba takes its time
 
-    # Numba compiles once more for arrays that are not contiguous
-    plain, rows = (np.ascontiguousarray(own) for own in weights.rows(jacobian, spec))
-    weighted = rows if weights.scale is None else rows * weights.scale[..., None, :]
-    if weights.inertia is not None:
-        solved = np.linalg.solve(weights.inertia, np.swapaxes(weighted, -1, -2))
-        weighted = np.ascontiguousarray(np.swapaxes(solved, -1, -2))
+    plain = jacobian[..., spec.rows, :]
+    rows = plain if weight is None else plain @ weight
+    weighted = rows if weight is None else rows @ np.swapaxes(weight, -1, -2)
     n, d, dof = rows.shape
     ellipsoids, results = np.empty((n, d, d)), np.empty((n, dof, d, d))
-    arrays = np.ascontiguousarray(of_joints), rows, np.ascontiguousarray(coupling), weighted
+    # Numba compiles once more for arrays that are not contiguous
+    arrays = (np.ascontiguousarray(array) for array in (of_joints, rows, coupling, weighted))
     fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, results)
-    of_scale, of_inertia = weights.scale_changes, weights.inertia_changes
-    if of_scale is not None or of_inertia is not None:
-        of_scale = np.empty((0, dof, dof)) if of_scale is None else of_scale
-        of_inertia = np.empty((0, dof, dof, dof)) if of_inertia is None else of_inertia
-        add_weight_changes(plain, weighted, of_scale, of_inertia, results)
+    if change is not None:
+        half = 0.5 * plain[:, None] @ change @ np.swapaxes(plain, -1, -2)[:, None]
+        results += half + np.swapaxes(half, -1, -2)
     if spec.kind != "force":
         return ellipsoids, results
     force = manipulability(rows, spec.kind)
-    change = -force[:, None] @ results @ force[:, None]  # of an inverse
-    return force, np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))
+    inverse = -force[:, None] @ results @ force[:, None]
+    return force, np.asarray(0.5 * (inverse + np.swapaxes(inverse, -1, -2)))

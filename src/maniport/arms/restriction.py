@@ -23,31 +23,30 @@ def restrict(
 
     Bodies and masses on omitted joints are attached to the nearest remaining link, in their pose at zero.
     """
-    where = f"on the arm {chain.name!r}"
+    where, end_frame = f"on the arm {chain.name!r}", chain.frame if frame is None else frame
     wanted = None if joints is None else check_names(joints, "joints")
     held = check_lock(lock, wanted)
+    if not isinstance(end_frame, str) or end_frame not in chain.frames:
+        raise unknown_name("frame", end_frame, chain.frames, where)
+    last, first = chain.frames[end_frame].joint, 0
+    if base is not None:
+        reached = [name for name, place in chain.frames.items() if place.joint <= last]
+        if not isinstance(base, str) or base not in reached:
+            raise unknown_name("base", base, reached, f"on the chain to the frame {end_frame!r} {where}")
+        first = chain.frames[base].joint
+    part = _segment(chain, first, last, end_frame)
+    if base is not None:
+        placement = chain.frames[base].placement
+        turn = _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]  # gravity keeps its direction
+        part = _expressed_in(part, np.asarray(np.linalg.inv(placement), dtype=np.float64), base)
+        part = replace(part, gravity=tuple((turn.T @ chain.gravity).tolist()))
+    seen = "" if part.base is None else f", seen from {part.base!r}"
     for name in (*(wanted or ()), *held):
         if name not in chain.coordinates:
             raise unknown_name("joint", name, chain.coordinates, f"on the chain to {chain.frame!r} {where}")
-    end_frame = chain.frame if frame is None else frame
-    if not isinstance(end_frame, str) or end_frame not in chain.frames:
-        raise unknown_name("frame", end_frame, chain.frames, where)
-    last = chain.frames[end_frame].joint
-    reached = [name for name, place in chain.frames.items() if place.joint <= last]
-    if base is not None and (not isinstance(base, str) or base not in reached):
-        raise unknown_name("base", base, reached, f"on the chain to the frame {end_frame!r} {where}")
-    first = 0 if base is None else chain.frames[base].joint
-    part = _segment(chain, first, last, end_frame)
-    if base is not None:
-        placement, back = chain.frames[base].placement, np.eye(4)
-        back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
-        turn = _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]  # gravity keeps its direction
-        part = replace(_expressed_in(part, back, base), gravity=tuple((turn.T @ chain.gravity).tolist()))
-    seen = "" if part.base is None else f", seen from {part.base!r}"
-    for what, names in (("joints", wanted or ()), ("lock", held)):
-        idle = [name for name in names if name not in part.coordinates]
-        if idle:
-            raise InvalidInputError(f"{what}: {idle[0]!r} does not move the frame {end_frame!r}{seen} {where}")
+        if name not in part.coordinates:
+            what = "lock" if name in held else "joints"
+            raise InvalidInputError(f"{what}: {name!r} does not move the frame {end_frame!r}{seen} {where}")
     moving = np.array([n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool)
     if not np.any(moving):
         held_all = "; lock contains all" if part.coordinates else ""
@@ -56,17 +55,14 @@ def restrict(
         )
     if np.all(moving):
         return part
-    neutral = np.where(moving, 0.0, np.clip(0.0, part.lower, part.upper))
-    for i, (name, unit) in enumerate(zip(part.coordinates, part.units, strict=True)):
+    neutral, locked = np.where(moving, 0.0, np.clip(0.0, part.lower, part.upper)), dict(part.locked)
+    for i in np.flatnonzero(~moving):
+        name = part.coordinates[i]
         if name in held:
             low, high = (float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION)) for limit in (part.lower, part.upper))
-            neutral[i] = as_number(held[name], f"lock: {name!r} [{unit}]", minimum=low, maximum=high)
-    positions = {name: float(neutral[i]) for i, name in enumerate(part.coordinates) if not moving[i]}
-    return replace(
-        _with_coordinates(part, moving),
-        offset=part.offset + part.coupling @ neutral,
-        locked={**part.locked, **positions},
-    )
+            neutral[i] = as_number(held[name], f"lock: {name!r} [{part.units[i]}]", minimum=low, maximum=high)
+        locked[name] = float(neutral[i])
+    return replace(_with_coordinates(part, moving), offset=part.offset + part.coupling @ neutral, locked=locked)
 
 
 def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
@@ -82,42 +78,37 @@ def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]
 
 def _segment(chain: Chain, first: int, last: int, end_frame: str) -> Chain:
     """Joints `first` to `last` of a chain, and the coordinates that move them."""
-    others, inertia, poses = chain.others, None, _resting_poses(chain)
-    if chain.inertia is not None:
-        inertia = chain.inertia[first : last + 1].copy()
+    others, inertia, poses = chain.others, chain.inertia, _resting_poses(chain)
+    if inertia is not None:
+        inertia = inertia[first : last + 1].copy()
         inertia[-1] += carried_inertia(chain, last)
+    kept = {name: place for name, place in chain.frames.items() if first <= place.joint <= last}
     if others is not None:
-        bodies = {
-            name: Body(place.joint, place.placement[None], name)
-            for name, place in chain.frames.items() if not first <= place.joint <= last
-        }  # fmt: skip
+        bodies = {n: Body(f.joint, f.placement[None], n) for n, f in chain.frames.items() if n not in kept} | {**others}
         others = {}
-        for name, body in {**bodies, **(chain.others or {})}.items():
+        for name, body in bodies.items():
             carrier = min(max(body.joint, first), last)
             others[name] = body.moved(carrier - first, np.linalg.inv(poses[carrier]) @ poses[body.joint])
     segment = replace(
         chain,
         others=others,
         joints=chain.joints[first:last],
-        frames={
-            name: replace(place, joint=place.joint - first)
-            for name, place in chain.frames.items() if first <= place.joint <= last
-        },
+        frames={name: replace(place, joint=place.joint - first) for name, place in kept.items()},
         frame=end_frame,
         coupling=chain.coupling[first:last],
         offset=chain.offset[first:last],
         inertia=inertia,
-    )  # fmt: skip
+    )
     return _with_coordinates(segment, np.any(segment.coupling != 0, axis=0))
 
 
 def carried_inertia(chain: Chain, link: int) -> Array:
     """Spatial inertia (6, 6) of all links beyond a link, in their resting poses, about the origin of that link."""
     assert chain.inertia is not None
-    poses, total = _resting_poses(chain), np.zeros((6, 6))
-    for own, pose in zip(chain.inertia[link + 1 :], poses[link + 1 :], strict=True):
-        total += moved_inertia(own, np.linalg.inv(poses[link]) @ pose)
-    return total
+    poses = _resting_poses(chain)
+    back = np.linalg.inv(poses[link])
+    beyond = range(link + 1, len(poses))
+    return np.asarray(sum((moved_inertia(chain.inertia[k], back @ poses[k]) for k in beyond), np.zeros((6, 6))))
 
 
 def _resting_poses(chain: Chain) -> list[Array]:
@@ -131,15 +122,12 @@ def _resting_poses(chain: Chain) -> list[Array]:
 
 def _with_coordinates(chain: Chain, kept: Array) -> Chain:
     """Return the chain with the coordinates in `kept` (dof,) only."""
-    return replace(
-        chain,
-        coupling=chain.coupling[:, kept],
-        coordinates=tuple(name for name, keep in zip(chain.coordinates, kept, strict=True) if keep),
-        lower=chain.lower[kept],
-        upper=chain.upper[kept],
-        velocity_limits=None if chain.velocity_limits is None else chain.velocity_limits[kept],
-        effort_limits=None if chain.effort_limits is None else chain.effort_limits[kept],
-    )
+    limits = {
+        name: values[kept] for name in ("lower", "upper", "velocity_limits", "effort_limits")
+        if (values := getattr(chain, name)) is not None
+    }  # fmt: skip
+    coordinates = tuple(name for name, keep in zip(chain.coordinates, kept, strict=True) if keep)
+    return replace(chain, coupling=chain.coupling[:, kept], coordinates=coordinates, **limits)
 
 
 def standing(chain: Chain, where: Array) -> Chain:

@@ -4,12 +4,12 @@ joblib's backends are not used: of a Dask worker that dies, its backend never re
 """
 
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from threading import Thread
+from functools import partial
+from itertools import islice
 from time import monotonic
 from typing import Any, TypeVar
 
@@ -17,7 +17,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from maniport.errors import ManiportError
 from maniport.util.optional import distributed, ray
-from maniport.util.process import end_with_parent
+from maniport.util.process import end_with_parent, in_background, settled
 
 T = TypeVar("T")
 Work = Callable[[Any], Any]
@@ -32,8 +32,7 @@ class Executor:
 
     submit: Callable[[Work, Any], "Future[Any]"]
     width: int  # Tasks that are submitted at a time
-    check: Callable[[], None] = lambda: None
-    """Raises `ManiportError` when no task will ever end; called every few seconds."""
+    check: Callable[[], None] = lambda: None  # raises `ManiportError` when no task will ever end
 
 
 def completed(executor: Executor, work: Work, tasks: Iterable[T], period: float = 5.0) -> Iterator[tuple[T, Any]]:
@@ -41,32 +40,30 @@ def completed(executor: Executor, work: Work, tasks: Iterable[T], period: float 
 
     When a process is killed, all tasks under way may be lost. Each of them is run once more, alone, after the others.
     """
-    waiting, retried, running = deque(tasks), list[T](), dict[Future[Any], T]()
-    while waiting or retried or running:
-        alone = not waiting and not running
-        while waiting and len(running) < executor.width:
-            task = waiting.popleft()
-            running[executor.submit(work, task)] = task
-        if not running:
-            task = retried.pop()
-            running[executor.submit(work, task)] = task
-        ended = wait(running, period, FIRST_COMPLETED).done
-        if not ended:
-            executor.check()
-        for future in ended:
-            task, outcome = running.pop(future), None
-            try:
-                outcome = future.result()
-            except BrokenExecutor:
-                if not alone:
-                    retried.append(task)
-                    continue
-                outcome = ManiportError("worker process killed, probably out of memory")
-            except CancelledError:
-                raise ManiportError("the cluster was lost; run again to continue") from None
-            except Exception as error:  # noqa: BLE001  one failure does not stop the rest
-                outcome = error
+    lost = list[T]()
+    for task, outcome in _ended(executor, work, tasks, executor.width, period):
+        if isinstance(outcome, BrokenExecutor):
+            lost.append(task)
+        else:
             yield task, outcome
+    for task, outcome in _ended(executor, work, lost, 1, period):
+        killed = isinstance(outcome, BrokenExecutor)
+        yield task, ManiportError("worker process killed, probably out of memory") if killed else outcome
+
+
+def _ended(executor: Executor, work: Work, tasks: Iterable[T], width: int, period: float) -> Iterator[tuple[T, Any]]:
+    """Run at most `width` tasks at a time; yield each with its result or error."""
+    waiting, running = iter(tasks), dict[Future[Any], T]()
+    while True:
+        running |= {executor.submit(work, task): task for task in islice(waiting, width - len(running))}
+        if not running:
+            return
+        if not (done := wait(running, period, FIRST_COMPLETED).done):
+            executor.check()
+        for future in done:
+            if future.cancelled():
+                raise ManiportError("the cluster was lost; run again to continue")
+            yield running.pop(future), future.exception() or future.result()
 
 
 def executor_for(processes: int, dask: str | None, on_ray: bool) -> AbstractContextManager[Executor]:
@@ -75,17 +72,11 @@ def executor_for(processes: int, dask: str | None, on_ray: bool) -> AbstractCont
         return _dask(dask)
     if on_ray:
         return _ray()
-    return nullcontext(Executor(_run_here, 1)) if processes == 1 else _processes(processes)
-
-
-def _run_here(work: Work, task: Any) -> "Future[Any]":
-    """Run a task at once, in this process."""
-    done: Future[Any] = Future()
-    try:
-        done.set_result(work(task))
-    except Exception as error:  # noqa: BLE001  as in a process of its own
-        done.set_exception(error)
-    return done
+    return (
+        nullcontext(Executor(lambda work, task: settled(Future(), work, task), 1))
+        if processes == 1
+        else _processes(processes)
+    )
 
 
 @contextmanager
@@ -134,17 +125,9 @@ def dask_executor(client: Any, patience: float) -> Executor:
 
 def _client(address: str, timeout: float = 10.0) -> Any:
     """Connect to a Dask scheduler; an address that takes a connection and is silent is given up after 2 timeouts."""
-    package, connected = distributed(), Future[Any]()
-
-    def connect() -> None:
-        try:
-            connected.set_result(package.Client(address, timeout=f"{timeout} s"))
-        except Exception as error:  # noqa: BLE001  raised by `result`
-            connected.set_exception(error)
-
-    Thread(target=connect, daemon=True).start()
+    connect = partial(distributed().Client, address, timeout=f"{timeout} s")
     try:
-        return connected.result(2 * timeout)
+        return in_background(connect).result(2 * timeout)
     except (OSError, ValueError, TypeError) as error:  # `TimeoutError` is an `OSError`
         raise ManiportError(f"cannot connect to the Dask scheduler at {address!r}: {str(error) or 'timeout'}") from None
 

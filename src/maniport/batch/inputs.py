@@ -4,10 +4,12 @@ import glob
 import hashlib
 import inspect
 import itertools
+import json
 import os
 import pickle
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence, Set
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -18,8 +20,7 @@ from maniport.errors import InvalidInputError, as_text
 from maniport.mocap import Recording, shipped_recording
 from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import OPTIONS, Config
-from maniport.pipeline.transfer import settings_of
-from maniport.pipeline.values import Settings
+from maniport.pipeline.settings import Settings, marker_roles, settings_of
 from maniport.report.renderings import SUMMARY
 from maniport.util.defaults import RECORDINGS
 from maniport.version import __version__
@@ -38,14 +39,14 @@ class Source:
     path: Path
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Robot:
-    """A robot of a batch with its options."""
+    """A robot of a batch with its options; robots with the same key are equal."""
 
-    name: str  # of its folder
-    job: Settings
     key: str  # digest of the settings
-    settings: Mapping[str, str]  # options as text by name
+    name: str = field(compare=False)  # of its folder
+    job: Settings = field(compare=False)
+    settings: Mapping[str, str] = field(compare=False)  # options as text by name
 
 
 def find_recordings(patterns: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
@@ -92,9 +93,9 @@ def _matches(text: str) -> list[tuple[Path, str]]:
 
 def _has_frames(path: Path) -> bool:
     """Whether a path is a folder of keypoints, one JSON file a frame: no result, and no recordings in other formats."""
-    if not path.is_dir() or not any(path.glob("*.json")):
-        return False
-    return not any(file.name in (ABOUT, SUMMARY) or _is_recording(file) for file in path.iterdir())
+    files = list(path.iterdir()) if path.is_dir() else []
+    other = any(file.name in (ABOUT, SUMMARY) or _is_recording(file) for file in files)
+    return not other and any(file.suffix == ".json" for file in files)
 
 
 def _is_recording(path: Path) -> bool:
@@ -109,13 +110,22 @@ def _name(path: Path, folder: Path | None = None) -> str:
 
 
 def _unique(sources: dict[Path, str]) -> dict[Path, str]:
-    """Put folders before all names where one is another's, or a folder of another's."""
-    names = list(sources.values())
-    parents = {str(parent) for name in names for parent in PurePosixPath(name).parents}
-    if len(set(names)) == len(names) and parents.isdisjoint(names):
-        return sources
-    common = os.path.commonpath([path.parent for path in sources])
-    return {path: as_text(path.relative_to(common).as_posix()) for path in sources}
+    """Put folders before names where one is another's, or a folder of another's."""
+    longer = set[Path]()
+    while not (clashing := _clashing(sources)) <= longer:
+        longer |= clashing
+        common = os.path.commonpath([path.parent for path in longer])
+        sources = sources | {path: as_text(path.relative_to(common).as_posix()) for path in longer}
+    return sources
+
+
+def _clashing(sources: dict[Path, str]) -> set[Path]:
+    """Return the recordings whose name is another's, or a folder of another's, or is in such a folder."""
+    counts = Counter(sources.values())
+    parents = {name: {str(parent) for parent in PurePosixPath(name).parents} for name in counts}
+    folders = set[str]().union(*parents.values())
+    bad = {name for name in counts if counts[name] > 1 or name in folders or not parents[name].isdisjoint(counts)}
+    return {path for path, name in sources.items() if name in bad}
 
 
 def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Collection[str]) -> list[Robot]:
@@ -125,13 +135,13 @@ def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Colle
     distinct, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in robots:
         job = settings_of(config.changed(robot=robot))
-        values = {name: job.config.value(name) for name, (_, option) in OPTIONS.items() if not option.is_file}
-        values |= {"maniport": __version__, "robot": job.robot, "markers": job.config.human.roles()}
+        values = {name: getattr(job.config, name) for name, option in OPTIONS.items() if not option.is_file}
+        values |= {"maniport": __version__, "robot": job.robot, "markers": marker_roles(job.config)}
         if job.control is not None:  # contents replace files
             values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
         texts = {name: as_setting(value) for name, value in values.items()}
         if (key := digest(texts)) not in distinct:
-            distinct[key] = Robot(_as_folder(job.robot.name, names), job, key, texts)
+            distinct[key] = Robot(key, _as_folder(job.robot.name, names), job, texts)
     return list(distinct.values())
 
 
@@ -152,18 +162,12 @@ def digest(*things: Any) -> str:
 
 def as_setting(value: Any, longest: int = 200) -> str:
     """Return a setting as text, equal for equal settings only: its value, or a name and a digest where that is long."""
-    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-    text = repr(value) if _is_plain(value) else ""
+    try:
+        text = json.dumps(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
+    except (TypeError, ValueError):  # another object, or one that contains itself
+        text = ""
     label = getattr(value, "name", None) or type(value).__name__
     return text if 0 < len(text) <= longest else f"{label} {digest(value)}"
-
-
-def _is_plain(value: Any) -> bool:
-    if isinstance(value, dict):
-        return all(map(_is_plain, (*value, *value.values())))
-    if isinstance(value, list | tuple):
-        return all(map(_is_plain, value))
-    return value is None or isinstance(value, bool | int | float | str)
 
 
 def _described(thing: Any) -> Any:
@@ -171,8 +175,7 @@ def _described(thing: Any) -> Any:
     if isinstance(thing, Path):
         return "file", _of_file(thing)
     if isinstance(thing, np.ndarray):
-        data = np.ascontiguousarray(thing)
-        return "array", thing.dtype.str, thing.shape, hashlib.sha256(data.tobytes()).hexdigest()
+        return "array", thing.dtype.str, thing.shape, hashlib.sha256(thing.tobytes()).hexdigest()
     if isinstance(thing, np.generic):
         return _described(thing.item())
     if thing is None or isinstance(thing, bool | int | float | complex | str | bytes):
@@ -195,7 +198,7 @@ def _state(thing: Any) -> Any:
     if isinstance(thing, ArmGroup):
         return thing.arms, thing.joint_names
     if is_dataclass(thing):
-        names = {field.name for field in fields(thing)}
+        names = {item.name for item in fields(thing)}
         if not isinstance(thing, Recording):
             names -= {"source", "shapes", "notes"}  # shapes count by the hulls of `Collisions`
         return {name: getattr(thing, name) for name in names}
@@ -205,8 +208,7 @@ def _state(thing: Any) -> Any:
 def _of_file(path: Path) -> Any:
     """Digest of a file's bytes; of a folder, names and digests of all visible files in it."""
     if path.is_dir():
-        inside = sorted(entry for entry in path.iterdir() if not entry.name.startswith("."))
-        return [(entry.name, _of_file(entry)) for entry in inside]
+        return [(entry.name, _of_file(entry)) for entry in sorted(path.iterdir()) if not entry.name.startswith(".")]
     if path.exists() and not path.is_file():
         raise OSError(f"{path} is no file")  # a pipe or a device has no end
     with open(path, "rb") as stream:

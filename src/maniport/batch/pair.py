@@ -3,9 +3,10 @@
 import copy
 import json
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -17,15 +18,16 @@ from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
 from maniport.batch.inputs import Robot, Source, digest
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
-from maniport.errors import ManiportError, on_the_command_line
+from maniport.errors import ManiportError, collected_warnings, on_the_command_line
 from maniport.pipeline import stages
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.transfer import collected_warnings
-from maniport.pipeline.values import FittedMap, Human, SampledRobot, targets_of
+from maniport.pipeline.following import SampledRobot, move
+from maniport.pipeline.settings import read_part
+from maniport.pipeline.stages import FittedMap, Human
 from maniport.report.values import report_of
 from maniport.report.write import RUN_FILES, export_files, write_run
 from maniport.transfer import load_adapter
-from maniport.util.atomic_io import folder_written_whole, written_whole
+from maniport.util.atomic_io import folder_written_whole, write_text
 
 PAIR = "pair.json"  # file with the settings of a pair and its row of the table
 ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person share
@@ -33,7 +35,6 @@ ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person 
 Warnings = tuple[str, ...]
 
 _alone = Lock()  # workers of Dask may have several threads, and warnings are caught for a whole process
-_robots: dict[str, tuple[SampledRobot, Warnings]] = {}
 _maps: dict[Path, tuple[FittedMap, Warnings]] = {}
 
 
@@ -127,12 +128,17 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
 
 def _human(pair: Pair, humans: list[tuple[Any, Human, Warnings]]) -> tuple[Human, Warnings]:
     """Fit the person, or take the fit with the same options for another robot from `humans`."""
-    job, rate = pair.robot.job, pair.robot.job.config.batch.profile_rate
-    options = job.config.human, job.spec, rate, np.array(job.stands).tolist() if len(job.arms) > 1 else None
+    job, rate = pair.robot.job, pair.robot.job.config.profile_rate
+    options = (
+        job.config.changes("human"),
+        job.config.spec,
+        rate,
+        np.array(job.stands).tolist() if len(job.arms) > 1 else None,
+    )
     for same, human, texts in humans:
         if same == options:
             return human, texts
-    recording = job.config.human.read(pair.source.path)
+    recording = read_part(pair.source.path, job.config)
     if content_of(pair.source) != pair.content:
         raise ManiportError(f"{pair.source.path}: it changed during the batch; start again")
     with collected_warnings() as collected:
@@ -141,19 +147,17 @@ def _human(pair: Pair, humans: list[tuple[Any, Human, Warnings]]) -> tuple[Human
     return human, tuple(collected)
 
 
-def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float, most_robots: int = 4) -> dict[str, Any]:
-    """Transfer the recording to one robot, and write the results; return the row.
+@lru_cache(4)  # about 60 MB each
+def _sampled(robot: Robot) -> tuple[SampledRobot, list[str]]:
+    """Sample a robot once in each process; return it with the warnings."""
+    with collected_warnings() as texts:
+        sampled = stages.sample_robot(robot.job)
+    return sampled, texts
 
-    A robot is sampled once in each process; of `most_robots` the samples are kept, about 60 MB each.
-    """
-    robot, job, selects = pair.robot, pair.robot.job, pair.robot.job.adapter is None
-    if robot.key not in _robots:
-        while len(_robots) >= most_robots:
-            del _robots[next(iter(_robots))]
-        with collected_warnings() as collected:
-            sampled = stages.sample_robot(job)
-        _robots[robot.key] = sampled, tuple(collected)
-    sampled, of_robot = _robots[robot.key]
+
+def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[str, Any]:
+    """Transfer the recording to one robot, and write the results; return the row."""
+    job, selects, (sampled, of_robot) = pair.robot.job, pair.robot.job.adapter is None, _sampled(pair.robot)
     if selects:
         with collected_warnings() as of_maps:
             maps = stages.fit_transfer(human, sampled, job)
@@ -163,16 +167,16 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float, most_robo
     with collected_warnings() as of_motion:
         moved = None
         if sampled.planner is not None:
-            targets = targets_of(human, maps, job)
+            targets = stages.targets_of(human, maps, job)
             own = replace(sampled, random=copy.deepcopy(sampled.random))
-            moved = stages.plan(targets, stages.place(targets, own, job), own, job)
+            moved = move(targets, own, job)
         result = stages.evaluate(human, sampled, maps, moved, job, baselines=selects)
     result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion))))
     report, arms = report_of(result), [arm.name for arm in result.arms]
     row = row_of(report, *pair.names, pair.folder.relative_to(pair.output).as_posix(), arms if len(arms) > 1 else ())
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_whole(pair.folder, {*RUN_FILES, *result.data_files, PAIR}, True) as staging:
-        write_run(result, report, export_files(job.config.motion.export), staging, job.config.batch.pages)
+        write_run(result, report, export_files(job.config.export), staging, job.config.pages)
         replace(job.config, recording=(str(pair.source.path),), verb="batch").save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": pair.settings, "row": row}
@@ -189,18 +193,16 @@ def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[
     robot, job, fit = pair.robot, pair.robot.job, human.fits[arm]
     lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}
     side = fit.arm.side or RIGHT
-    person = human_arm(job.config.human.person, side, lengths=lengths)
+    person = human_arm(job.config.person, side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
-    key: Mapping[str, Any] = {"robot": robot.key, "person": person, "arm": arm}
-    file = pair.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(key)[:8]}.npz"
+    file = pair.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person, arm)[:8]}.npz"
     about = file.with_suffix(".json")
     if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)
         with collected_warnings() as texts:
             fitted = stages.fit_map(person, None, sampled, job, arm)
-        with written_whole(about) as temporary:
-            text = json.dumps({"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": texts})
-            temporary.write_text(text, encoding="utf-8")
+        content = {"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": texts}
+        write_text(about, json.dumps(content))
         fitted.adapter.save(file)
     if file not in _maps:
         own = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])

@@ -1,11 +1,11 @@
 """Many recordings on many robots: each pair once, and what is done is not done again."""
 
-import json
 import os
 import time as clock
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, OutputError, arg
 from maniport.motion.exports import SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
-from maniport.util.atomic_io import written_whole
+from maniport.util.atomic_io import claim
 from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count
@@ -53,9 +53,8 @@ class Batch:
     seconds: float
 
     def __repr__(self) -> str:
-        return (
-            f"Batch({str(self.folder)!r}: {len(self.table)} pairs, {len(self.failed)} failed, {self.kept} done before)"
-        )
+        pairs = f"{len(self.table)} pairs, {len(self.failed)} failed, {self.kept} done before"
+        return f"Batch({str(self.folder)!r}: {pairs})"
 
     @property
     def failed(self) -> tuple[Row, ...]:
@@ -118,11 +117,11 @@ def transfer_batch(
     count = cores() if processes is None else as_count(processes, "processes")
     sources = find_recordings(recordings, without=(folder := as_path(output, "output").resolve()))
     config = (config or BATCH).changed(**options)
-    pages = config.batch.pages
-    if SCENE in export_files(config.motion.export) and not pages:
+    pages = config.pages
+    if SCENE in export_files(config.export) and not pages:
         raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
-    _claim(folder)
+    claim(folder, ABOUT, {"maniport": __version__})
     step = Step(tell, "Check earlier results")
     tasks, rows = _tasks(folder, sources, arms, count, overwrite)
     names, kept = [(source.name, arm.name) for source in sources for arm in arms], len(rows)
@@ -143,23 +142,6 @@ def transfer_batch(
         again = "run the same command" if typed() else "make the same call"
         raise KeyboardInterrupt(f"{done} of {len(names)} pairs are done; {again} to continue") from None
     return Batch(folder, write(), kept, clock.perf_counter() - begun)
-
-
-def _claim(folder: Path) -> None:
-    """Mark a folder that is new, empty but for hidden files, or that of an earlier batch."""
-    about = folder / ABOUT
-    try:
-        earlier = "maniport" in json.loads(about.read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError):
-        earlier = False
-    if not earlier and folder.is_dir() and any(not file.name.startswith(".") for file in folder.iterdir()):
-        raise OutputError(f"{str(folder)!r} holds other things and no batch; give {argument('output')} a new folder")
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
-    with written_whole(about) as temporary:
-        temporary.write_text(json.dumps({"maniport": __version__}) + "\n", encoding="utf-8")
 
 
 def _tasks(
@@ -191,20 +173,19 @@ def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: i
     step, begun, kept, failed = f"work on {count} pair{'s'[: count != 1]}", clock.perf_counter(), len(rows), 0
     tell(step, kept / count)
     for pairs, outcome in ended:
-        own = outcome
-        if isinstance(outcome, Exception):
-            own = [failed_row(*pair.names, reason(outcome)) for pair in pairs]
+        lost = isinstance(outcome, Exception)
+        own = [failed_row(*pair.names, reason(outcome)) for pair in pairs] if lost else outcome
         for failure in failures(own):
             where = f"{failure['recording']} → {', '.join(failure['robots'])}"
             warnings.warn(f"{where} failed: {failure['reason']}", ManiportWarning, stacklevel=3)
         for row in own:
             names = row["recording"], row["robot"]
             rows[names] = row
-            failed += row["state"] == FAILED
-            if row["state"] != FAILED:
+            if row["state"] == FAILED:
+                failed += 1
+            else:
                 left = (clock.perf_counter() - begun) / (len(rows) - kept - failed) * (count - len(rows))
-                minutes = f"{left / 60.0:.0f} min" if left < 5400.0 else f"{left / 3600.0:.1f} h"
-                rest = f"; {f'{left:.0f} s' if left < 90.0 else minutes} left" if len(rows) < count else ""
+                rest = f"; {timedelta(seconds=round(left))} left" if left else ""
                 tell(" → ".join(names), 1.0, f"{row['verdict']} ({len(rows)} of {count}{rest})")
             tell(step, min(len(rows) / count, ALMOST))
     before = f", {kept} of them before" if kept else ""

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from io import StringIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from maniport.errors import MissingPackageError, as_text
 from maniport.report.metrics import METRICS as MOTION_METRICS
@@ -13,20 +13,15 @@ from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
 from maniport.report.values import SUFFIXES, Report
 from maniport.report.write import SUMMARIES
-from maniport.util.atomic_io import written_whole
+from maniport.util.atomic_io import write_text, written_whole
 from maniport.util.optional import parquet_writer, pyarrow
 
 Row = Mapping[str, Any]
 
-DONE = "done"
-FAILED = "failed"
-
+DONE, FAILED = "done", "failed"
 TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
-
 COMPUTING = "computing_s"  # Processor time of a pair [s], the one column in which two runs of the same batch differ
-
-STATISTICS = ("median", "p95", "max")
-PARTS = ("upper arm", "forearm", "hand")
+STATISTICS, PARTS = ("median", "p95", "max"), ("upper arm", "forearm", "hand")
 
 METRICS = (
     *(f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}" for key, metric in MOTION_METRICS.items()
@@ -50,22 +45,14 @@ joint, marker or method are in the summaries alone."""
 
 COLUMNS = (*TEXTS, COMPUTING, *METRICS)
 
-TABLES = ("table.csv", "table.parquet")
-
-PAGE = "index.html"
+TABLES, PAGE = ("table.csv", "table.parquet"), "index.html"
 
 
 def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()) -> dict[str, Any]:
     """Return the row of a pair that is done; of several arms with names, the largest of each number."""
-    numbers = as_numbers(report)
-    row = {
-        **_empty_row(recording, robot, DONE),
-        "warnings": "\n".join(report.warnings),
-        "warning_keys": " ".join(report.warning_keys),
-        "folder": folder,
-        "status": report.status,
-        "verdict": report.outcome,
-    }
+    numbers, row = as_numbers(report), failed_row(recording, robot, "") | {"state": DONE, "folder": folder}
+    row |= {"warnings": "\n".join(report.warnings), "warning_keys": " ".join(report.warning_keys)}
+    row |= {"status": report.status, "verdict": report.outcome}
     for name in METRICS:
         of_all = name.replace("motion.", "arms.")
         values = [_number(numbers, key) for key in (name, of_all, *(f"{arm}_{name}" for arm in arms))]
@@ -75,11 +62,7 @@ def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequen
 
 def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
     """Return the row of a pair that failed."""
-    return {**_empty_row(recording, robot, FAILED), "reason": as_text(reason)}
-
-
-def _empty_row(recording: str, robot: str, state: str) -> dict[str, Any]:
-    names = {"recording": recording, "robot": robot, "state": state}
+    names = {"recording": recording, "robot": robot, "state": FAILED, "reason": as_text(reason)}
     return dict.fromkeys(COLUMNS) | dict.fromkeys(TEXTS, "") | names
 
 
@@ -113,17 +96,16 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
     lines = csv.writer(stream, lineterminator="\n")
     lines.writerow(COLUMNS)
     lines.writerows([_cell(row[name]) for name in COLUMNS] for row in rows)
-    with written_whole(table) as temporary:
-        temporary.write_text(stream.getvalue(), encoding="utf-8", newline="")
+    write_text(table, stream.getvalue())
     try:
         arrow, writer = pyarrow(), parquet_writer()
     except MissingPackageError:
         parquet.unlink(missing_ok=True)  # an earlier one has the rows of an earlier run
         return TABLES[:1]
     kinds = dict.fromkeys(TEXTS, arrow.string())
-    arrays = [arrow.array([row[name] for row in rows], type=kinds.get(name, arrow.float64())) for name in COLUMNS]
+    schema = arrow.schema([(name, kinds.get(name, arrow.float64())) for name in COLUMNS])
     with written_whole(parquet) as temporary:
-        writer.write_table(arrow.table(arrays, names=list(COLUMNS)), temporary, compression="zstd")
+        writer.write_table(arrow.Table.from_pylist(list(rows), schema), temporary, compression="zstd")
     return TABLES
 
 
@@ -133,23 +115,16 @@ def _cell(value: Any) -> Any:
     return f"'{value}" if formula else value
 
 
-class Metric(NamedTuple):
-    """A metric that the page shows."""
-
-    column: str
-    name: str
-    digits: int = 2
-
-
 PAGE_METRICS = (
-    *(Metric(f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}",
-             f"{metric.label}, {name}{f' [{metric.unit}]' if metric.unit else ''}", 1 if metric.unit else 2)
+    *((f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}",
+       f"{metric.label}, {name}{f' [{metric.unit}]' if metric.unit else ''}", 1 if metric.unit else 2)
       for key, metric in MOTION_METRICS.items()
       for value, name in (("median", "median"), ("p95", "95th percentile"), ("max", "max"))
       if key in ("distance", "position_error") or (key, value) == ("feasibility_gap", "median")),
-    Metric("motion.duration_s.robot", f"{MOTION_METRICS['duration'].label} [s]", 1),
-    Metric(COMPUTING, "Computing time [s]", 1),
+    ("motion.duration_s.robot", f"{MOTION_METRICS['duration'].label} [s]", 1),
+    (COMPUTING, "Computing time [s]", 1),
 )  # fmt: skip
+"""Metrics that the page shows: column, name, and decimals."""
 
 
 def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence[str], pages: bool) -> None:
@@ -180,5 +155,4 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
     )
     assets = files(__package__).joinpath("assets")
     script, style = (assets.joinpath(f"overview.{kind}").read_text(encoding="utf-8") for kind in ("js", "css"))
-    with written_whole(path) as temporary:
-        temporary.write_text(document(title, body, script, style), encoding="utf-8")
+    write_text(path, document(title, body, script, style))

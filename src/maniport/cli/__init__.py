@@ -1,9 +1,9 @@
 """The command line: a command for each step of the transfer; commands parse, call and print, nothing else."""
 
-from maniport.cli import domains, info, live, transfer  # each adds its commands
+from maniport.cli import files, live, transfer  # each adds its commands
 from maniport.cli.application import app, main
 
-__all__ = ["app", "domains", "info", "live", "main", "transfer"]
+__all__ = ["app", "files", "live", "main", "transfer"]
 
 ORDER = [
     *("demo", "transfer", "batch", "learn", "domain", "fit", "apply", "place", "track"),

@@ -3,26 +3,26 @@
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import wraps
-from math import degrees, inf, isfinite, radians
+from math import inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
-from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
+from maniport.errors import InvalidInputError, ManiportError, UnknownNameError, on_the_command_line, printable
 from maniport.pipeline.config import OPTIONS, Config
-from maniport.pipeline.option import Option
-from maniport.pipeline.options import RobotOptions
+from maniport.pipeline.option import NAMES, Option
 from maniport.report.console import Console
-from maniport.util.defaults import BOTH, RECORDINGS
+from maniport.util.atomic_io import require_room
+from maniport.util.defaults import BOTH
 from maniport.version import __version__
 
 UsageError: Any = typer.BadParameter.__base__  # Typer has no public name for it
-RECORDING = f"Recording: {', '.join(RECORDINGS)}, a folder of keypoints, or a bundled name."
-NO_ROBOT = Config(robot=RobotOptions(robot=()))  # defaults of commands that need no robot
+NO_ROBOT = Config(robot=())  # defaults of commands that need no robot
 
 app = typer.Typer(
     name="maniport",
@@ -79,8 +79,9 @@ class _Command(TyperCommand):
             row = parameter.get_help_record(ctx)
             parameter.hidden = hidden  # type: ignore[attr-defined]
             if row is not None and (not hidden or "all" in ctx.meta):
-                title = getattr(parameter, "rich_help_panel", None)
-                groups.setdefault(title or ("Options" if row[0].startswith("-") else "Arguments"), []).append(row)
+                option, title = row[0].startswith("-"), getattr(parameter, "rich_help_panel", None)
+                row = row if option else (row[0].partition(" <")[0], row[1])
+                groups.setdefault(title or ("Options" if option else "Arguments"), []).append(row)
         for title, rows in groups.items():
             with formatter.section(title):
                 formatter.write_dl(rows, col_max=32)
@@ -96,65 +97,52 @@ def _help_all(context: typer.Context, wanted: bool) -> None:
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the output folder.")]
-SHARED = {
+FLAGS = {
     "help_all": typer.Option("--help-all", callback=_help_all, is_eager=True, help="Show help with all options."),
     "json": typer.Option("--json", help="Print the result as JSON."),
     "quiet": typer.Option("--quiet", "-q", help="Print only errors and the result table."),
     "verbose": typer.Option("--verbose", "-v", help="Print the complete report."),
 }
 """Flags of all commands."""
+FILE = typer.Option("--config", help="YAML file of options, as run.yaml in a result folder.", metavar="FILE")
+PANELS = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}
 
 
 def command(
-    *names: str, example: str, defaults: Config | None = None, without: Iterable[str] = (), common: Iterable[str] = ()
+    *names: str, example: str, defaults: Config | None = None, without: Iterable[str] = ()
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Add a command whose parameters `config` and `console` come from generated options.
+    """Add a command with a parameter for each option of `names`, which are sections of the configuration or options.
 
-    Parameters
-    ----------
-    *names : str
-        Sections of the configuration, or options.
-    example : str
-    defaults : Config, optional
-        Defaults of the command.
-    without : iterable of str
-        Options of the sections that the command does not have.
-    common : iterable of str
-        Further options that ``--help`` shows.
+    The function gets them as `config`; a `console` has the flags of all commands.
     """
-    chosen = [
-        replace(described, common=described.common or name in common)
-        for name, (section, described) in OPTIONS.items()
-        if {name, section} & set(names) and described.typed and name not in without
-    ]
+    chosen = [o for o in OPTIONS.values() if {o.name, o.section} & set(names) and o.typed and o.name not in without]
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         usual = replace(defaults or Config(), verb=verb.__name__)
+        own = inspect.signature(verb, eval_str=True).parameters
 
         @wraps(verb)
         def run(**typed: Any) -> None:
-            _, *flags = [typed.pop(name) for name in SHARED]
-            console = Console(*flags)
-            file = typed.pop("config_file", None)
-            inputs = {"recording", "profile", "path"}
-            config = usual if file is None else Config.load(file, usual, inputs.union(option.name for option in chosen))
-            values = {option.name: typed.pop(option.name) for option in chosen}
-            values = {o.name: o.parse(values[o.name]) for o in chosen if values[o.name] not in (None, [])}
-            made = {"config": in_si_units(config.changed(**values), values), "console": console}
-            verb(**typed, **{name: value for name, value in made.items() if name in own})
+            _, *flags = [typed.pop(name) for name in FLAGS]
+            made: dict[str, Any] = {"console": Console(*flags)}
+            if chosen:
+                file, texts = typed.pop("config_file"), {o.name: typed.pop(o.name) for o in chosen}
+                config = usual if file is None else Config.load(file, usual, {"recording", "profile", "path", *texts})
+                values = {o.name: o.parse(texts[o.name]) for o in chosen if texts[o.name] not in (None, [])}
+                if "profile" in values:
+                    values.setdefault("path", None)  # that of a file belongs to the profile of the file
+                config = config.changed(**values)
+                robot = typed.get("arm") or typed.get("what") or config.robot  # domain and info name it
+                made["config"] = in_si_units(config, values, robot)
+            verb(**typed, **made)
 
-        own = inspect.signature(verb, eval_str=True).parameters
-        kinds = {option.name: _annotation(option, usual) for option in chosen}
-        if chosen:
-            help = "YAML file of options, as run.yaml in a result folder."
-            kinds["config_file"] = Annotated[Path | None, typer.Option("--config", help=help, metavar="FILE")]
-        shared = {name: Annotated[bool, settings] for name, settings in SHARED.items()}
-        parameters = [parameter for name, parameter in own.items() if name not in ("config", "console")]
-        for group, default in ((kinds, None), (shared, False)):
-            parameters += [
-                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-                for name, kind in group.items()
-            ]
+        kinds = {o.name: _annotation(o, usual) for o in chosen}
+        kinds |= {"config_file": Annotated[Path | None, FILE]} if chosen else {}
+        kinds |= {name: Annotated[bool | None, flag] for name, flag in FLAGS.items()}
+        parameters = [parameter for name, parameter in own.items() if name not in ("config", "console")] + [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+            for name, kind in kinds.items()
+        ]
         parameters.sort(key=lambda parameter: parameter.default is not inspect.Parameter.empty)
         run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -166,87 +154,89 @@ def command(
 
 def _annotation(option: Option, usual: Config) -> Any:
     """Make the annotation of an option's parameter; None is a value that was not typed."""
-    section, default = OPTIONS[option.name][0], usual.value(option.name)
-    panel = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}.get(section)
+    default = getattr(usual, option.name)
+    listed = option.repeated or option.kind in (NAMES, Mapping[str, float])
+    kind = option.kind if option.kind in (bool, int) else list[str] if listed else str
+    if option.name in ("recording", "profile"):
+        return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]
     words = "|".join(option.choices)
     metavar = option.metavar or (words if 0 < len(words) <= 24 else option.unit)
     metavar = metavar or ("FILE" if option.is_file else {int: "N", float: "X"}.get(option.kind, "NAME"))
     help = option.help + (f": {', '.join(option.choices)}" if option.choices and metavar == "NAME" else "")
     if default not in (None, ()):
         help += f" (default {option.text(default)})"
-    plain = option.kind in (bool, int) and not option.choices
-    several = option.repeated or (option.element is str and option.kind in (tuple, Mapping))
-    kind = option.kind if plain else list[str] if several else str
     settings = typer.Option(
         option.flag if option.kind is not bool else f"{option.flag}/--no-{option.flag[2:]}",
         help=help,
         hidden=not option.common,
         metavar=metavar,
-        rich_help_panel=panel,
+        rich_help_panel=PANELS.get(option.section),
         autocompletion=(lambda: list(option.choices)) if option.choices else None,
     )
     return Annotated[kind | None, settings]
 
 
-def in_si_units(config: Config, typed: dict[str, Any]) -> Config:
+def in_si_units(config: Config, typed: dict[str, Any], robot: Any) -> Config:
     """Convert `lock` and `home`, where they were typed, to rad or m; this loads the robot."""
-    if typed.get("lock"):
-        joints = _joints(config)  # those that the robot lacks are refused when it is loaded
-        lock = {name: _position("--lock", name, value, *joints.get(name, ("", -inf, inf)))
-                for name, value in typed["lock"].items()}  # fmt: skip
-        config = config.changed(lock=lock)
-    if typed.get("home") is not None:
+    if (lock := typed.get("lock")) and robot:
+        with suppress(UnknownNameError):  # is raised again where the robot is loaded
+            config = config.changed(lock=_converted("--lock", lock, _joints(config.changed(robot=robot))))
+    if (home := typed.get("home")) is not None and robot:
         from maniport.motion import MotionLimits
+        from maniport.pipeline.settings import load_robot
 
-        arm = config.robot.load(config.human.side == BOTH)
-        arm = MotionLimits.of(arm, config.motion.limits, config.motion.joint_limit_margin).arm
-        if len(typed["home"]) != arm.dof:
+        arm = MotionLimits.of(load_robot(config), config.limits, config.joint_limit_margin).arm
+        if len(home) != arm.dof:
             names = ", ".join(arm.joint_names)
-            raise InvalidInputError(f"--home must have {arm.dof} numbers, for {names}; found {len(typed['home'])}")
-        rows = zip(arm.joint_names, typed["home"], arm.joint_units, arm.lower, arm.upper, strict=True)
-        config = config.changed(home=tuple(_position("--home", *row) for row in rows))
+            raise InvalidInputError(f"--home must have {arm.dof} numbers, for {names}; found {len(home)}")
+        joints = dict(zip(arm.joint_names, zip(arm.joint_units, arm.lower, arm.upper, strict=True), strict=True))
+        values = _converted("--home", dict(zip(arm.joint_names, home, strict=True)), joints)
+        config = config.changed(home=tuple(values.values()))
     return config
 
 
 def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
     """Return unit, lower and upper limit of all joints by name, also of those that do not move."""
-    options, both = config.robot, config.human.side == BOTH
-    if not (both or options.several):
-        from maniport.arms.loaders import read_arm
+    from maniport.arms.loaders import read_arm
+    from maniport.pipeline.settings import load_robot, names_several
 
-        frame = options.frame[0] if options.frame else None
-        chain = read_arm(options.robot[0], frame, options.joints or None, options.base)
-        return dict(zip(chain.coordinates, zip(chain.units, chain.lower, chain.upper, strict=True), strict=True))
-    group = replace(options, lock=None).load(both)
-    limits = zip(group.joint_units, group.lower, group.upper, strict=True)
-    return dict(zip(group.joint_names, limits, strict=True))
-
-
-def _position(
-    option: str, name: str, value: float, unit: str, low: float, high: float, rounding: float = 5e-3
-) -> float:
-    """Convert a position from degrees if the unit is rad; a limit that was rounded as printed counts as the limit."""
-    turns = unit == "rad"
-    least, most = (degrees(low), degrees(high)) if turns else (low, high)
-    if isfinite(least) and not least - rounding <= value <= most + rounding:
-        sign = "°" if turns else " m"
-        raise InvalidInputError(
-            f"{option}: {name} is {value:g}{sign}; allowed are {least:.2f}{sign} to {most:.2f}{sign}, with the margin"
+    if config.side == BOTH or names_several(config):
+        joints: Any = load_robot(config.changed(lock=None))
+        names, units = joints.joint_names, joints.joint_units
+    else:
+        joints = read_arm(
+            config.robot[0], config.frame[0] if config.frame else None, config.joints or None, config.base
         )
-    return min(max(radians(value) if turns else value, float(low)), float(high))
+        names, units = joints.coordinates, joints.units
+    return dict(zip(names, zip(units, joints.lower, joints.upper, strict=True), strict=True))
+
+
+def _converted(
+    option: str, values: dict[str, float], joints: dict[str, tuple[str, float, float]], rounding: float = 5e-3
+) -> dict[str, float]:
+    """Convert positions of joints from degrees, and require the limits; a limit rounded as printed counts as it."""
+    converted = {}
+    for name, value in values.items():
+        unit, low, high = joints.get(name, ("", -inf, inf))  # unknown joints are refused when the robot is loaded
+        factor, sign = (radians(1.0), "°") if unit == "rad" else (1.0, " m")
+        least, most = low / factor, high / factor
+        if isfinite(least) and not least - rounding <= value <= most + rounding:
+            raise InvalidInputError(
+                f"{option}: {name} is {value:g}{sign}; allowed are {least:.2f}{sign} to {most:.2f}{sign}"
+            )
+        converted[name] = min(max(value * factor, float(low)), float(high))
+    return converted
 
 
 def names_robot(config: Config) -> bool:
     """Whether a robot was named; raise where its options are without one."""
-    if not config.robot.robot and (config.robot != NO_ROBOT.robot or config.motion.export):
+    if not config.robot and (config.export or len(config.changes("robot")) > 1):
         raise InvalidInputError("options of a robot, and --export, need --robot")
-    return bool(config.robot.robot)
+    return bool(config.robot)
 
 
 def require_suffix(output: Path, *suffixes: str) -> None:
     """Raise unless a file with one of these suffixes can be written there."""
-    from maniport.util.atomic_io import require_room
-
     if output.suffix not in suffixes:
         raise InvalidInputError(f"output must end in {' or '.join(suffixes)}; found {str(output)!r}")
     require_room(output)

@@ -6,24 +6,22 @@ import os
 import socket
 import sys
 import threading
+from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import RECORDING, command
+import maniport
+from maniport import pipeline
+from maniport.cli.application import command
+from maniport.cli.transfer import only_recording
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import LIVE, Config
+from maniport.pipeline.config import LIVE, OPTIONS, Config
 from maniport.report.console import Console
 from maniport.util.optional import how_to_install
 from maniport.util.process import LOOPBACK, ending_in_order, is_loopback
-
-if TYPE_CHECKING:
-    from maniport.arms import Arm
-    from maniport.live import Live
-    from maniport.live.transport import Datagrams, Pipe
-    from maniport.mocap import Recording
 
 
 def _transport(help: str, *flags: str) -> Any:
@@ -31,13 +29,13 @@ def _transport(help: str, *flags: str) -> Any:
 
 
 @command(
-    "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"), defaults=LIVE,
+    "recording", "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"),
+    defaults=LIVE,
     example="maniport live walk.bvh --robot ur5.urdf --udp 9000",
 )  # fmt: skip
 def live(
     config: Config,
     console: Console,
-    recording: Annotated[Path, typer.Argument(help="Recording of the same person and points")],
     udp: Annotated[int | None, _transport("UDP port for frames, instead of standard input; 0: any port.")] = None,
     host: Annotated[str, _transport("Address of the UDP port; other addresses open it to the network.")] = LOOPBACK,
     send: Annotated[int | None, _transport("UDP port for answers; default: the sender's.")] = None,
@@ -54,26 +52,19 @@ def live(
     """
     from threadpoolctl import threadpool_limits
 
-    from maniport.live import Live
     from maniport.live.serving import Server
-    from maniport.pipeline.transfer import settings_of, transfer_recording
 
     if simulate and (no_drop or (udp, host, send) != (None, LOOPBACK, None)):
         raise InvalidInputError("--simulate takes the frames of the recording; leave out all options of the transport")
     with console.progress() as progress:
-        settings = settings_of(config, progress)
-        transport = (
-            None if simulate else _opened(udp, host, send)
-        )  # ports that cannot be opened are reported before any long work
-        motion = config.human.read(recording)
-        for text in motion.quality_warnings:
-            console.warn(text)
-        result = transfer_recording(motion, settings)
-        follower = Live.of(result, progress=progress, clock=None if transport is None else monotonic)
+        transport = None if simulate else _opened(udp, host, send)  # raises where a port cannot be opened
+        recording = only_recording(config, console)
+        result = pipeline.transfer_recording(recording, config, progress=progress)
+        follower = maniport.Live.of(result, progress=progress, clock=None if transport is None else monotonic)
     if (placement := result.arms[0].placement) is not None:
         console.print(f"Scale {placement.scale:.2f} of the person's motion")
     if transport is None:
-        _simulate(console, follower, result.arms[0].fit.arm, motion)
+        _simulate(console, follower, result.arms[0].fit.arm, recording)
         return
     if udp is not None and not is_loopback(host):
         console.warn("the port accepts frames from other machines, which can move the robot")
@@ -90,16 +81,16 @@ def live(
         console.warn("most frames were skipped, since they arrived faster than recorded; --no-drop processes all")
 
 
-def _simulate(console: Console, live: "Live", person: "Arm", recording: "Recording") -> None:
+def _simulate(console: Console, live: Any, person: Any, recording: Any) -> None:
     """Play a recording to a simulated robot: again and again in the 3D view until Ctrl-C, or once without it."""
-    from importlib.util import find_spec
-
     from maniport.arms import as_group
     from maniport.live.simulation import Simulation
 
     simulation, frames, page = Simulation(live), recording.select(live.points), None
-    if find_spec("viser") is None or len(as_group(live.robot)) > 1:
-        console.warn("the 3D view needs " + ("robots of one arm" if find_spec("viser") else how_to_install("view")))
+    if len(as_group(live.robot)) > 1:
+        console.warn("the 3D view needs robots of one arm")
+    elif find_spec("viser") is None:
+        console.warn(f"the 3D view needs viser; {how_to_install('view')}")
     else:
         from maniport.viewer.server import Onlooker
 
@@ -124,7 +115,7 @@ def _simulate(console: Console, live: "Live", person: "Arm", recording: "Recordi
             page.stop()
 
 
-def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
+def _opened(udp: int | None, host: str, send: int | None) -> Any:
     """Open standard streams or a port for frames and answers."""
     from maniport.live.transport import Datagrams, Pipe
 
@@ -150,7 +141,7 @@ def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
 def view(
     config: Config,
     console: Console,
-    recording: Annotated[Path | None, typer.Option("--recording", help=RECORDING)] = None,
+    recording: Annotated[Path | None, typer.Option(help=OPTIONS["recording"].help)] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter, .npz.")] = None,
     port: Annotated[int, typer.Option(help="Port of this machine; 0: any free port.")] = 0,
 ) -> None:

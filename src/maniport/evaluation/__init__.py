@@ -13,13 +13,14 @@ from maniport.evaluation.comparison import evaluate, select_method
 from maniport.evaluation.metrics import (
     RMSE,
     DistancePreservation,
+    Evaluation,
+    Gaps,
+    Row,
     Smoothness,
     distance_preservation,
-    identity_test,
     rmse,
     smoothness,
 )
-from maniport.evaluation.summary import Evaluation, Gaps, Row
 
 __all__ = [
     "RMSE",
@@ -34,7 +35,6 @@ __all__ = [
     "ellipsoid_extent",
     "evaluate",
     "half_sphere",
-    "identity_test",
     "line_extent",
     "polytope_extent",
     "resemblance",

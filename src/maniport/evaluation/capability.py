@@ -171,22 +171,15 @@ def compare_capabilities(
     """
     rows, u, results = evenly_spaced(len(q), most), half_sphere(), []
     models = {FORCE: person, VELOCITY: person.with_limits(velocity=1.0)}
-    kinds = [kind for kind, model in models.items() if _is_limited(robot, kind) and _is_limited(model, kind)]
-    motions = (q[rows], position_only(robot, q[rows])) if kinds else ()
-    for kind in kinds:
-        own = polytope_extent(models[kind], joint_angles[rows], u, kind)
+    models = {kind: arm for kind, arm in models.items() if _is_limited(robot, kind) and _is_limited(arm, kind)}
+    motions = (q[rows], position_only(robot, q[rows])) if models else ()
+    for kind, model in models.items():
+        own = polytope_extent(model, joint_angles[rows], u, kind)
         moved, free = (line_extent(robot, motion, u @ rotation.T, kind) for motion in motions)
         best = np.arange(len(rows)), own.argmax(axis=1)
-        result = Capability(
-            kind=kind,
-            time=time[rows],
-            robot=moved[best],
-            position_only=free[best],
-            person=None if kind == VELOCITY else own[best],
-            resemblance=resemblance(moved, own),
-            position_only_resemblance=resemblance(free, own),
-        )
-        results.append(result)
+        forces = None if kind == VELOCITY else own[best]
+        likeness = resemblance(moved, own), resemblance(free, own)
+        results.append(Capability(kind, time[rows], moved[best], free[best], forces, *likeness))
     return tuple(results)
 
 

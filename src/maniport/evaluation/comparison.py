@@ -1,7 +1,6 @@
 """Comparison of a fitted adapter with baselines by all metrics, and selection of a method."""
 
 import copy
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,24 +10,16 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError, ManiportWarning
-from maniport.evaluation.metrics import STILL, distance_preservation, rmse, smoothness
-from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT, Evaluation, Gaps, Row
+from maniport.errors import InvalidInputError, collected_warnings
+from maniport.evaluation import metrics
+from maniport.evaluation.metrics import BASELINES, LOOKUP, STILL, TRANSPORT, Evaluation, Gaps, Row
 from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
-from maniport.util.progress import Progress, Step, no_progress
+from maniport.util.progress import Progress, Step
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import (
-    Array,
-    as_count,
-    as_finite,
-    as_generator,
-    as_points,
-    as_positive_semidefinite,
-    require_shape,
-)
+from maniport.util.validation import Array, as_count, as_finite, as_generator, as_points, as_positive_semidefinite
 
 GAP_POINTS = 64  # Most ellipsoids of a profile whose feasibility gap is searched, evenly spread
 FIELD = "length-field"
@@ -53,12 +44,10 @@ def with_feasible_set(
 def baselines_for(adapter: DomainAdapter, rows: Sequence[str | DomainAdapter] = BASELINES) -> dict[str, DomainAdapter]:
     """Make unfitted baselines with the adapter's regularization and base_rotation, without the adapter's own method."""
     parameters = adapter.get_params(deep=False)
-    shared: dict[str, Any] = {key: parameters.get(key) for key in ("damping", "base_rotation")}
     baselines = {}
     for row in rows:
-        baseline = method_of(row, **shared)
-        own = baseline.get_params(deep=False)
-        if own.get("damping") != shared["damping"]:
+        baseline = method_of(row, damping=parameters["damping"], base_rotation=parameters["base_rotation"])
+        if baseline.get_params(deep=False)["damping"] != parameters["damping"]:
             raise InvalidInputError(f"rows must have the adapter's damping; found {row!r}")
         if not isinstance(baseline, type(adapter)):
             baselines[name_of(baseline)] = baseline
@@ -107,11 +96,6 @@ def evaluate(
         Ellipsoids of the teacher's domain for a second gap search; 0 skips it.
     random_state, progress
         Random seed; called with each step and the fraction done.
-
-    Raises
-    ------
-    ManiportError
-        When the adapter is not fitted, or an input cannot be used.
     """
     for what, arm in (("robot", robot), ("person", person)):
         if arm is not None and not isinstance(arm, Arm):
@@ -122,13 +106,15 @@ def evaluate(
         raise InvalidInputError(f"truth must have the shape of profile, {np.shape(profile)}; found {np.shape(truth)}")
     as_count(n_domain, "n_domain", minimum=0)
     teacher, student = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
-    if robot is not None:
-        require_shape(student, "student_domain", ("m", spec.size, spec.size), f" for {robot.name!r}")
-    as_points(adapter.student_side(student, "student_domain"), "student_domain")
+    size = None if robot is None else spec.size
+    as_points(adapter.student_side(student, "student_domain"), "student_domain", size)
     random, demonstrated = as_generator(random_state), as_finite(profile, "profile")
     original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
     wanted = None if truth is None else adapter.student_side(truth, "truth")
-    probes = _sampled(person, teacher, n_domain, spec, random)
+    if person is None or not n_domain:
+        probes = teacher[np.sort(random.permutation(len(teacher))[:n_domain])]
+    else:
+        probes = sample_domain(person, n_domain, random, spec=spec)
 
     step = Step(progress, "Evaluate baselines")
     methods = {name_of(adapter): adapter, **baselines_for(adapter, rows)}
@@ -137,8 +123,7 @@ def evaluate(
     for i, (row, baseline) in enumerate(methods.items()):
         step(i / len(methods))
         method = adapter if baseline is adapter else with_feasible_set(baseline, robot, spec, bank)
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", ManiportWarning)
+        with collected_warnings() as texts:
             if method is not adapter:
                 method.fit(teacher, student)
             images.append(method.transform(np.concatenate([demonstrated, probes])))
@@ -146,16 +131,16 @@ def evaluate(
             result = Row(
                 row,
                 "returns samples of the student only: its gap is zero" if row == LOOKUP else "",
-                rmse=None if wanted is None else rmse(wanted, mapped),
-                smoothness=smoothness(mapped, original) if moves else None,
-                preservation=distance_preservation(mapped, original) if moves else None,
+                rmse=None if wanted is None else metrics.rmse(wanted, mapped),
+                smoothness=metrics.smoothness(mapped, original) if moves else None,
+                preservation=metrics.distance_preservation(mapped, original) if moves else None,
                 failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
             )
-        measured.append(replace(result, warnings=tuple(dict.fromkeys(str(warning.message) for warning in caught))))
+        measured.append(replace(result, warnings=tuple(texts)))
     measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
     if robot is not None:
-        search = {"spec": spec, "bank": bank, "n_starts": n_starts}
-        measured = _with_gaps(measured, images, robot, len(demonstrated), adapter.student_regularization, **search)
+        search = {"spec": spec, "bank": bank, "n_starts": n_starts, "damping": adapter.student_regularization}
+        measured = _with_gaps(measured, images, robot, len(demonstrated), **search)
     step.end(f"{len(methods) - 1} baselines")
     held_out = "of the teacher's domain" if person is None else "held out of the fit"
     gaps = "" if robot is None else f", feasibility gaps at {min(len(demonstrated), GAP_POINTS)}"
@@ -205,14 +190,8 @@ def select_method(
         Fitted.
     evaluation : Evaluation
         Its comparison with baselines; a rejected length field has a row with a note only.
-
-    Raises
-    ------
-    ManiportError
-        When an input is invalid, or neither method can be fitted.
     """
-    step, report = "Fit transfer", progress or no_progress
-    report(step, 0.0)
+    step = Step(progress, "Fit transfer")
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
@@ -224,7 +203,7 @@ def select_method(
             failures = tuple(adapter.fit(*domains).report_.failures())
         except InvalidInputError as error:
             failures = (str(error),)
-    report(step, 0.7)
+    step(0.7)
     if failures:
         adapter = method_of(TRANSPORT, **shared).fit(*domains)
     evaluation = evaluate(
@@ -232,28 +211,19 @@ def select_method(
         n_starts=16, n_domain=0,  # with 48 starts the mean gaps are at most 3 % less
     )  # fmt: skip
     rejected = (Row(FIELD, f"rejected: {'; '.join(failures)}"),) if failures else ()
-    report(step, 1.0, name_of(adapter))
+    step.end(name_of(adapter))
     return adapter, replace(evaluation, rows=(*evaluation.rows, *rejected), rejected=failures)
 
 
-def _with_gaps(
-    rows: Sequence[Row], images: Sequence[Array], robot: Arm, count: int, own: Regularization, **search: Any
-) -> list[Row]:
+def _with_gaps(rows: Sequence[Row], images: Sequence[Array], robot: Arm, count: int, **search: Any) -> list[Row]:
     """Search the feasibility gaps of all images: of `count` ellipsoids of a profile, and of probes."""
     along = evenly_spaced(count, GAP_POINTS)
     targets = np.concatenate([mapped[np.r_[along, count : len(mapped)]] for mapped in images])
     ellipsoids, inverse = np.unique(targets, axis=0, return_inverse=True)
-    distances = nearest_feasible(robot, ellipsoids, damping=own, **search).distance
+    distances = nearest_feasible(robot, ellipsoids, **search).distance
     results = []
     for row, gaps in zip(rows, distances[inverse.ravel()].reshape(len(rows), -1), strict=True):
         profile, domain = np.split(gaps, [len(along)])
         held_out = Gaps.of(domain) if len(domain) else None
         results.append(replace(row, feasibility_gap=Gaps.of(profile), domain_feasibility_gap=held_out))
     return results
-
-
-def _sampled(arm: Arm | None, domain: Array, n: int, spec: EllipsoidSpec, random: np.random.Generator) -> Array:
-    """Sample an arm, or its domain without an arm."""
-    if arm is None or not n:
-        return domain[np.sort(random.permutation(len(domain))[:n])]
-    return sample_domain(arm, n, random, spec=spec)

@@ -1,25 +1,35 @@
-"""Metrics of mapped ellipsoids: error, successive distance, distance preservation and identity test.
+"""Metrics of mapped ellipsoids, and the comparison of methods by them.
 
-All take SPD matrices with the same regularization on both sides; distances at different ones are not comparable.
+The functions take SPD matrices with the same regularization on both sides; distances at different ones are not
+comparable. They raise `NotSPDError` when a matrix is not SPD, and `InvalidInputError` when the counts differ or there
+is no motion or dispersion to compare.
+
+A method without any weakness is sound. Recommended is, of the sound methods (of all, where none is), the first in the
+order of `maniport.transfer.METHODS` whose mean feasibility gap no other undercuts by more than 5 %. Where the truth is
+known, the root mean squared error decides alone.
 """
 
-import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import IdentifiabilityWarning, InvalidInputError
-from maniport.estimator import clone
+from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
-from maniport.transfer import DomainAdapter
+from maniport.transfer import METHODS
+from maniport.transfer.length_field.fit import AXIS_MOVED, MIN_RANK_CORRELATION
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.sampling import evenly_spaced, rank_correlation
-from maniport.util.validation import Array, as_count, as_finite, as_points
+from maniport.util.validation import Array, as_count, as_points
 
 STILL = 1e-9  # Largest distance that counts as rounding
+IDENTITY, MEAN_TRANSPORT, TRANSPORT, LOOKUP = "identity", "mean-transport", "parallel-transport", "nearest-neighbor"
+BASELINES = (IDENTITY, MEAN_TRANSPORT, TRANSPORT)  # The default baselines, cheapest first
+RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to count as better
+MAX_STEP_RATIO = 1.5
 
 
 def statistics_of(values: ArrayLike, time: ArrayLike | None = None) -> dict[str, Any]:
@@ -91,11 +101,6 @@ def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
     ----------
     truth, mapped : array_like, shape (n, d, d)
         SPD, in the same order, n ≥ 2.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a matrix is not SPD, the counts differ, or the mapped ellipsoids are equal: no dispersion to divide by.
     """
     wanted, images = _as_pair(truth, mapped, "truth", "mapped", minimum=2)
     undivided = float(np.sqrt(np.mean(distance_unchecked(wanted, images) ** 2)))
@@ -112,19 +117,12 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     ----------
     mapped, original : array_like, shape (n, d, d)
         SPD, in the order of time, n ≥ 2.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a matrix is not SPD, the counts differ, or the original does not move.
     """
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=2)
     steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
     moving = own_steps > STILL
     if not np.any(moving):
-        raise InvalidInputError(
-            f"original does not move: its {len(own)} ellipsoids are equal; successive distances need motion"
-        )
+        raise InvalidInputError(f"original does not move: its {len(own)} ellipsoids are equal")
     largest, median = float(np.max(steps)), float(np.median(steps[moving]))
     return Smoothness(largest, median, largest / float(np.max(own_steps)), median / float(np.median(own_steps[moving])))
 
@@ -138,49 +136,16 @@ def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: i
         SPD, in the same order and the same frame, n ≥ 3.
     most_points : int
         Pairs are taken between at most this many ellipsoids, evenly over their order; axes of all.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a matrix is not SPD, the counts differ, or the original does not vary.
     """
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=3)
     chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
     first, second = np.triu_indices(len(chosen), 1)
-    distances = (distance_unchecked(points[chosen][first], points[chosen][second]) for points in (images, own))
-    mapped_distances, original_distances = distances
-    if np.ptp(original_distances) <= STILL:
-        raise InvalidInputError(
-            f"original does not vary: all of its pairwise distances are {original_distances[0]:.3g}; distances are "
-            "compared"
-        )
-    angles, varied = axis_angles(images, own, -1), np.ptp(mapped_distances) > STILL
-    rank = rank_correlation(mapped_distances, original_distances) if varied else 0.0
+    apart, own_apart = (distance_unchecked(points[chosen[first]], points[chosen[second]]) for points in (images, own))
+    if np.ptp(own_apart) <= STILL:
+        raise InvalidInputError(f"original does not vary: all of its pairwise distances are {own_apart[0]:.3g}")
+    rank = rank_correlation(apart, own_apart) if np.ptp(apart) > STILL else 0.0
+    angles = axis_angles(images, own, -1)
     return DistancePreservation(rank, float(np.median(angles)) if len(angles) else None)
-
-
-def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -> float:
-    """Fit a clone of an adapter from a domain to itself; the truth is to change nothing.
-
-    Parameters
-    ----------
-    adapter : DomainAdapter
-        Only its parameters are used. A known base orientation becomes the identity.
-    first, second : array_like, shapes (n, d, d) and (m, d, d)
-        Two disjoint sets of samples of the student's domain: teacher and student of the test.
-
-    Returns
-    -------
-    float
-        Root mean squared distance from each of `first` to its image; sampling noise keeps it above zero.
-    """
-    fitted: Any = clone(adapter)
-    if fitted.base_rotation is not None:
-        fitted.set_params(base_rotation=np.eye(as_finite(first, "first").shape[-1]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IdentifiabilityWarning)
-        changes = fitted.fit(first, second).errors(first, first)
-    return float(np.sqrt(np.mean(changes**2)))
 
 
 def _as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int) -> tuple[Array, Array]:
@@ -190,3 +155,141 @@ def _as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, min
     if len(a) != len(b):
         raise InvalidInputError(f"{name} and {other_name} must be equally many; found {len(a)} and {len(b)}")
     return a, b
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Statistics of distances to the feasible set.
+
+    Methods are compared by the mean: where half of a profile is feasible, the median is zero for all of them.
+
+    Attributes
+    ----------
+    mean, median, p95, largest : float
+    """
+
+    mean: float
+    median: float
+    p95: float
+    largest: float = np.nan
+
+    @classmethod
+    def of(cls, distances: Array) -> "Gaps":
+        """Summarize distances, shape (n,)."""
+        statistics = np.mean(distances), np.median(distances), np.percentile(distances, 95), np.max(distances)
+        return cls(*map(float, statistics))
+
+
+@dataclass(frozen=True)
+class Row:
+    """The metrics of one method; None where a metric does not apply.
+
+    Attributes
+    ----------
+    name : str
+        As in `maniport.transfer.METHODS`, or the class of the method.
+    note : str
+        A remark, or why nothing was measured.
+    rmse : RMSE or None
+        Where the truth is known.
+    feasibility_gap, domain_feasibility_gap : Gaps or None
+        Of the profile, and of samples of the teacher's domain, held out of the fit where the teacher's arm is known;
+        None without the student's kinematics.
+    smoothness : Smoothness or None
+    preservation : DistancePreservation or None
+        None where the teacher's ellipsoids do not change.
+    failures : tuple of str
+        Checks that the fit of a length field fails, see `FieldReport.failures`.
+    warnings : tuple of str
+        Warnings of its fits, each once.
+    """
+
+    name: str
+    note: str = ""
+    rmse: RMSE | None = None
+    feasibility_gap: Gaps | None = None
+    domain_feasibility_gap: Gaps | None = None
+    smoothness: Smoothness | None = None
+    preservation: DistancePreservation | None = None
+    failures: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def weaknesses(self) -> dict[str, float]:
+        """Metrics beyond their limits, whatever the gaps.
+
+        They are "large_step" (largest step over the teacher's), "plateau" (median step where the teacher moves),
+        "rank_correlation" (of distances) and "rotated_axes" (of the longest axes [degrees]).
+        """
+        steps, kept = self.smoothness, self.preservation
+        ratio, median = (0.0, np.inf) if steps is None else (steps.largest_ratio, steps.median)
+        rank, angle = (1.0, 0.0) if kept is None else (kept.rank_correlation, kept.major_axis_angle or 0.0)
+        metrics = {
+            "large_step": (ratio, ratio > MAX_STEP_RATIO),
+            "plateau": (median, median <= STILL),
+            "rank_correlation": (rank, rank < MIN_RANK_CORRELATION),
+            "rotated_axes": (angle, angle > AXIS_MOVED),
+        }
+        return {name: value for name, (value, weak) in metrics.items() if weak}
+
+
+@dataclass(frozen=True)
+class Evaluation(NotebookDisplay):
+    """All metrics of an adapter and of the baselines.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        The adapter first, then the baselines.
+    settings : dict
+        Sizes, regularization, seed, and the source of samples; ready for JSON.
+    rejected : tuple of str or None
+        Of a method that was selected: why the length field was not, empty where it was; else None.
+    """
+
+    rows: tuple[Row, ...]
+    settings: dict[str, Any] = field(default_factory=dict)
+    rejected: tuple[str, ...] | None = None
+
+    def __repr__(self) -> str:
+        best = f"; best: {self.best!r}" if self.best else ""
+        return f"Evaluation({self.adapter.name!r} and {len(self.rows) - 1} baselines{best})"
+
+    @property
+    def adapter(self) -> Row:
+        """The row of the adapter that was evaluated."""
+        return self.rows[0]
+
+    @property
+    def measure(self) -> str:
+        """Measure of the comparison: "rmse" with a ground truth, else "feasibility_gap" (mean), "" without a robot."""
+        return next((name for name in ("rmse", "feasibility_gap") if getattr(self.adapter, name) is not None), "")
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The measure of every row that is compared, the adapter's first.
+
+        A lookup of samples is compared only where the truth is known, since its gaps are zero by construction.
+        """
+        if self.measure == "rmse":
+            return {row.name: row.rmse.undivided for row in self.rows if row.rmse is not None}
+        rows = (row for row in self.rows if row is self.adapter or row.name != LOOKUP)
+        return {row.name: row.feasibility_gap.mean for row in rows if row.feasibility_gap is not None}
+
+    @property
+    def best(self) -> str:
+        """The row with the smallest value, the first of equals; empty where nothing is compared."""
+        values = self.values
+        return min(values, key=lambda name: values[name], default="")
+
+    @property
+    def recommended(self) -> str:
+        """Recommended method; empty where nothing is compared."""
+        values, order = self.values, list(METHODS)
+        rows = [row for row in self.rows if row.name in values and (row.name in METHODS or row is self.adapter)]
+        if self.measure != "rmse":
+            rows = [row for row in rows if row.name != LOOKUP]
+            rows = [row for row in rows if not (row.weaknesses or row.failures)] or rows
+        names = sorted((row.name for row in rows), key=lambda name: (*order, name).index(name))
+        best = min((values[name] for name in names), default=0.0)
+        return next((name for name in names if RELEVANT_RATIO * values[name] <= best), "")

@@ -4,6 +4,7 @@ The functions take arrays of any SPD matrices.
 """
 
 from maniport.learning.alignment import Alignment, align
-from maniport.learning.gmm import ProfileGMM, tracking_weights
+from maniport.learning.gmm import ProfileGMM
+from maniport.learning.mixture import tracking_weights
 
 __all__ = ["Alignment", "ProfileGMM", "align", "tracking_weights"]

@@ -1,4 +1,4 @@
-"""Gaussian mixture of a profile over several demonstrations.
+"""Gaussian mixture of a profile over time, from several demonstrations.
 
 The covariance was measured by holding out one demonstration: the share of its ellipsoids, 3×3 at 40 times, inside the
 95 % ellipsoid of the others; mean over 5 draws of 4, 6 and 10 synthetic demonstrations, 3 or 6 components. Where
@@ -7,43 +7,26 @@ deviate independently: 0.78 to 0.94 without, 0.97 to 1.00 with.
 """
 
 import warnings
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.errors import ConvergenceWarning, InvalidInputError, NotFittedError, NotSPDError
+from maniport.errors import ConvergenceWarning, InvalidInputError, NotFittedError
 from maniport.estimator import Estimator
-from maniport.learning.mixture import (
-    Mixture,
-    as_inputs,
-    component_counts,
-    count_demonstrations,
-    expectation_maximization,
-    k_means_shares,
-    regress,
-)
+from maniport.learning.mixture import Mixture, expectation_maximization, regressed
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step, pieces
-from maniport.util.validation import (
-    SPD_TOLERANCE,
-    Array,
-    as_count,
-    as_finite,
-    as_generator,
-    as_number,
-    as_points,
-    require_shape,
-)
+from maniport.util.validation import Array, as_count, as_number, as_numbers, as_points, require_shape
 
 
 class ProfileGMM(NotebookDisplay, Estimator):
-    """Gaussian mixture on inputs × SPD(d): mean and covariance of the ellipsoid at a time or position.
+    """Gaussian mixture on time × SPD(d): mean and covariance of the ellipsoid at a time.
 
-    Each component is a Gaussian of [x − mean; vec(log(M^-½ X M^-½))] in the tangent space at its Fréchet mean M;
+    Each component is a Gaussian of [t − mean; vec(log(M^-½ X M^-½))] in the tangent space at its Fréchet mean M;
     densities are those of the tangent spaces (the volume that curvature adds is 1 + δ²/24 for a log-ratio δ of two
-    eigenvalues). EM starts from k-means in the tangent space at the mean of all ellipsoids.
+    eigenvalues). EM starts from intervals of time with equal numbers of points.
 
     Parameters
     ----------
@@ -52,21 +35,19 @@ class ProfileGMM(NotebookDisplay, Estimator):
         before the BIC grows.
     max_components : int
     regularization : float
-        Added to the variances in log coordinates and, times the variance of the inputs, to theirs.
+        Added to the variances in log coordinates and, times the variance of the times, to theirs.
     max_iter : int
-        Largest number of EM steps.
+        Largest number of EM steps, beyond which a `ConvergenceWarning` is issued.
     tol : float
         EM stops when the mean log-likelihood rises by at most this; the most likely mixture is kept.
-    random_state : None, int or numpy.random.Generator
-        For the k-means start.
 
     Attributes
     ----------
     n_components_ : int
-    weights_ : ndarray, shape (K,)
-    input_means_ : ndarray, shape (K, p)
+    weights_, input_means_ : ndarray, shape (K,)
+        Weights and mean times.
     means_ : ndarray, shape (K, d, d)
-    covariances_ : ndarray, shape (K, p + m, p + m)
+    covariances_ : ndarray, shape (K, 1 + m, 1 + m)
         With m = d (d + 1) / 2, in the coordinates above.
     log_likelihood_ : float
         Mean over the training points.
@@ -89,7 +70,7 @@ class ProfileGMM(NotebookDisplay, Estimator):
     >>> from maniport.learning import ProfileGMM
     >>> time = np.tile(np.linspace(0.0, 1.0, 20), 3)
     >>> ellipsoids = np.exp(time)[:, None, None] * np.eye(2)
-    >>> model = ProfileGMM(n_components=1, random_state=0).fit(time, ellipsoids)
+    >>> model = ProfileGMM(n_components=1).fit(time, ellipsoids)
     >>> bool(np.allclose(model.predict([0.5]), np.exp(0.5) * np.eye(2), rtol=1e-3))
     True
     """
@@ -101,28 +82,22 @@ class ProfileGMM(NotebookDisplay, Estimator):
         regularization: float = 1e-5,
         max_iter: int = 200,
         tol: float = 1e-3,
-        random_state: Any = None,
     ):
         self.n_components = n_components
         self.max_components = max_components
         self.regularization = regularization
         self.max_iter = max_iter
         self.tol = tol
-        self.random_state = random_state
 
     def fit(
-        self,
-        inputs: ArrayLike,
-        ellipsoids: ArrayLike,
-        groups: ArrayLike | None = None,
-        progress: Progress | None = None,
+        self, time: ArrayLike, ellipsoids: ArrayLike, groups: ArrayLike | None = None, progress: Progress | None = None
     ) -> Self:
         """Fit the mixture to all demonstrations together.
 
         Parameters
         ----------
-        inputs : array_like, shape (n,) or (n, p)
-            Times [s] or positions [m] of all demonstrations one after another; all columns in one unit.
+        time : array_like, shape (n,)
+            Of all demonstrations one after another.
         ellipsoids : array_like, shape (n, d, d)
             SPD.
         groups : array_like, shape (n,), optional
@@ -131,63 +106,66 @@ class ProfileGMM(NotebookDisplay, Estimator):
         progress : callable, optional
             Called with the name of a step and the fraction done.
 
-        Returns
-        -------
-        self
-
         Raises
         ------
         NotSPDError, InvalidInputError
-            When an ellipsoid is not SPD, lengths differ, all inputs are equal, there are fewer than p + m + 1 points
-            for each component, groups do not fit, or a parameter is wrong. The model then stays unchanged.
-
-        Warns
-        -----
-        ConvergenceWarning
-            When EM ended after `max_iter` steps.
+            When an ellipsoid is not SPD, lengths differ, all times are equal, there are fewer than m + 2 points for
+            each component, groups do not fit, or a parameter is wrong. The model then stays unchanged.
         """
         points = as_points(ellipsoids, "ellipsoids")
-        x = as_inputs(inputs, len(points))
-        demonstrations = count_demonstrations(groups, len(points))
-        candidates = component_counts(self.n_components, self.max_components, x, points)
-        checked: Any = {
-            "regularization": as_number(self.regularization, "regularization", above=0.0),
-            "max_iter": as_count(self.max_iter, "max_iter"),
-            "tol": as_number(self.tol, "tol", above=0.0),
-        }
-        step, fits, curve = Step(progress, "Fit Gaussian mixture"), [], []
+        times = as_numbers(time, "time", len(points))
+        if np.ptp(times) == 0.0:
+            raise InvalidInputError(f"time must not be the same everywhere; found {times[0]:g} {len(times)} times")
+        demonstrations, counts = _number_of(groups, len(points)), self._component_counts(points)
+        regularization = as_number(self.regularization, "regularization", above=0.0)
+        tol, max_iter = as_number(self.tol, "tol", above=0.0), as_count(self.max_iter, "max_iter")
+        ridge = regularization * np.r_[np.var(times), np.ones(points_each(points.shape[-1]) - 2)]
+        step, fits, curve = Step(progress, "Fit Gaussian mixture"), [], list[float]()
         with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
-            for count, part in zip(candidates, pieces(step, *candidates), strict=True):
-                shares = k_means_shares(x, points, count, as_generator(self.random_state))
-                fits.append(expectation_maximization(x, points, shares, **checked))
+            for count, part in zip(counts, pieces(step, *counts), strict=True):
+                interval = np.searchsorted(np.quantile(times, np.arange(1, count) / count), times, side="right")
+                fits.append(expectation_maximization(times, points, np.eye(count)[interval], ridge, tol, max_iter))
                 part(1.0)
-                curve.append(fits[-1].mixture.bic(len(x) * fits[-1].log_likelihood, len(x)))
+                (k, s), likelihood = fits[-1][0].covariances.shape[:2], max(fits[-1][1])
+                free = k - 1 + k * s + k * s * (s + 1) // 2
+                curve.append(free * np.log(len(points)) - 2.0 * len(points) * likelihood)
                 if curve[-1] > min(curve):
                     break
-        best = fits[int(np.argmin(curve))]
-        mixture = best.mixture
-        if not best.converged:
+        mixture, history, self.converged_ = fits[int(np.argmin(curve))]
+        if not self.converged_:
             warnings.warn(
                 f"EM with {len(mixture.weights)} components stopped after {self.max_iter} steps; the mean "
                 f"log-likelihood still rose by more than {self.tol:g}",
                 ConvergenceWarning,
                 stacklevel=2,
             )
-        self.weights_, self.input_means_ = mixture.weights, mixture.inputs
+        self.weights_, self.input_means_ = mixture.weights, mixture.times
         self.means_, self.covariances_ = mixture.ellipsoids, mixture.covariances
-        self.converged_, self.history_, self.log_likelihood_ = best.converged, best.history, best.log_likelihood
-        self.bic_curve_, self.n_components_, self.n_features_in_ = np.array(curve), len(mixture.weights), x.shape[1]
-        self.n_demonstrations_ = demonstrations
+        self.history_, self.log_likelihood_, self.bic_curve_ = np.array(history), max(history), np.array(curve)
+        self.n_components_, self.n_demonstrations_ = len(mixture.weights), demonstrations
         step.end(f"{self.n_components_} Gaussians, mean log-likelihood {self.log_likelihood_:.3g}")
         return self
 
-    def predict(self, inputs: ArrayLike, return_covariance: bool = False) -> Array | tuple[Array, Array]:
-        """Return the ellipsoids expected at the inputs, by Gaussian mixture regression.
+    def _component_counts(self, points: Array) -> list[int]:
+        """Return the numbers of components to try: `n_components`, or 1, 2, 4, … that the points allow."""
+        fewest = points_each(points.shape[-1])
+        most, allowed = as_count(self.max_components, "max_components"), len(points) // fewest
+        counts = [2**i for i in range(64) if 2**i <= min(most, max(allowed, 1))]
+        if self.n_components is not None:
+            counts = [as_count(self.n_components, "n_components")]
+        if counts[-1] > allowed:
+            raise InvalidInputError(
+                f"{counts[-1]} components need {counts[-1] * fewest} ellipsoids, {fewest} each; found {len(points)}"
+            )
+        return counts
+
+    def predict(self, time: ArrayLike, return_covariance: bool = False) -> Array | tuple[Array, Array]:
+        """Return the ellipsoids expected at times, by Gaussian mixture regression.
 
         Parameters
         ----------
-        inputs : array_like, shape (n,) or (n, p)
-            In the unit of `fit`. Outside the inputs of `fit` the nearest component's geodesic is extended.
+        time : array_like, shape (n,)
+            Outside the times of `fit` the nearest component's geodesic is extended, until the ellipsoid overflows.
         return_covariance : bool
             Also return the covariance.
 
@@ -196,60 +174,30 @@ class ProfileGMM(NotebookDisplay, Estimator):
         ellipsoids : ndarray, shape (n, d, d)
         covariance : ndarray, shape (n, m, m)
             Covariance of vec(log(P^-½ X P^-½)) in Mandel form, P being the predicted ellipsoid and X one of a
-            demonstration, m = d (d + 1) / 2; see `tracking_weights`.
-
-        Raises
-        ------
-        NotFittedError
-            Before `fit`.
-        InvalidInputError
-            When the inputs have another number of columns, or lie so far outside that the ellipsoid overflows.
+            demonstration, m = d (d + 1) / 2; see `maniport.learning.tracking_weights`.
         """
-        mixture = self._mixture()
-        centers, covariance = regress(mixture, as_inputs(inputs, None, mixture.inputs.shape[1]))
+        if not hasattr(self, "means_"):
+            raise NotFittedError("this ProfileGMM is not fitted yet; call fit(time, ellipsoids) first")
+        mixture = Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)
+        centers, covariance = regressed(mixture, as_numbers(time, "time"))
         if (k := self.n_demonstrations_) is not None:  # predictive instead of maximum-likelihood
             unbiased, m = k / (k - 1) * covariance, covariance.shape[-1]
             variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m
             covariance = (1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m)
         return (centers, covariance) if return_covariance else centers
 
-    def _mixture(self) -> Mixture:
-        if not hasattr(self, "means_"):
-            raise NotFittedError("this ProfileGMM is not fitted yet; call fit(inputs, ellipsoids) first")
-        return Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)
+
+def points_each(d: int) -> int:
+    """Return the least number of ellipsoids d × d for a component."""
+    return d * (d + 1) // 2 + 2
 
 
-def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:
-    """Return the weights of a tracking task: large where demonstrations agree.
-
-    Parameters
-    ----------
-    covariance : array_like, shape (n, m, m)
-        Of a profile, in whitened Mandel coordinates at its ellipsoids; see `ProfileGMM.predict`.
-    damping : float
-        ρ ≥ 0: the weights are (C + ρ c I)⁻¹, c the mean variance over all times and directions. A direction has at most
-        1 + 1 / ρ times the weight of one of mean variance.
-
-    Returns
-    -------
-    ndarray, shape (n, m, m)
-        W, dimensionless, for the cost eᵀ W e of the error e = vec(log(M^-½ M_target M^-½)); its mean weight, tr(W) / m
-        averaged over the n times, is one.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a covariance is not positive-semidefinite, all are zero, or one is singular without damping.
-    """
-    array, rho = as_finite(covariance, "covariance"), as_number(damping, "damping", minimum=0.0)
-    require_shape(array, "covariance", ("n", array.shape[-1] if array.ndim else 0, "m"))
-    values, vectors = np.linalg.eigh(0.5 * (array + np.swapaxes(array, -1, -2)))
-    scale = max(float(np.abs(values).max()), np.finfo(np.float64).tiny)  # weights have no unit
-    if values.min() < -1e-10 * scale:
-        raise NotSPDError(f"covariance must have no negative eigenvalue; found {values.min():.3g}")
-    variance = float(values.mean()) / scale
-    values = np.maximum(values / scale, 0.0) + rho * variance
-    if np.any(values <= SPD_TOLERANCE * variance):
-        raise InvalidInputError("covariance is zero, or singular at some time; use a damping above 0")
-    weights = (vectors / values[..., None, :]) @ np.swapaxes(vectors, -1, -2) / np.mean(1.0 / values)
-    return np.asarray(0.5 * (weights + np.swapaxes(weights, -1, -2)))
+def _number_of(groups: ArrayLike | None, points: int) -> int | None:
+    """Return the number of different labels; None without labels."""
+    if groups is None:
+        return None
+    labels = np.asarray(groups)
+    require_shape(labels, "groups", (points,), ", a label for each point")
+    if (count := len(set(labels.tolist()))) < 2:
+        raise InvalidInputError(f"groups must hold at least 2 different labels; found {count}")
+    return count

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maniport.mocap.directions import frame_terms
+from maniport.arms.kernels import place_points
 from maniport.motion.kernels import step_within_limits
 from maniport.util.jit import kernel, part
 
@@ -10,12 +10,34 @@ from maniport.util.jit import kernel, part
 @kernel
 def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, hessian):  # type: ignore[no-untyped-def]
     """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
-    offset, placements, axes, slides, coupling, joints, vectors, points, ends = body
+    offset, placements, axes, slides, coupling, joints, vectors, points = body
     gradient[:], hessian[:] = 0.0, 0.0
-    square = frame_terms(
-        q, offset, placements, axes, slides, coupling, joints, vectors, points, ends,
-        targets, weights, gradient, hessian,
-    )  # fmt: skip
+    positions, values, slopes = offset.copy(), np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
+    for j in range(len(offset)):
+        for k in range(len(q)):
+            positions[j] += coupling[j, k] * q[k]
+    place_points(positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes)
+    square = 0.0
+    for n in range(len(targets)):
+        if weights[n] == 0.0:
+            continue
+        if n < points - 1:  # from a point to the next
+            unit, slope = values[n + 1] - values[n], slopes[n + 1] - slopes[n]
+            length = np.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
+            unit /= length
+            stretch = unit[0] * slope[0] + unit[1] * slope[1] + unit[2] * slope[2]
+            for i in range(3):
+                slope[i] = (slope[i] - unit[i] * stretch) / length
+        else:
+            unit, slope = values[n + 1], slopes[n + 1]
+        weight = weights[n] * weights[n]
+        for i in range(3):
+            off = unit[i] - targets[n, i]
+            square += weight * off * off
+            for k in range(len(q)):
+                gradient[k] += weight * off * slope[i, k]
+                for m in range(len(q)):
+                    hessian[k, m] += weight * slope[i, k] * slope[i, m]
     cost = square
     for i in range(len(q)):
         off = pull[i] * (q[i] - neutral[i])

@@ -18,9 +18,10 @@ from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, Motion
 from maniport.live.transport import as_frame
 from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
-from maniport.motion.costs.cost import as_costs
 from maniport.motion.plan.plan_settings import require_free
+from maniport.motion.problem import as_costs
 from maniport.pipeline import Config, TransferResult
+from maniport.pipeline.settings import plan_settings
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -170,7 +171,7 @@ class Live:
         robot = result.robot if len(result.arms) > 1 else result.arm.robot
         if result.motion is None:
             raise InvalidInputError("result has no motion; transfer the recording with move=True")
-        control = (result.config or Config()).motion.control(robot)
+        control = plan_settings(result.config or Config(), robot)
         paths = [arm.placement for arm in result.arms if arm.placement is not None]
         joints = result.motion.trajectory.joint_positions
         defaults: dict[str, Any] = {"motion_limits": control.motion_limits, "collisions": control.collisions}

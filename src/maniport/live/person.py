@@ -1,7 +1,7 @@
 """The arm of a person, frame by frame: from points to joint angles, causally.
 
 Offline all frames are fitted together, each joint's acceleration weighted against the directions that the points show
-(`maniport.mocap.path_solver`): the most probable path of joints whose accelerations are noise. Here the same
+(`maniport.mocap.arm_path`): the most probable path of joints whose accelerations are noise. Here the same
 is computed from the past alone. Earlier frames give a mean and a covariance of angles and velocities (an extended
 Kalman filter), and each new frame is solved within the joint limits, to convergence, with the weights, residuals and
 pulls of the offline fit. Differences: a joint that no point shows comes to rest, points are neither smoothed nor
@@ -16,10 +16,10 @@ import numpy as np
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.live.kernels import follow, search, trunk_directions, turned_farther, unit_vectors, updated
-from maniport.mocap import ArmFit
+from maniport.mocap import ArmFit, Recording
 from maniport.mocap.arm_path import (
-    FASTEST_JOINT,
     KEY_RATE,
+    LEAST_GAIN,
     MOTION_SCALE,
     RESIDUAL_SCALE,
     joint_priors,
@@ -27,10 +27,9 @@ from maniport.mocap.arm_path import (
     sample_directions,
 )
 from maniport.mocap.cleaning import MIN_JUMP
-from maniport.mocap.data_quality import MEASUREMENT_ERROR, PRIOR
+from maniport.mocap.data_quality import FASTEST_JOINT, MEASUREMENT_ERROR, PRIOR
 from maniport.mocap.directions import Directions, vectors_of
-from maniport.mocap.path_solver import LEAST_GAIN
-from maniport.mocap.roles import SHORTEST, Basis, across_role, direction, points_of
+from maniport.mocap.roles import SHORTEST, across_role, direction, points_of
 from maniport.motion import Placement
 from maniport.transfer import DomainAdapter
 from maniport.util.validation import Array
@@ -85,21 +84,22 @@ class Person:
     def __init__(self, fit: ArmFit):
         self.arm, roles, self.is_noisy = fit.arm, fit.roles, fit.smoothed
         self.points = tuple(points_of(roles))
-        basis = Basis(self.points)
+        identity = np.eye(len(self.points))[..., None]  # a recording of it gives coefficients of the points
+        basis = Recording(self.points, np.repeat(identity, 3, axis=2), np.arange(float(len(identity))))
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
-        self._linear = np.stack([*vectors.values(), *trunk]).astype(np.float64)
+        self._linear = np.stack([*vectors.values(), *trunk])[..., 0]
         self.count = len(self._linear)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
-        self._body, self._weights = directions.arrays()
+        self._body, self._weights = directions.kinematics.arrays(), directions.weights
         self._samples, self._sampled_directions = sample_directions(directions)
         held = joint_priors(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral
         noise = (2 * np.pi * held.cutoff) ** 4
         self._constants = noise, self._weights, self._body, self._held, PRIOR_INFORMATION, LEAST_GAIN
         # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
-        self._least_jump = MIN_JUMP / np.array([fit.segment_lengths[name] for name in fit.segments])
+        self._least_jump = MIN_JUMP / np.array(list(fit.segment_lengths.values()))
 
     def vectors(self, positions: Array) -> Array:
         """Compute unit vectors (k + 2, 3) along segments, joint axes and the trunk; nan where a point is not seen."""

@@ -14,11 +14,6 @@ from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 
 
-def about_axis(segment: str) -> str:
-    """Return the name of the residual of a segment's rotation about its own axis."""
-    return f"{segment} about its axis"
-
-
 @dataclass(frozen=True, eq=False)
 class ArmFit(NotebookDisplay):
     """Joint angles of an arm fitted to a recording, and their quality.
@@ -36,19 +31,14 @@ class ArmFit(NotebookDisplay):
         Time [s] of the frames that were used, as in the recording.
     frames : ndarray, shape (n,)
         Their indices in the recording.
-    segments : tuple of str
-        ``"upper arm"``, ``"forearm"`` and, where it is recorded, ``"hand"``.
-    residual : ndarray, shape (n, len(segments))
-        Angle between the arm's segment and the recorded one [degrees].
-    twist_residual : dict of str to ndarray, shape (n,)
-        Rotation of a segment about its own axis from the arm's joint axis to its markers [degrees]; nan where they are
-        missing.
-    observable : ndarray of bool, shape (dof,)
-        Whether the recorded points determine the joint in more than half of the frames.
+    residuals : dict of str to ndarray, shape (n,)
+        For ``"upper arm"``, ``"forearm"`` and, where it is recorded, ``"hand"``, the angle between the arm's segment
+        and the recorded one [degrees]. Where markers of a joint axis are recorded, also the rotation of a segment about
+        its own axis (``"forearm about its axis"``) from the arm's joint axis to them; nan where they are missing.
     observable_share : ndarray, shape (dof,)
-        Share of the frames in which they do.
-    reasons : tuple of str
-        For each unobservable joint the cause and the treatment; else empty.
+        Share of the frames in which the recorded points determine the joint.
+    unobservable : dict of str to str
+        Joints that they do not determine in more than half of the frames, with the cause and the treatment.
     segment_lengths : dict of str to float
         Median lengths of the recorded segments [m].
     at_limit : ndarray, shape (dof,)
@@ -70,12 +60,9 @@ class ArmFit(NotebookDisplay):
     joint_angles: Array
     time: Array
     frames: NDArray[np.intp]
-    segments: tuple[str, ...]
-    residual: Array
-    twist_residual: dict[str, Array]
-    observable: Bools
+    residuals: dict[str, Array]
     observable_share: Array
-    reasons: tuple[str, ...]
+    unobservable: dict[str, str]
     segment_lengths: dict[str, float]
     at_limit: Array
     beyond_limit: Array
@@ -83,6 +70,11 @@ class ArmFit(NotebookDisplay):
     notes: tuple[str, ...]
     quality_warnings: tuple[str, ...] = ()
     smoothed: bool = False
+
+    def __post_init__(self) -> None:
+        for value in (*vars(self).values(), *self.residuals.values()):
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -92,17 +84,17 @@ class ArmFit(NotebookDisplay):
         return f"ArmFit({self.arm.name!r}, {self.summary})"
 
     def only(self, keep: NDArray[Any]) -> "ArmFit":
-        """Keep some of the frames, by a mask or by their indices; statistics over all frames are not computed again."""
-        twists = {segment: twist[keep] for segment, twist in self.twist_residual.items()}
-        per_frame = ("joint_angles", "time", "frames", "residual", "beyond_limit")
-        return replace(self, twist_residual=twists, **{name: getattr(self, name)[keep] for name in per_frame})
+        """Keep some of the frames, by a mask or by their indices; statistics stay those of all frames."""
+        residuals = {name: values[keep] for name, values in self.residuals.items()}
+        per_frame = {name: getattr(self, name)[keep] for name in ("joint_angles", "time", "frames", "beyond_limit")}
+        return replace(self, residuals=residuals, **per_frame)
 
     @property
     def summary(self) -> str:
         """Arm, frames, range of the segments' median residuals, and unobservable joints in one line."""
-        medians = np.median(self.residual, axis=0)
+        medians = [np.median(self.residuals[segment]) for segment in self.segment_lengths]
         unobservable = f"; unobservable: {', '.join(self.unobservable)}" if self.unobservable else ""
-        residuals = f"median residual {medians.min():.1f}–{medians.max():.1f}°"
+        residuals = f"median residual {min(medians):.1f}–{max(medians):.1f}°"
         return f"{self.arm.side} arm, {len(self)} frames, {residuals}{unobservable}"
 
     @property
@@ -111,50 +103,44 @@ class ArmFit(NotebookDisplay):
         return tuple(self.arm.joint_names)
 
     @property
-    def unobservable(self) -> dict[str, str]:
-        """Joints that the recorded points do not determine, with the reason."""
-        joints = zip(self.joint_names, self.reasons, self.observable, strict=True)
-        return {name: reason for name, reason, observable in joints if not observable}
+    def observable(self) -> Bools:
+        """Whether the recorded points determine the joint in more than half of the frames, shape (dof,)."""
+        return np.array([name not in self.unobservable for name in self.joint_names])
 
     def residual_summary(self) -> dict[str, dict[str, float]]:
-        """Statistics of each residual [degrees]: ``median``, ``p95``, ``max``, and its time ``max_at_s`` [s].
-
-        The rows are the segments and, where markers of a joint axis are recorded, the rotation of a segment about its
-        own axis (``"forearm about its axis"``).
-        """
-        columns = dict(zip(self.segments, self.residual.T, strict=True))
-        columns |= {about_axis(segment): np.abs(twist) for segment, twist in self.twist_residual.items()}
+        """Statistics of each residual, without sign [degrees]: ``median``, ``p95``, ``max`` at ``max_at_s`` [s]."""
+        sizes = {name: np.abs(values) for name, values in self.residuals.items() if not np.isnan(values).all()}
         return {
             name: {
-                "median": float(np.nanmedian(r)),
-                "p95": float(np.nanpercentile(r, 95)),
-                "max": float(np.nanmax(r)),
-                "max_at_s": float(self.time[np.nanargmax(r)]),
+                "median": float(np.nanmedian(size)),
+                "p95": float(np.nanpercentile(size, 95)),
+                "max": float(np.nanmax(size)),
+                "max_at_s": float(self.time[np.nanargmax(size)]),
             }
-            for name, r in columns.items()
-            if not np.isnan(r).all()
+            for name, size in sizes.items()
         }
 
-    def repetitions(self, width: float = 0.1, least: float = 0.5, returned: float = 0.9) -> list[tuple[float, float]]:
+    def repetitions(self) -> list[tuple[float, float]]:
         """Find (start, stop) [s] of each time that the hand moves out and back.
 
-        The path is smoothed over `width` [s]. A repetition reaches at least the share `least` of the largest distance;
-        it starts and stops where the hand has `returned` by this share.
+        A repetition reaches at least half of the largest distance; it starts and stops where the hand has returned by
+        90 %.
         """
         from scipy.signal import find_peaks, peak_widths  # loads scipy.stats, which takes 0.5 s
 
         if len(self) < 3:
             return []
         hand = self.arm.forward(self.joint_angles)[:, :3, 3]
-        step = float(np.median(np.diff(self.time)))
-        path = _along(gaussian_filter1d(hand, width / step, axis=0, mode="nearest"))
+        hand = gaussian_filter1d(hand, 0.1 / float(np.median(np.diff(self.time))), axis=0, mode="nearest")
+        offsets = hand - np.median(hand, axis=0)  # on their principal direction, the longer side positive
+        path = offsets @ np.linalg.svd(offsets - offsets.mean(axis=0), full_matrices=False)[2][0]
+        path = path if path.max() >= -path.min() else -path
         peaks, properties = find_peaks(path, prominence=np.finfo(float).tiny)
         if not len(peaks):
             return []
-        high = properties["prominences"] >= least * properties["prominences"].max()
-        peaks = peaks[high]
-        prominences = tuple(properties[key][high] for key in ("prominences", "left_bases", "right_bases"))
-        _, _, left, right = peak_widths(path, peaks, returned, prominences)
+        high = properties["prominences"] >= 0.5 * properties["prominences"].max()
+        peaks, prominences = peaks[high], tuple(values[high] for values in properties.values())
+        _, _, left, right = peak_widths(path, peaks, 0.9, prominences)
         valleys = [int(a + np.argmin(path[a:b])) for a, b in pairwise(peaks)]
         first = np.maximum(np.ceil(left).astype(int), [0, *(valley + 1 for valley in valleys)])
         last = np.minimum(np.floor(right).astype(int), [*valleys, len(path) - 1])
@@ -188,11 +174,6 @@ class HumanMotion(NotebookDisplay):
         return self.arms[0].time
 
     @property
-    def frames(self) -> NDArray[np.intp]:
-        """Their indices in the recording, shape (n,)."""
-        return self.arms[0].frames
-
-    @property
     def hands(self) -> Array:
         """Paths of the hands in the common frame, shape (n_arms, n, 3) [m]."""
         paths = [fit.arm.forward(fit.joint_angles)[:, :3, 3] for fit in self.arms]
@@ -209,17 +190,12 @@ class HumanMotion(NotebookDisplay):
             *shared,
         )
 
-    @property
-    def summary(self) -> str:
-        """Frames and residuals of each arm in one line."""
-        return "; ".join(fit.summary for fit in self.arms)
-
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.time)
 
     def __repr__(self) -> str:
-        return f"HumanMotion({' and '.join(repr(fit.arm.name) for fit in self.arms)}, {self.summary})"
+        return f"HumanMotion({', '.join(map(repr, self.arms))})"
 
     def repetitions(self) -> list[tuple[float, float]]:
         """Find (start, stop) [s] of each time that the hand with the longer path moves out and back."""
@@ -229,10 +205,3 @@ class HumanMotion(NotebookDisplay):
     def only(self, keep: NDArray[Any]) -> "HumanMotion":
         """Keep some of the frames of all arms, by a mask or by their indices; see `ArmFit.only`."""
         return replace(self, arms=tuple(fit.only(keep) for fit in self.arms))
-
-
-def _along(hand: Array) -> Array:
-    """Project positions (n, 3), from their median, on their principal direction, the longer side positive."""
-    offsets = hand - np.median(hand, axis=0)
-    path = offsets @ np.linalg.svd(offsets - offsets.mean(axis=0), full_matrices=False)[2][0]
-    return np.asarray(path if path.max() >= -path.min() else -path)

@@ -3,26 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
-from typing import Any
 
 import numpy as np
 
 from maniport.arms import PERSONS
 from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import human_arm
-from maniport.errors import InvalidInputError, RecordingError, argument, spoken, typed
+from maniport.errors import InvalidInputError, RecordingError, spoken
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
-from maniport.mocap.arm_path import jump_warning, solve_arm
-from maniport.mocap.data_quality import (
-    AT_LIMIT,
-    gap_warning,
-    model_differences,
-    observability,
-)
+from maniport.mocap.arm_path import solve_arm
+from maniport.mocap.data_quality import AT_LIMIT, gap_warning, jump_warning, model_differences, observability
 from maniport.mocap.directions import Observation, observe, require_human, segment_lengths
-from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.recording import Recording
-from maniport.mocap.roles import assign_roles, role_position
+from maniport.mocap.roles import ARM, TRUNK, Markers, Roles, direction, roles_by_side
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
@@ -33,7 +26,7 @@ GROUP = LEFT, RIGHT  # Order of the arms of a person
 def fit_arm(
     recording: Recording,
     person: str = "myoarm",
-    markers: Mapping[str, Any] | None = None,
+    markers: Markers = None,
     progress: Progress | None = None,
     *,
     side: str = AUTO,
@@ -80,7 +73,7 @@ def fit_arm(
 def fit_arms(
     recording: Recording,
     person: str = "myoarm",
-    markers: Mapping[str, Mapping[str, Any]] | None = None,
+    markers: Markers = None,
     progress: Progress | None = None,
     *,
     side: str = BOTH,
@@ -111,43 +104,34 @@ def fit_arms(
     require_person(person, AUTO if both else side, smooth)
     chosen = _markers_by_side(recording, markers) if both else {side: markers}
     observations = [observe(recording, own, name, smooth == AUTO) for name, own in chosen.items()]
-    counts = ", ".join(f"{len(observation.frames)} the {observation.side} one" for observation in observations)
     common = reduce(np.intersect1d, [observation.frames for observation in observations])
     if not len(common):
+        counts = ", ".join(f"{len(observation.frames)} the {observation.side} one" for observation in observations)
         raise RecordingError(f"no frame of {recording.source!r} has all arms; fully observed are {counts}")
-    trunk, fits = observations[-1].trunk, []
+    trunk, fits, origins = observations[-1].trunk, [], []  # of the base frames in the trunk, from the neck
     for observation in observations:
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit = _fit(recording, replace(observation, frames=common, trunk=trunk), person, step)
+        fit = _fit(replace(observation, frames=common, trunk=trunk), person, step)
         step.end(fit.summary)
         fits.append(fit)
-    origins = []
-    for observation, fit in zip(observations, fits, strict=True):  # of the base frames in the trunk, from the neck
-        neck = role_position(observation.used, observation.roles["trunk_up"][1])
-        shoulder = np.sum(trunk * (observation.points["shoulder"] - neck)[:, :, None], axis=1)[fit.frames]
-        own = fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0]
-        origins.append(np.median(shoulder - own, axis=0))
+        from_neck = direction(observation.used, (fit.roles["trunk_up"][1], fit.roles["shoulder"]))
+        shoulder = np.sum(trunk * from_neck[:, :, None], axis=1)[common]
+        origins.append(np.median(shoulder - fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0], axis=0))
     return HumanMotion(tuple(fits), np.stack(origins) - np.mean(origins, axis=0))
 
 
-def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
+def _markers_by_side(recording: Recording, markers: Markers) -> dict[str, Roles]:
     """Return the markers of each arm, with one trunk for all."""
     own = {} if markers is None else markers
     if not isinstance(own, Mapping) or not set(own) <= set(GROUP):
-        raise InvalidInputError(
-            f"{spoken('markers')} of both arms must be {{'left': {{...}}, 'right': {{...}}}}; "
-            f"found {sorted(map(str, own)) if isinstance(own, Mapping) else own!r}"
-        )
-    roles, errors = {}, {}
-    for side in SIDES:
-        try:
-            roles[side] = assign_roles(recording, own.get(side), side)
-        except RecordingError as error:
-            errors[side] = error
+        text = f"{spoken('markers')} of both arms must be {{'left': {{...}}, 'right': {{...}}}}; found {own!r}"
+        raise InvalidInputError(text)
+    roles, errors = roles_by_side(recording, own)
     if roles and errors:
+        ((other, error),) = errors.items()
         raise RecordingError(
-            f"the recording shows the {', '.join(roles)} arm only; {', '.join(map(str, errors.values()))}. In the "
-            f"markers of both arms these points belong under {', '.join(map(repr, errors))}"
+            f"the recording shows the {', '.join(roles)} arm only; {error}. In the markers of both arms these points "
+            f"belong under {other!r}"
         )
     if errors:
         raise errors[RIGHT]
@@ -160,56 +144,37 @@ def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) ->
     return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _fit(recording: Recording, observation: Observation, person: str, step: Step) -> ArmFit:
+def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
     """Fit an arm to an observation."""
-    roles = observation.roles
-    lengths = segment_lengths(observation.points, recording.source)
+    used, frames, roles = observation.used, observation.frames, observation.roles
+    lengths = segment_lengths(used, roles)
     arm = human_arm(person, observation.side, lengths=lengths)
     require_human(arm)
-    directions, time = observation.directions(arm), observation.time
+    directions, time = observation.directions(arm), used.time[frames]
     q = solve_arm(directions, time, roles, step)
-    angles, twists = directions.errors(q)
-    share, reasons, beyond = observability(directions, roles, q)
-    texts = (
-        *observation.quality_warnings,
-        gap_warning(observation.used.time, observation.frames),
-        jump_warning(q, time, observation.frames, arm.joint_names),
-    )
+    share, unobservable, beyond = observability(directions, roles, q)
     fit = ArmFit(
         arm=arm,
         side_reason=observation.reason,
-        joint_angles=_frozen(q),
-        time=_frozen(time),
-        frames=_frozen(observation.frames),
-        segments=tuple(angles),
-        residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
-        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in twists.items()},
-        observable=_frozen(share > 0.5),
-        observable_share=_frozen(share),
-        reasons=reasons,
+        joint_angles=q,
+        time=time,
+        frames=frames,
+        residuals={name: np.degrees(error) for name, error in directions.errors(q).items()},
+        observable_share=share,
+        unobservable=unobservable,
         segment_lengths=lengths,
-        at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
-        beyond_limit=_frozen(np.degrees(beyond)),
+        at_limit=((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0),
+        beyond_limit=np.degrees(beyond),
         roles=roles,
-        notes=observation.notes,
-        quality_warnings=tuple(filter(None, texts)),
+        notes=used.notes,
         smoothed=observation.smoothed,
     )
-    return replace(fit, quality_warnings=(*model_differences(fit), *fit.quality_warnings))
+    warnings = (*model_differences(fit), *used.quality_warnings, *gap_warning(fit, used.time), *jump_warning(fit))
+    return replace(fit, quality_warnings=warnings)
 
 
 def require_person(person: str, side: str, smooth: str = AUTO) -> None:
     """Check options of `fit_arm`."""
     as_choice(person, "person", PERSONS)
-    if side == BOTH:
-        takes = "maniport transfer, batch, live and view" if typed() else "fit_arms and transfer_recording"
-        raise InvalidInputError(
-            f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
-        )
     as_choice(side, "side", (AUTO, *SIDES))
     as_choice(smooth, "smooth", (AUTO, "off"))
-
-
-def _frozen(array: Any) -> Any:
-    array.setflags(write=False)
-    return array

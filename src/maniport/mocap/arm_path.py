@@ -2,30 +2,40 @@
 
 At zero elevation of the shoulder the plane of elevation is arbitrary, and limits cut its circle of planes open, so that
 a frame may have several local solutions. Each key frame keeps its best few, and dynamic programming (Viterbi) finds the
-path through them with the least residuals and joint motion.
+path through them with the least residuals and joint motion. From there, `solve_path` couples neighboring frames by
+their joint acceleration (Levenberg-Marquardt with an active set of limits):
+
+    minimize  Σ_t |r_t(q_t)|² + Σ_t |p (q_t - q₀)|² + Σ_t |κ/Δt² (q_{t+1} - 2 q_t + q_{t-1})|²,   lower ≤ q_t ≤ upper
+
+with κ = 1 / (2π f)². A motion that the residual sees with sensitivity σ (|∂r/∂q|) is followed up to the frequency
+f √σ: what is measured well is hardly changed, and what a frame leaves open (a straight elbow leaves the rotation of the
+upper arm open) is carried over from the frames before and after instead of drifting or jumping.
+
+Coupling fades within seconds. So a long path is solved in blocks, each to its own end, and then the frames around each
+cut once more between fixed neighbors: memory does not grow, and no joint steps at a cut.
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solveh_banded
 
 from maniport.arms import Arm
 from maniport.mocap.data_quality import unobservable_joints
-from maniport.mocap.directions import Directions
-from maniport.mocap.path_solver import parts_of, solve_each, solve_long
-from maniport.mocap.recording import Bools, when
+from maniport.mocap.directions import BLOCK, Directions
+from maniport.mocap.recording import Bools
 from maniport.util.progress import Step
 from maniport.util.validation import Array
 
-FASTEST_JOINT = 1500.0
-"""A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
-reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32, 1999)."""
-
+Residual = Callable[[Array], tuple[Array, Array]]  # Values (n, k) at configurations (n, dof), and derivatives
 KEY_RATE = 8.0  # Key frames per second
 RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …
 MOTION_SCALE = 0.25  # … as this joint motion from one key frame to the next [rad]
+
+LEAST_GAIN = 1e-5  # A small step that lowers the cost by a smaller share is the last
+AROUND = 512  # Frames on either side of a cut that are solved again: 2 s at 240 Hz, 17 s at 30 Hz
 
 
 @dataclass(frozen=True)
@@ -36,7 +46,7 @@ class JointPriors:
     upper: Array
     pull: Array  # weight of the distance to the neutral angle
     neutral: Array  # [rad]
-    cutoff: Array  # frequency up to which motion is followed [Hz]
+    cutoff: Array | float = np.inf  # frequency up to which motion is followed [Hz]
 
 
 def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
@@ -49,13 +59,32 @@ def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
     neutral = np.clip(0.0, arm.lower, arm.upper)
     lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
     cutoff = np.full(arm.dof, 30.0)
-    for joint in unobservable_joints(arm, roles):
+    for joint in unobservable_joints(roles):
         cutoff[joint] = 10.0
         if "hand" not in roles:
             lower[joint] = upper[joint] = neutral[joint]
         else:
             pull[joint] = 0.004 * np.pi / (arm.upper[joint] - arm.lower[joint])
     return JointPriors(lower, upper, pull, neutral, cutoff)
+
+
+def solve_arm(directions: Directions, time: Array, roles: Collection[str], step: Step) -> Array:
+    """Return the joint angles (n, dof) of the path."""
+    step(0.1)
+    priors = joint_priors(directions.arm, roles)
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    joined = steps < 1.5 * usual
+    q = np.clip(_initial_path(directions, time, usual, joined), priors.lower, priors.upper)
+    step(0.4)
+    smoothing = np.zeros_like(q)  # κ/Δt² of each joint's acceleration in each frame; zero at the ends and at gaps
+    smoothing[1:-1][joined[1:] & joined[:-1]] = 1 / (2 * np.pi * priors.cutoff * usual) ** 2
+    blocks = np.array_split(np.arange(len(q)), -(-len(q) // BLOCK))
+    parts = [(part, 0) for part in blocks] + [(np.arange(part[0] - AROUND, part[0] + AROUND), 2) for part in blocks[1:]]
+    for done, (part, fixed) in enumerate(parts, start=1):
+        q[part] = solve_path(directions.take(part).residual, q[part], priors, smoothing[part], fixed)
+        step(0.4 + 0.6 * done / len(parts))
+    return q
 
 
 def sample_directions(directions: Directions) -> tuple[Array, Array]:
@@ -71,31 +100,6 @@ def nearest_samples(targets: Array, samples: Array, count: int = 6) -> NDArray[n
     return np.argsort(-similarity, axis=1)[:, :count]
 
 
-def solve_arm(directions: Directions, time: Array, roles: Collection[str], step: Step) -> Array:
-    """Return the joint angles (n, dof) of the path."""
-    step(0.1)
-    priors = joint_priors(directions.arm, roles)
-    steps = np.diff(time)
-    usual = float(np.median(steps)) if len(steps) else 1.0
-    joined = steps < 1.5 * usual
-    start = np.clip(_initial_path(directions, time, usual, joined), priors.lower, priors.upper)
-    step(0.4)
-    weight = np.zeros_like(start)  # κ/Δt² of each joint's acceleration in each frame; zero at the ends and at gaps
-    if len(steps) > 1:
-        full = 1 / (2 * np.pi * priors.cutoff * usual) ** 2
-        weight[1:-1] = np.where((joined[1:] & joined[:-1])[:, None], full, 0.0)
-    return solve_long(
-        lambda part: directions.take(part).residual,
-        start,
-        priors.lower,
-        priors.upper,
-        weight,
-        priors.pull,
-        priors.neutral,
-        lambda part: step(0.4 + 0.6 * part),
-    )
-
-
 def _initial_path(directions: Directions, time: Array, usual: float, joined: Bools) -> Array:
     """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between.
 
@@ -104,49 +108,98 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
     every, gaps = max(1, round(1 / (KEY_RATE * usual))), np.flatnonzero(~joined)
     keys = np.unique(np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(np.intp))
     samples, modeled = sample_directions(directions)
-    parts = parts_of(len(keys), 512)  # which bounds the memory
-    solutions = [_local_solutions(directions.take(keys[part]), samples, modeled) for part in parts]
+    parts = np.array_split(keys, -(-len(keys) // 512))  # which bounds the memory
+    solutions = [_local_solutions(directions.take(part), samples, modeled) for part in parts]
     candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
-    n, k, _ = candidates.shape
-    total = cost[0] / RESIDUAL_SCALE**2
-    origin = np.zeros((n, k), dtype=np.intp)
-    for t in range(1, n):
+    total, origins = cost[0] / RESIDUAL_SCALE**2, []
+    for t in range(1, len(keys)):
         motion = np.sum((candidates[t][None] - candidates[t - 1][:, None]) ** 2, axis=-1) / MOTION_SCALE**2
         through = total[:, None] + motion
-        origin[t] = np.argmin(through, axis=0)
+        origins.append(np.argmin(through, axis=0))
         total = through.min(axis=0) + cost[t] / RESIDUAL_SCALE**2
-    chosen = np.empty(n, dtype=np.intp)
-    chosen[-1] = np.argmin(total)
-    for t in range(n - 1, 0, -1):
-        chosen[t - 1] = origin[t, chosen[t]]
-    path = candidates[np.arange(n), chosen]
-    return np.stack([np.interp(time, time[keys], path[:, j]) for j in range(path.shape[1])], axis=-1)
+    chosen = [np.argmin(total)]
+    for origin in reversed(origins):
+        chosen.append(origin[chosen[-1]])
+    path = candidates[np.arange(len(keys)), chosen[::-1]]
+    return np.stack([np.interp(time, time[keys], angles) for angles in path.T], axis=-1)
 
 
 def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:
-    """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k)."""
+    """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k); each row on its own."""
     arm, starts = directions.arm, samples[nearest_samples(directions.targets, modeled)]
-    repeated = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
-    solved, cost = solve_each(
-        lambda q, rows: repeated.take(rows).residual(q), starts.reshape(-1, arm.dof), arm.lower, arm.upper
-    )
-    return solved.reshape(starts.shape), cost.reshape(starts.shape[:2])
+    rows = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
+    q = trial = starts.reshape(-1, arm.dof)
+    cost, damping = np.full(len(q), np.inf), np.full(len(q), 5e-3)
+    gradient, hessian = np.zeros_like(q), np.zeros((*q.shape, arm.dof))
+    for _ in range(30):
+        values, slopes = rows.residual(trial)
+        better = np.sum(values**2, axis=-1) < cost
+        q = np.where(better[:, None], trial, q)
+        cost = np.where(better, np.sum(values**2, axis=-1), cost)
+        damping *= np.where(better, 0.2, 8.0)
+        gradient[better] = (values[better, None] @ slopes[better])[:, 0]
+        hessian[better] = np.swapaxes(slopes[better], 1, 2) @ slopes[better]
+        free = ~_held(q, gradient, arm.lower, arm.upper)
+        matrix = hessian * (free[:, :, None] & free[:, None, :])
+        matrix[:, range(arm.dof), range(arm.dof)] += damping[:, None] + ~free
+        trial = np.clip(q - np.linalg.solve(matrix, (gradient * free)[..., None])[..., 0], arm.lower, arm.upper)
+        if np.abs(trial - q).max() < 1e-6:
+            break
+    return q.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
-def jump_warning(q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...]) -> str:
-    """Report the frames into which a joint jumps from the preceding frame of the recording; empty without any.
+def solve_path(residual: Residual, start: Array, priors: JointPriors, smoothing: Array, fixed: int = 0) -> Array:
+    """Fit all frames together; `fixed` frames at either end stay. `smoothing` is κ/Δt² (n, dof)."""
+    (n, dof), stiffness = start.shape, smoothing[1:-1] ** 2
+    smooth = np.zeros((3, n, dof))  # second derivatives of the smoothing term: of each frame, with the next two
+    for offset, row in enumerate(([1.0, 4.0, 1.0], [-2.0, -2.0], [1.0])):
+        for frame, factor in enumerate(row):
+            smooth[offset, frame : max(n - 2, 0) + frame] += factor * stiffness
+    q, trial, cost, damping = start, start, np.inf, 5e-6
+    for iteration in range(100):
+        values, slopes = residual(trial)
+        bending, offsets = np.diff(trial, 2, axis=0), priors.pull * (trial - priors.neutral)
+        new_cost = float(np.sum(values**2) + np.sum(offsets**2) + np.sum(stiffness * bending**2))
+        if new_cost < cost:
+            moved, gained = float(np.abs(trial - q).max()), cost - new_cost
+            q, cost, damping = trial, new_cost, max(damping * 0.2, 1e-12)
+            # Where the arm hangs straight, a joint rotates far for a small part of the cost of a long path.
+            if iteration and (moved < 1e-9 or (gained < LEAST_GAIN * cost and moved < 1e-3)):
+                break
+            gradient = (values[:, None] @ slopes)[:, 0] + priors.pull * offsets
+            for shift, factor in enumerate((1.0, -2.0, 1.0)):
+                gradient[shift : max(n - 2, 0) + shift] += factor * stiffness * bending
+            held = _held(q, gradient, priors.lower, priors.upper)
+            held[:fixed] = held[n - fixed :] = True
+            bands = np.zeros((2 * dof + 1, n, dof))  # of the lower half of the matrix of second derivatives
+            hessian = np.swapaxes(slopes, 1, 2) @ slopes + np.diag(priors.pull**2)
+            for offset in range(dof):
+                bands[offset, :, : dof - offset] = np.diagonal(hessian, -offset, axis1=1, axis2=2)
+            bands[::dof] += smooth
+        else:
+            damping *= 5.0
+            if damping > 1e8 or np.abs(trial - q).max() < 1e-10:
+                break
+        trial = np.clip(
+            q + _banded_step(bands.reshape(-1, n * dof), gradient, held, damping), priors.lower, priors.upper
+        )
+    return q
 
-    Joints jump where points are confused, and where the arm hangs straight down: there the plane in which it is raised
-    may rotate by any angle at once.
-    """
-    speed = np.degrees(np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)) / np.diff(time)
-    jumps = np.flatnonzero((speed > FASTEST_JOINT) & (np.diff(frames) == 1)) + 1
-    if not len(jumps):
-        return ""
-    steps = np.degrees(np.abs(q[jumps] - q[jumps - 1]))
-    worst, joint = np.unravel_index(np.argmax(steps), steps.shape)
-    return (
-        f"joints jump in {len(jumps)} of {len(q)} frames, faster than {FASTEST_JOINT:g}°/s "
-        f"({when(time, np.isin(np.arange(len(q)), jumps))}); most {names[joint]}, by {steps[worst, joint]:.1f}° in one "
-        f"frame at {time[jumps[worst]]:.2f} s. They are kept"
-    )
+
+def _held(q: Array, gradient: Array, lower: Array, upper: Array) -> Bools:
+    """Mark the joints that lie at a limit and would leave it downhill."""
+    return np.asarray(((q <= lower) & (gradient > 0)) | ((q >= upper) & (gradient < 0)))
+
+
+def _banded_step(bands: Array, gradient: Array, held: Bools, damping: float) -> Array:
+    """Return the Newton step of the free joints (n, dof), with more damping while the matrix is singular."""
+    size, fixed = bands.shape[1], held.ravel()
+    matrix = bands[:size].copy()  # a path of one or two frames is shorter than the bands are wide
+    matrix[0] += damping
+    for offset in range(len(matrix)):
+        matrix[offset, : size - offset][fixed[: size - offset] | fixed[offset:]] = 0.0
+    matrix[0, fixed] = 1.0
+    try:
+        return np.asarray(-solveh_banded(matrix, np.where(held, 0.0, gradient).ravel(), lower=True)).reshape(held.shape)
+    except LinAlgError:
+        return _banded_step(bands, gradient, held, 5.0 * damping)

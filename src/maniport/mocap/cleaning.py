@@ -18,17 +18,12 @@ from scipy.ndimage import median_filter
 from scipy.special import comb
 
 from maniport.errors import InvalidInputError, argument, spoken
-from maniport.mocap.marker_sets import other_side
 from maniport.mocap.recording import LONGEST_GAP, Bools, Recording, runs_of, when
+from maniport.mocap.roles import other_side
 from maniport.util.defaults import AUTO
 from maniport.util.validation import Array
 
 MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
-
-CUTOFFS = np.geomspace(0.8, 12.0, 15)  # Candidate cutoff frequencies, at which half the amplitude is left [Hz]
-
-LEAST_SHARE = 0.003
-"""Smallest cutoff as a share of the frame rate: below it rounding of the equations moves points by millimeters."""
 
 
 def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, Array, list[str]]:
@@ -87,13 +82,13 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
                 f"{pair[0]} and {pair[1]} were swapped in {swapped.sum()} frames and were exchanged "
                 f"({when(recording.time, swapped)})"
             )
-    return _changed(recording, positions, quality_warnings=texts)
+    return _changed(recording, positions, [], texts)
 
 
 def without_outliers(recording: Recording) -> Recording:
     """Mark points as missing in short runs of frames in which they are elsewhere and come back."""
     step = 1.0 / recording.rate if len(recording) > 2 else np.inf
-    lost = [_outliers(recording.positions[:, i], step) for i in range(len(recording.names))]
+    lost = [_outliers(track, step) for track in np.moveaxis(recording.positions, 1, 0)]
     return _marked_missing(recording, np.stack(lost, axis=1), "outlier")
 
 
@@ -126,17 +121,15 @@ def _marked_missing(recording: Recording, lost: Bools, cause: str) -> Recording:
         for name, frames in zip(recording.names, lost.T, strict=True)
         if frames.any()
     ]
-    return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes)
+    return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes, [])
 
 
-def _changed(
-    recording: Recording, positions: Array, notes: Sequence[str] = (), quality_warnings: Sequence[str] = ()
-) -> Recording:
+def _changed(recording: Recording, positions: Array, notes: list[str], warnings: list[str]) -> Recording:
     """Return the recording with other positions and messages; the same object where there are no messages."""
-    if not notes and not quality_warnings:
+    if not notes and not warnings:
         return recording
-    notes, quality_warnings = (*recording.notes, *notes), (*recording.quality_warnings, *quality_warnings)
-    return replace(recording, positions=positions, notes=notes, quality_warnings=quality_warnings)
+    texts = (*recording.notes, *notes), (*recording.quality_warnings, *warnings)
+    return replace(recording, positions=positions, notes=texts[0], quality_warnings=texts[1])
 
 
 def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.004) -> Recording:
@@ -147,12 +140,14 @@ def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.0
     noise, and runs of less than 12 frames are kept.
     """
     rate, positions, cutoffs = recording.rate, recording.positions.copy(), []
-    amounts = np.array([noise(positions[:, i]) for i in range(len(recording.names))])
-    noisy = np.flatnonzero((amounts > large_noise) & (rate >= 20.0) & (LEAST_SHARE * rate <= CUTOFFS[-1]))
+    # Cutoff frequencies, at which half the amplitude is left [Hz]; of lower ones rounding moves points by millimeters.
+    candidates = [f for f in np.geomspace(0.8, 12.0, 15) if 0.003 * rate <= f < 0.45 * rate]
+    amounts = np.array([noise(track) for track in np.moveaxis(positions, 1, 0)])
+    noisy = np.flatnonzero((amounts > large_noise) & (rate >= 20.0) & bool(candidates))
     for i in noisy if smooth else ():
         for start, stop in runs_of(np.isfinite(positions[:, i, 0])):
             if stop - start >= 12:
-                positions[start:stop, i], cutoff = _robust_spline(positions[start:stop, i], rate)
+                positions[start:stop, i], cutoff = _robust_spline(positions[start:stop, i], rate, candidates)
                 cutoffs.append(cutoff)
     if not len(noisy) or (smooth and not cutoffs):
         return recording
@@ -160,7 +155,7 @@ def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.0
     how = f"; {argument('smooth', AUTO)} smooths them"
     if smooth:
         how = f", smoothed up to {_span(cutoffs)} Hz; {argument('smooth', 'off')} keeps them"
-    return _changed(recording, positions, (), [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"])
+    return _changed(recording, positions, [], [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"])
 
 
 def noise(track: Array, order: int = 6) -> float:
@@ -180,31 +175,29 @@ def _span(values: Array | list[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _robust_spline(track: Array, rate: float) -> tuple[Array, float]:
+def _robust_spline(track: Array, rate: float, cutoffs: Sequence[float]) -> tuple[Array, float]:
     """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
     n, tails = len(track), 4.0  # degrees of freedom of Student's distribution
     median_chi_squared = 2.366  # with three degrees of freedom
-    cutoffs = [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
     pattern, penalty = np.array([-1.0, 3.0, -3.0, 1.0]), np.zeros((4, n))  # third differences; DᵀD as lower bands
     for offset in range(4):
         for k in range(4 - offset):
             penalty[offset, k : n - 3 + k] += pattern[k] * pattern[k + offset]
     waves = (2 * np.sin(np.pi * (np.arange(n) + 0.5) / (2 * n))) ** 6
     weight, least = np.ones(n), max(noise(track) ** 2, 1e-18)
-    smooth, used = track, float(cutoffs[0])
     for _ in range(6):
-        best = np.inf
+        fits = []  # score, cutoff and smooth track
         for frequency in cutoffs:
             strength = (2 * np.sin(np.pi * min(frequency / rate, 0.5))) ** -6.0  # half the amplitude at the cutoff
             bands = strength * penalty
             bands[0] += weight
-            result = solveh_banded(bands, weight[:, None] * track, lower=True)
+            smooth = solveh_banded(bands, weight[:, None] * track, lower=True)
             freedom = np.sum(1 / (1 + strength / weight.mean() * waves))
-            error = np.sum(weight * np.sum((track - result) ** 2, axis=-1)) / weight.sum()
-            if (score := error / (1 - freedom / n) ** 2) < best:
-                best, smooth, used = score, result, float(frequency)
+            error = np.sum(weight * np.sum((track - smooth) ** 2, axis=-1)) / weight.sum()
+            fits.append((error / (1 - freedom / n) ** 2, float(frequency), smooth))
+        _, cutoff, smooth = min(fits, key=lambda fit: fit[0])
         squares = np.sum((track - smooth) ** 2, axis=-1)
         # A short outlier counts less; frames where motion is too fast for the spline for longer do not.
         scale = median_filter(squares, 15, mode="nearest") / median_chi_squared
         weight = (tails + 3) / (tails + squares / np.maximum(scale, least))
-    return smooth, used
+    return smooth, cutoff

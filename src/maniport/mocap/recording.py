@@ -2,9 +2,8 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,9 +57,16 @@ class Recording(NotebookDisplay):
     format: str = ""
 
     def __post_init__(self) -> None:
-        names = _as_names(self.names)
+        if isinstance(self.names, str) or not isinstance(self.names, Iterable):
+            raise InvalidInputError(f"names must be a sequence of names of points; found {self.names!r}")
+        names = tuple(map(str, self.names))
+        repeated = sorted(name for name, count in Counter(names).items() if count > 1)
+        if repeated:
+            raise InvalidInputError(f"names must differ; found more than once: {', '.join(map(repr, repeated))}")
+        if not names:
+            raise RecordingError("the recording holds no points; at least one is needed")
         time = as_times(self.time).copy()
-        positions = _as_positions(self.positions, len(time), len(names))
+        positions = _as_positions(self.positions, (len(time), len(names), 3))
         for array in (time, positions):
             array.setflags(write=False)
         texts = {name: tuple(map(str, getattr(self, name))) for name in ("notes", "quality_warnings")}
@@ -99,9 +105,12 @@ class Recording(NotebookDisplay):
 
     def point(self, name: str) -> Array:
         """Return the positions of one point [m], shape (n_frames, 3), nan where it is missing."""
+        return np.asarray(self.positions[:, self._column(name)])
+
+    def _column(self, name: str) -> int:
         if name not in self.names:
             raise unknown_name("point", name, self.names, f"in {self.source!r}" if self.source else "")
-        return np.asarray(self.positions[:, self.names.index(name)])
+        return self.names.index(name)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s]."""
@@ -110,10 +119,8 @@ class Recording(NotebookDisplay):
 
     def select(self, names: Iterable[str]) -> "Recording":
         """Keep the named points, in this order."""
-        selected = _listed(names)
-        if not selected:
-            raise InvalidInputError("names must hold at least one point")
-        return replace(self, names=selected, positions=np.stack([self.point(name) for name in selected], axis=1))
+        columns = [self._column(name) for name in names]
+        return replace(self, names=tuple(self.names[i] for i in columns), positions=self.positions[:, columns])
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
         """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is reported in `quality_warnings`.
@@ -131,42 +138,33 @@ class Recording(NotebookDisplay):
                 f"start, stop: no frame lies between {low:g} and {high:g} s; "
                 f"the recording runs from {self.time[0]:g} to {self.time[-1]:g} s"
             )
-        quality_warnings = self.quality_warnings
+        warnings = list(self.quality_warnings)
         tolerance = 1.5 / self.rate if len(self) > 1 else 0.0  # the end of the last frame, or its rounding
-        if stop is not None and stop > self.time[-1] + tolerance:
-            quality_warnings = (
-                *quality_warnings,
-                f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s",
-            )
-        return replace(self, positions=self.positions[keep], time=self.time[keep], quality_warnings=quality_warnings)
+        if high > self.time[-1] + tolerance:
+            warnings.append(f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s")
+        return replace(self, positions=self.positions[keep], time=self.time[keep], quality_warnings=tuple(warnings))
 
-    def fill_gaps(self, longest: float = LONGEST_GAP) -> "Recording":
-        """Interpolate gaps up to `longest` seconds (Akima's spline); longer ones and both ends stay missing.
+    def fill_gaps(self) -> "Recording":
+        """Interpolate gaps up to `LONGEST_GAP` (Akima's spline); longer ones and both ends stay missing.
 
         A gap lasts from the last frame before it to the first frame after it.
         """
-        longest = as_number(longest, "longest [s]", minimum=0.0)
-        positions = self.positions.copy()
-        notes = []
-        for index, name in enumerate(self.names):
-            missing = np.isnan(positions[:, index, 0])
-            if missing.all():
-                continue
+        positions, notes = self.positions.copy(), list(self.notes)
+        for i, name in enumerate(self.names):
+            missing = np.isnan(positions[:, i, 0])
             short = [
-                (start, stop) for start, stop in runs_of(missing) if start > 0 and stop < len(self)
-                and self.time[stop] - self.time[start - 1] <= longest * (1 + 1e-9)
+                (start, stop) for start, stop in runs_of(missing) if 0 < start < stop < len(self)
+                and self.time[stop] - self.time[start - 1] <= LONGEST_GAP * (1 + 1e-9)
             ]  # fmt: skip
             if short:
-                times, values = self.time[~missing], positions[~missing, index]
+                times, values = self.time[~missing], positions[~missing, i]
                 # Akima's spline needs more than two points.
-                spline = (
-                    Akima1DInterpolator(times, values) if len(times) > 2 else make_interp_spline(times, values, k=1)
-                )
+                spline = Akima1DInterpolator(times, values) if len(times) > 2 else make_interp_spline(times, values, 1)
                 for start, stop in short:
-                    positions[start:stop, index] = spline(self.time[start:stop])
+                    positions[start:stop, i] = spline(self.time[start:stop])
                 frames = sum(stop - start for start, stop in short)
-                notes.append(f"{name}: gaps of up to {longest:g} s interpolated ({frames} frames)")
-        return replace(self, positions=positions, notes=(*self.notes, *notes))
+                notes.append(f"{name}: gaps of up to {LONGEST_GAP:g} s interpolated ({frames} frames)")
+        return replace(self, positions=positions, notes=tuple(notes))
 
 
 def runs_of(flags: Bools) -> list[tuple[int, int]]:
@@ -181,35 +179,18 @@ def when(time: Array, flags: Bools) -> str:
     return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
 
 
-def _listed(names: Any) -> tuple[Any, ...]:
-    if isinstance(names, str) or not isinstance(names, Iterable):
-        raise InvalidInputError(f"names must be a sequence of names of points; found {names!r}")
-    return tuple(names)
-
-
-def _as_names(value: Sequence[str]) -> tuple[str, ...]:
-    names = tuple(map(str, _listed(value)))
-    repeated = sorted(name for name, count in Counter(names).items() if count > 1)
-    if repeated:
-        raise InvalidInputError(f"names must differ; found more than once: {', '.join(map(repr, repeated))}")
-    if not names:
-        raise RecordingError("the recording holds no points; at least one is needed")
-    return names
-
-
-def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
+def _as_positions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
     try:
         if np.iscomplexobj(value):  # NumPy would drop the imaginary part with a mere warning
             raise TypeError("its numbers are complex")
         positions = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"positions must be an array of numbers: {error}") from None
-    require_shape(positions, "positions", (frames, points, 3), " = (n_frames, n_points, 3)")
-    if np.isinf(positions).any():
-        index = tuple(int(i) for i in np.argwhere(np.isinf(positions))[0])
-        raise InvalidInputError(f"positions must be finite, or nan where missing; found infinity at index {index}")
+    require_shape(positions, "positions", shape, " = (n_frames, n_points, 3)")
     farthest = np.nanmax(np.abs(positions), initial=0.0)
     if farthest > MAX_POSITION:
-        raise InvalidInputError(f"positions must be within ±{MAX_POSITION:g} m; found {farthest:g} m from the origin")
+        raise InvalidInputError(
+            f"positions must be within ±{MAX_POSITION:g} m, or nan where missing; found {farthest:g} m from the origin"
+        )
     positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
     return positions

@@ -8,16 +8,15 @@ from maniport.arms.chain import RIGHT
 from maniport.arms.human import middle_of
 from maniport.mocap.directions import ELBOW, FLEXION, MARKED, TURN, require_human
 from maniport.mocap.recording import Recording
+from maniport.mocap.roles import POINTS
 from maniport.util.validation import Array, as_finite, as_times, require_shape
 
 HALF_WIDTH = 0.03  # Distance of the markers of elbow and wrist from the center of the joint [m]
 
 TRUNK = {
-    "trunk_low": (0.0, 0.0, -0.3),
-    "trunk_high": (0.0, 0.0, 0.1),
-    "trunk_back": (-0.1, 0.0, 0.0),
-    "trunk_front": (0.1, 0.0, 0.0),
-}
+    "trunk_low": (0.0, 0.0, -0.3), "trunk_high": (0.0, 0.0, 0.1),
+    "trunk_back": (-0.1, 0.0, 0.0), "trunk_front": (0.1, 0.0, 0.0),
+}  # fmt: skip
 """Points of a trunk at rest [m], from the middle of the neck."""
 
 
@@ -48,8 +47,7 @@ def synthetic_recording(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, sour
     require_human(arm)
     times, q = as_times(time), as_finite(joint_angles, "joint_angles")
     require_shape(q, "joint_angles", (len(times), arm.dof), ", as many as times")
-    ends = ("shoulder", "elbow", "wrist", "hand")
-    points: dict[str, Array] = dict(zip(ends, np.moveaxis(arm.point_positions(q, ends), 1, 0), strict=True))
+    points: dict[str, Array] = dict(zip(POINTS, np.moveaxis(arm.point_positions(q, POINTS), 1, 0), strict=True))
     straight = q.copy()
     straight[:, TURN + 1 : FLEXION] = 0.0  # markers of the wrist are on the forearm: deviation does not move them
     for joints, index, middle, low, high in (

@@ -5,22 +5,18 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 
 from maniport.motion.arm_model import robot_model
 from maniport.motion.collision_limit import Limit
-from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
+from maniport.motion.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
 from maniport.motion.motion_limits import LimitUse, MotionLimits
-from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import place_path
 from maniport.motion.placement.placement import Place, Placement
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
-from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.plan.time_parameterization import retime, with_approach
-from maniport.motion.problem import MotionProblem
+from maniport.motion.plan.time_parameterization import retime
+from maniport.motion.problem import Cost
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
-from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank
 from maniport.motion.tracker import track
 from maniport.motion.trajectory import Clearance, Trajectory
 
@@ -33,14 +29,10 @@ __all__ = [
     "Limit",
     "LimitUse",
     "MotionLimits",
-    "MotionProblem",
-    "Objective",
     "Place",
     "Placement",
     "PlanSettings",
     "Planner",
-    "ReachabilityMap",
-    "RelativePositionCost",
     "RobotMotion",
     "SeedBank",
     "Trajectory",
@@ -51,5 +43,4 @@ __all__ = [
     "retime",
     "robot_model",
     "track",
-    "with_approach",
 ]

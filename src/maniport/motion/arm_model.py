@@ -141,10 +141,7 @@ class InverseDynamics:
         return np.array([pin.computeGeneralizedGravity(self._model, self._data, row) for row in q])
 
     def along(self, q: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
-        """Return a, b and g (n, dof) of the torques a u + b x + g on a path with derivatives `first` and `second`.
-
-        u is the acceleration and x the squared speed of the path's parameter.
-        """
+        """Return a, b and g of the torques a s̈ + b ṡ² + g on a path q(s) with derivatives `first` and `second`."""
         still, gravity = np.zeros(q.shape), self.gravity(q)
         return self.torques(q, still, first) - gravity, self.torques(q, first, second) - gravity, gravity
 

@@ -29,8 +29,8 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions
 from maniport.motion.collision_limit import CollisionLimit, Limit, as_own_limits
-from maniport.motion.costs.cost import Cost
 from maniport.motion.objective import Targets
+from maniport.motion.problem import Cost
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 

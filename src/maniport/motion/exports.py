@@ -15,7 +15,6 @@ from maniport.motion.arm_model import model_prefixes
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.trajectory import Trajectory
 from maniport.util.atomic_io import written_whole
-from maniport.util.files import save_arrays
 from maniport.util.input_limits import as_path
 from maniport.util.optional import mcap_writer, parquet_writer, pyarrow, rerun
 from maniport.util.validation import Array, as_choice
@@ -25,10 +24,7 @@ DECIMALS = 9, 7, 5, 4  # of positions, velocities, accelerations and torques in 
 
 
 def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int, list[list[float]]]]:
-    """Iterate over about `rate` control steps a second from 0 s: seconds, nanoseconds, positions and derivatives.
-
-    Controllers interpolate between them.
-    """
+    """Iterate over about `rate` control steps a second from 0 s: seconds, nanoseconds, positions and derivatives."""
     time = motion.control_time - motion.control_time[0]
     stride = max(1, round((len(time) - 1) / (time[-1] * rate)))
     for row in np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1)):
@@ -39,31 +35,28 @@ def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int
         )
 
 
-def write_ros2(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    """Write a trajectory_msgs/msg/JointTrajectory as YAML."""
+def _write_ros2(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     names = yaml.safe_dump(list(motion.joint_names), default_flow_style=True, width=float("inf")).strip()
-    with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="\n") as stream:
+    # without effort: controllers of positions reject points that have it (ros2_controllers #699)
+    keys = ("- positions", "  velocities", "  accelerations")
+    with open(path, "w", encoding="utf-8", newline="\n") as stream:
         stream.write("# trajectory_msgs/msg/JointTrajectory [rad or m, per second, per second squared]\n")
         stream.write("header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''\n")
         stream.write(f"joint_names: {names}\npoints:\n")
-        # without effort: controllers of positions reject points that have it (ros2_controllers #699)
-        keys = ("- positions", "  velocities", "  accelerations")
         for sec, nanosec, states in _samples(motion):
             for key, values, digits in zip(keys, states, DECIMALS, strict=False):
                 stream.write(f"{key}: [{', '.join(f'{value:.{digits}f}' for value in values)}]\n")
             stream.write(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}\n")
 
 
-def write_mcap(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    """Write messages named as in sensor_msgs/msg/JointState, as JSON."""
-    stamp = {key: {"type": "integer"} for key in ("sec", "nsec")}
-    quantities = list(motion.control_states)
+def _write_mcap(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
+    stamp, numbers = {key: {"type": "integer"} for key in ("sec", "nsec")}, {"type": "number"}
     properties = {
         "timestamp": {"type": "object", "title": "time", "properties": stamp},
         "name": {"type": "array", "items": {"type": "string"}},
-        **{name: {"type": "array", "items": {"type": "number"}} for name in quantities},
+        **{name: {"type": "array", "items": numbers} for name in motion.control_states},
     }
-    with written_whole(path) as temporary, open(temporary, "wb") as stream:
+    with open(path, "wb") as stream:
         writer = mcap_writer().Writer(stream)
         writer.start(library="maniport")
         message = json.dumps({"type": "object", "properties": properties}).encode()
@@ -71,31 +64,31 @@ def write_mcap(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | Ar
         channel = writer.register_channel("/joint_states", "json", schema)
         for number, (sec, nsec, states) in enumerate(_samples(motion)):
             content = {"timestamp": {"sec": sec, "nsec": nsec}, "name": list(motion.joint_names)}
-            message = json.dumps(content | dict(zip(quantities, states, strict=True))).encode()
+            message = json.dumps(content | dict(zip(motion.control_states, states, strict=True))).encode()
             nanoseconds = 10**9 * sec + nsec
             writer.add_message(channel, nanoseconds, message, nanoseconds, number)
         writer.finish()
 
 
-def write_mujoco(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    """Write qpos and qvel of `mujoco.MjData`, and the positions of the robot's locked joints."""
+def _write_mujoco(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     held: dict[str, float] = {}
     if robot is not None:
         group = as_group(robot)
         for prefix, arm in zip(model_prefixes(group), group.arms, strict=True):
             held |= {prefix + name: value for name, value in arm.chain.locked.items()}
-    save_arrays(path, {
-        "qpos": motion.control_positions,
-        "qvel": motion.control_velocities,
-        "joint_names": np.array(motion.joint_names),
-        "timestep": np.array(np.ptp(motion.control_time) / (len(motion.control_time) - 1)),
-        "held_names": np.array(list(held), dtype=str),
-        "held_positions": np.array(list(held.values()), dtype=float),
-    })  # fmt: skip
+    with open(path, "wb") as stream:
+        np.savez_compressed(
+            stream,
+            qpos=motion.control_positions,
+            qvel=motion.control_velocities,
+            joint_names=np.array(motion.joint_names),
+            timestep=np.array(np.ptp(motion.control_time) / (len(motion.control_time) - 1)),
+            held_names=np.array(list(held), dtype=str),
+            held_positions=np.array(list(held.values()), dtype=float),
+        )
 
 
-def write_parquet(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    """Write a row for each control step."""
+def _write_parquet(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     arrow, parquet = pyarrow(), parquet_writer()
     columns: dict[str, tuple[Array, str]] = {"time": (motion.control_time - motion.control_time[0], "s")}
     for quantity, (values, units) in motion.control_states.items():
@@ -109,30 +102,28 @@ def write_parquet(path: str | os.PathLike[str], motion: Trajectory, robot: Arm |
             columns |= {f"{prefix}end_effector_{axis}": (end_positions[:, arm, i], "m") for i, axis in enumerate("xyz")}
     fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
     table = arrow.table([values for values, _ in columns.values()], schema=arrow.schema(fields))
-    with written_whole(path) as temporary:
-        parquet.write_table(table, temporary, compression="zstd")
+    parquet.write_table(table, path, compression="zstd")
 
 
 class Format(NamedTuple):
     """A file format of motions."""
 
     file: str  # name among a run's results
-    write: Callable[..., None] | None  # with path, motion and robot; None where the file contains a complete result
-    package: Callable[[], Any] | None = None  # imports the package that it requires, or raises `MissingPackageError`
+    write: Callable[[Path, Trajectory, Arm | ArmGroup | None], None] | None  # None where it has a complete result
+    package: Callable[[], Any] = lambda: None  # imports the package that it requires, or raises `MissingPackageError`
 
     @property
     def ready(self) -> str:
         """Name of the file, after a check that the package is installed."""
-        if self.package is not None:
-            self.package()
+        self.package()
         return self.file
 
 
 FORMATS = {
-    "ros2": Format("joints.yaml", write_ros2),
-    "mcap": Format("joints.mcap", write_mcap, mcap_writer),
-    "mujoco": Format("joints_mujoco.npz", write_mujoco),
-    "parquet": Format("joints.parquet", write_parquet, parquet_writer),
+    "ros2": Format("joints.yaml", _write_ros2),
+    "mcap": Format("joints.mcap", _write_mcap, mcap_writer),
+    "mujoco": Format("joints_mujoco.npz", _write_mujoco),
+    "parquet": Format("joints.parquet", _write_parquet, parquet_writer),
     SCENE: Format("motion.rrd", None, rerun),
 }
 """All formats of exports by name, on the command line and in Python."""
@@ -141,7 +132,7 @@ FORMATS = {
 def export_motion(
     path: str | os.PathLike[str], motion: Trajectory | RobotMotion, format: str, robot: Arm | ArmGroup | None = None
 ) -> None:
-    """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
+    """Write the control steps of a motion, the first and the last included, with time from 0.
 
     - ``"ros2"``, ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second.
     - ``"mcap"``, ``.mcap``: about 100 messages a second on ``/joint_states``, named as in
@@ -151,13 +142,10 @@ def export_motion(
     - ``"parquet"``, ``.parquet``: a row for every control step with the joints and, with the robot, the positions of
       the end effectors; units are in the metadata of the columns.
 
-    The first and the last control step are always included.
-
     Parameters
     ----------
     path : str or path
     motion : Trajectory, ArmMotion or RobotMotion
-        Of one arm or of several.
     format : {"ros2", "mcap", "mujoco", "parquet"}
         ``"rerun"`` takes a complete result: see `maniport.write_results`.
     robot : Arm or ArmGroup, optional
@@ -170,21 +158,21 @@ def export_motion(
     MissingPackageError, OutputError
         When a package that the format requires is not installed, or the file cannot be written.
     """
-    writer = FORMATS[as_choice(format, "format", FORMATS)]
-    if writer.write is None:
+    file, write, _ = FORMATS[as_choice(format, "format", FORMATS)]
+    if write is None:
         raise InvalidInputError(
             f"export_motion takes only the motion; the format {format!r} contains a complete result: "
             f"maniport.write_results(result, folder, exports={format!r}) writes it"
         )
-    suffix = Path(writer.file).suffix
+    suffix = Path(file).suffix
     if as_path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
-    if isinstance(motion, RobotMotion):
-        motion = motion.arms[0] if len(motion.arms) == 1 else motion.trajectory
+    motion = motion.trajectory if isinstance(motion, RobotMotion) else motion
     if not isinstance(motion, Trajectory):
         raise InvalidInputError(f"motion must be a motion, such as result.motion; found {type(motion).__name__}")
     if robot is not None and getattr(robot, "joint_names", None) != motion.joint_names:
         raise InvalidInputError(
             f"robot must be the one that moves, with the joints {list(motion.joint_names)}; found {robot!r}"
         )
-    writer.write(path, motion, robot)
+    with written_whole(path) as temporary:
+        write(temporary, motion, robot)

@@ -51,18 +51,6 @@ def add_residual(residuals, rows, gradient, hessian):  # type: ignore[no-untyped
         _accumulate(rows[n], residuals[n], gradient[n], hessian[n])
 
 
-@kernel
-def log_slopes(values):  # type: ignore[no-untyped-def]
-    """Divided differences φ of the logarithm (n, d, d) at eigenvalues (n, d); see `add_log_residual`."""
-    count, d = values.shape
-    slopes = np.empty((count, d, d))
-    for n in range(count):
-        for i in range(d):
-            for j in range(d):
-                slopes[n, i, j] = _divided_difference(values[n, i], values[n, j])
-    return slopes
-
-
 @part
 def _divided_difference(a, b):  # type: ignore[no-untyped-def]
     ratio = a / b - 1.0

@@ -1,27 +1,26 @@
 """Objective of an arm: the costs of its ellipsoid, end-effector position and orientation, evaluated together.
 
-The cost of joint positions q is f(q) = |r_ellipsoid|² + |r_position|² + |r_orientation|², with the residuals of
-`maniport.motion.costs`. Searches, placement, seed configurations, controller and planner use it.
+The cost of joint positions q is f(q) = |r_ellipsoid|² + |r_position|² + |r_orientation|². Searches, placement,
+controller and planner use it.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.motion.costs.ellipsoid import EllipsoidCost
-from maniport.motion.costs.orientation import OrientationCost
-from maniport.motion.costs.position import PoseCost, PositionCost
-from maniport.motion.kernels import add_residual
-from maniport.spd.matrix_functions import roots
+from maniport.motion.kernels import add_log_residual, add_residual
+from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh, roots
+from maniport.spd.matrix_functions import apply, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
-from maniport.util.validation import Array, as_points, as_square
+from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
 
 Damping = float | Regularization | None  # How ellipsoids are damped before they are compared; see `as_damping`
 
@@ -33,6 +32,10 @@ FOLLOWING_WEIGHT = 200.0
 steps, which use first derivatives only."""
 EXACT_WEIGHT = 1000.0
 """The same of the pointwise optimum, with a position error of less than 0.1 mm."""
+
+POINTING, WHOLE = "pointing", "whole"
+"""Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
+ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
 
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids"
 
@@ -47,28 +50,22 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
     return own
 
 
+def axis_weights(axes: str) -> tuple[float, float, float]:
+    """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
+    if as_choice(axes, "orientation_axes", (POINTING, WHOLE)) == POINTING:
+        return 0.0, 0.0, ORIENTATION_WEIGHT
+    return (ORIENTATION_WEIGHT / math.sqrt(2.0),) * 3
+
+
 @dataclass(frozen=True)
 class Objective:
-    """Weights of the costs of an arm, of `track`, `plan_motion` and `nearest_feasible`.
-
-    Attributes
-    ----------
-    arm : Arm
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    damping : Regularization
-        Its ε is added to all eigenvalues before ellipsoids are compared.
-    position_weight : float
-        Weight of the position error [1/m].
-    axis_weights : tuple of three floats
-        Weights of the angles between the axes of the end effector and their targets [1/rad].
-    """
+    """Weights of the costs of an arm."""
 
     arm: Arm
     spec: EllipsoidSpec
-    damping: Regularization
-    position_weight: float = SEARCH_WEIGHT
-    axis_weights: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    damping: Regularization  # its ε is added to all eigenvalues before ellipsoids are compared
+    position_weight: float = SEARCH_WEIGHT  # of the position error [1/m]
+    axis_weights: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of angles between axes and their targets [1/rad]
 
     @classmethod
     def of(
@@ -100,10 +97,10 @@ class Objective:
         return np.asarray(damped - self.shift)
 
     def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
-        """Convert target ellipsoids to damped ones, shape (n, d, d), which must be positive-definite."""
+        """Convert target ellipsoids (n, d, d), which must be positive-definite with the damping."""
         damped = self.damped(as_square(ellipsoids, name, self.spec.size))
         label, hint = (f"{name} with damping", "") if self.damping.epsilon else (name, HINT)
-        return as_points(damped, label, minimum=minimum, hint=hint)
+        return self.undamped(as_points(damped, label, minimum=minimum, hint=hint))
 
     def differentials(self, q: Array) -> tuple[Array, Array, Array, Array]:
         """Poses, Jacobians, velocity ellipsoids and their derivatives at configurations (n, dof)."""
@@ -116,8 +113,12 @@ class Objective:
         weights: Array | None = None,
         rotations: Array | None = None,
     ) -> "Targets":
-        """Prepare target ellipsoids (n, d, d) and the other arrays of `Targets`; checked by the caller."""
-        return Targets(self, *roots(self.damped(ellipsoids)), positions, weights, rotations)
+        """Prepare target ellipsoids (n, d, d) and the other arrays of `Targets`; checked by the caller.
+
+        `weights` (n, m, m) are those of the directions of the ellipsoids' residuals.
+        """
+        half = None if weights is None else apply(weights, lambda values: np.sqrt(np.maximum(values, 0.0)))
+        return Targets(self, *roots(self.damped(ellipsoids)), positions, half, rotations)
 
 
 class Linearization(NamedTuple):
@@ -133,17 +134,24 @@ class Linearization(NamedTuple):
 
 @dataclass(frozen=True)
 class Targets:
-    """Targets of an arm, one row for each, and their costs; make them with `Objective.targets`."""
+    """Targets of an arm, one row for each, and their costs; make them with `Objective.targets`.
+
+    With the target A and the achieved ellipsoid M(q), r_ellipsoid is W^½ vec(log X), X = (A + ε I)^-½ (M(q) + ε I)
+    (A + ε I)^-½. vec is the Mandel form, so that |vec(log X)| is the affine-invariant distance. r_position is the
+    weighted offset of the end effector. r_orientation has c_k (R(q) e_k − A_R e_k) for each axis k with a weight: with
+    one axis its square is that of the angle between the two, to second order, with all three and c_k = c/√2 that of the
+    rotation between them.
+    """
 
     objective: Objective
     root: Array  # (n, d, d): (A + ε I)^½ of the target ellipsoids A
     whitening: Array  # (n, d, d): its inverse
     positions: Array | None = None  # (n, 3): target positions of the end effector [m]
-    weights: Array | None = None  # (n, m, m): weights of the directions of the ellipsoids
-    rotations: Array | None = None  # (n, 3, 3): target rotations of the end effector in the base frame
+    half: Array | None = None  # (n, m, m): W^½, weights of the directions of the ellipsoids' residuals
+    rotations: Array | None = None  # (n, 3, 3): target rotations A_R of the end effector in the base frame
 
     def __getitem__(self, rows: Any) -> "Targets":
-        rest = (None if own is None else own[rows] for own in (self.positions, self.weights, self.rotations))
+        rest = (None if own is None else own[rows] for own in (self.positions, self.half, self.rotations))
         return Targets(self.objective, self.root[rows], self.whitening[rows], *rest)
 
     def __len__(self) -> int:
@@ -159,66 +167,114 @@ class Targets:
         return replace(self, objective=replace(self.objective, position_weight=position_weight))
 
     @property
-    def turned(self) -> bool:
-        """Whether orientations have a cost."""
-        return self.rotations is not None and any(self.objective.axis_weights)
+    def axes(self) -> list[int]:
+        """Axes of the end effector whose orientations have a cost."""
+        return [] if self.rotations is None else [k for k, weight in enumerate(self.objective.axis_weights) if weight]
 
     @property
     def ellipsoids(self) -> Array:
         """A, without damping, shape (n, d, d)."""
         return self.objective.undamped(self.root @ self.root)
 
-    @property
-    def ellipsoid_cost(self) -> EllipsoidCost:
-        """Cost of the ellipsoids."""
-        own = self.objective
-        return EllipsoidCost(own.arm, own.spec, own.shift, self.root, self.whitening, self.weights)
-
-    @property
-    def orientation_cost(self) -> OrientationCost | None:
-        """Cost of the orientations; None where they have none."""
-        own, rotations = self.objective, self.rotations
-        return OrientationCost(own.arm, rotations, own.axis_weights) if self.turned and rotations is not None else None
-
-    @property
-    def pose_costs(self) -> tuple[PoseCost, ...]:
-        """Costs of position and orientation, as far as there are any."""
-        costs: list[PoseCost] = []
-        if self.positions is not None:
-            costs.append(PositionCost(self.arm, self.positions, self.objective.position_weight))
-        orientation = self.orientation_cost
-        return tuple(costs) if orientation is None else (*costs, orientation)
-
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""
         parts = self.linearize(q)
         return np.sqrt(parts.ellipsoid_square + parts.pose_square), parts.gradient, parts.hessian
 
-    def linearize(self, q: Array, differentials: tuple[Array, Array, Array, Array] | None = None) -> "Linearization":
+    def linearize(self, q: Array, differentials: tuple[Array, Array, Array, Array] | None = None) -> Linearization:
         """Evaluate f and its derivatives at configurations (n, dof); `differentials` as `Objective.differentials`."""
         poses, jacobian, velocity, changes = self.objective.differentials(q) if differentials is None else differentials
-        gradient, hessian, pose_square = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1])), np.zeros(len(q))
-        square = self.ellipsoid_cost.add(velocity, changes, gradient, hessian)
-        for cost in self.pose_costs:
-            residual = cost.at(poses)
-            add_residual(residual, cost.slopes(poses, jacobian), gradient, hessian)
-            pose_square += np.sum(residual**2, axis=1)
-        return Linearization(square, pose_square, gradient, hessian, poses, jacobian)
+        gradient, hessian, square = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1])), np.zeros(len(q))
+        values, vectors, singular, changes = self.spectrum(velocity, changes)
+        if self.half is None:
+            add_log_residual(values, vectors, self.whitening, changes, square, gradient, hessian)
+        else:
+            residual = self._weighted_log(values, vectors)
+            rows = np.swapaxes(to_vector(self._log_changes(values, vectors, changes)), 1, 2)
+            add_residual(residual, self.half @ rows, gradient, hessian)
+            square += np.sum(residual**2, axis=1)
+        residual = self.pose_residual(poses)
+        add_residual(residual, self.pose_slopes(poses, jacobian), gradient, hessian)
+        square[singular] = np.inf
+        return Linearization(square, np.sum(residual**2, axis=1), gradient, hessian, poses, jacobian)
 
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,)."""
         poses, velocity = self.arm.posed_ellipsoids(q, self.objective.spec.bounded)
-        square = self.ellipsoid_cost.square(velocity)
-        for cost in self.pose_costs:
-            square += np.sum(cost.at(poses) ** 2, axis=1)
-        return square
+        values, vectors, singular, _ = self.spectrum(velocity)
+        rows = np.log(values) if self.half is None else self._weighted_log(values, vectors)
+        square = np.where(singular, np.inf, np.sum(rows**2, axis=1))
+        return np.asarray(square + np.sum(self.pose_residual(poses) ** 2, axis=1))
 
     def distance(self, q: Array) -> Array:
         """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""
-        return self.ellipsoid_cost.distance(q)
+        values, _, singular, _ = self.spectrum(self.arm.ellipsoids(q, self.objective.spec.bounded))
+        return np.where(singular, np.inf, np.sqrt(np.sum(np.log(values) ** 2, axis=1)))
 
     def position_error(self, q: Array) -> Array | None:
         """Position error [m], shape (n,); None without target positions."""
         if self.positions is None:
             return None
         return np.asarray(np.linalg.norm(self.arm.forward(q)[:, :3, 3] - self.positions, axis=1))
+
+    def orientation_error(self, q: Array) -> Array | None:
+        """Largest angle between an axis with a weight and its target, shape (n,) [rad]; None without any."""
+        if self.rotations is None or not self.axes:
+            return None
+        chords = np.linalg.norm((self.arm.forward(q)[:, :3, :3] - self.rotations)[:, :, self.axes], axis=1)
+        return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))
+
+    def pose_residual(self, poses: Array) -> Array:
+        """Return r_position and r_orientation, shape (n, r), for poses (n, 4, 4) of the end effector."""
+        parts, weights = [np.empty((len(poses), 0))], self.objective.axis_weights
+        if self.positions is not None:
+            parts.append(self.objective.position_weight * (poses[:, :3, 3] - self.positions))
+        if self.rotations is not None:
+            parts += [weights[k] * (poses[:, :3, k] - self.rotations[:, :, k]) for k in self.axes]
+        return np.concatenate(parts, axis=1)
+
+    def pose_slopes(self, poses: Array, jacobian: Array) -> Array:
+        """Return their derivatives, shape (n, r, dof), for Jacobians (n, 6, dof)."""
+        parts, weights = [jacobian[:, :0]], self.objective.axis_weights
+        if self.positions is not None:
+            parts.append(self.objective.position_weight * jacobian[:, :3])
+        parts += [-weights[k] * np.cross(poses[:, :3, k, None], jacobian[:, 3:], axis=1) for k in self.axes]
+        return np.concatenate(parts, axis=1)
+
+    def logarithms(self, q: Array) -> Array:
+        """Log X, shape (n, d, d), where nothing is singular."""
+        return apply(
+            congruence(self.whitening, self.objective.damped(self.arm.ellipsoids(q, self.objective.spec))), np.log
+        )
+
+    def log_changes(self, q: Array) -> Array:
+        """Return derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
+        _, _, velocity, changes = self.objective.differentials(q)
+        values, vectors, _, changes = self.spectrum(velocity, changes)
+        return self._log_changes(values, vectors, changes)
+
+    def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+        """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
+        singular, achieved = np.zeros(len(velocity), bool), velocity
+        if self.objective.spec.kind == "force":
+            values, vectors = eigh(velocity)
+            singular = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
+            values[singular] = 1.0
+            achieved = compose(1.0 / values, vectors)
+            changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
+        values, vectors = congruence_eigh(self.whitening, self.objective.damped(achieved))
+        singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
+        values[singular] = 1.0
+        return values, vectors, singular, np.empty((0,)) if changes is None else changes
+
+    def _weighted_log(self, values: Array, vectors: Array) -> Array:
+        assert self.half is not None
+        return np.asarray((self.half @ to_vector(compose(np.log(values), vectors))[..., None])[..., 0])
+
+    def _log_changes(self, values: Array, vectors: Array, changes: Array) -> Array:
+        """Return derivatives of log X in the base frame, with divided differences of the logarithm."""
+        ratio, frames = values[:, :, None] / values[:, None] - 1.0, np.swapaxes(vectors, -1, -2) @ self.whitening
+        near = np.abs(ratio) < 1e-8
+        slopes = np.where(near, 1.0 - 0.5 * ratio, np.log1p(ratio) / np.where(near, 1.0, ratio)) / values[:, None]
+        inner = slopes[:, None] * congruence(frames[:, None], changes)
+        return congruence(vectors[:, None], inner)

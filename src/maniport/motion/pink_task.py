@@ -10,6 +10,7 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.motion.controller import LM_DAMPING
 from maniport.motion.objective import Damping, Objective, Targets
+from maniport.spd.matrix_functions import to_vector
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array
 
@@ -50,18 +51,17 @@ class EllipsoidTask(Task):  # type: ignore[misc]  # Pink is untyped
 
     def set_target(self, ellipsoid: ArrayLike) -> None:
         """Set the target ellipsoid in the base frame, without damping, shape (d, d)."""
-        damped = self.objective.checked(np.asarray(ellipsoid)[None], "ellipsoid")
-        self._targets = self.objective.targets(self.objective.undamped(damped))
+        self._targets = self.objective.targets(self.objective.checked(np.asarray(ellipsoid)[None], "ellipsoid"))
 
     def compute_error(self, configuration: Configuration) -> Array:
         """Return the error, shape (d (d + 1) / 2,)."""
         targets, q, _ = self._at(configuration)
-        return np.asarray(targets.ellipsoid_cost.residual(q)[0])
+        return to_vector(targets.logarithms(q)[0])
 
     def compute_jacobian(self, configuration: Configuration) -> Array:
         """Return the derivatives of the error, shape (d (d + 1) / 2, nv)."""
         targets, q, columns = self._at(configuration)
-        rows = targets.ellipsoid_cost.jacobian(q)[0]
+        rows = to_vector(targets.log_changes(q)[0]).T
         jacobian = np.zeros((len(rows), configuration.model.nv))
         jacobian[:, columns] = rows
         return jacobian

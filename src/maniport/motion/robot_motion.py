@@ -38,7 +38,7 @@ class ArmMotion(Trajectory):
     joint_velocities : ndarray, shape (n, dof)
         At the waypoints [rad/s] or [m/s].
     target, achieved : ndarray, shape (n, d, d)
-        Target and achieved ellipsoids, both without damping.
+        Ellipsoids, both without damping.
     spec : EllipsoidSpec
     damping : Regularization
         Its ε is added to the eigenvalues of both before they are compared.
@@ -46,25 +46,23 @@ class ArmMotion(Trajectory):
         Affine-invariant distances with the damping; not comparable between different dampings.
     path : ndarray, shape (n, 3), or None
         Target positions of the end effector in the base frame [m].
-    position_error : ndarray, shape (n,), or None
-        Distances from them [m].
-    orientation_error : ndarray, shape (n,), or None
-        Largest angle between a constrained axis of the end effector and its target [rad].
+    position_error, orientation_error : ndarray, shape (n,), or None
+        Distances from them [m], and largest angles between a constrained axis of the end effector and its target [rad].
     position_tolerance : float
         Largest position error of a waypoint that counts as on the path [m].
     status : tuple of str
         The worst since the previous waypoint, one of `maniport.motion.status.STATUSES`.
-    held : ndarray, shape (m,)
-        Control steps at which the quadratic program failed and the arm was brought to rest, bool.
+    held : ndarray of bool, shape (m,)
+        Control steps at which the quadratic program failed and the arm was brought to rest.
     velocity_limits : ndarray, shape (dof,)
         Infinite where none is available.
     demonstrated_time : ndarray, shape (n,), or None
-        Demonstrated times of the waypoints [s], of a planned motion; ``time`` are those of the robot.
+        Demonstrated times of the waypoints of a planned motion [s].
     pointwise_best : ndarray, shape (n,), or None
         Distances of the pointwise optimum of a planned motion: the smallest found for each waypoint by itself, with the
         end effector on the path (at most 250 waypoints; its square is linear between them).
     clearance : Clearance
-        Collisions and clearance of a planned motion, together with those of all other arms.
+        Of a planned motion, together with all other arms.
     """
 
     arm: str
@@ -115,11 +113,11 @@ class ArmMotion(Trajectory):
         **plan: Any,
     ) -> "ArmMotion":
         """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
-        arm, q, targets = schedule.objective.arm, trajectory.joint_positions, schedule.targets()
-        error, apart = targets.position_error(q), targets.distance(q)
-        time, positions = trajectory.control_time, trajectory.control_positions
+        objective, q, targets = schedule.objective, trajectory.joint_positions, schedule.targets()
+        arm, spec = objective.arm, objective.spec
+        error, distance, time = targets.position_error(q), targets.distance(q), trajectory.control_time
+        positions, near_stop, near_speed = trajectory.control_positions, 1e-3, 0.999 * velocity_limits
         stopped = np.zeros(len(time), bool) if held is None else held
-        near_stop, near_speed = 1e-3, 0.999 * velocity_limits  # [rad or m], and per second
         ends = (positions <= arm.lower + near_stop) | (positions >= arm.upper - near_stop)
         fast = np.abs(np.diff(positions, axis=0) / np.diff(time)[:, None]) >= near_speed
         off_path = np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
@@ -130,15 +128,15 @@ class ArmMotion(Trajectory):
             frame=arm.frame,
             joint_velocities=interpolated(time, trajectory.control_velocities, trajectory.time),
             target=schedule.ellipsoids,
-            achieved=arm.ellipsoids(q, schedule.objective.spec),
-            spec=schedule.objective.spec,
-            damping=schedule.objective.damping,
-            distance=apart,
+            achieved=arm.ellipsoids(q, spec),
+            spec=spec,
+            damping=objective.damping,
+            distance=distance,
             path=schedule.positions,
             position_error=error,
-            orientation_error=None if targets.orientation_cost is None else targets.orientation_cost.angles(q),
+            orientation_error=targets.orientation_error(q),
             position_tolerance=position_tolerance,
-            status=statuses_of(trajectory.time, apart, off_path, time, *steps),
+            status=statuses_of(trajectory.time, distance, off_path, time, *steps),
             held=stopped,
             velocity_limits=velocity_limits,
             **plan,
@@ -203,9 +201,9 @@ class RobotMotion(NotebookDisplay):
     Attributes
     ----------
     group : ArmGroup
-        The arms, with the margin of their limits.
+        With the margin of the limits.
     trajectory : Trajectory
-        Of all joints of the group.
+        Of all joints.
     arms : tuple of ArmMotion
         The same motion of each arm, and its errors.
     coupled : bool
@@ -238,11 +236,12 @@ class RobotMotion(NotebookDisplay):
         """Compare the trajectory of a group with the targets of its arms."""
         clearance, arms = Clearance.of(collisions, trajectory), []
         for i, (schedule, columns) in enumerate(zip(schedules, group.columns, strict=True)):
-            own, plan = trajectory.of_arm(schedule.objective.arm, columns), dict[str, Any](clearance=clearance)
-            if trajectory.limits is not None:
-                plan["demonstrated_time"] = schedule.time
-            if pointwise_bests is not None:
-                plan["pointwise_best"] = pointwise_bests[i]
+            plan = {
+                "clearance": clearance,
+                "demonstrated_time": None if trajectory.limits is None else schedule.time,
+                "pointwise_best": None if pointwise_bests is None else pointwise_bests[i],
+            }
+            own = trajectory.of_arm(schedule.objective.arm, columns)
             arms.append(ArmMotion.of(schedule, own, velocity_limits[columns], held, position_tolerance, **plan))
         return cls(group, trajectory, tuple(arms), **relative)
 

@@ -15,7 +15,8 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.objective import Damping, Objective, Targets
 from maniport.spd.affine_invariant import geodesic
-from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
+from maniport.spd.kernels import congruence, roots, symmetrize
+from maniport.spd.matrix_functions import apply
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
 
@@ -94,16 +95,9 @@ def schedules_of(
     arrays: Mapping[str, Any],
     reference: Array | None = None,
 ) -> list[Schedule]:
-    """Check the targets of each arm; errors name the argument.
-
-    `axes` are weights of the end effector's axes. `arrays` are ellipsoids, positions, weights and rotations by the
-    names of the arguments: of an arm, or sequences with an item for each arm of a group. `reference` (n, dof) are
-    configurations of all joints.
-    """
+    """Check the targets of each arm: `arrays` are ellipsoids, positions, weights and rotations by argument name."""
     group = as_group(arms)
-    columns = [
-        (value,) if isinstance(arms, Arm) else of_each(value, name, len(group)) for name, value in arrays.items()
-    ]
+    columns = [of_each(value, name, arms) for name, value in arrays.items()]
     specs = (spec,) if isinstance(arms, Arm) else group.specs(spec)
     schedules = []
     for arm, own, joints, (profile, path, weights, rotations) in zip(
@@ -130,8 +124,8 @@ def schedules_of(
 
 
 def _as_rotations(value: ArrayLike) -> Array:
-    rotations = as_square(value, "rotations", 3)
-    return np.array([as_rotation(rotation, f"rotations[{i}]", 3) for i, rotation in enumerate(rotations)])
+    values = enumerate(as_square(value, "rotations", 3))
+    return np.array([as_rotation(rotation, f"rotations[{i}]", 3) for i, rotation in values])
 
 
 def require_few(samples: float, most: int = 3_000_000) -> None:
@@ -153,8 +147,11 @@ def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> 
             )
 
 
-def of_each(value: Any, name: str, count: int) -> Sequence[Any]:
-    """Require one value for each of `count` arms, or none."""
+def of_each(value: Any, name: str, arms: Arm | ArmGroup | Sequence[Arm]) -> Sequence[Any]:
+    """Require one value for each of several arms, or none; the value itself is that of a single arm."""
+    if isinstance(arms, Arm):
+        return (value,)
+    count = len(arms)
     if value is None:
         return (None,) * count
     if not hasattr(value, "__len__") or len(value) != count:

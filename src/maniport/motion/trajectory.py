@@ -58,10 +58,10 @@ class Trajectory(NotebookDisplay):
         if len(control_time) > 2:  # at the ends those of the neighbors
             slopes = np.diff(positions, axis=0) / np.diff(control_time)[:, None]
             inside = np.diff(slopes, axis=0) / (0.5 * (control_time[2:] - control_time[:-2]))[:, None]
-            accelerations = np.concatenate([inside[:1], inside, inside[-1:]])
+            accelerations = np.pad(inside, ((1, 1), (0, 0)), "edge")
         control = control_time, positions, velocities, accelerations
-        at_waypoints = interpolated(control_time, positions, time)
-        return Trajectory(joints.joint_names, joints.joint_units, time, at_waypoints, *control, limits)
+        waypoints = interpolated(control_time, positions, time)
+        return Trajectory(joints.joint_names, joints.joint_units, time, waypoints, *control, limits)
 
     def of_arm(self, arm: Arm, columns: NDArray[np.integer]) -> "Trajectory":
         """Return the trajectory of one arm of a group, whose joints are some columns."""
@@ -69,10 +69,6 @@ class Trajectory(NotebookDisplay):
         if self.limits is not None:
             parts["limits"] = self.limits.of_joints(arm, columns)
         return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)
-
-    def at_waypoints(self, rows: NDArray[np.intp]) -> "Trajectory":
-        """Return the trajectory with some of its waypoints."""
-        return replace(self, time=self.time[rows], joint_positions=self.joint_positions[rows])
 
     @cached_property
     def limit_use(self) -> LimitUse | None:
@@ -151,9 +147,9 @@ class Clearance:
     share : float
         Share of the control steps that collide.
     distance, time : float
-        Smallest distance at and around the closest waypoints [m], negative in a collision, and its time [s].
+        Smallest distance [m], negative in a collision, and when [s].
     pair : tuple of two str
-        Names of the closest pair.
+        The closest bodies.
     stand_ins : tuple of str
         Links checked by their collision shapes, since visual ones are missing.
     """

@@ -1,44 +1,57 @@
 """Configuration of a run: all options, from Python, the command line or a YAML file such as ``run.yaml``."""
 
 import os
-from collections.abc import Collection
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
 import yaml
 
-from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.pipeline.option import Option, Options, option, options_of, plain
-from maniport.pipeline.options import (
-    BatchOptions,
-    HumanOptions,
-    LearningOptions,
-    MotionOptions,
-    PlacementOptions,
-    RobotOptions,
-    TransferOptions,
-)
+from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
+from maniport.pipeline.option import option, options_of, plain
 from maniport.util.atomic_io import written_whole
+from maniport.util.defaults import (
+    AUTO,
+    BOTH,
+    DAMPING,
+    MARGIN,
+    PERSON,
+    POSITION_TOLERANCE,
+    RATE,
+    ROBOT,
+    STUDENT_SAMPLES,
+    TEACHER_SAMPLES,
+)
 from maniport.util.files import line_of, read_settings
+from maniport.util.validation import Array, as_finite, as_rotation
 from maniport.version import __version__
 
+if TYPE_CHECKING:
+    from maniport.arms import EllipsoidSpec
+
 CONFIG = "run.yaml"  # file of the configuration in a result folder
+UNIT, JOINT_LIMITS = "unit", "joint-limits"  # joint weights
+FREE, CONSTANT = "free", "constant"  # orientation of the end effector, or tilt of the base
+UNITS, AXES = ("m", "dm", "cm", "mm", "inch", "CMU"), ("pointing", "whole")
+HAND_TARGETS = "placed", "relative"
+METHODS = AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"
+
+SECTIONS = "human", "robot", "transfer", "motion", "placement", "learning", "batch"
+_run, _human, _robot, _transfer, _motion, _placement, _learning, _batch = (
+    partial(option, section) for section in ("", *SECTIONS)
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config(Options):
-    """Configuration of a run.
+class Config:
+    """Configuration of a run: an attribute for each option, in SI units.
+
+    ``maniport COMMAND --help-all`` describes the options; ``costs`` are in Python only.
 
     Attributes
     ----------
-    recording : tuple of str
-        Files, or names of bundled recordings.
-    profile, path : str or None
-        Files of a target profile and path, instead of a recording.
-    human, robot, transfer, motion, placement, learning, batch
-        Sections of options.
-    seed : int
-        Random seed.
     verb : str
         Command that a saved configuration repeats.
 
@@ -48,21 +61,151 @@ class Config(Options):
         When a value is not allowed.
     """
 
-    recording: tuple[str, ...] = option((), "Recording: file, folder of keypoints, or bundled name", is_file=True)
-    profile: str | None = option(None, "Target velocity ellipsoids, .npz", is_file=True)
-    path: str | None = option(None, "Positions of the hand, one for each ellipsoid, .npz", is_file=True, common=True)
-    human: HumanOptions = field(default_factory=HumanOptions)
-    robot: RobotOptions = field(default_factory=RobotOptions)
-    transfer: TransferOptions = field(default_factory=TransferOptions)
-    motion: MotionOptions = field(default_factory=MotionOptions)
-    placement: PlacementOptions = field(default_factory=PlacementOptions)
-    learning: LearningOptions = field(default_factory=LearningOptions)
-    batch: BatchOptions = field(default_factory=BatchOptions)
-    seed: int = option(0, "Random seed", minimum=0, common=True)
+    recording: tuple[str, ...] = _run((), "Recording: file, folder of keypoints, or bundled name", is_file=True)
+    profile: str | None = _run(None, "Target velocity ellipsoids, .npz", is_file=True)
+    path: str | None = _run(None, "Positions of the hand, one for each ellipsoid, .npz", is_file=True, common=True)
+    seed: int = _run(0, "Random seed", minimum=0, common=True)
+
+    unit: str | None = _human(None, "Unit of length; recognized by default", choices=UNITS, common=True)
+    fps: float | None = _human(None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True)
+    start: float | None = _human(None, "Start of the part that is used", "s", common=True)
+    stop: float | None = _human(None, "End of the part that is used", "s", common=True)
+    markers: str | None = _human(None, "JSON file of points by role", is_file=True, unchecked=True, common=True)
+    person: str = _human(PERSON, "Arm model: myoarm, rhuman", common=True)
+    side: str = _human(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
+    smooth: str = _human(AUTO, "Smoothing of noisy points", choices=(AUTO, "off"))
+
+    robot: tuple[str, ...] = _robot(
+        (ROBOT,), "Name, or URDF, MJCF or xacro file; repeatable", repeated=True, metavar="NAME", is_file=True,
+        common=True,
+    )  # fmt: skip
+    frame: tuple[str, ...] = _robot((), "End-effector frame; of two arms LEFT,RIGHT", metavar="FRAME", common=True)
+    joints: tuple[str, ...] = _robot((), "Moving joints; the others are fixed", metavar="J1,J2,…")
+    base: str | None = _robot(None, "First frame of the chain, such as a torso")
+    lock: Mapping[str, float] | None = _robot(
+        None, "Fixed joint and its position [deg, or m]; repeatable", metavar="JOINT=POSITION", unchecked=True
+    )
+    pose: tuple[tuple[float, ...], ...] = _robot(
+        (), "Base pose of each of several robots [m, m, m, deg]; repeatable", "m,m,m,deg", metavar="X,Y,Z,YAW", count=4,
+        repeated=True, unchecked=True,
+    )  # fmt: skip
+    payload: float = _robot(0.0, "Mass that the end effector carries", "kg", minimum=0.0, common=True)
+    payload_center: tuple[float, ...] = _robot(
+        (0.0,) * 3, "Center of the payload in the end-effector frame", "m", count=3
+    )
+    hand_targets: str = _robot("placed", "Positions of several arms: placed paths, or relative", choices=HAND_TARGETS)
+    mesh_folders: tuple[str, ...] = _robot((), "Folder of additional meshes; repeatable", repeated=True, is_file=True)
+
+    method: str = _transfer(AUTO, "Transfer method", choices=METHODS, unchecked=True, common=True)
+    ellipsoids: str = _transfer("velocity", "Ellipsoids", choices=("velocity", "force", "acceleration"), common=True)
+    part: str = _transfer("translation", "Part of the velocity", choices=("translation", "rotation", "full"))
+    joint_weights: str | tuple[float, ...] | None = _transfer(
+        None, "Joint weights; default: unit for velocity, else joint-limits", choices=(UNIT, JOINT_LIMITS),
+        metavar="WORD|W1,W2,…", unchecked=True,
+    )  # fmt: skip
+    damping: float = _transfer(DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
+    base_rotation: tuple[float, ...] = _transfer(
+        (0.0,) * 3, "Rotation from human trunk to robot base", "deg", metavar="ROLL,PITCH,YAW", count=3, unchecked=True
+    )
+    n_teacher: int = _transfer(TEACHER_SAMPLES, "Samples of the human domain", minimum=2)
+    n_student: int = _transfer(STUDENT_SAMPLES, "Samples of the robot domain", minimum=2)
+
+    move: bool = _motion(True, "Plan a trajectory", common=True)
+    position_tolerance: float = _motion(
+        POSITION_TOLERANCE, "Position tolerance, 95th percentile", "mm", above=0.0, common=True
+    )
+    speed_scale: float = _motion(1.0, "Maximum speed relative to the person", above=0.0, common=True)
+    orientation: str | tuple[float, ...] = _motion(
+        FREE, "Orientation: free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", CONSTANT),
+        metavar="WORD|X,Y,Z", count=3, common=True,
+    )  # fmt: skip
+    orientation_axes: str = _motion("pointing", "Constrained axes: z (pointing) or all (whole)", choices=AXES)
+    rate: float = _motion(RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0, maximum=10_000.0)
+    limits: str | None = _motion(None, "YAML file of joint limits", is_file=True, common=True, unchecked=True)
+    joint_limit_margin: float = _motion(
+        MARGIN, "Free share of joint ranges at either end", "%", minimum=0.0, maximum=0.4
+    )
+    home: tuple[float, ...] | None = _motion(
+        None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", unchecked=True
+    )
+    scale: float | None = _motion(None, "Scale of the path; searched by default", above=0.0, maximum=10.0, common=True)
+    real_time: bool = _motion(False, "Placement that the robot can follow at the person's speed")
+    workspace: tuple[float, ...] | None = _motion(
+        None, "Box for the path in the base frame [m]; inf is open", metavar="X0,X1,Y0,Y1,Z0,Z1", count=6,
+        unchecked=True,
+    )  # fmt: skip
+    collisions: bool = _motion(True, "Collision checking", unchecked=True)
+    table: float | None = _motion(None, "Height of a table in the base frame", "m", common=True)
+    obstacles: str | None = _motion(None, "YAML or JSON file of boxes", is_file=True, unchecked=True)
+    srdf: str | None = _motion(None, "SRDF file of link pairs that are not checked", is_file=True)
+    export: tuple[str, ...] = _motion(
+        (), "Formats: ros2, mcap, mujoco, parquet, rerun", metavar="FORMAT,…", common=True
+    )
+    costs: tuple[Any, ...] = _motion((), "Further costs of the motion", unchecked=True, typed=False)
+
+    place: bool = _placement(False, "Place the path first", common=True)
+    tilt: str | float | None = _placement(
+        None, "Tilt of the base, or free to search it", "deg", (FREE,), metavar="deg|free", common=True
+    )
+    rank: int = _placement(1, "Rank of the placement that is written", minimum=1, common=True)
+
+    segments: tuple[str, ...] = _learning(
+        (), "Demonstrations [s]; once for all recordings, or for each", metavar="auto|A:B,C:D,…", repeated=True,
+        common=True,
+    )  # fmt: skip
+    components: int | None = _learning(None, "Number of Gaussians; default: minimum of the BIC", minimum=1, common=True)
+
+    profile_rate: float = _batch(10.0, "Maximum rate of the ellipsoids of a recording", "Hz", above=0.0, common=True)
+    pages: bool = _batch(False, "Write a report for each pair", common=True)
+
     verb: str = field(default="transfer", compare=False)
 
-    def changed(self, *, allowed: Collection[str] = (), **options: Any) -> Self:
-        """Return the same with other values of options, by their names in any section.
+    def __post_init__(self) -> None:
+        for name, described in OPTIONS.items():
+            object.__setattr__(self, name, described.check(getattr(self, name)))
+        around = [name for name in ("table", "obstacles", "srdf") if getattr(self, name) is not None]
+        if around and self.collisions is False:
+            raise InvalidInputError(
+                f"{argument(around[0])} needs collision checking; found {argument('no_collisions')}"
+            )
+        if not isinstance(self.orientation, str) and self.orientation_axes != "pointing":
+            raise InvalidInputError("orientation_axes must be 'pointing' for a vector as orientation; found 'whole'")
+        if not isinstance(self.orientation, str) and not any(self.orientation):
+            raise InvalidInputError("orientation must not be a zero vector")
+        if self.export and not self.move:
+            raise InvalidInputError(f"{argument('export')} needs a trajectory; found {argument('no_move')}")
+        if self.workspace is not None:
+            _ = self.bounds  # raises where it is wrong
+
+    @property
+    def spec(self) -> "EllipsoidSpec":
+        """Kind, part and joint weights of the ellipsoids."""
+        from maniport.arms import EllipsoidSpec
+
+        usual = None if self.ellipsoids == "velocity" else JOINT_LIMITS
+        weights = usual if self.joint_weights is None else None if self.joint_weights == UNIT else self.joint_weights
+        return EllipsoidSpec(self.ellipsoids, self.part, weights)
+
+    @property
+    def rotation(self) -> Array:
+        """Base rotation as a matrix, shape (3, 3)."""
+        from scipy.spatial.transform import Rotation
+
+        value = as_finite(self.base_rotation, "base_rotation")
+        if value.shape == (3,):
+            return np.asarray(Rotation.from_euler("xyz", value).as_matrix())
+        return as_rotation(value, "base_rotation", 3)
+
+    @property
+    def bounds(self) -> Array:
+        """Bounds of the placed path, shape (2, 3), infinite where it is open [m]."""
+        from maniport.motion.placement.place_path import as_workspace
+
+        box: Any = self.workspace
+        return as_workspace([box[i : i + 2] for i in (0, 2, 4)] if box is not None and len(box) == 6 else box)
+
+    def changed(self, *, allowed: Collection[str] = SECTIONS, **options: Any) -> Self:
+        """Return the same with other values of options.
 
         Parameters
         ----------
@@ -77,39 +220,41 @@ class Config(Options):
         InvalidInputError
             When a value is not allowed.
         """
-        parts: dict[str, dict[str, Any]] = {}
-        names = [name for name, (section, _) in OPTIONS.items() if not (allowed and section) or section in allowed]
-        for name, value in options.items():
+        names = [name for name, described in OPTIONS.items() if described.section in ("", *allowed)]
+        for name in options:
             if name not in names:
                 raise unknown_name("option", name, names)
-            parts.setdefault(OPTIONS[name][0], {})[name] = value
-        own = parts.pop("", {})
-        return replace(self, **own, **{name: replace(getattr(self, name), **part) for name, part in parts.items()})
+        return replace(self, **options)
 
-    def value(self, name: str) -> Any:
-        """Return the value of an option in any section."""
-        section = OPTIONS[name][0]
-        return getattr(getattr(self, section) if section else self, name)
+    def changes(self, section: str) -> dict[str, Any]:
+        """Return the values of a section that differ from their defaults, by name."""
+        return {
+            name: getattr(self, name)
+            for name, described in OPTIONS.items()
+            if described.section == section and getattr(self, name) != getattr(Config, name)
+        }
 
-    def changes(self, section: str) -> list[Option]:
-        """Return the options of a section that differ from their defaults."""
-        part, usual = getattr(self, section), SECTIONS[section]()
-        described = options_of(SECTIONS[section])
-        return [item for name, item in described.items() if getattr(part, name) != getattr(usual, name)]
+    def _named(self) -> Self:
+        """Return the same with objects of Python as names, or as files that load the same arm."""
+        from maniport.arms import Arm
+        from maniport.transfer import name_of
+
+        method, arm, options = self.method, self.robot[0] if self.robot else None, dict[str, Any]()
+        if not isinstance(method, str):
+            options["method"] = name_of(method)
+        if isinstance(arm, Arm):
+            base = arm.chain.base if arm.chain.stand is None else None
+            lock, source = dict(arm.chain.locked) or None, arm.chain.source or arm.name
+            options |= {"robot": (source,), "frame": (arm.frame,), "base": base, "lock": lock}
+        return replace(self, **options)
 
     def as_yaml(self) -> str:
         """Return the configuration as a file's text, with absolute paths; objects of Python become their names."""
-        method: Any = self.transfer.method
-        if not isinstance(method, str):
-            from maniport.transfer import name_of
-
-            method = name_of(method)
-        named = replace(self, robot=self.robot.named(), transfer=replace(self.transfer, method=method))
-        content: dict[str, Any] = {}
-        for name, (section, described) in OPTIONS.items():
+        named, content = self._named(), dict[str, Any]()
+        for name, described in OPTIONS.items():
             if described.typed:
-                part = content.setdefault(section, {}) if section else content
-                part[name] = plain(named.value(name), described.is_file)
+                part = content.setdefault(described.section, {}) if described.section else content
+                part[name] = plain(getattr(named, name), described.is_file)
         head = f"# maniport {__version__}; SI units. Repeat: maniport {self.verb} --config {CONFIG} -o FOLDER\n"
         return head + str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110))
 
@@ -136,46 +281,28 @@ class Config(Options):
             When the file is no readable YAML, has an unknown key or a value that is not allowed.
         """
         config, file = base or cls(), os.fspath(path)
-        for key, value in read_settings(path, [item.name for item in fields(cls) if item.name != "verb"]).items():
+        top = [name for name, described in OPTIONS.items() if not described.section]
+        for key, value in read_settings(path, [*top, *SECTIONS]).items():
             if key in SECTIONS and not isinstance(value, dict):
                 kind = type(value).__name__
                 raise FileFormatError(f"{file}{line_of(path, key)}: {key} must be a mapping of options; found {kind}")
             section = key if key in SECTIONS else ""
-            described = {name: item for name, (place, item) in OPTIONS.items() if place == section and item.typed}
+            allowed = [name for name, described in OPTIONS.items() if described.section == section and described.typed]
             for name, setting in value.items() if section else [(key, value)]:
                 try:
-                    if name not in described:
-                        raise unknown_name("key", name, described)
-                    described[name].check(setting)
+                    if name not in allowed:
+                        raise unknown_name("key", name, allowed)
+                    OPTIONS[name].check(setting)
                     if name in names or not names:
-                        config = config.changed(**{name: setting})
+                        config = replace(config, **{name: setting})
                 except InvalidInputError as error:
                     raise FileFormatError(f"{file}{line_of(path, section, name)}: {error}") from None
         return config
 
 
-SECTIONS = {
-    "human": HumanOptions,
-    "robot": RobotOptions,
-    "transfer": TransferOptions,
-    "motion": MotionOptions,
-    "placement": PlacementOptions,
-    "learning": LearningOptions,
-    "batch": BatchOptions,
-}
-OPTIONS: dict[str, tuple[str, Option]] = {
-    name: (section, described)
-    for section, kind in {"": Config, **SECTIONS}.items()
-    for name, described in options_of(kind).items()
-}
-"""Sections and descriptions of all options by name."""
+OPTIONS = options_of(Config)
+"""Descriptions of all options by name."""
 
-BATCH = Config(
-    transfer=TransferOptions(method="length-field"),  # one for all pairs, since a selection takes seconds for each
-    motion=MotionOptions(rate=100.0),  # [Hz], as data for learning
-    verb="batch",
-)
-"""Defaults of a batch."""
-
-LIVE = Config(motion=MotionOptions(real_time=True), verb="live")
-"""Defaults of live control."""
+BATCH = Config(method="length-field", rate=100.0, verb="batch")  # a selection would take seconds for each pair
+LIVE = Config(real_time=True, verb="live")
+"""Defaults of a batch, and of live control."""

@@ -14,11 +14,12 @@ from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, argument
 from maniport.learning import Alignment, ProfileGMM, align
-from maniport.learning.agreement import Agreement, agreement
+from maniport.learning.alignment import Agreement, agreement
 from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.mocap.directions import SEGMENTS
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import SavedResult
+from maniport.pipeline.settings import fit_options, read_part
 from maniport.spd.matrix_functions import from_vector, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import AUTO
@@ -36,8 +37,6 @@ MIN_FRAMES = 10  # Fewest frames of a demonstration
 RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
 MAX_COMPONENTS = 32  # Gaussians, without a number of the caller
 CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
-
-Segments = str | Sequence[str | Sequence[tuple[float, float]] | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +161,6 @@ class LearnedProfile(SavedResult):
 
 def learn(
     recordings: Sequence[Recording | str | Path],
-    segments: Segments | None = None,
     config: Config | None = None,
     *,
     progress: Progress | None = None,
@@ -170,26 +168,23 @@ def learn(
 ) -> LearnedProfile:
     """Learn one profile of ellipsoids, and one path of the hand, from several demonstrations of a motion.
 
-    One arm or both are fitted to each recording. The ellipsoids of both are blocks of one matrix, of which d² is the
-    sum of the d² of the arms, so that the arms are aligned together. All ellipsoids are those of arms with the mean of
-    all lengths, so that they are comparable. Demonstrations are brought to common times by
-    `maniport.learning.align`; a `maniport.learning.ProfileGMM` over time gives mean and covariance of the
-    ellipsoid at each time. Their agreement is measured, also by leave-one-out. Left and right may be
-    mixed: the rarer are mirrored.
+    One arm or both are fitted to each recording; the ellipsoids of both are blocks of one matrix, so that the arms are
+    aligned together. All ellipsoids are those of arms with the mean of all lengths. `maniport.learning.align` brings
+    the demonstrations to common times, a `maniport.learning.ProfileGMM` over time gives mean and covariance of the
+    ellipsoid at each time. Left and right may be mixed: the rarer are mirrored.
 
     Parameters
     ----------
     recordings : sequence of Recording, str or Path
         At least two demonstrations: recordings, or segments of them.
-    segments : "auto" or sequence, one entry for each recording, optional
-        Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
-        (`maniport.mocap.ArmFit.repetitions`); None for the whole recording.
     config : Config, optional
         Options of the persons, the ellipsoids and the learning.
     progress : callable, optional
         Called with the name of a step and the fraction done.
     **options
-        Options by name, which override those of `config`; `maniport.pipeline.config` describes them.
+        Options by name, which override those of `config`; `maniport.pipeline.config` describes them. ``segments`` are
+        "auto" for all times that a hand goes out and back (`maniport.mocap.ArmFit.repetitions`), or have an entry for
+        each recording: "auto", a sequence of (start, stop) [s], each a demonstration, or None for the whole.
 
     Raises
     ------
@@ -197,8 +192,8 @@ def learn(
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
     config = (config or Config()).changed(allowed=("human", "transfer", "learning"), **options)
-    spec, person = config.transfer.spec, config.human.person
-    demonstrations = _demonstrations(recordings, _intervals(recordings, segments), config, progress)
+    spec, person = config.spec, config.person
+    demonstrations = _demonstrations(recordings, _intervals(recordings, config.segments), config, progress)
     motions = [demonstration.motion for demonstration in demonstrations]
     arms, bases = _mean_arms(person, motions), np.mean([motion.bases for motion in motions], axis=0)
     times, ellipsoids, hands = [], [], []
@@ -213,10 +208,10 @@ def learn(
         ellipsoids.append(blocks.reshape(len(rows), *[len(arms) * spec.size] * 2))
         paths = [arm.forward(q)[:, :3, 3] + base for (arm, q), base in zip(pairs, bases, strict=True)]
         hands.append(np.concatenate(paths, axis=1))
-    regularization = Regularization(config.transfer.damping or None).fitted(np.concatenate(ellipsoids))
+    regularization = Regularization(config.damping or None).fitted(np.concatenate(ellipsoids))
     profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
     alignment = align(profiles, times, progress=progress)
-    mixture = ProfileGMM(config.learning.components, MAX_COMPONENTS, random_state=config.seed)
+    mixture = ProfileGMM(config.components, MAX_COMPONENTS)
     model = mixture.fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
     profile, covariance = model.predict(time, return_covariance=True)
@@ -230,12 +225,14 @@ def learn(
     )  # fmt: skip
 
 
-def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments | None) -> list[Any]:
+def _intervals(recordings: Sequence[Recording | str | Path], segments: tuple[Any, ...]) -> list[Any]:
     """Check the segments; return those of each recording, [None] for the whole, or "auto"."""
     if isinstance(recordings, str | Path | Recording) or not len(recordings):
         raise InvalidInputError("recordings must be a sequence of at least one recording")
-    parts: list[Any] = [segments] * len(recordings) if segments is None or segments == AUTO else list(segments)
-    if (isinstance(segments, str) and segments != AUTO) or len(parts) != len(recordings):
+    parts: list[Any] = list(segments or (None,))
+    if parts in ([None], [AUTO]):
+        parts *= len(recordings)
+    if len(parts) != len(recordings):
         raise InvalidInputError(
             f"{argument('segments')} must be one list for each of the {len(recordings)} recordings; found {segments!r}"
         )
@@ -243,33 +240,37 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments 
         if part is None or part == AUTO:
             parts[index] = part or [None]
             continue
-        parts[index] = [tuple(as_numbers(pair, "a segment (start, stop) [s]", 2).tolist()) for pair in part]
+        pairs = [_numbers(pair) for pair in part.split(",")] if isinstance(part, str) else part
+        parts[index] = [tuple(as_numbers(pair, "a segment (start, stop) [s]", 2).tolist()) for pair in pairs]
         times = [time for pair in sorted(parts[index]) for time in pair]
-        if any(after <= before for before, after in zip(times[::2], times[1::2], strict=True)):
-            raise InvalidInputError(f"a segment must begin before it ends; found {part!r}")
-        if times != sorted(times):
-            raise InvalidInputError(f"segments must not overlap, or they agree by themselves; found {part!r}")
+        if times != sorted(times) or any(start == stop for start, stop in parts[index]):
+            raise InvalidInputError(f"segments must begin before they end, and must not overlap; found {part!r}")
     if AUTO not in parts:
         _require_two(sum(map(len, parts)))
     return parts
 
 
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(number) for number in text.split(":")]
+    except ValueError:
+        rule = f"{argument('segments')} must be {AUTO}, or times such as 2:4,4:5.6 [s]"
+        raise InvalidInputError(f"{rule}; found {text!r}") from None
+
+
 def _require_two(count: int) -> None:
     if count < 2:
-        raise InvalidInputError(
-            f"at least two demonstrations are needed; found {count}: give several recordings, or "
-            f"{argument('segments')} of one"
-        )
+        text = f"give several recordings, or {argument('segments')} of one"
+        raise InvalidInputError(f"at least two demonstrations are needed; found {count}: {text}")
 
 
 def _demonstrations(
     recordings: Sequence[Recording | str | Path], parts: list[Any], config: Config, progress: Progress | None
 ) -> tuple[Demonstration, ...]:
     """Fit the person's arms to each recording, and cut the fits."""
-    demonstrations, options = list[Demonstration](), config.human.fit_options
-    step = Step(progress, "Fit human arms")
+    demonstrations, step = list[Demonstration](), Step(progress, "Fit human arms")
     for source, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
-        recording = config.human.read(source)
+        recording = read_part(source, config)
         name = Path(recording.source).name or "a recording"
         first, last = recording.time[0], recording.time[-1]
         for start, stop in [] if segments == AUTO else filter(None, segments):
@@ -277,13 +278,12 @@ def _demonstrations(
                 raise InvalidInputError(
                     f"segments of {name} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
                 )
-        motion = fit_arms(recording, **options)
+        motion = fit_arms(recording, **fit_options(config))
         texts = tuple(f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings))
         for segment in motion.repetitions() if segments == AUTO else segments:
             start, stop = segment or (first, last)
             kept = (motion.time >= start) & (motion.time <= stop)
-            frames = int(kept.sum())
-            if frames < MIN_FRAMES:
+            if (frames := int(kept.sum())) < MIN_FRAMES:
                 raise InvalidInputError(
                     f"{name} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is fully observed; "
                     f"a demonstration needs at least {MIN_FRAMES}"
@@ -292,9 +292,9 @@ def _demonstrations(
             demonstrations.append(Demonstration(title, recording, motion.only(kept), texts))
     _require_two(len(demonstrations))
     step.end(f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}")
-    again = Counter(demonstration.name for demonstration in demonstrations)
+    names = Counter(own.name for own in demonstrations)
     return tuple(
-        replace(own, name=f"{own.name} ({number})") if again[own.name] > 1 else own
+        replace(own, name=f"{own.name} ({number})") if names[own.name] > 1 else own
         for number, own in enumerate(demonstrations, 1)
     )
 
@@ -303,10 +303,11 @@ def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
     """Return each arm of the person, of the side of most demonstrations, with the mean of the recorded lengths."""
     arms = []
     for fits in zip(*(motion.arms for motion in motions), strict=True):
-        sides = Counter(fit.arm.side for fit in fits)
-        recorded = {
-            name: [fit.segment_lengths[name] for fit in fits if name in fit.segment_lengths] for name in SEGMENTS
+        sides, recorded = Counter(fit.arm.side for fit in fits), [fit.segment_lengths for fit in fits]
+        means = {
+            name: float(np.mean([own[name] for own in recorded if name in own]))
+            for name in SEGMENTS
+            if any(name in own for own in recorded)
         }
-        means = {name: float(np.mean(lengths)) for name, lengths in recorded.items() if lengths}
         arms.append(human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means))
     return arms

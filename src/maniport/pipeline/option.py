@@ -3,22 +3,23 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cache
 from math import pi
-from types import NoneType
-from typing import Any, get_args, get_origin
+from types import NoneType, UnionType
+from typing import Any, get_args
 
 from maniport.errors import InvalidInputError
 from maniport.util.validation import Bounds, as_choice, as_count, as_flag, as_number, as_numbers
 
 COMMAND_LINE_UNITS = {"mm": ("m", 1e-3), "deg": ("rad", pi / 180.0), "%": ("", 0.01)}
 """Units of the command line, with the SI unit of Python and files, and the factor to it."""
+NAMES = tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Option:
     """A field of a dataclass, made with `option`."""
 
+    section: str  # of configuration files and help pages; "" for none
     help: str  # a noun phrase
     unit: str = ""  # on the command line, see `COMMAND_LINE_UNITS`; of a vector also of each element, "m,m,m,deg"
     choices: tuple[str, ...] = ()  # allowed words, or words that are allowed besides numbers
@@ -30,11 +31,10 @@ class Option:
     is_file: bool = False
     unchecked: bool = False  # also takes objects in Python; checked where it is used
     typed: bool = True  # available on the command line and in files
-    name: str = ""
-    kind: Any = str  # bool, int, float, str, tuple or Mapping
-    element: type = str  # of a tuple
-    required: bool = False  # None: the default
     default: Any = None
+    name: str = ""
+    kind: Any = str  # type of the field without None; of several the last
+    required: bool = False  # None: the default
 
     @property
     def flag(self) -> str:
@@ -46,63 +46,68 @@ class Option:
         """SI units in a unit of the command line, one for all numbers or one for each."""
         return [COMMAND_LINE_UNITS.get(unit, ("", 1.0))[1] for unit in self.unit.split(",")]
 
-    def check(self, value: Any, label: str = "", bounds: Bounds | None = None) -> Any:
-        """Return a valid value of plain type, or raise `InvalidInputError`."""
-        unit = COMMAND_LINE_UNITS.get(self.unit, (self.unit,))[0]
-        label = label or self.name + (f" [{unit}]" if unit else "")
-        bounds = self.bounds if bounds is None else bounds
+    def check(self, value: Any, typed: bool = False) -> Any:
+        """Return a valid value of plain type, or raise `InvalidInputError`; `typed`: on the command line."""
         if value is None:
             return self.default if self.required else None
-        if isinstance(value, os.PathLike):
-            value = os.fspath(value)
-        if self.choices and (isinstance(value, str) or self.kind is str) and not self.unchecked:
-            return as_choice(value, label.split(" [")[0], self.choices)
-        if self.kind is tuple and self.element is str:
-            parts = (value,) if isinstance(value, str) or not isinstance(value, Sequence) else value
+        value = os.fspath(value) if isinstance(value, os.PathLike) else value
+        if self.kind == NAMES:
+            parts = value if isinstance(value, list | tuple) else (value,)
             return tuple(os.fspath(part) if isinstance(part, os.PathLike) else part for part in parts)
-        if self.unchecked:
+        if self.unchecked and not typed:
             return _as_tuple(value)
+        if self.choices and (self.kind is str or (isinstance(value, str) and not _numbers(value))):
+            return as_choice(value, self.flag if typed else self.name, self.choices)
+        unit = self.unit if typed else COMMAND_LINE_UNITS.get(self.unit, (self.unit,))[0]
+        label = (self.flag if typed else self.name) + (f" [{unit}]" if unit else "")
         if self.kind is bool:
             return as_flag(value, label)
         if self.kind is int:
-            return as_count(value, label, int(bounds.get("minimum", 0)))
+            return as_count(value, label, int(self.bounds.get("minimum", 0)))
         if self.kind is float:
-            return as_number(value, label, **bounds)
-        if self.kind is tuple:
-            return tuple(as_numbers(value, label, self.count, **bounds).tolist())
+            factor = self.factors[0] if typed else 1.0
+            bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
+            return as_number(value, label, **Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
+        if self.kind is not str:
+            return tuple(as_numbers(value, label, self.count).tolist())
         if not isinstance(value, str):
             raise InvalidInputError(f"{label} must be text; found {value!r}")
         return value
 
     def parse(self, typed: Any) -> Any:
         """Convert what was typed on the command line: text, texts, a number or a flag."""
-        label = self.flag + (f" [{self.unit}]" if self.unit else "")
-        if self.kind is Mapping:
-            return _assignments(label, typed)
-        if self.kind is tuple and self.element is str:
+        if self.kind == Mapping[str, float]:
+            return self._assignments(typed)
+        if self.kind == NAMES:
             words = typed if self.repeated else [word.strip() for text in typed for word in text.split(",")]
             if not all(words):
-                raise InvalidInputError(f"{label} must be names separated by commas; found {','.join(typed)!r}")
+                raise InvalidInputError(f"{self.flag} must be names separated by commas; found {','.join(typed)!r}")
             return tuple(words)
         if self.repeated:
-            return tuple(self._vector(label, text) for text in typed)
-        word = bool(self.choices) and "," not in typed and not _numbers(typed)
-        if word or self.kind not in (float, tuple):
-            return self.check(typed, label)
-        if self.kind is tuple:
-            return self._vector(label, typed)
-        (factor,) = self.factors
-        bounds = {key: float(value) / factor for key, value in self.bounds.items()}  # type: ignore[arg-type]
-        return float(self.check(typed, label, Bounds(**bounds))) * factor  # type: ignore[typeddict-item]
+            return tuple(map(self._vector, typed))
+        if self.kind in (bool, int, float, str) or (self.choices and "," not in typed and not _numbers(typed)):
+            return self.check(typed, typed=True)
+        return self._vector(typed)
 
-    def _vector(self, label: str, text: str) -> tuple[float, ...]:
+    def _vector(self, text: str) -> tuple[float, ...]:
         numbers = _numbers(text)
         if not numbers or self.count not in (None, len(numbers)):
-            words = f"{' or '.join(self.choices)}, or " if self.choices else ""
-            count = "" if self.count is None else f"{self.count} "
-            raise InvalidInputError(f"{label} must be {words}{count}numbers separated by commas; found {text!r}")
+            words = [*self.choices, f"{self.count or ''} numbers separated by commas".strip()]
+            raise InvalidInputError(f"{self.flag} must be {' or '.join(words)}; found {text!r}")
         factors = self.factors if len(self.factors) > 1 else self.factors * len(numbers)
         return tuple(number * factor for number, factor in zip(numbers, factors, strict=True))
+
+    def _assignments(self, texts: Sequence[str]) -> dict[str, float]:
+        """Convert texts such as lift=0.2 to numbers by name."""
+        numbers: dict[str, float] = {}
+        for text in texts:
+            name, _, number = (part.strip() for part in text.rpartition("="))
+            if len(_numbers(number)) != 1:
+                raise InvalidInputError(f"{self.flag} must be NAME=NUMBER, such as lift=0.2; found {text!r}")
+            if name in numbers:
+                raise InvalidInputError(f"{self.flag}: {name} is set twice; found {numbers[name]:g} and {number}")
+            numbers[name] = float(number)
+        return numbers
 
     def text(self, value: Any) -> str:
         """Write a value as it is typed on the command line."""
@@ -110,9 +115,7 @@ class Option:
             return "on" if value else "off"
         if isinstance(value, int | float):
             return f"{value / self.factors[0]:.12g}"
-        if isinstance(value, list | tuple):
-            return ",".join(map(self.text, value))
-        return str(value)
+        return ",".join(map(self.text, value)) if isinstance(value, list | tuple) else str(value)
 
     def words(self, value: Any) -> list[str]:
         """Return the arguments of the command line that set a value."""
@@ -121,39 +124,22 @@ class Option:
         return [self.flag, self.text(value)]
 
 
-def option(default: Any, help: str, unit: str = "", choices: Sequence[str] = (), **more: Any) -> Any:
+def option(section: str, default: Any, help: str, unit: str = "", choices: Sequence[str] = (), **more: Any) -> Any:
     """Make a dataclass field with a description; `Bounds` and attributes of `Option` by name."""
     bounds = Bounds(**{name: more.pop(name) for name in tuple(more) if name in Bounds.__annotations__})  # type: ignore[typeddict-item]
-    description = Option(help, unit, tuple(choices), bounds=bounds, default=default, **more)
-    return field(default=default, metadata={"option": description})
+    described = Option(section, help, unit, tuple(choices), bounds=bounds, default=default, **more)
+    return field(default=default, metadata={"option": described})
 
 
-@cache
 def options_of(kind: Any) -> dict[str, Option]:
     """Return the options of a dataclass by name, completed from its type annotations."""
     described = {}
     for item in fields(kind):
         if "option" in item.metadata:
-            single = get_origin(item.type) in (tuple, Mapping)
-            types = [item.type] if single else list(get_args(item.type)) or [item.type]
-            last = [part for part in types if part is not NoneType][-1]
-            described[item.name] = replace(
-                item.metadata["option"],
-                name=item.name,
-                kind=get_origin(last) or last,
-                element=(get_args(last) or (str,))[0],
-                required=NoneType not in types,
-            )
+            types = get_args(item.type) if isinstance(item.type, UnionType) else (item.type,)
+            (*_, last), required = [part for part in types if part is not NoneType], NoneType not in types
+            described[item.name] = replace(item.metadata["option"], name=item.name, kind=last, required=required)
     return described
-
-
-class Options:
-    """Base of dataclasses of options: checks each value."""
-
-    def __post_init__(self) -> None:
-        kind: Any = type(self)
-        for name, described in options_of(kind).items():
-            object.__setattr__(self, name, described.check(getattr(self, name)))
 
 
 def plain(value: Any, is_file: bool = False) -> Any:
@@ -180,18 +166,3 @@ def _numbers(text: str) -> tuple[float, ...]:
         return tuple(float(word) for word in text.split(","))
     except ValueError:
         return ()
-
-
-def _assignments(label: str, texts: Sequence[str]) -> dict[str, float]:
-    """Convert texts such as lift=0.2 to numbers by name."""
-    numbers: dict[str, float] = {}
-    for text in texts:
-        name, _, number = (part.strip() for part in text.rpartition("="))
-        try:
-            value = float(number)
-        except ValueError:
-            raise InvalidInputError(f"{label} must be NAME=NUMBER, such as lift=0.2; found {text!r}") from None
-        if name in numbers:
-            raise InvalidInputError(f"{label}: {name} is set twice; found {numbers[name]:g} and {value:g}")
-        numbers[name] = value
-    return numbers

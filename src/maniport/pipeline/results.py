@@ -1,10 +1,10 @@
 """Results of the main job as data, and the files that they are saved as."""
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,18 +25,14 @@ from maniport.util.validation import Array
 
 JOINT_FILES = "joints.csv", "joints.npz"
 MOTION_FILES = (*PLACED_FILES, *JOINT_FILES)
-"""Files of the motion of one arm."""
 TRANSFER_FILES = ("person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *MOTION_FILES)
-"""Files of the transfer to one arm."""
+"""Files of the motion of one arm, and of the transfer to it."""
 
 
 class SavedResult(NotebookDisplay):
     """Base of results that are saved as a folder of data files."""
 
-    @property
-    def data_files(self) -> tuple[str, ...]:
-        """Names of the files and folders that `save` may write."""
-        raise NotImplementedError
+    data_files: tuple[str, ...]  # names of the files and folders that `save` may write
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the data to a folder, whole or not at all; `maniport.write_results` adds a report.
@@ -79,25 +75,30 @@ class ArmResult(NotebookDisplay):
         return None if motion is None else lowest_point(self.robot, motion.control_time, motion.control_positions)
 
     @property
-    def mean_distance(self) -> "MeanDistance":
-        """Mean distance of target and achieved ellipsoids, as a sum of three parts."""
+    def mean_distance(self) -> dict[str, float]:
+        """Parts of the mean distance of target and achieved ellipsoids; their sum is the mean.
+
+        The feasibility gap; what the end-effector path adds, at the pointwise optimum found; and what limits,
+        collisions and smoothness of the trajectory add.
+        """
         assert self.motion is not None
         assert self.gap is not None
         assert self.motion.pointwise_best is not None
         values = self.motion.distance, self.motion.pointwise_best, self.gap
         mean, pointwise, gap = (float(np.mean(value)) for value in values)
-        return MeanDistance(gap, pointwise - gap, mean - pointwise)
+        return {"infeasible": gap, "path": pointwise - gap, "motion": mean - pointwise}
 
     def write_data(self, folder: Path) -> None:
-        """Write the files of the motion into an existing folder."""
-        if self.motion is None:
+        """Write the files of the motion, if there is one, into an existing folder."""
+        motion = self.motion
+        if motion is None:
             return
-        target = np.linalg.inv(self.motion.target) if self.spec.kind == "force" else self.motion.target
-        save_ellipsoids(folder / PLACED_FILES[0], target, self.motion.time)
-        if self.motion.path is not None:
-            save_path(folder / PLACED_FILES[1], self.motion.path, self.motion.time)
-        self.motion.save_joints_csv(folder / JOINT_FILES[0])
-        self.motion.save_joints(folder / JOINT_FILES[1])
+        target = np.linalg.inv(motion.target) if self.spec.kind == "force" else motion.target
+        save_ellipsoids(folder / PLACED_FILES[0], target, motion.time)
+        if motion.path is not None:
+            save_path(folder / PLACED_FILES[1], motion.path, motion.time)
+        motion.save_joints_csv(folder / JOINT_FILES[0])
+        motion.save_joints(folder / JOINT_FILES[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -105,8 +106,7 @@ class ArmTransfer(ArmResult):
     """Transfer from one arm of a person to one arm of a robot; the name is the side of the person's arm."""
 
     fit: ArmFit  # human arm scaled to the person, and its joint angles
-    person_base: Array = field(default_factory=lambda: np.zeros(3))
-    """Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`."""
+    person_base: Array  # origin of that arm in the common frame of all arms (3,) [m], see `maniport.mocap.HumanMotion`
     method: str
     adapter: DomainAdapter  # fitted, from the person's domain (teacher) to the robot's (student)
     evaluation: Evaluation | None = None  # comparison with baselines; None where not requested, as in a batch
@@ -156,13 +156,7 @@ class MotionResult(SavedResult):
 
     @property
     def arm(self) -> ArmResult:
-        """Result of the only arm.
-
-        Raises
-        ------
-        InvalidInputError
-            When there are several arms.
-        """
+        """Result of the only arm; raises `InvalidInputError` where there are several."""
         if len(self.arms) != 1:
             names = ", ".join(repr(arm.name) for arm in self.arms)
             raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
@@ -171,15 +165,13 @@ class MotionResult(SavedResult):
     @property
     def sources(self) -> tuple[str, ...]:
         """Files of the profile and the path, where it was requested with files."""
-        config = self.config
-        return () if config is None else tuple(file for file in (config.profile, config.path) if file is not None)
+        files = () if self.config is None else (self.config.profile, self.config.path)
+        return tuple(file for file in files if file is not None)
 
     @property
-    def data_files(self) -> tuple[str, ...]:
+    def data_files(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names of the files that `save` may write; with several arms a folder for each arm."""
-        if len(self.arms) == 1:
-            return self.arms[0].files
-        return (*(arm.name for arm in self.arms), *JOINT_FILES)
+        return self.arms[0].files if len(self.arms) == 1 else (*(arm.name for arm in self.arms), *JOINT_FILES)
 
     def write_data(self, folder: Path) -> None:
         """Write the data files into an existing folder."""
@@ -225,19 +217,10 @@ class TransferResult(MotionResult):
     @property
     def arm(self) -> ArmTransfer:
         """Result of the only arm, as `MotionResult.arm`."""
-        arm = super().arm
-        assert isinstance(arm, ArmTransfer)
-        return arm
+        _ = super().arm  # raises where there are several
+        return self.arms[0]
 
     @property
     def time(self) -> Array:
         """Demonstrated times, the same for all arms, shape (n,) [s]."""
         return self.arms[0].time
-
-
-class MeanDistance(NamedTuple):
-    """Parts of the mean distance of target and achieved ellipsoids; their sum is the mean."""
-
-    infeasible: float  # mean feasibility gap
-    path: float  # added by the end-effector path, at the pointwise optimum found
-    motion: float  # added by limits, collisions and smoothness of the trajectory

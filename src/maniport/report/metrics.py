@@ -17,8 +17,7 @@ from maniport.errors import argument
 from maniport.evaluation import Capability
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.motion_limits import DERIVATIVES, TORQUES, MotionLimits
-from maniport.motion.plan.arm_planner import FAR
-from maniport.motion.status import NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
+from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
 from maniport.report.robot import assumed_limits, collision_warnings
@@ -163,7 +162,7 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     by_speed = result is not None and result.spec.kind == "velocity"
     metrics += [item for own in getattr(result, "capabilities", ()) for item in _of_capability(own, by_speed)]
     if result is not None and result.gap is not None:
-        parts = result.mean_distance._asdict()
+        parts = result.mean_distance
         written = dict(parts)
         if motion.path is None:
             written = {"infeasible": parts["infeasible"] + parts["path"], "motion": parts["motion"]}

@@ -13,8 +13,9 @@ from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import FRACTIONS
 from maniport.errors import RecordingError, argument, nearest_first
 from maniport.mocap import ArmFit, HumanMotion, Recording
-from maniport.mocap.marker_sets import DIRECTIONS, ROLES
 from maniport.mocap.roles import (
+    DIRECTIONS,
+    ROLES,
     assign_roles,
     assigned_roles,
     example_markers,

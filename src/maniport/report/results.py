@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
-from maniport.pipeline.config import CONFIG, OPTIONS
-from maniport.pipeline.options import FREE
+from maniport.pipeline.config import CONFIG, FREE, OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import METRICS, MISSED_SHARE, group_section, motion_section
 from maniport.report.recording import person_section, recording_section
@@ -172,7 +171,7 @@ def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]
 
 def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> tuple[str, str]:
     """Advise what improves the result most, with its command; of several arms the first with an advice decides."""
-    slower = _track(result, "slower", speed_scale=0.5 * (result.config.motion.speed_scale if result.config else 1.0))
+    slower = _track(result, "slower", speed_scale=0.5 * (result.config.speed_scale if result.config else 1.0))
     if report.status == RED:
         exceeded = "limits-exceeded" in report.warning_keys
         return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
@@ -189,10 +188,10 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         if metrics["distance"].value["median"] <= NEAR_DISTANCE:
             continue
         parts = arm.mean_distance
-        if motion.path is not None and parts.path >= max(parts.infeasible, parts.motion):
+        if motion.path is not None and parts["path"] >= max(parts["infeasible"], parts["motion"]):
             command = _track(result, "no-path", path=False)
             return "The path constraint dominates the distance: try without it.", command
-        if parts.motion > parts.infeasible:
+        if parts["motion"] > parts["infeasible"]:
             command = _track(result, "all", joint_limit_margin=0.0)
             return "Limits dominate the distance: use the whole range of the joints.", command
         evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
@@ -211,10 +210,10 @@ def _track(result: Result, suffix: str, *words: str, path: bool = True, **option
     config = result.config
     if config is None or len(result.arms) > 1:
         return ""
-    changed = [word for name, value in options.items() for word in OPTIONS[name][1].words(value)]
-    if isinstance(config.motion.orientation, str) and config.motion.orientation != FREE:
+    changed = [word for name, value in options.items() for word in OPTIONS[name].words(value)]
+    if isinstance(config.orientation, str) and config.orientation != FREE:
         changed += ["--orientation", FREE]  # a profile has no hand to follow
-    if config.placement.place and "--place" not in words:
+    if config.place and "--place" not in words:
         changed += ["--no-place"]
     with_path = path and result.arm.motion is not None and result.arm.motion.path is not None
     files = [f"{{folder}}/placed_profile.npz --config {{folder}}/{CONFIG}", *["--path {folder}/path.npz"] * with_path]

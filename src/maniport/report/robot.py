@@ -8,7 +8,7 @@ import numpy as np
 from maniport.arms import Arm
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
-from maniport.arms.loaders.limbs import Limb
+from maniport.arms.loaders.model import Limb
 from maniport.arms.loaders.packages import arm_names
 from maniport.errors import argument
 from maniport.motion import Placement

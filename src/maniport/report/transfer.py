@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from maniport.evaluation.summary import IDENTITY, RELEVANT_RATIO, Evaluation, Row
+from maniport.evaluation.metrics import IDENTITY, RELEVANT_RATIO, Evaluation, Row
 from maniport.report.values import (
     Metric,
     Report,

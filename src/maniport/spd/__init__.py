@@ -5,13 +5,12 @@ its input.
 """
 
 from maniport.spd.affine_invariant import distance, exp, geodesic, inner, log, transport
-from maniport.spd.ellipsoid import axes, condition, lengths, volume
-from maniport.spd.matrix_functions import expm, from_vector, invsqrtm, logm, powm, sqrtm, to_vector
-from maniport.spd.mean import dispersion, mean, unwhiten, whiten
+from maniport.spd.ellipsoid import axes, lengths, volume
+from maniport.spd.matrix_functions import expm, from_vector, logm, powm, to_vector
+from maniport.spd.mean import dispersion, mean
 
 __all__ = [
     "axes",
-    "condition",
     "dispersion",
     "distance",
     "exp",
@@ -19,16 +18,12 @@ __all__ = [
     "from_vector",
     "geodesic",
     "inner",
-    "invsqrtm",
     "lengths",
     "log",
     "logm",
     "mean",
     "powm",
-    "sqrtm",
     "to_vector",
     "transport",
-    "unwhiten",
     "volume",
-    "whiten",
 ]

@@ -8,12 +8,15 @@ Any factor F of P = F Fᵀ whitens as P^½ does. The singular values of F⁻¹ K
 the points themselves, some eps (κ_P + κ_Q). Where that is a distance of more than 0.01, there is an error.
 """
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from maniport.errors import NotSPDError
-from maniport.spd.kernels import Pair, cholesky, compose, congruence, congruence_eigh, distances, eigh, factored
-from maniport.spd.matrix_functions import bounded
+from maniport.spd.kernels import cholesky, compose, congruence, congruence_eigh, distances, factored, roots
+from maniport.spd.matrix_functions import apply, bounded, logarithm, to_vector
 from maniport.util.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
 
@@ -41,6 +44,7 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
     return distances(points_a, points_b)
 
 
+Indices = NDArray[np.intp]
 distance_unchecked = distances  # Same as `distance` on float64 arrays that are known to be SPD
 
 
@@ -87,8 +91,8 @@ def log(base: ArrayLike, point: ArrayLike) -> Array:
     center = as_spd(base, "base")
     other = as_spd(point, "point", center.shape[-1])
     require_broadcast(base=center, point=other)
-    pair, _ = _factored(center, other)
-    return congruence(pair.start, compose(2.0 * np.log(pair.singular), pair.left))
+    (factor, _), _, left, singular, _ = _factored(center, other)[0]
+    return congruence(factor, compose(2.0 * np.log(singular), left))
 
 
 def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
@@ -142,11 +146,11 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     end = as_spd(b, "b", start.shape[-1])
     exponent = as_finite(t, "t")[..., None]
     require_broadcast(a=start, b=end, t=exponent[..., None])
-    pair, moved = _factored(start, end)
-    logs, beyond = 2.0 * np.log(pair.singular), np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0]
+    ((factor, inverse), _, left, singular, _), moved = _factored(start, end)
+    logs, beyond = 2.0 * np.log(singular), np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0]
     moved = moved * np.maximum(1.0, _growth(logs, beyond) / _growth(logs, 1.0))
     powers = bounded(lambda logs: np.exp(exponent * logs), "t")(logs)
-    return _point(pair.start, pair.start_inverse, powers, pair.left, moved)
+    return _point(factor, inverse, powers, left, moved)
 
 
 def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
@@ -173,32 +177,67 @@ def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     target = as_spd(end, "end", origin.shape[-1])
     vector = as_symmetric(tangent, "tangent", origin.shape[-1])
     require_broadcast(tangent=vector, start=origin, end=target)
-    pair, _ = _factored(origin, target)
+    (_, inverse), (factor, _), left, _, right = _factored(origin, target)[0]
     # (P₂ P₁⁻¹)^½ = K (V Uᵀ) F⁻¹ with P₁ = F Fᵀ, P₂ = K Kᵀ and F⁻¹ K = U σ Vᵀ: no root, and no product, of both points
-    rotation = np.swapaxes(pair.left @ pair.right, -1, -2)
-    return congruence(pair.end @ rotation, congruence(pair.start_inverse, vector))
+    return congruence(factor @ np.swapaxes(left @ right, -1, -2), congruence(inverse, vector))
 
 
-def recentered(factor: Array, points: Array) -> Array:
-    """Build G X Gᵀ; raises where that is not exact. Input unchecked."""
-    results = congruence(factor, points)
-    _require_exact(_rounding_between(factor, points, eigh(results)[0]))
-    return results
+class NeighborIndex:
+    """Exact nearest neighbors among SPD matrices under the affine-invariant distance."""
+
+    def __init__(self, points: Array):
+        self.points = points
+        # A congruence changes no affine-invariant distance, and about the identity the two metrics agree best.
+        _, self._whitening = roots(apply(apply(points, np.log).mean(axis=0), np.exp))
+        self._cloud, vectors = self._seen(points)
+        self._tree = cKDTree(vectors)
+
+    def query(self, queries: Array) -> tuple[Indices, Array]:
+        """For every query, shape (n, d, d), the index of the nearest point and the distance to it, shapes (n,)."""
+        queried, vectors = self._seen(queries)
+        best, distance = np.zeros(len(queried), np.intp), np.full(len(queried), np.inf)
+        open_queries = np.arange(len(queried))
+        count = min(8, len(self._cloud))
+        while len(open_queries):
+            block = max(1, 16_000_000 // (count * queried[0].nbytes))  # bounds the memory [bytes]
+            still_open = []
+            for part in np.split(open_queries, range(block, len(open_queries), block)):
+                lower, candidates = self._tree.query(vectors[part], k=[*range(1, count + 1)])
+                distances = distance_unchecked(queried[part][:, None], self._cloud[candidates])
+                choice, rows = np.argmin(distances, axis=1), np.arange(len(part))
+                best[part], distance[part] = candidates[rows, choice], distances[rows, choice]
+                still_open.append(part[lower[:, -1] < distance[part]])
+            if count == len(self._cloud):
+                break
+            open_queries = np.concatenate(still_open)
+            count = min(4 * count, len(self._cloud))
+        return best, distance
+
+    def _seen(self, points: Array) -> tuple[Array, Array]:
+        """Return points (n, d, d) about the identity, and the vectors of their logarithms."""
+        whitened = congruence(self._whitening, points)
+        return whitened, to_vector(logarithm(whitened))
+
+
+def nearest(queries: Array, points: Array) -> tuple[Indices, Array]:
+    """Index of the nearest of `points` (m, d, d) and the distance to it, for every query (n, d, d)."""
+    return NeighborIndex(points).query(queries)
 
 
 def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
     """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½; raises where they are not exact. Input unchecked."""
     values, vectors = congruence_eigh(inverse_root, points)
-    _require_exact(_rounding_between(inverse_root, points, values))
+    with np.errstate(divide="ignore", over="ignore"):
+        _require_exact(_rounding(points, inverse_root) / np.maximum(values[..., 0], 0.0))
     return values, vectors
 
 
-def _factored(start: Array, end: Array) -> tuple[Pair, Array]:
+def _factored(start: Array, end: Array) -> tuple[Any, Array]:
     """Factor two points; also return how far rounding may move them, and raise where that is too far."""
-    pair = factored(start, end)
-    moved = _rounding(start, pair.start_inverse) + _rounding(end, pair.end_inverse)
+    factors = factored(start, end)
+    moved = _rounding(start, factors[0][1]) + _rounding(end, factors[1][1])
     _require_exact(moved)
-    return pair, moved
+    return factors, moved
 
 
 def _point(factor: Array, inverse: Array, values: Array, vectors: Array, moved: Array) -> Array:
@@ -213,12 +252,6 @@ def _rounding(matrices: Array, inverse: Array) -> Array:
     """Bound the distance by which rounding moves A, given G with A⁻¹ = Gᵀ G: tr(A) tr(A⁻¹) bounds the condition."""
     per_condition = 8.0 * float(np.finfo(np.float64).eps)  # measured against fifty digits
     return np.asarray(per_condition * np.trace(matrices, axis1=-2, axis2=-1) * np.sum(inverse**2, axis=(-2, -1)))
-
-
-def _rounding_between(factor: Array, points: Array, values: Array) -> Array:
-    """Bound how far rounding moves G X Gᵀ, whose eigenvalues are given: infinitely where one is not positive."""
-    with np.errstate(divide="ignore", over="ignore"):
-        return np.asarray(_rounding(points, factor) / np.maximum(values[..., 0], 0.0))
 
 
 def _growth(logarithms: Array, t: Array | float) -> Array:

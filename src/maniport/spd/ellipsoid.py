@@ -1,4 +1,4 @@
-"""What an SPD matrix looks like: axes, lengths, volume and condition of the ellipsoid xᵀ M⁻¹ x = 1."""
+"""What an SPD matrix looks like: axes, lengths and volume of the ellipsoid xᵀ M⁻¹ x = 1."""
 
 from math import gamma, pi
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.spd.kernels import eigh
-from maniport.util.validation import Array, as_positive_semidefinite, as_spd
+from maniport.util.validation import Array, as_positive_semidefinite
 
 
 def axes(points: ArrayLike) -> tuple[Array, Array]:
@@ -58,22 +58,6 @@ def volume(points: ArrayLike) -> Array:
     semi_axes = lengths(points)
     d = semi_axes.shape[-1]
     return np.asarray(pi ** (d / 2) / gamma(d / 2 + 1) * np.prod(semi_axes, axis=-1))
-
-
-def condition(points: ArrayLike) -> Array:
-    """Condition number λ_max / λ_min of SPD matrices, shape (...); 1 for a ball, large near a singularity.
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (...)
-    """
-    values, _ = eigh(as_spd(points, "points"))
-    return np.asarray(values[..., -1] / values[..., 0])
 
 
 def line_angles(first: Array, other: Array) -> Array:

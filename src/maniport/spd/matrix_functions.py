@@ -1,43 +1,16 @@
 """Functions of symmetric matrices through their eigenvalues, and their Mandel vectors."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import (
-    ILL_CONDITIONED,
-    MAX_EIGENVALUE,
-    MIN_EIGENVALUE,
-    compose,
-    congruence,
-    eigh,
-    mandel_indices,
-    require_in_range,
-    roots,
-    symmetrize,
-)
+from maniport.spd.kernels import ILL_CONDITIONED, compose, eigh, require_in_range
 from maniport.util.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
 
-__all__ = [
-    "MAX_EIGENVALUE",
-    "MIN_EIGENVALUE",
-    "apply",
-    "bounded",
-    "compose",
-    "congruence",
-    "expm",
-    "from_vector",
-    "invsqrtm",
-    "logarithm",
-    "logm",
-    "powm",
-    "roots",
-    "sqrtm",
-    "symmetrize",
-    "to_vector",
-]
+_above = cache(np.triu_indices)  # Rows and columns of the entries above the diagonal
 
 
 def apply(matrices: Array, function: Callable[[Array], Array]) -> Array:
@@ -119,36 +92,6 @@ def powm(points: ArrayLike, exponent: float) -> Array:
     return apply(as_spd(points, "points", copy=False), bounded(lambda values: values**s, "exponent"))
 
 
-def sqrtm(points: ArrayLike) -> Array:
-    """SPD square root P^½ of SPD matrices, shape (..., d, d).
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-    """
-    return apply(as_spd(points, "points", copy=False), np.sqrt)
-
-
-def invsqrtm(points: ArrayLike) -> Array:
-    """Inverse SPD square root P^-½ of SPD matrices, shape (..., d, d).
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-    """
-    return apply(as_spd(points, "points", copy=False), lambda values: 1.0 / np.sqrt(values))
-
-
 def to_vector(symmetric: ArrayLike) -> Array:
     """Mandel vectors of symmetric matrices: diagonal first, then the upper triangle times √2.
 
@@ -166,7 +109,7 @@ def to_vector(symmetric: ArrayLike) -> Array:
     """
     matrices = as_symmetric(symmetric, "symmetric")
     d = matrices.shape[-1]
-    rows, columns = (indices[d:] for indices in mandel_indices(d))
+    rows, columns = _above(d, 1)
     diagonal = np.diagonal(matrices, axis1=-2, axis2=-1)
     return np.concatenate([diagonal, np.sqrt(2.0) * matrices[..., rows, columns]], axis=-1)
 
@@ -191,8 +134,16 @@ def from_vector(vector: ArrayLike) -> Array:
             f"vector must have d (d + 1) / 2 entries, such as 3, 6, 10 or 21, for d from {MIN_DIMENSION} to "
             f"{MAX_DIMENSION}; found shape {vectors.shape}"
         )
-    rows, columns = (indices[d:] for indices in mandel_indices(d))
+    rows, columns = _above(d, 1)
     matrices = np.zeros((*vectors.shape[:-1], d, d))
     matrices[..., np.arange(d), np.arange(d)] = vectors[..., :d]
     matrices[..., rows, columns] = matrices[..., columns, rows] = vectors[..., d:] / np.sqrt(2.0)
     return matrices
+
+
+@cache
+def mandel_basis(d: int) -> Array:
+    """Orthonormal basis of the symmetric matrices, shape (d (d + 1) / 2, d, d)."""
+    basis = from_vector(np.eye(d * (d + 1) // 2))
+    basis.flags.writeable = False
+    return basis

@@ -1,4 +1,4 @@
-"""Fréchet mean of SPD matrices under the affine-invariant metric, dispersion about it, and whitening by it."""
+"""Fréchet mean of SPD matrices under the affine-invariant metric, and dispersion about it."""
 
 import warnings
 from typing import NamedTuple
@@ -7,28 +7,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
-from maniport.spd.affine_invariant import distance_unchecked, recentered
+from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
-from maniport.spd.matrix_functions import apply, from_vector, roots, to_vector
+from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.util.jit import kernel
-from maniport.util.validation import (
-    Array,
-    as_choice,
-    as_count,
-    as_finite,
-    as_number,
-    as_points,
-    as_spd,
-    require_broadcast,
-    require_shape,
-)
+from maniport.util.validation import Array, as_choice, as_count, as_finite, as_number, as_points, as_spd, require_shape
 
 
 def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10, max_iter: int = 50) -> Array:
     """Fréchet (Karcher, geometric) mean: the point with the least weighted sum of squared distances.
 
     Riemannian Newton with line search, started from the log-Euclidean mean. The cost is geodesically convex and
-    its Hessian at least the identity, so that the mean is unique and the step always well defined.
+    its Hessian at least the identity, so that the mean is unique and the step always well defined; equation (6).
 
     Parameters
     ----------
@@ -56,11 +46,6 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     NotSPDError, InvalidInputError
         When a matrix is not SPD, there is none, or the weights do not fit.
 
-    Notes
-    -----
-    The Hessian of ½ d²(P, X) has the eigenvalues x coth x, x = (log λ_j − log λ_k) / 2, in the eigenbasis of
-    P^-½ X P^-½ (the Jacobi fields of the space, whose sectional curvature there is −(log λ_j − log λ_k)² / 4).
-
     References
     ----------
     Moakher, A differential geometric approach to the geometric mean of symmetric positive-definite matrices, SIMAX 26,
@@ -73,14 +58,14 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     state = _State.at(apply(np.einsum("n,nij->ij", w, apply(data, np.log)), np.exp), data, w)  # log-Euclidean mean
     if state is None:
         raise NotSPDError("points are too ill-conditioned for their mean: rounding makes them indefinite about it")
-    steps, reason = 0, ""
-    while state.norm > tol and not reason:
+    steps = 0
+    while state.norm > tol:
         following = _line_search(state, data, w) if steps < limit else None
-        if following is not None:
-            state, steps = following, steps + 1
-        else:
-            reason = f"after {limit} steps" if steps == limit else "because rounding allows no further progress"
+        if following is None:
+            break
+        state, steps = following, steps + 1
     if state.norm > max(tol, state.rounding):
+        reason = f"after {limit} steps" if steps == limit else "because rounding allows no further progress"
         warnings.warn(
             f"the mean of {len(data)} matrices stopped {reason} at gradient norm {state.norm:.3g}; wanted {tol:.3g}",
             ConvergenceWarning,
@@ -113,53 +98,6 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
         raise InvalidInputError(f"center must be one matrix, shape (d, d); found shape {middle.shape}")
     distances = distance_unchecked(middle, data)
     return float(np.mean(distances) if kind == "mean" else np.sqrt(np.mean(distances**2)))
-
-
-def whiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Recenter points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 10 and 11); shape (..., d, d).
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-    center : array_like, shape (d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-
-    Raises
-    ------
-    NotSPDError
-        When a matrix is not SPD, or so ill-conditioned that rounding moves a result by more than a distance of 0.01.
-    """
-    return _recentered(points, center, 1)
-
-
-def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Move points from the identity to `center`: P^½ X P^½; the inverse of `whiten`, with its errors.
-
-    Parameters
-    ----------
-    points : array_like, shape (..., d, d)
-        SPD.
-    center : array_like, shape (d, d)
-        SPD.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-    """
-    return _recentered(points, center, 0)
-
-
-def _recentered(points: ArrayLike, center: ArrayLike, root: int) -> Array:
-    """Apply the congruence by P^½ (0) or P^-½ (1)."""
-    middle = as_spd(center, "center")
-    data = as_spd(points, "points", middle.shape[-1])
-    require_broadcast(points=data, center=middle)
-    return recentered(roots(middle)[root], data)
 
 
 class _State(NamedTuple):

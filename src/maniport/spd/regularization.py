@@ -30,11 +30,6 @@ class Regularization:
         if self.damping is not None:
             object.__setattr__(self, "damping", as_number(self.damping, "damping", above=0.0))
 
-    @classmethod
-    def absolute(cls, epsilon: float) -> Self:
-        """Return what adds ε [unit of M] to all eigenvalues, whatever the domain."""
-        return cls(epsilon=as_number(epsilon, "epsilon", above=0.0))
-
     def fitted(self, domain: ArrayLike, name: str = "domain") -> Self:
         """Return the same with the ε of a domain, shape (n, d, d): ρ tr(mean) / d; zero without damping."""
         if self.damping is None:

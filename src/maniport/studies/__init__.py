@@ -1,1 +1,1 @@
-"""The paper's experiments again, and the comparison of the methods on human motions."""
+"""Studies that `maniport reproduce` runs."""

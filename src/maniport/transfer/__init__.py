@@ -4,7 +4,6 @@ Arrays in, arrays out: the methods know nothing of arms, so that any SPD data (s
 transferred. Each method is one class that keeps the contract of `maniport.transfer.adapter.DomainAdapter`.
 """
 
-import os
 from typing import Any
 
 import numpy as np
@@ -13,16 +12,16 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.adapter_file import read_adapter
+from maniport.transfer.adapter_file import load_adapter
 from maniport.transfer.baselines import IdentityMap, NearestNeighbor
+from maniport.transfer.icp import RiemannianICP
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
     GeodesicCorrespondence,
     Matches,
 )
-from maniport.transfer.length_field_adapter import LengthField
-from maniport.transfer.riemannian_icp import RiemannianICP
+from maniport.transfer.length_field import LengthField
 from maniport.transfer.rigid_adapter import MeanTransport, ParallelTransport
 from maniport.util.validation import as_choice
 
@@ -80,38 +79,8 @@ def _same_base_rotation(shared: ArrayLike, own: ArrayLike | None) -> bool:
     return first.shape == other.shape and np.allclose(first, other, atol=1e-9)
 
 
-def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
-    """Read a fitted adapter that was written by `DomainAdapter.save`.
-
-    Parameters
-    ----------
-    path : str or path
-
-    Returns
-    -------
-    DomainAdapter
-        Fitted.
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read or holds something else.
-    """
-    adapter: DomainAdapter = read_adapter(path)
-    return adapter
-
-
 def name_of(adapter: DomainAdapter) -> str:
-    """Return the name of an adapter's method in `METHODS`, or its class where it has none.
-
-    Parameters
-    ----------
-    adapter : DomainAdapter
-
-    Returns
-    -------
-    str
-    """
+    """Return the name of an adapter's method in `METHODS`, or its class where it has none."""
     return next((name for name, kind in METHODS.items() if type(adapter) is kind), type(adapter).__name__)
 
 
@@ -130,5 +99,4 @@ __all__ = [
     "RiemannianICP",
     "load_adapter",
     "method_of",
-    "name_of",
 ]

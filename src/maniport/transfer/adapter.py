@@ -12,25 +12,16 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
+from maniport.errors import InvalidInputError, NotFittedError
 from maniport.estimator import Estimator
-from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.kernels import congruence, eigh, release
+from maniport.spd.affine_invariant import distance_unchecked, nearest
+from maniport.spd.kernels import congruence, release
 from maniport.spd.mean import dispersion, mean
-from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization, damped_again, without_damping
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.validation import (
-    SPD_TOLERANCE,
-    Array,
-    as_finite,
-    as_points,
-    as_positive_semidefinite,
-    as_rotation,
-    vouched,
-)
+from maniport.util.validation import Array, as_finite, as_points, as_positive_semidefinite, as_rotation, as_spd
 
 
 class DomainAdapter(NotebookDisplay, Estimator, ABC):
@@ -149,8 +140,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         images = self._map(seen.reshape(-1, d, d))
         if self.student_damping_ > 0.0:
             images = release(images, float(self.student_damping_))
-        _require_positive(images := images.reshape(seen.shape))
-        return images
+        return as_spd(images.reshape(seen.shape), "the image of points", copy=False)
 
     def inverse_transform(self, points: ArrayLike) -> Array:
         """Map ellipsoids of the student back to the teacher; undoes `transform`.
@@ -181,8 +171,8 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
             back = congruence(self.base_rotation_.T, back)
         return without_damping(back, float(self.teacher_damping_)).reshape(regular.shape)
 
-    def compiled(self) -> Callable[[Array], Array]:
-        """Return the map of one ellipsoid (d, d) at a time, as a callable: `maniport.transfer.control.CompiledMap`."""
+    def compiled(self) -> Callable[..., Array]:
+        """Return the map of one ellipsoid (d, d) at a time, as a callable."""
         self._dimension()
         return self.transform
 
@@ -228,7 +218,8 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
     def teacher_side(self, points: ArrayLike, name: str = "points") -> Array:
         """Return the teacher's ellipsoids as the fit saw them: damped, in the student's frame; (..., d, d)."""
-        return self._in_student_frame(self.teacher_regularization.apply(points, name, self._dimension()))
+        d = self._dimension()
+        return self._in_student_frame(Regularization(epsilon=float(self.teacher_damping_)).apply(points, name, d))
 
     def student_side(self, points: ArrayLike, name: str = "points") -> Array:
         """Return the student's ellipsoids as the fit saw them: damped, shape (..., d, d)."""
@@ -249,12 +240,6 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
             base = np.eye(6) if self.base_rotation_ is None else self.base_rotation_
             return orthonormal(base[:3, :3] + base[3:, 3:])
         return self._map_rotation() if self.base_rotation_ is None else self._map_rotation() @ self.base_rotation_
-
-    @property
-    def teacher_regularization(self) -> Regularization:
-        """Regularization of the teacher's ellipsoids in the fit."""
-        self._dimension()
-        return Regularization(epsilon=float(self.teacher_damping_))
 
     @property
     def student_regularization(self) -> Regularization:
@@ -302,18 +287,3 @@ def _damped_domain(
             f"{name} has no dispersion: all {len(cloud)} ellipsoids are equal; a domain needs different ones"
         )
     return cloud, fitted.epsilon
-
-
-def _require_positive(images: Array) -> None:
-    """Raise when an image is singular up to `SPD_TOLERANCE`."""
-    if vouched(images, None, SPD_TOLERANCE, copy=False) is not None:
-        return
-    values, _ = eigh(images)
-    shares = values[..., 0] / values.sum(axis=-1)
-    if not np.all(shares > SPD_TOLERANCE):
-        index = np.unravel_index(np.argmin(shares), shares.shape)
-        place = f"[{', '.join(str(int(i)) for i in index)}]" if index else ""
-        raise NotSPDError(
-            f"points{place} has an image whose eigenvalues are too far apart for floating-point numbers: "
-            f"the largest is {values[index][-1]:.3g}, and the smallest is lost in its rounding"
-        )

@@ -8,34 +8,22 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, is_dataclass
-from typing import Any, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.spd.regularization import Regularization
 from maniport.util.files import array_names, load_arrays, save_arrays
-from maniport.util.validation import as_count, as_finite, as_flag, as_number, as_rotation, as_spd
+from maniport.util.validation import as_choice, as_count, as_finite, as_flag, as_number, as_rotation, as_spd
+
+if TYPE_CHECKING:
+    from maniport.transfer.adapter import DomainAdapter
 
 FILE_FORMAT = "maniport-adapter-4"
 
 METHODS_BY_CLASS: dict[str, type] = {}  # All classes of adapters by name
-
-
-def non_negative(value: Any, name: str) -> float:
-    """Require a number of at least zero."""
-    return as_number(value, name, minimum=0.0)
-
-
-def positive(value: Any, name: str) -> float:
-    """Require a number above zero."""
-    return as_number(value, name, above=0.0)
-
-
-def as_text(value: Any, name: str) -> None:
-    """Require a string."""
-    if not isinstance(value, str):
-        raise InvalidInputError(f"{name} must be text; found {type(value).__name__}")
 
 
 class Attribute(NamedTuple):
@@ -47,21 +35,29 @@ class Attribute(NamedTuple):
 
 Schema = dict[str, Attribute]
 
+
+def _as_text(value: Any, name: str) -> None:
+    if not isinstance(value, str):
+        raise InvalidInputError(f"{name} must be text; found {type(value).__name__}")
+
+
+POSITIVE, NON_NEGATIVE = partial(as_number, above=0.0), partial(as_number, minimum=0.0)
 SCHEMA: Schema = {
     "student_mean_": Attribute(("d", "d"), as_spd),
     "teacher_mean_": Attribute(("d", "d"), as_spd),
     "base_rotation_": Attribute(("d", "d"), as_rotation),
     "rotation_": Attribute(("d", "d"), as_rotation),
-    "dispersion_ratio_": Attribute((), positive),
-    "teacher_damping_": Attribute((), non_negative),
-    "student_damping_": Attribute((), non_negative),
-    "teacher_dispersion_": Attribute((), non_negative),
-    "student_dispersion_": Attribute((), non_negative),
-    "cost_": Attribute((), as_number),
+    "dispersion_ratio_": Attribute((), POSITIVE),
     "history_": Attribute(("iterations",), lambda value, name: as_count(np.size(as_finite(value, name)), name)),
+    "cost_": Attribute((), as_number),
     "converged_": Attribute((), as_flag),
-    "n_iter_": Attribute((), lambda value, name: as_count(value, name, minimum=0)),
-    "stop_reason_": Attribute((), as_text),
+    "n_iter_": Attribute((), partial(as_count, minimum=0)),
+    "stop_reason_": Attribute((), _as_text),
+    **{
+        f"{domain}_{name}_": Attribute((), NON_NEGATIVE)
+        for domain in ("teacher", "student")
+        for name in ("damping", "dispersion")
+    },
 }
 """Attributes of every adapter."""
 
@@ -87,43 +83,52 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     save_arrays(path, {"adapter": np.array(json.dumps(plain, sort_keys=True)), **arrays})
 
 
-def read_adapter(path: str | os.PathLike[str]) -> Any:
-    """Read a fitted adapter; see `maniport.load_adapter`."""
+def load_adapter(path: str | os.PathLike[str]) -> "DomainAdapter":
+    """Read a fitted adapter that was written by `DomainAdapter.save`.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    DomainAdapter
+        Fitted.
+
+    Raises
+    ------
+    FileFormatError
+        When the file cannot be read or holds something else.
+    """
     names = array_names(path, "adapter file")
     if "adapter" not in names:
         raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {names}")
-    damaged = f"{str(path)!r} is a damaged adapter file"
-    description = str(load_arrays(path, "adapter file", ("adapter",))["adapter"])
+    wanted = [key for key in names if key.startswith("parameters.") or _is_attribute(key.partition("fitted.")[2])]
+    arrays = load_arrays(path, "adapter file", ["adapter", *wanted])
     try:
-        plain = json.loads(description)
-        file_format, name = plain["format"], str(plain["method"])
+        plain = json.loads(str(arrays.pop("adapter")))
+        if (written := plain["format"]) != FILE_FORMAT:
+            hint = f"this version reads {FILE_FORMAT!r}: fit the adapter again"
+            raise FileFormatError(f"{str(path)!r} has the format {written!r}; {hint}")
+        methods: dict[str, Any] = {key: kind for key, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)}
+        method = methods[as_choice(plain["method"], "method", methods)]
         groups = {group: dict(plain[group]) for group in ("parameters", "fitted")}
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise FileFormatError(f"{damaged}: {error}") from None
-    if file_format != FILE_FORMAT:
-        raise FileFormatError(
-            f"{str(path)!r} has the format {file_format!r}; this version reads {FILE_FORMAT!r}: fit the adapter again"
-        )
-    methods = {key: kind for key, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)}
-    if name not in methods:
-        raise FileFormatError(f"{str(path)!r} holds a {name!r}; allowed are {sorted(methods)}")
-    method: Any = methods[name]
-    arrays = [key for key in names if key.startswith("parameters.") or _is_attribute(key.partition("fitted.")[2])]
-    for key, value in load_arrays(path, "adapter file", arrays).items():
-        group, _, attribute = key.partition(".")
-        groups[group][attribute] = value
-    try:
+        for key, value in arrays.items():
+            group, _, attribute = key.partition(".")
+            groups[group][attribute] = value
         if unknown := set(groups["parameters"]) - set(method().get_params()):
             raise InvalidInputError(f"unknown parameters {sorted(unknown)}")
         if unknown := {key for key in groups["fitted"] if not _is_attribute(key)}:
             raise InvalidInputError(f"unknown attributes {sorted(unknown)}")
         _require_valid(groups["fitted"], method.schema)
-        adapter = method(**groups["parameters"])
+        adapter: DomainAdapter = method(**groups["parameters"])
         Regularization(adapter.damping)  # raises where it is no number
         vars(adapter).update(groups["fitted"])
         adapter._settle()
-    except (InvalidInputError, KeyError, TypeError, ValueError, OverflowError) as error:
-        raise FileFormatError(f"{damaged}: {error}") from None
+    except FileFormatError:
+        raise
+    except (InvalidInputError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
     return adapter
 
 
@@ -137,7 +142,7 @@ def _require_valid(fitted: Mapping[str, Any], schema: Schema) -> None:
     if missing := [name for name in schema if name not in fitted]:
         raise InvalidInputError(f"missing attributes {missing}")
     d = (np.shape(fitted["student_mean_"]) or (0,))[-1]
-    sizes: dict[str | int, int] = {"d": d, "D": d * (d + 1) // 2}
+    sizes = {"d": d, "D": d * (d + 1) // 2}
     for name, (shape, check) in schema.items():
         value = fitted[name]
         if name == "base_rotation_" and value is None:  # the frames are equal
@@ -146,9 +151,9 @@ def _require_valid(fitted: Mapping[str, Any], schema: Schema) -> None:
             raise InvalidInputError(f"{name} must hold numbers; found {value.dtype}")
         check(value, name)
         actual = np.shape(value)
-        expected = tuple(sizes.get(size, size) for size in shape)
+        expected = tuple(sizes.get(size, size) if isinstance(size, str) else size for size in shape)
         if len(actual) != len(shape) or any(
-            isinstance(size, int) and size != length for size, length in zip(expected, actual, strict=True)
+            size != length for size, length in zip(expected, actual, strict=True) if isinstance(size, int)
         ):
             raise InvalidInputError(f"{name} must have the shape {expected}; found {actual}".replace("'", ""))
-        sizes |= dict(zip(shape, actual, strict=True))
+        sizes |= {size: length for size, length in zip(shape, actual, strict=True) if isinstance(size, str)}

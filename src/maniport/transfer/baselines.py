@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotInvertibleError
-from maniport.spd.neighbors import NeighborIndex, nearest
+from maniport.spd.affine_invariant import NeighborIndex, nearest
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import Attribute, Schema
 from maniport.util.sampling import evenly_spaced

@@ -1,67 +1,51 @@
 """One ellipsoid at a time, for control loops: a fitted map as a small callable that allocates nothing."""
 
-from typing import Any, NoReturn, Protocol
+from collections.abc import Callable
+from typing import Any, NoReturn
 
 import numba
 import numpy as np
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
-from maniport.spd.kernels.loops import diagonalize, release
-from maniport.transfer.length_field.field import ROUNDED
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, ROUNDED
+from maniport.spd.kernels.loops import release
+from maniport.spd.kernels.single import compose, congruence, diagonalize, multiply
 from maniport.util.jit import kernel, part
 from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
-
-OTHER_ARRAYS = 3
-REASONS = {
-    1: "is not symmetric and finite",
-    2: "or its image is not positive-definite and finite",
-}
 
 
 @kernel
 def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ, released from the student's damping."""
+    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ, released from the student's damping; return whether it is possible."""
     n, (power, epsilon, student) = len(left), numbers
     if point.shape != (n, n) or out.shape != (n, n):
-        return 3
+        return False
     a, b, v, x = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n)
     if not damp(point, a, epsilon):
-        return 1
+        return False
     congruence(left, a, b)
-    diagonalize_one(a, v)
-    lowest, highest = MAX_EIGENVALUE, MIN_EIGENVALUE
+    diagonalize(a, v)
     for i in range(n):
-        x[i] = a[i, i] ** power
-        if not (a[i, i] > 0.0 and MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE):
-            return 2
-        lowest, highest = min(lowest, x[i]), max(highest, x[i])
-    if not lowest > SPD_TOLERANCE**power * highest:  # a singular X, whose zero was rounded up
-        return 2
+        x[i] = a[i, i] ** power if a[i, i] > 0.0 else 0.0
+    lowest, highest = x.min(), x.max()
+    # the last bound refuses a singular X, whose zero was rounded up
+    if not (lowest >= MIN_EIGENVALUE and highest <= MAX_EIGENVALUE and lowest > SPD_TOLERANCE**power * highest):
+        return False
     multiply(right, v, b)
     compose(x, b, a)
     if student > 0.0:
-        diagonalize_one(a, v)
+        diagonalize(a, v)
         for i in range(n):
             if not a[i, i] > 0.0:
-                return 2
+                return False
             x[i] = release(a[i, i], student)
         compose(x, v, a)
-    for i in range(n):
-        for j in range(n):
-            out[i, j] = a[i, j]
-    return 0
+    out[:] = a
+    return True
 
 
-class CompiledMap(Protocol):
-    """The map of a fitted adapter for one ellipsoid at a time; made by `compiled()` of the adapter."""
-
-    def __call__(self, point: Array, out: Array | None = None) -> Array:
-        """Map one ellipsoid of the teacher to the student."""
-
-
-def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
-    """Return the map of ellipsoids (d, d) by what is compiled."""
+def compiled_map(function: Any, d: int, *terms: Array) -> Callable[..., Array]:
+    """Return the map of an ellipsoid (d, d) into `out` by a kernel that returns whether it is possible."""
     shape = (d, d)
     function(np.eye(d), *terms, np.empty(shape))  # compiles it, or loads it
     if not numba.config.DISABLE_JIT:
@@ -71,23 +55,26 @@ def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
         if out is None:
             out = np.empty(shape)
         try:
-            failed = function(point, *terms, out)
+            possible = function(point, *terms, out)
         except TypeError:
-            failed = OTHER_ARRAYS
-        if failed:
-            _refuse(failed, shape, point, out)
+            possible = False
+        if not possible:
+            _refuse(shape, point, out)
         return out
 
-    mapped.__doc__ = CompiledMap.__call__.__doc__
     return mapped
 
 
-def _refuse(failed: int, shape: tuple[int, int], point: Array, out: Array) -> NoReturn:
-    if failed == OTHER_ARRAYS:
-        text = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
-        raise InvalidInputError(f"point and out must be C-contiguous float64 arrays of shape {shape}; found {text}")
-    reason = REASONS[failed]
-    raise NotSPDError(f"point {reason}: {np.array2string(np.asarray(point), precision=4, separator=', ')}")
+def _refuse(shape: tuple[int, int], point: Array, out: Array) -> NoReturn:
+    for array in (point, out):
+        fits = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == np.float64
+        if not (fits and array.flags.c_contiguous):
+            text = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
+            raise InvalidInputError(f"point and out must be C-contiguous float64 arrays of shape {shape}; found {text}")
+    raise NotSPDError(
+        "point and its image must be symmetric, finite and positive-definite; found "
+        f"{np.array2string(point, precision=4, separator=', ')}"
+    )
 
 
 @kernel
@@ -98,19 +85,19 @@ def map_lengths(point, base_rotation, numbers, parts, table, out):  # type: igno
     """
     n = len(base_rotation)
     if point.shape != (n, n) or out.shape != (n, n):
-        return 3
+        return False
     epsilon, student, power, shift, level, inverse_square, soft = numbers
     a, b, v, x, u = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n * (n + 1) // 2)
     if not damp(point, a, epsilon):
-        return 1
+        return False
     congruence(base_rotation, a, b)
-    diagonalize_one(a, v)
+    diagonalize(a, v)
     trace = 0.0
     for i in range(n):
         trace += a[i, i]
     for i in range(n):
         if not a[i, i] > ROUNDED * trace:
-            return 2
+            return False
         x[i] = power * np.log(a[i, i]) + shift
     compose(x, v, a)
     _fill_mandel(a, u)
@@ -123,12 +110,10 @@ def map_lengths(point, base_rotation, numbers, parts, table, out):  # type: igno
         if student > 0.0:
             x[i] = release(x[i], student)
         if not MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE:
-            return 2
+            return False
     compose(x, v, a)
-    for i in range(n):
-        for j in range(n):
-            out[i, j] = a[i, j]
-    return 0
+    out[:] = a
+    return True
 
 
 @part(fastmath=True)
@@ -137,16 +122,20 @@ def _field(u, table, inverse_square):  # type: ignore[no-untyped-def]
     size, square, near = len(u), 0.0, table[len(u)].copy()
     for k in range(size):
         square += u[k] * u[k]
-    for k in range(size):
         for j in range(len(near)):
             near[j] += table[k, j] * u[k]
-    first, second, third = 0.0, 0.0, 0.0
+    shift, first, second, third = 0.5 * inverse_square * square, 0.0, 0.0, 0.0
     for j in range(len(near)):
-        near[j] = np.exp(near[j] - 0.5 * inverse_square * square)
-    for j in range(len(near)):
-        first += table[size + 1, j] * near[j]
-        second += table[size + 2, j] * near[j]
-        third += table[size + 3, j] * near[j]
+        # exp(x) as exp(x / 256)^256, which becomes vector instructions as np.exp does not; below −40 it is negligible
+        x = max(near[j] - shift, -40.0) / 256.0
+        power = 1.0 + x / 7.0 * (1.0 + x / 8.0)
+        for factor in range(6, 0, -1):
+            power = 1.0 + x / factor * power
+        for _ in range(8):
+            power *= power
+        first += table[size + 1, j] * power
+        second += table[size + 2, j] * power
+        third += table[size + 3, j] * power
     return first, second, third
 
 
@@ -177,13 +166,6 @@ def _fill_features(u, parts, soft):  # type: ignore[no-untyped-def]
 
 
 @part
-def diagonalize_one(a, v):  # type: ignore[no-untyped-def]
-    """Turn one matrix into diag(A) and eigenvectors V, unsorted."""
-    n = len(a)
-    diagonalize(a.reshape(n, n, 1), v.reshape(n, n, 1), np.empty((2, 1)))
-
-
-@part
 def damp(point, a, added):  # type: ignore[no-untyped-def]
     """Set A ← P + added I; return whether P is symmetric and finite."""
     n, largest = len(point), 0.0
@@ -197,40 +179,3 @@ def damp(point, a, added):  # type: ignore[no-untyped-def]
             a[i, j] = 0.5 * (point[i, j] + point[j, i])
         a[i, i] += added
     return True
-
-
-@part
-def compose(x, v, a):  # type: ignore[no-untyped-def]
-    """Set A ← V diag(x) Vᵀ."""
-    n = len(x)
-    for i in range(n):
-        for j in range(i, n):
-            total = 0.0
-            for k in range(n):
-                total += v[i, k] * x[k] * v[j, k]
-            a[i, j] = a[j, i] = total
-
-
-@part
-def multiply(left, v, b):  # type: ignore[no-untyped-def]
-    """B ← L V."""
-    n = len(v)
-    for i in range(n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += left[i, k] * v[k, j]
-            b[i, j] = total
-
-
-@part
-def congruence(left, a, b):  # type: ignore[no-untyped-def]
-    """Set A ← L A Lᵀ; overwrite B."""
-    n = len(a)
-    multiply(left, a, b)
-    for i in range(n):
-        for j in range(i, n):
-            total = 0.0
-            for k in range(n):
-                total += b[i, k] * left[j, k]
-            a[i, j] = a[j, i] = total

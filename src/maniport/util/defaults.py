@@ -5,7 +5,7 @@ AUTO = "auto"
 
 BOTH = "both"  # side of a person with both arms
 
-PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO  # human arm model, robot and transfer method
+PERSON, ROBOT = "myoarm", "panda"  # human arm model and robot
 DAMPING = 0.01  # relative damping ρ: hardly changes long axes, and singular ellipsoids get finite distances
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384  # sizes of the sampled domains, sufficient for arms of seven joints
 
@@ -14,7 +14,7 @@ MARGIN = 0.02  # share of a joint's range that is kept free at either end
 RATE = 1000.0  # sampling rate of a planned motion [Hz]
 
 RECORDINGS = {
-    ".bvh": "bvh", ".c3d": "c3d", ".trc": "trc", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",
+    ".bvh": "bvh", ".c3d": "c3d", ".trc": "table", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",
     ".npz": "npz", ".npy": "npz", ".csv": "table", ".tsv": "table", ".json": "keypoints",
 }  # fmt: skip
 """Suffixes of recordings, and the module of `maniport.mocap.readers` that reads each."""

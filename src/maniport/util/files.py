@@ -34,7 +34,11 @@ def load_arrays(path: str | os.PathLike[str], what: str, names: Collection[str] 
                 f"{what} {str(path)!r}: its arrays have {unpacked / MEGABYTE:.4g} MB; at most "
                 f"{ARRAYS_BYTES / MEGABYTE:.4g} MB are read"
             )
-        return {name: _array(archive, info) for name, info in chosen.items()}
+        arrays = {}
+        for name, info in chosen.items():
+            with archive.open(info) as stream:
+                arrays[name] = read_npy(stream, info.file_size)
+        return arrays
 
 
 def array_names(path: str | os.PathLike[str], what: str) -> list[str]:
@@ -62,15 +66,6 @@ def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
     return {info.filename.removesuffix(".npy"): info for info in infos}
 
 
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Any:
-    """Read one array of an archive."""
-    try:
-        with archive.open(info) as stream:
-            return read_npy(stream, info.file_size)
-    except Exception as error:  # noqa: BLE001 - errors of any type, as in `_archive`
-        raise ValueError(f"the array {info.filename.removesuffix('.npy')!r}: {error}") from None
-
-
 def read_npy(stream: IO[bytes], size: int) -> Any:
     """Read an array from a stream of `size` bytes in NumPy's format; may raise errors of any type."""
     version = np.lib.format.read_magic(stream)
@@ -89,59 +84,42 @@ def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, tim
     """Write ellipsoids (n, d, d), and their times (n,) in seconds where there are any, to an ``.npz`` file."""
     points = as_finite(manipulability, "manipulability")
     require_shape(points, "manipulability", ("n", "d", "d"), " with n ≥ 1")
-    arrays = {"manipulability": as_positive_semidefinite(points, "manipulability")}
-    if time is not None:
-        arrays["time"] = as_finite(time, "time")
-        require_shape(arrays["time"], "time", (len(points),))
-    save_arrays(path, arrays)
+    _save(path, "manipulability", as_positive_semidefinite(points, "manipulability"), time)
 
 
 def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     """Read ellipsoids (n, d, d) and, where the file has them, their times (n,) in seconds."""
-    arrays = _with_array(path, "ellipsoid file", "manipulability")
-    points = arrays["manipulability"]
-    if points.ndim != 3 or not len(points):
-        raise FileFormatError(
-            f"ellipsoid file {str(path)!r}: 'manipulability' must have shape (n, d, d) with n ≥ 1; found {points.shape}"
-        )
-    ellipsoids = as_positive_semidefinite(points, f"manipulability in {str(path)!r}")
-    if "time" not in arrays:
-        return ellipsoids, None
-    time = as_times(arrays["time"], f"time in {str(path)!r}")
-    if len(time) != len(points):
-        raise FileFormatError(
-            f"ellipsoid file {str(path)!r}: {len(points)} ellipsoids, but 'time' has shape {time.shape}"
-        )
-    return ellipsoids, time
-
-
-def _with_array(path: str | os.PathLike[str], what: str, name: str) -> dict[str, Any]:
-    """Return the array of that name, and its times where there are any."""
-    arrays = load_arrays(path, what, (name, "time"))
-    if name not in arrays:
-        raise FileFormatError(
-            f"{what} {str(path)!r} has no array {name!r}; it holds {array_names(path, what) or 'nothing'}"
-        )
-    return arrays
+    points, time = _load(path, "ellipsoid file", "manipulability", ("n", "d", "d"))
+    return as_positive_semidefinite(points, f"manipulability in {str(path)!r}"), time
 
 
 def save_path(path: str | os.PathLike[str], positions: ArrayLike, time: ArrayLike | None = None) -> None:
     """Write positions (n, 3) [m], and their times (n,) in seconds where there are any, to an ``.npz`` file."""
-    arrays = {"path": as_finite(positions, "path")}
-    require_shape(arrays["path"], "path", ("n", 3))
-    if time is not None:
-        arrays["time"] = as_finite(time, "time")
-    save_arrays(path, arrays)
+    points = as_finite(positions, "path")
+    require_shape(points, "path", ("n", 3))
+    _save(path, "path", points, time)
 
 
 def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     """Read positions (n, 3) [m] and, where the file has them, their times (n,) in seconds."""
-    arrays = _with_array(path, "path file", "path")
-    positions = as_finite(arrays["path"], f"path in {str(path)!r}")
-    if positions.ndim != 2 or positions.shape[1] != 3:
-        raise FileFormatError(f"path file {str(path)!r}: 'path' must have shape (n, 3); found {positions.shape}")
-    time = as_times(arrays["time"], f"time in {str(path)!r}", len(positions)) if "time" in arrays else None
-    return positions, time
+    return _load(path, "path file", "path", ("n", 3))
+
+
+def _save(path: str | os.PathLike[str], name: str, points: Array, time: ArrayLike | None) -> None:
+    """Write an array, and its times where there are any."""
+    times = {} if time is None else {"time": as_times(time, count=len(points))}
+    save_arrays(path, {name: points} | times)
+
+
+def _load(path: str | os.PathLike[str], what: str, name: str, shape: tuple[Any, ...]) -> tuple[Array, Array | None]:
+    """Return the array of that name, and its times where there are any."""
+    arrays, where = load_arrays(path, what, (name, "time")), f"in {str(path)!r}"
+    if name not in arrays:
+        held = array_names(path, what) or "nothing"
+        raise FileFormatError(f"{what} {str(path)!r} has no array {name!r}; it holds {held}")
+    points = as_finite(arrays[name], f"{name} {where}")
+    require_shape(points, f"{name} {where}", shape)
+    return points, as_times(arrays["time"], f"time {where}", len(points)) if "time" in arrays else None
 
 
 def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
@@ -150,8 +128,6 @@ def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[s
     text = read_whole(file, (".yaml", ".yml", ".json"), SETTINGS_BYTES)
     try:
         content = yaml.load(text.decode("utf-8-sig"), Loader=_StrictLoader)
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{file}: not a text file: {error.reason} at byte {error.start}") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""

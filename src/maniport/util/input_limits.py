@@ -23,11 +23,8 @@ SETTINGS_BYTES = MEGABYTE // 4  # Of what people write by hand
 TAGS = 500_000  # Tags in a robot's XML
 NESTING = 128  # Depth of nested elements; a native reader goes down into them with its stack
 LINKS = 1000  # Links (bodies) of a robot, and links in a row
-
 INCLUDES = 64  # Files that a robot's file includes
-
 SHAPES = 5000  # Of a robot
-
 NODES = 20_000  # Nodes of the scene in a mesh file; one that is drawn twice counts twice
 TRIANGLES = 10_000_000  # Triangles and, by themselves, points of one mesh, and triangles of all that a robot shows
 
@@ -35,10 +32,8 @@ FRAMES = 2_000_000
 POINTS = 5000  # Named points of a recording
 PLACES = 50_000_000  # Frames × points of a recording
 LINE = 2 * MEGABYTE  # Characters of a line of a table: `POINTS` places of 20 digits for each number fill half of it
-FRAME_BYTES = MEGABYTE // 64
-"""Of one frame that comes in live, as a line or a datagram: 150 points with long names; parsed in less than 1 ms."""
-NAME = 256
-"""Characters of the name of a column, a marker with those of its model; what takes names apart tries every cut."""
+FRAME_BYTES = MEGABYTE // 64  # Of one live frame, a line or a datagram: 150 points with long names; parsed in 1 ms
+NAME = 256  # Characters of the name of a column, a marker with those of its model
 
 
 def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[str] | None = None) -> None:
@@ -72,9 +67,8 @@ def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], most:
     if not stat.S_ISREG(status.st_mode):
         raise FileFormatError(f"{file}: this is a pipe, a socket or a device; give a file")
     if status.st_size > most:
-        raise FileFormatError(
-            f"{file}: has {status.st_size / MEGABYTE:.4g} MB; at most {most / MEGABYTE:.4g} MB are read"
-        )
+        size = f"has {status.st_size / MEGABYTE:.4g} MB; at most {most / MEGABYTE:.4g} MB are read"
+        raise FileFormatError(f"{file}: {size}")
     if status.st_size == 0:
         raise FileFormatError(f"{file}: the file is empty")
     if not os.access(file, os.R_OK):

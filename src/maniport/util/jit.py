@@ -42,7 +42,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             # Numba's own stamp covers one file; here all called functions are known, which they are not earlier
-            self._cache_file._source_stamp = _digest(_sources(self._py_func, set()))
+            self._cache_file._source_stamp = _digest(self._py_func)
             overload = super().load_overload(sig, target_context)
         except Exception:  # noqa: BLE001  # what a damaged file makes pickle raise
             self._ignoring_errors(self.flush)
@@ -60,18 +60,12 @@ class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
             self.disable()
 
 
-def _sources(function: Callable[..., Any], files: set[str]) -> set[str]:
-    """Collect the files of a function and of the compiled functions that it calls."""
-    files.add(inspect.getfile(function))
-    for name in function.__code__.co_names:
-        called = getattr(function.__globals__.get(name), "py_func", None)
-        if called is not None and called is not function:
-            _sources(called, files)
-    return files
-
-
-def _digest(files: set[str]) -> str:
-    digest = hashlib.sha256()
-    for file in sorted(files):
-        digest.update(Path(file).read_bytes())
-    return digest.hexdigest()
+def _digest(function: Callable[..., Any]) -> str:
+    """Digest of the files of a function and of the compiled functions that it calls."""
+    files, waiting = set[str](), [function]
+    while waiting:
+        function = waiting.pop()
+        files.add(inspect.getfile(function))
+        called = (getattr(function.__globals__.get(name), "py_func", None) for name in function.__code__.co_names)
+        waiting += [other for other in called if other not in (None, function)]
+    return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(files))).hexdigest()

@@ -9,7 +9,7 @@ from maniport.errors import MissingPackageError
 
 def how_to_install(extra: str) -> str:
     """Return the command that installs an extra; in quotes, since some shells take brackets for a pattern."""
-    return f'pip install "maniport[{extra}]"'
+    return f'in the clone: pip install ".[{extra}]"'
 
 
 def optional_package(name: str, extra: str, what: str) -> Any:
@@ -18,13 +18,12 @@ def optional_package(name: str, extra: str, what: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise MissingPackageError(
-            f"{what} needs {name}, which cannot be imported ({error}): {how_to_install(extra)}"
+            f"{what} needs {name}, which cannot be imported ({error}); {how_to_install(extra)}"
         ) from None
 
 
 matplotlib = partial(optional_package, "matplotlib", "figures", "drawing figures")
 viser = partial(optional_package, "viser", "view", "the live view")
-optimal_transport = partial(optional_package, "ot", "transport", "the transport between Gaussians")
 xacrodoc = partial(optional_package, "xacrodoc.xacrodoc", "xacro", "a .xacro file")
 mcap_writer = partial(optional_package, "mcap.writer", "mcap", "the format 'mcap'")
 pyarrow = partial(optional_package, "pyarrow", "parquet", "the format 'parquet'")

@@ -1,4 +1,4 @@
-"""Sockets and signals of this process: addresses to listen on, Ctrl-C, and workers that end with their parent."""
+"""Sockets, signals and threads of this process, and workers that end with their parent."""
 
 import os
 import signal
@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import Any
 
@@ -80,3 +81,19 @@ def end_with_parent(parent: int) -> None:
 
     if os.name == "posix":
         threading.Thread(target=watch, daemon=True).start()
+
+
+def settled(future: "Future[Any]", work: Callable[..., Any], *args: Any) -> "Future[Any]":
+    """Call a function and put its result or its error into a future."""
+    try:
+        future.set_result(work(*args))
+    except Exception as error:  # noqa: BLE001 - raised again by the result
+        future.set_exception(error)
+    return future
+
+
+def in_background(work: Callable[..., Any], *args: Any) -> "Future[Any]":
+    """Call a function in a thread for which nothing waits when the program ends."""
+    future: Future[Any] = Future()
+    threading.Thread(target=settled, args=(future, work, *args), daemon=True).start()
+    return future

@@ -1,10 +1,6 @@
-"""One compiled pass over many small matrices that vouches for those which are plainly SPD, and NumPy's verdict.
-
-Only `validation` uses them: the verdict wherever the pass has a doubt.
-"""
+"""One compiled pass over many small matrices that vouches for plainly SPD ones; `validation` checks the others."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.util.jit import kernel
 
@@ -49,16 +45,3 @@ def vouch(matrices, results, fraction, tolerance, low, high, definite):  # type:
                     total -= factor[i, k] * factor[j, k] * factor[k, k]
                 factor[i, j] = total
     return True
-
-
-def not_above(array: NDArray[np.float64], fraction: float) -> NDArray[np.bool_]:
-    """Which symmetric matrices (..., d, d) have eigenvalues that do not lie above `fraction` of the trace."""
-    limit = fraction * np.abs(np.trace(array, axis1=-2, axis2=-1))
-    tiny = np.finfo(np.float64).tiny if fraction < 0 else 0.0  # a zero matrix is semidefinite, yet has no factor
-    try:
-        np.linalg.cholesky(array - (limit - tiny)[..., None, None] * np.eye(array.shape[-1]))
-    except np.linalg.LinAlgError:
-        worst = np.linalg.eigvalsh(array)[..., 0] - limit
-        bad = worst <= 0 if fraction > 0 else worst < 0
-        return np.asarray(bad if np.any(bad) else worst == worst.min())
-    return np.zeros(array.shape[:-2], dtype=bool)

@@ -114,24 +114,12 @@ def as_square(value: ArrayLike, name: str, dimension: int | None = None) -> Arra
 
 def as_symmetric(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
     """Convert to symmetric matrices, shape (..., d, d); rounding-sized asymmetry is averaged away."""
-    plain = vouched(value, dimension, None)
-    if plain is not None:
-        return plain
-    array = as_square(value, name, dimension)
-    transposed = np.swapaxes(array, -1, -2)
-    gap, scale = (np.abs(values).max(axis=(-1, -2)) for values in (array - transposed, array))
-    if np.any(bad := gap > SYMMETRY_TOLERANCE * scale):
-        index = _first(bad)
-        raise NotSPDError(
-            f"{name}{_at(index)} is not symmetric: |A - Aᵀ| reaches {gap[index]:.3g}; "
-            f"allowed is {SYMMETRY_TOLERANCE:g} of its largest entry, {scale[index]:.3g}"
-        )
-    return 0.5 * (array + transposed)
+    return _symmetric(None, value, name, dimension)
 
 
 def as_positive_semidefinite(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
     """Convert to symmetric matrices without negative eigenvalues, shape (..., d, d); singular ones may pass."""
-    return _with_eigenvalues_above(-SPD_TOLERANCE, value, name, dimension, "no negative eigenvalue is allowed")
+    return _symmetric(-SPD_TOLERANCE, value, name, dimension, "no negative eigenvalue is allowed")
 
 
 def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str = "", copy: bool = True) -> Array:
@@ -141,16 +129,14 @@ def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str 
     only read, and valid input may be returned as it is.
     """
     rule = "all eigenvalues must be positive" + (f". {hint}" if hint else "")
-    return _with_eigenvalues_above(SPD_TOLERANCE, value, name, dimension, rule, copy)
+    return _symmetric(SPD_TOLERANCE, value, name, dimension, rule, copy)
 
 
 def as_points(
     value: ArrayLike, name: str, dimension: int | None = None, minimum: int = 2, hint: str = "", copy: bool = True
 ) -> Array:
     """Convert to a set of SPD matrices, shape (n, d, d), with at least `minimum` members; `copy` as in `as_spd`."""
-    plain = vouched(value, dimension, SPD_TOLERANCE, copy)
-    array = as_finite(value, name) if plain is None else plain
-    array = as_spd(array, name, dimension, hint) if plain is None and array.size else array
+    array = as_spd(value, name, dimension, hint, copy)
     if array.ndim != 3:
         raise InvalidInputError(f"{name} must be a set of matrices, shape (n, d, d); found shape {array.shape}")
     if len(array) < minimum:
@@ -290,14 +276,25 @@ def vouched(value: ArrayLike, dimension: int | None, fraction: float | None, cop
     return results.reshape(value.shape) if vouch(flat, results, *limits) else None
 
 
-def _with_eigenvalues_above(
-    fraction: float, value: ArrayLike, name: str, dimension: int | None, rule: str, copy: bool = True
+def _symmetric(
+    fraction: float | None, value: ArrayLike, name: str, dimension: int | None, rule: str = "", copy: bool = True
 ) -> Array:
-    """Convert to symmetric matrices of which every eigenvalue lies above `fraction` of the matrix's trace."""
+    """Convert to symmetric matrices; every eigenvalue must lie above `fraction` of the trace, unless it is None."""
     plain = vouched(value, dimension, fraction, copy)
     if plain is not None:
         return plain
-    array = as_symmetric(value, name, dimension)
+    array = as_square(value, name, dimension)
+    transposed = np.swapaxes(array, -1, -2)
+    gap, scale = (np.abs(values).max(axis=(-1, -2)) for values in (array - transposed, array))
+    if np.any(bad := gap > SYMMETRY_TOLERANCE * scale):
+        index = _first(bad)
+        raise NotSPDError(
+            f"{name}{_at(index)} is not symmetric: |A - Aᵀ| reaches {gap[index]:.3g}; "
+            f"allowed is {SYMMETRY_TOLERANCE:g} of its largest entry, {scale[index]:.3g}"
+        )
+    array = 0.5 * (array + transposed)
+    if fraction is None:
+        return array
     trace = np.trace(array, axis1=-2, axis2=-1)
     outside = (np.abs(trace) > MAX_MAGNITUDE) | ((np.abs(trace) < MIN_MAGNITUDE) & (trace != 0))
     if np.any(outside):
@@ -306,9 +303,8 @@ def _with_eigenvalues_above(
             f"{name}{_at(index)} has the trace {trace[index]:.3g}; allowed are zero and magnitudes from "
             f"{MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}: choose another unit"
         )
-    from maniport.util.spd_check import not_above  # here, since Numba takes its time to import
-
-    bad = not_above(array, fraction)
+    worst = np.linalg.eigvalsh(array)[..., 0] - fraction * np.abs(trace)
+    bad = worst <= 0.0 if fraction > 0.0 else worst < 0.0
     if np.any(bad):
         index = _first(bad)
         low, high = np.linalg.eigvalsh(array[index])[[0, -1]]

@@ -16,12 +16,13 @@ from maniport.mocap.arm_ik import GROUP, require_person
 from maniport.motion import SeedBank
 from maniport.motion.arm_model import require_trackable
 from maniport.pipeline.config import Config
-from maniport.pipeline.options import HumanOptions
+from maniport.pipeline.settings import load_robot
 from maniport.transfer import load_adapter
 from maniport.util.defaults import AUTO, BOTH, DAMPING
+from maniport.util.process import in_background
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import Array
-from maniport.viewer.state import LOADED, Maps, Playback, Side, ViewState, in_background
+from maniport.viewer.state import LOADED, Maps, Playback, Side, ViewState
 
 TEACHER_SAMPLES = 2048
 STUDENT_SAMPLES = 4096
@@ -40,29 +41,27 @@ def prepare(
 
     Returns the state, the method that is displayed and the base rotation.
     """
-    human, transfer, seed = config.human, config.transfer, config.seed
-    robot = config.robot.load(human.side == BOTH)
-    both = isinstance(robot, ArmGroup)
-    if both and human.side not in (AUTO, BOTH):
-        raise InvalidInputError(f"--side: the robot has two arms, for both of the person; found {human.side!r}")
-    if both and len(robot.arms) != 2:
+    side, seed, robot = config.side, config.seed, load_robot(config)
+    group, both = as_group(robot), isinstance(robot, ArmGroup)
+    if both and side not in (AUTO, BOTH):
+        raise InvalidInputError(f"--side: the robot has two arms, for both of the person; found {side!r}")
+    if both and len(group) != 2:
         raise InvalidInputError(f"the view of both arms needs two robot arms; place them with {placing_options()}")
     if both and adapter is not None:
         raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
-    require_person(human.person, AUTO if both else human.side)
+    require_person(config.person, AUTO if both else side)
     loaded = None if adapter is None else load_adapter(adapter)
     damping, base_rotation = DAMPING, None
     if loaded is not None:
         if (d := len(loaded.teacher_mean_)) != 3:
             raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")
         damping, base_rotation = loaded.damping or damping, loaded.base_rotation
-    if base_rotation is None or transfer.base_rotation != Config().transfer.base_rotation:
-        base_rotation = transfer.rotation
+    if base_rotation is None or config.base_rotation != Config.base_rotation:
+        base_rotation = config.rotation
     rotation = np.asarray(base_rotation, dtype=float)
-    group = as_group(robot)
     for student in group.arms:
         require_trackable(student)
-    persons, motion, time, bases = _person(human, both, recording, seed, progress)
+    persons, motion, time, bases = _person(config, both, recording, seed, progress)
 
     progress("Prepare page", 0.0)
     sides = []
@@ -81,13 +80,13 @@ def prepare(
 
 
 def _person(
-    human: HumanOptions, both: bool, recording: Any, seed: int, progress: Progress
+    config: Config, both: bool, recording: Any, seed: int, progress: Progress
 ) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
     """Return the person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
-    side = BOTH if both else human.side
+    side = BOTH if both else config.side
     if recording is None:
-        arms = tuple(human_arm(human.person, own) for own in (GROUP if both else (RIGHT if side == AUTO else side,)))
+        arms = tuple(human_arm(config.person, own) for own in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
         return arms, [arm.sample(32, seed) for arm in arms], None, bases
-    fits = fit_arms(read_recording(recording), human.person, progress=progress, side=side)
+    fits = fit_arms(read_recording(recording), config.person, progress=progress, side=side)
     return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases

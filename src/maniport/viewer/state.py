@@ -3,45 +3,29 @@
 One arm of person and robot, or both, which then move as one; the left one is first everywhere.
 """
 
-import threading
-import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, as_group
-from maniport.errors import ManiportWarning, NotSPDError
+from maniport.errors import NotSPDError, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
-from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
+from maniport.motion import Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
-from maniport.motion.objective import FOLLOWING_WEIGHT
+from maniport.motion.objective import FOLLOWING_WEIGHT, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.rotation_group import orthonormal
+from maniport.util.process import in_background
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 LOADED = "adapter file"  # Name of an adapter that was given fitted
-
-
-def in_background(work: Callable[..., Any], *args: Any) -> "Future[Any]":
-    """Call a function in a thread for which nothing waits when the program ends."""
-    future: Future[Any] = Future()
-
-    def run() -> None:
-        try:
-            future.set_result(work(*args))
-        except Exception as error:  # noqa: BLE001 - raised again by the result
-            future.set_exception(error)
-
-    threading.Thread(target=run, name="live view", daemon=True).start()
-    return future
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +63,9 @@ class Maps:
             note = "it keeps the base orientation of its fit"
             return LiveMap(name, self._loaded.compiled(), self._loaded.map_rotation_, (note,))
         adapter = with_feasible_set(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", ManiportWarning)
+        with collected_warnings() as notes:
             adapter.fit(*self._domains)
-        notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, adapter.compiled(), adapter.map_rotation_, notes)
+        return LiveMap(name, adapter.compiled(), adapter.map_rotation_, tuple(notes))
 
     def get(self, name: str, base_rotation: Array) -> LiveMap:
         """Return the map of a method at a base orientation; the last map until a thread has fitted it.

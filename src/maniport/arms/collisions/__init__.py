@@ -97,17 +97,17 @@ class Collisions(NotebookDisplay):
         FileFormatError
             When obstacles or SRDF cannot be read.
         """
-        height = -np.inf if table is None else as_number(table, "table")
+        group, height = as_group(arm), -np.inf if table is None else as_number(table, "table")
         boxes = [box.hull() for box in as_boxes(obstacles)]
         disabled = set() if srdf is None else disabled_pairs(srdf, arm)
         surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf}
         reason = f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
         try:
-            chosen = select_pairs(as_group(arm), boxes, height, disabled)
+            if chosen := select_pairs(group, boxes, height, disabled):
+                return cls(arm, *chosen, surroundings=surroundings)
         except FileFormatError as error:
-            chosen, reason = None, f"the surface of {arm.name!r} cannot be read: {error}"
-        nothing = Solids(as_group(arm).kinematics, [], -np.inf), NO_PAIRS
-        return cls(arm, *(chosen or nothing), "" if chosen else reason, surroundings)
+            reason = f"the surface of {arm.name!r} cannot be read: {error}"
+        return cls(arm, Solids(group.kinematics, [], -np.inf), NO_PAIRS, reason, surroundings)
 
     def __repr__(self) -> str:
         text = f"{len(self.pairs)} pairs" if self.checked else f"not checked: {self.reason}"
@@ -123,8 +123,9 @@ class Collisions(NotebookDisplay):
     @cached_property
     def of_arms(self) -> tuple["Collisions", ...]:
         """Collisions of each arm of a group with itself and its surroundings, as `of` chooses them."""
-        arms = self.arm.arms if isinstance(self.arm, ArmGroup) else ()
-        return tuple(Collisions.of(arm, **self._surroundings) for arm in arms) or (self,)
+        if not isinstance(self.arm, ArmGroup):
+            return (self,)
+        return tuple(Collisions.of(arm, **self._surroundings) for arm in self.arm.arms)
 
     @property
     def unchecked(self) -> tuple[str, ...]:
@@ -132,11 +133,11 @@ class Collisions(NotebookDisplay):
 
         A pair is not checked if convex hulls nearly always intersect although the meshes do not.
         """
-        arms = as_group(self.arm).arms
-        if self.checked:
-            missing = dict.fromkeys(name for arm in arms for name in arm.geometry.attached[1])
-            return *missing, *(f"{first} against {second}" for first, second in self._full)
-        return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
+        names = dict[str, None]()
+        for arm in as_group(self.arm).arms:
+            moving = (name for name, frame in arm.chain.frames.items() if frame.joint)
+            names |= dict.fromkeys(arm.geometry.attached[1] if self.checked else moving)
+        return *names, *(f"{first} against {second}" for first, second in self._full)
 
     @property
     def stand_ins(self) -> tuple[str, ...]:
@@ -154,11 +155,8 @@ class Collisions(NotebookDisplay):
         flat, shape = self._flat(q)
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _blocks(len(flat)):
-            near = self._solids.maybe_near(flat[part], self._pairs, 0.0)  # Coal decides about these
-            if not near.any():
-                continue
-            distances = self._solids.distances(flat[part], self._pairs, near, depths=False)[0]
-            hit[part.start + np.nonzero(near)[0][distances <= 0.0]] = True
+            contacts = self._solids.contacts(flat[part], self._pairs, 0.0, depths=False)
+            hit[part.start + contacts.rows[contacts.distances <= 0.0]] = True
         return hit.reshape(shape)
 
     def clearance(self, q: ArrayLike) -> Array:
@@ -175,9 +173,7 @@ class Collisions(NotebookDisplay):
         for part in _blocks(len(flat)) if len(self._pairs) else ():
             left, reach = np.arange(part.start, part.stop), 0.02  # pairs nearer than this are measured first [m]
             while len(left):
-                near = self._solids.maybe_near(flat[left], self._pairs, reach)
-                rows, columns = np.nonzero(near)
-                distances = self._solids.distances(flat[left], self._pairs, near)[0]
+                rows, columns, distances, *_ = self._solids.contacts(flat[left], self._pairs, reach)
                 order = np.lexsort((columns, distances, rows))
                 nearest, at = np.unique(rows[order], return_index=True)
                 least[left[nearest]], which[left[nearest]] = distances[order][at], columns[order][at]
@@ -192,16 +188,13 @@ class Collisions(NotebookDisplay):
         With `scaled`, distances of links with at most two coordinates between them, which need a quarter of the
         clearance, are multiplied by four.
         """
-        flat, pairs = self._flat(q)[0], self._pairs
+        flat, pairs, solids = self._flat(q)[0], self._pairs, self._solids
         share = self._selected.share if scaled else np.ones(len(pairs))
-        limit = as_number(threshold, "threshold") * share
-        near = self._solids.maybe_near(flat, pairs, limit)
-        distance, normals, points = self._solids.distances(flat, pairs, near)
-        slope = self._solids.slopes(flat, pairs, near, normals, points)
-        rows, columns = np.nonzero(near)
-        kept = distance < limit[columns]
-        share = share[columns[kept]]
-        return rows[kept], distance[kept] / share, slope[kept] / share[:, None]
+        contacts = solids.contacts(flat, pairs, as_number(threshold, "threshold") * share)
+        share = share[contacts.columns]
+        distance, slope = contacts.distances / share, solids.slopes(flat, pairs, contacts) / share[:, None]
+        kept = distance < threshold
+        return contacts.rows[kept], distance[kept], slope[kept]
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end

@@ -1,7 +1,7 @@
 """Convex hulls of an arm's links."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product, takewhile
 from typing import NamedTuple
 
@@ -43,18 +43,14 @@ class Hull:
                 count = min(most - len(chosen), 1 + len(best) // 4)  # a new corner may make its neighbors redundant
                 chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
             corners = outline[chosen]
-        hull = ConvexHull(corners)
-        number = np.empty(len(corners), dtype=int)
-        number[hull.vertices] = np.arange(len(hull.vertices))
-        corners = np.ascontiguousarray(corners[hull.vertices])
-        vertices, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        vertices, skin = coal.StdVec_Vec3s(), 0.0
         vertices.extend(list(corners))
-        faces.extend([coal.Triangle(*row) for row in number[hull.simplices].tolist()])
-        solid, skin = coal.Convex(vertices, faces), 0.0
+        solid = coal.Convex.convexHull(vertices, True, "Qt")
+        corners = np.ascontiguousarray(solid.points())
         if len(outline) > len(corners):
             here, there, sphere = coal.Transform3s(), coal.Transform3s(), coal.Sphere(0.0)
-            request, result = coal.DistanceRequest(), coal.DistanceResult()
-            for point in outline[(outline @ hull.equations[:, :3].T + hull.equations[:, 3] > 0.0).any(axis=1)]:
+            request, result, faces = coal.DistanceRequest(), coal.DistanceResult(), ConvexHull(corners).equations
+            for point in outline[(outline @ faces[:, :3].T + faces[:, 3] > 0.0).any(axis=1)]:
                 there.setTranslation(point)
                 result.clear()
                 skin = max(skin, coal.distance(solid, here, sphere, there, request, result))
@@ -68,18 +64,21 @@ class Part:
     name: str  # of the link
     joint: int  # number of joints of the chain that move it
     mesh: Mesh  # in the frame of the last of them [m]; of a finger the hull of all poses
-    own: bool  # whether it is on the chain; False for attached bodies
+    own: bool = False  # whether it is on the chain, not attached to it
+    end_position: Array | None = None  # (3,) of the end effector if it carries it, which hulls enclose [m]
 
 
 @lru_cache(maxsize=16)
 def parts_of(geometry: Geometry) -> tuple[Part, ...]:
     """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain."""
-    meshes: dict[str, list[Mesh]] = {}
-    for link, mesh in geometry.shapes:
-        meshes.setdefault(link, []).append(mesh)
-    frames, attached = geometry.chain.frames, geometry.chain.attached
-    links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(geometry.chain, name))))
-    own = [Part(link, frames[link].joint, joined(meshes[link]), True) for link in links]
+    chain, meshes, attached = geometry.chain, geometry.shapes, geometry.chain.attached
+    carrier = next((name for name in _fixed_to(chain, chain.frame) if name in meshes), None)
+    end_position = chain.frames[chain.frame].placement[:3, 3]
+    links = sorted(meshes, key=lambda name: (chain.frames[name].joint, len(_fixed_to(chain, name))))
+    own = [
+        Part(link, chain.frames[link].joint, meshes[link], True, end_position if link == carrier else None)
+        for link in links
+    ]  # fmt: skip
     posed: dict[tuple[str, int], list[Mesh]] = {}
     for name, (points, triangles) in geometry.attached[0].items() if own else ():
         body = attached[name]
@@ -90,25 +89,16 @@ def parts_of(geometry: Geometry) -> tuple[Part, ...]:
             hull = ConvexHull(_outline(points))
             points, triangles = hull.points, hull.simplices.astype(np.int32)
         posed.setdefault((body.group, body.joint), []).append((points, triangles))
-    others = [Part(name, joint, joined(parts), False) for (name, joint), parts in posed.items()]
+    others = [Part(name, joint, joined(parts)) for (name, joint), parts in posed.items()]
     return tuple(sorted([*own, *others], key=lambda part: part.joint))
 
 
-def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple[Hull, ...]:
-    """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight."""
-    frames = arm.chain.frames
-    links = {link for link, _ in arm.geometry.shapes}
-    carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in links), None)
-    end_position = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
-    return _hulls(part, fine, end_position)
-
-
 @lru_cache(maxsize=512)
-def _hulls(part: Part, fine: bool, end_position: tuple[float, ...] | None) -> tuple[Hull, ...]:
-    """Hulls of a part, in several pieces if their hulls are smaller than the whole one; one encloses `end_position`."""
+def hulls_of(part: Part, fine: bool = False) -> tuple[Hull, ...]:
+    """Enclose a part in one hull, or two where it is bent; with `fine` in up to eight."""
     mesh = part.mesh
     points, triangles = reduced(mesh, 300)  # cuts are chosen on a coarse mesh
-    pieces = [_Piece.of(points[triangles], ())]
+    pieces = [_Piece(points[triangles], ())]
     worth, most = (0.97, 8) if fine else (0.85, 2)  # largest volume after a cut, as a fraction
     whole: list[_Piece] = []
     while pieces and len(pieces) + len(whole) < most:
@@ -124,9 +114,9 @@ def _hulls(part: Part, fine: bool, end_position: tuple[float, ...] | None) -> tu
             corners = _cut(corners, axis, at)[side]
         if len(corners):
             outlines.append(_outline(corners.reshape(-1, 3)))
-    if end_position is not None:
-        nearest = int(np.argmin([np.linalg.norm(outline - end_position, axis=1).min() for outline in outlines]))
-        outlines[nearest] = np.concatenate([outlines[nearest], [end_position]])
+    if (end := part.end_position) is not None:
+        nearest = int(np.argmin([np.linalg.norm(outline - end, axis=1).min() for outline in outlines]))
+        outlines[nearest] = np.concatenate([outlines[nearest], [end]])
     return tuple(Hull.around(part.name, part.joint, outline, 256 if fine else 96) for outline in outlines)
 
 
@@ -136,35 +126,22 @@ class _Piece:
 
     triangles: Array  # (n, 3, 3)
     planes: tuple[tuple[int, float, int], ...]  # axis, where the plane crosses it, and the side: 0 below, 1 above
-    outline: Array  # corners of their hull
-    volume: float  # of the hull
 
-    @classmethod
-    def of(cls, triangles: Array, planes: tuple[tuple[int, float, int], ...]) -> "_Piece":
-        outline = _outline(triangles.reshape(-1, 3))
-        return cls(triangles, planes, outline, ConvexHull(outline).volume)
+    @cached_property
+    def volume(self) -> float:
+        """Volume of the convex hull [m³]."""
+        return float(ConvexHull(_outline(self.triangles.reshape(-1, 3))).volume)
 
     def halves(self, any_axis: bool) -> list["_Piece"]:
-        """Cut between slices of equal thickness, where both hulls together are smallest."""
-        low, high = self.outline.min(axis=0), self.outline.max(axis=0)
-        best, least = [self], np.inf
+        """Cut at the fraction of the length, in sixths, where both hulls together are smallest."""
+        low, high = self.triangles.min(axis=(0, 1)), self.triangles.max(axis=(0, 1))
+        cuts = [[self]]
         for axis in range(3) if any_axis else [int(np.argmax(high - low))]:
-            places = np.linspace(low[axis], high[axis], 7)[1:-1]
-            slices, rest = [], self.triangles
-            for at in places:
-                below, rest = _cut(rest, axis, at)
-                slices.append(below)
-            slices.append(rest)
-            outlines = [_outline(part.reshape(-1, 3)) if len(part) else part.reshape(-1, 3) for part in slices]
-            for k, at in enumerate(places, start=1):
-                halves = [np.concatenate(outlines[:k]), np.concatenate(outlines[k:])]
-                volume = sum(ConvexHull(half).volume if len(half) else np.inf for half in halves)
-                if volume < least:
-                    least, cut = volume, (np.concatenate(slices[:k]), np.concatenate(slices[k:]), axis, float(at))
-        if least < np.inf:
-            *sides, axis, at = cut
-            best = [_Piece.of(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)]
-        return best
+            for at in np.linspace(low[axis], high[axis], 7)[1:-1].tolist():
+                sides = _cut(self.triangles, axis, at)
+                if all(map(len, sides)):
+                    cuts.append([_Piece(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)])
+        return min(cuts[1:] or cuts, key=lambda pieces: sum(piece.volume for piece in pieces))
 
 
 def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
@@ -220,7 +197,7 @@ class Lowest(NamedTuple):
 def lowest_point(arm: Arm, time: Array, q: Array) -> Lowest | None:
     """Compute the lowest point of the convex hulls of all moving links over a motion; None without shapes."""
     try:
-        hulls = [hull for part in parts_of(arm.geometry) if part.joint for hull in hulls_of(arm, part)]
+        hulls = [hull for part in parts_of(arm.geometry) if part.joint for hull in hulls_of(part)]
     except FileFormatError:
         return None
     poses, lowest = arm.link_poses(q), list[Lowest]()

@@ -10,7 +10,7 @@ from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import rotation_about
 from maniport.arms.collisions.hulls import Hull
-from maniport.arms.loaders.document import parsed
+from maniport.arms.loaders.document import parsed, require
 from maniport.arms.meshes import box as box_mesh
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 from maniport.util.files import read_settings, require_mapping
@@ -61,11 +61,10 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
         raise FileFormatError(f"{path}: obstacles must be a mapping of names to obstacles, each with center and size")
     obstacles = []
     for name, content in named.items():
-        where = f"{path}: obstacles: {name}"
-        box = require_mapping(content, ("center", "size", "yaw"), where)
-        missing = [key for key in ("center", "size") if key not in box]
-        if missing:
-            raise FileFormatError(f"{where}: {missing[0]!r} is missing; a box has center, size and optional yaw")
+        box = require_mapping(content, ("center", "size", "yaw"), f"{path}: obstacles: {name}")
+        for key in ("center", "size"):
+            fault = f"obstacles: {name}: {key!r} is missing; a box has center, size and optional yaw"
+            require(key in box, path, fault)
         try:
             obstacles.append(Box(**box, name=str(name)))
         except InvalidInputError as error:
@@ -87,18 +86,16 @@ def as_boxes(value: Any) -> tuple[Box, ...]:
 
 def disabled_pairs(path: str | os.PathLike[str], arm: Arm | ArmGroup) -> set[frozenset[str]]:
     """Read the names of the links of each pair that an SRDF disables."""
-    root = parsed(Path(path))[1]
-    if root.tag != "robot" or root.find("link") is not None:
-        what = "this is a URDF" if root.tag == "robot" else f"its root is <{root.tag}>"
-        raise FileFormatError(f"{path}: no SRDF, which has the root <robot> and defines no links; {what}")
+    root = parsed(Path(path))
+    what = "this is a URDF" if root.tag == "robot" else f"its root is <{root.tag}>"
+    is_srdf = root.tag == "robot" and root.find("link") is None
+    require(is_srdf, path, f"no SRDF, which has the root <robot> and defines no links; {what}")
     pairs: set[frozenset[str]] = set()
     for i, element in enumerate(root.findall("disable_collisions")):
         ends = [element.get(key, "") for key in ("link1", "link2")]
-        if not all(ends):
-            raise FileFormatError(f"{path}: <disable_collisions> number {i + 1} must name link1 and link2")
+        require(all(ends), path, f"<disable_collisions> number {i + 1} must name link1 and link2")
         pairs.add(frozenset(ends))
-    if not pairs:
-        raise FileFormatError(f"{path}: has no <disable_collisions>")
+    require(bool(pairs), path, "has no <disable_collisions>")
     named = set().union(*pairs)
     if named.isdisjoint(arm.frames):
         raise InvalidInputError(

@@ -1,4 +1,4 @@
-"""Arms by name and from files, by suffix; a new format is one file and one entry of `READERS`."""
+"""Arms and groups of arms by name and from files; a new format is one file and one entry of `READERS`."""
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -6,37 +6,41 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import RIGHT, Chain, read_embedded
+from maniport.arms.arm_group import ArmGroup, placing_options
+from maniport.arms.chain import LEFT, RIGHT, Chain, as_pose, check_names, pose, read_embedded
 from maniport.arms.human import PERSONS, human_arm
-from maniport.arms.loaders.document import XACRO, RobotXML, parsed
-from maniport.arms.loaders.limbs import Limb, one_side
-from maniport.arms.loaders.mjcf import Mjcf
-from maniport.arms.loaders.model import RobotModel
+from maniport.arms.loaders import mjcf, urdf
+from maniport.arms.loaders.document import XACRO, parsed
+from maniport.arms.loaders.model import Limb, Limbs, RobotModel, one_side
 from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
-from maniport.arms.loaders.urdf import Urdf
-from maniport.arms.restriction import restrict
-from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
+from maniport.arms.loaders.serial import chain_to
+from maniport.arms.restriction import check_lock, restrict, standing
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, argument, spoken, typed, unknown_name
 from maniport.util.input_limits import ROBOT_BYTES, existing_file
+from maniport.util.validation import Array, as_finite
 
 Robot = str | os.PathLike[str]
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
 
-def _source(path: Path) -> RobotXML:
+def read_model(path: Path) -> RobotModel:
     """Read a URDF or an MJCF, depending on the root element."""
-    text, root = parsed(path)
-    for kind in (Urdf, Mjcf):
-        if root.tag == kind.tag:
-            return kind.checked(path, text, root)
-    raise FileFormatError(
-        f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root.tag}>"
-    )
+    root = parsed(path)
+    formats = {"robot": urdf.read, "mujoco": mjcf.read}
+    if root.tag not in formats:
+        raise FileFormatError(
+            f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root.tag}>"
+        )
+    return formats[root.tag](path, root)
 
 
 def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
-    return RobotModel(_source(path)).chain(frame, joints)
+    return chain_to(read_model(path), frame, joints)
 
 
 READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml, XACRO: _read_xml}
@@ -72,14 +76,10 @@ def load_arm(
     Parameters
     ----------
     name_or_path : str or path
-        - ``"panda"``: Franka Emika Panda with its hand; the end effector ``panda_hand_tcp`` is between the fingers.
-          With the frame ``panda_link8`` it ends at the flange, without the hand.
-        - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.arms.myoarm` and `maniport.arms.rhuman`.
-        - A path to a ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF.
-        - A robot of an installed package, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data, airo-models
-          or robosuite, in this order; ``"robosuite/ur5e"`` selects the package. An arm of a robot with two arms
-          begins at the body that both have in common.
-        - A name from an installed robot_descriptions, such as ``"ur5e_description"``, downloaded on first use.
+        A ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF; ``"panda"``, with the hand
+        unless it ends at ``panda_link8``; a person, ``"myoarm"`` or ``"rhuman"``; or a robot of an installed package,
+        such as ``"ur5"``, ``"robosuite/ur5e"``, ``"talos_right_arm"`` (from the body that both arms have in common) or
+        ``"ur5e_description"``.
     frame : str, optional
         Name of the end effector, a body (link) or a site. By default the end of the longest limb: the body that
         carries its gripper or hand, else the outermost body.
@@ -148,17 +148,15 @@ def read_arm(
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     text = os.fspath(name_or_path)
-    if isinstance(name_or_path, str) and name_or_path in PERSONS:
-        return human_arm(name_or_path, RIGHT if side is None else side).chain
+    if name_or_path in PERSONS:
+        return human_arm(text, RIGHT if side is None else side).chain
     if side is not None:
         raise InvalidInputError(f"{argument('side')} is for persons ({', '.join(PERSONS)}); {text!r} is a robot")
-    if isinstance(name_or_path, str) and name_or_path in ROBOTS:
-        return ROBOTS[name_or_path](frame)
-    file = _robot_file(name_or_path)
-    folders = (*mesh_folders, *file.folders)
-    limb = None
+    if name_or_path in ROBOTS:
+        return ROBOTS[text](frame)
+    file, limb = _robot_file(name_or_path), None
     if file.side is not None:
-        limb = one_side(RobotModel(_source(file.path)).limbs().all(), file.side, text)
+        limb = one_side(Limbs(read_model(file.path)).all(), file.side, text)
         frame = limb.frame if frame is None else frame
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
@@ -167,26 +165,24 @@ def read_arm(
         )
     chain = READERS[file.path.suffix.lower()](file.path, frame, joints)
     chain = replace(chain, name=file.name or chain.name)
-    if folders and chain.shapes is not None:
+    if (folders := (*mesh_folders, *file.folders)) and chain.shapes is not None:
         chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
     if limb is None:
         return chain
-    if any(ours != theirs for ours, theirs in zip((joint.name for joint in chain.joints), limb.joints, strict=False)):
+    if any(ours.name != theirs for ours, theirs in zip(chain.joints, limb.joints, strict=False)):
         raise InvalidInputError(f"the frame {frame!r} is not on {text!r}; its end effector is {limb.frame!r}")
     return chain if limb.fork is None or base is not None else restrict(chain, base=limb.fork)
 
 
 def robot_limbs(name_or_path: Robot) -> tuple[list[Limb], Limb | None]:
     """Read the limbs of a robot, the longest first, and the limb that `load_arm` chooses by default."""
-    if isinstance(name_or_path, str) and name_or_path in (*ROBOTS, *PERSONS):
+    file = None if name_or_path in (*ROBOTS, *PERSONS) else _robot_file(name_or_path)
+    if file is None or READERS[file.path.suffix.lower()] is not _read_xml:
         return [], None
-    file = _robot_file(name_or_path)
-    if READERS[file.path.suffix.lower()] is not _read_xml:
-        return [], None
-    limbs = RobotModel(_source(file.path)).limbs().all()
+    limbs = Limbs(read_model(file.path)).all()
     if file.side is not None:
         return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
-    alone = len([limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]) == 1
+    alone = len(limbs) == 1 or len(limbs[0].joints) > len(limbs[1].joints)
     return limbs, limbs[0] if alone and not file.pair else None
 
 
@@ -201,3 +197,118 @@ def _robot_file(name_or_path: Robot) -> RobotFile:
         raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
     robot = RobotFile(path) if robot is None else robot
     return replace(robot, path=existing_file(robot.path, READERS, ROBOT_BYTES))
+
+
+def load_arms(
+    robot: Robot | Sequence[Robot],
+    frames: Sequence[str | None] | None = None,
+    *,
+    bases: Sequence[Any] | None = None,
+    joints: Sequence[str] | None = None,
+    lock: Mapping[str, float] | None = None,
+    mesh_folders: Sequence[Robot] = (),
+) -> ArmGroup:
+    """Load limbs of one robot, or several robots in one world, as one group.
+
+    Errors are those of `maniport.load_arm`, and `InvalidInputError` where numbers of arms differ. Two arms are named
+    left and right, in this order, others ``arm1``, ``arm2``, ….
+
+    Parameters
+    ----------
+    robot : str or path, or several of them
+        A robot with several arms, such as ``"talos"`` or ``"baxter"``, by name or from a file, see
+        `maniport.load_arm`; joints of several chains, such as a torso's, are shared. Several names, or `bases`, mean
+        several robots.
+    frames : sequence of str, optional
+        Names of the end effectors; by default those of `maniport.load_arm`, and for one robot the ends of the limbs
+        named left and right.
+    bases : sequence of array_like, optional
+        Bases of the robots in the world frame, in which all results are expressed: x, y, z [m] and optionally the yaw
+        [rad], or a pose of shape (4, 4); x points forward, y to the left. By default all in the origin.
+    joints : sequence of str, optional
+        Names of the joints that move, of all arms, as of the whole group: with the name of an arm as a prefix, such as
+        ``left_``, where several robots have joints of the same names. The others are locked as by `maniport.load_arm`.
+    lock : mapping of str to float, optional
+        Positions of locked joints [rad] or [m], by such names.
+    mesh_folders
+        As for `maniport.load_arm`.
+
+    Examples
+    --------
+    >>> arms = load_arms("panda", bases=[(0, 0.3, 0), (0, -0.3, 0)])
+    >>> arms.dof, arms.forward(arms.sample(4)).shape
+    (14, (4, 2, 4, 4))
+    """
+    single = isinstance(robot, (str, os.PathLike))
+    one_robot = single and bases is None
+    counted = ("bases", bases) if single else ("robot", robot)
+    count = len(_several(*(("frames", frames or (LEFT, RIGHT)) if one_robot else counted)))
+    robots: Any = [robot] * count if single else robot
+    if persons := [name for name in robots if name in PERSONS]:
+        raise InvalidInputError(f"robot: {persons[0]!r} is a person; load_arms loads robots")
+    names = (LEFT, RIGHT) if count == 2 else tuple(f"arm{i + 1}" for i in range(count))
+    end_frames = [None] * count if frames is None else _several("frames", frames, count)
+    places = [np.eye(4)] * count if bases is None else _several("bases", bases, count)
+    if one_robot and None in end_frames:
+        end_frames = _ends(robots[0], end_frames)
+    arms = []
+    for name, end_frame, place, side in zip(robots, end_frames, places, names, strict=True):
+        arm = load_arm(name, end_frame, mesh_folders=mesh_folders)
+        arms.append(arm if one_robot else Arm(standing(arm.chain, _base(place, side))))
+    group = ArmGroup(*arms, names=names)
+    wanted, held = None if joints is None else check_names(joints, "joints"), check_lock(lock, None)
+    for name in (*(wanted or ()), *held):
+        if name not in group.joint_names:
+            raise unknown_name("joint", name, group.joint_names, f"on the arms of {group.name!r}")
+    for i, columns in enumerate(group.columns):
+        own = {group.joint_names[column]: name for column, name in zip(columns, arms[i].joint_names, strict=True)}
+        moving = None if wanted is None else [own[name] for name in wanted if name in own]
+        if moving == []:
+            listed = ", ".join(wanted or ())
+            raise InvalidInputError(f"joints: none of {listed} moves the {names[i]} arm, which has {', '.join(own)}")
+        arms[i] = arms[i].restricted(joints=moving, lock={own[name]: at for name, at in held.items() if name in own})
+    return ArmGroup(*arms, names=names) if wanted or held else group
+
+
+def _several(name: str, value: Any, count: int | None = None) -> list[Any]:
+    """Require a sequence of values, one for each arm."""
+    values = [] if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__") else list(value)
+    if not values or len(values) != (count or len(values)):
+        raise InvalidInputError(
+            f"{spoken(name)} must be a sequence of {count or 'several'}, one for each arm; found {value!r}"
+        )
+    return values
+
+
+def _ends(robot: Robot, end_frames: Sequence[str | None]) -> list[str | None]:
+    """Return the end effectors of the left and right limb of a robot, where `end_frames` has None."""
+    limbs = robot_limbs(robot)[0]
+    longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
+    if len(longest) < 2:
+        only = f"one longest limb, to {longest[0].frame!r}" if longest else "one arm"
+        raise InvalidInputError(
+            f"robot {os.fspath(robot)!r} must have two arms; found {only}: name both end effectors with "
+            f"{argument('frames')}, or place two robots with {placing_options()}"
+        )
+    try:
+        sided = {side: one_side(limbs, side, os.fspath(robot)).frame for side in (LEFT, RIGHT)}
+        return [end_frame or sided[side] for end_frame, side in zip(end_frames, sided, strict=True)]
+    except (UnknownNameError, ValueError):  # no sides, or more than two arms
+        ends = ", ".join(repr(limb.frame) for limb in longest)
+        raise InvalidInputError(
+            f"the robot {os.fspath(robot)!r} has limbs without left and right in their names: name both end "
+            f"effectors with {argument('frames')}; they end at {ends}"
+        ) from None
+
+
+def _base(value: Any, side: str) -> Array:
+    """Return the pose of a base in the world."""
+    name = f"--pose ({side})" if typed() else f"bases: {side}"
+    array = as_finite(value, name)
+    if array.shape in ((3,), (4,)):
+        array = pose(array[:3].tolist(), (0.0, 0.0, float(sum(array[3:]))))
+    if array.shape != (4, 4):
+        raise InvalidInputError(
+            f"{name} must be x, y, z [m] and optionally the yaw [rad], or a pose of shape (4, 4); found {array.shape}"
+        )
+    return as_pose(array, name)

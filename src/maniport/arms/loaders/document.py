@@ -1,25 +1,23 @@
-"""Robot files as XML, within the limits of native readers, and xacro files expanded to URDF."""
+"""Robot files as XML within the limits of inputs, their numbers and mesh files, and xacro files expanded to URDF."""
 
+import os
 import re
 import subprocess
 import sys
-from abc import abstractmethod
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from urllib.parse import unquote
 from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
-import pinocchio as pin
 
-from maniport.arms.chain import Shape
+from maniport.arms.chain import Mesh, Shape, moved_inertia
 from maniport.arms.loaders import xacro_child
-from maniport.arms.meshes.mesh_paths import MeshPaths
+from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import (
-    LINKS,
     MEGABYTE,
     NESTING,
     ROBOT_BYTES,
@@ -30,110 +28,61 @@ from maniport.util.input_limits import (
     require_at_most,
 )
 from maniport.util.optional import xacrodoc
-from maniport.util.validation import MAX_POSITION
+from maniport.util.validation import MAX_POSITION, Array
 
 XACRO = ".xacro"
 LONGEST_XACRO = 30.0  # time limit for endless macros [s]
 LARGEST = 1e9  # upper bound of all numbers of a robot
 
 
-@dataclass(frozen=True)
-class Follower:
-    """A joint whose position is ``factor · leader + offset``; without a leader it is constant."""
-
-    leader: str | None
-    factor: float
-    offset: float
-    linear: bool = True
-
-    def __post_init__(self) -> None:
-        if not max(abs(self.factor), abs(self.offset)) <= LARGEST:  # false for nan, too
-            raise ValueError(f"a factor of {self.factor:g} and an offset of {self.offset:g}")
+def require(rule: bool, path: str | os.PathLike[str], fault: str) -> None:
+    """Raise `FileFormatError` with a fault of a file unless a rule holds."""
+    if not rule:
+        raise FileFormatError(f"{path}: {fault}")
 
 
-@dataclass(frozen=True)
-class RobotXML:
-    """A robot file as XML, for the content that Pinocchio does not pass on."""
+def numbers(text: str | None, count: int | None, where: str, most: float = LARGEST, least: float = -np.inf) -> Array:
+    """Read the numbers of an attribute, each at least `least` and at most `most` in absolute value.
 
-    path: Path
-    text: str
-    root: ElementTree.Element
-
-    name: ClassVar[str]
-    tag: ClassVar[str]  # the root element of such a file
-    bounded: ClassVar[tuple[str, str]]  # tags of links and joints
-
-    @classmethod
-    def checked(cls, path: Path, text: str, root: ElementTree.Element) -> "RobotXML":
-        """Check the text and the root of a file."""
-        source = cls(path, text, root)
-        for tag in cls.bounded:
-            require_at_most(sum(1 for _ in root.iter(tag)), LINKS, f"elements <{tag}>", path)
-        fault = source.fault() if root.tag == cls.tag else f"must have the root <{cls.tag}>; found <{root.tag}>"
-        if fault:
-            raise FileFormatError(f"{path}: {fault}")
-        return source
-
-    @abstractmethod
-    def fault(self) -> str:
-        """Describe the first inconsistency; empty without one."""
-
-    @abstractmethod
-    def build(self) -> pin.Model:
-        """Read the kinematics with Pinocchio."""
-
-    @abstractmethod
-    def followers(self) -> Iterable[tuple[str, Follower]]:
-        """Return the joints that follow others."""
-
-    @abstractmethod
-    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterable[Shape]:
-        """Return the visual shapes of some links; `paths` finds their meshes."""
-
-    def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
-        """Return the joints of each body, if bodies may have several: body name, then joint name."""
-        return {}
-
-    def joint_range(self, name: str) -> tuple[float, float] | None:
-        """Return the range of a joint [rad] or [m] if Pinocchio's is wrong, else None."""
-        return None
-
-    def rest_position(self, name: str) -> float:
-        """Return the position of a joint in the pose that Pinocchio reads as zero [rad] or [m]."""
-        return 0.0
-
-    def effort_limit(self, name: str) -> float | None:
-        """Return the largest torque [N m] or force [N] of a joint if Pinocchio's is wrong, else None."""
-        return None
-
-    def unweighed(self) -> set[str]:
-        """Return the bodies with masses by their shapes, which are not computed."""
-        return set()
-
-
-def inertia_fault(link: str, mass: float, moments: Sequence[float]) -> str:
-    """Describe an impossible mass [kg] or impossible moments of inertia xx, yy, zz, xy, xz, yz [kg m²] of a link."""
-    if not 0 <= mass < LARGEST or not np.all(np.abs(moments) < LARGEST):
-        return (
-            f"link {link!r} must have a mass of 0 to {LARGEST:g} kg and moments of inertia below {LARGEST:g} kg m²; "
-            f"found {mass:g} and {', '.join(f'{moment:g}' for moment in moments)}"
+    `where` names the file, the element and the attribute, for messages.
+    """
+    try:
+        values = np.array([float(word) for word in (text or "").split()])
+    except ValueError:
+        values = np.empty(0)
+    if (
+        not len(values)
+        or len(values) != (count or len(values))
+        or not np.all((np.abs(values) <= most) & (values >= least))
+    ):
+        rule = f"{count or 'several'} number{'' if count == 1 else 's'}" + (
+            f", each below {most:g}" if most < np.inf else ""
         )
-    least = float(np.linalg.eigvalsh(np.array(moments)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]])[0])
-    # small negative moments are common rounding errors of small links
-    return (
-        f"link {link!r} has the moment of inertia {least:.3g} kg m² about an axis; it must not be negative"
-        if least < -1e-6
-        else ""
-    )
+        sign = " and not negative" if least == 0.0 else ""
+        raise FileFormatError(f"{where} with {rule}{sign}; found {None if text is None else text[:80]!r}")
+    return values
+
+
+def body_inertia(where: str, mass: float, moments: Sequence[float], pose: Array) -> Array:
+    """Spatial inertia (6, 6) of a mass [kg] and moments of inertia xx, yy, zz, xy, xz, yz [kg m²] at a pose (4, 4)."""
+    matrix = np.array(moments)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+    least = float(np.linalg.eigvalsh(matrix)[0])
+    if least < -1e-6:  # small negative moments are common rounding errors of small links
+        raise FileFormatError(
+            f"{where} has the moment of inertia {least:.3g} kg m² about an axis; it must not be negative"
+        )
+    inertia = np.diag([mass, mass, mass, 0.0, 0.0, 0.0])
+    inertia[3:, 3:] = matrix
+    return moved_inertia(inertia, pose)
 
 
 def read_shapes(
-    kind: type[RobotXML], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
+    read: Callable[..., Iterable[Shape]], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
 ) -> list[Shape]:
     """Read the visual shapes of some links; meshes of others may be missing."""
     shapes: list[Shape] = []
     triangles = 0
-    for shape in kind.checked(path, *parsed(path)).shapes(links, MeshPaths(path, mesh_folders)):
+    for shape in read(path, parsed(path), links, MeshPaths(path, mesh_folders)):
         shapes.append(shape)
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
@@ -143,8 +92,8 @@ def read_shapes(
     return shapes
 
 
-def parsed(path: Path) -> tuple[str, ElementTree.Element]:
-    """Read the text and the root of an XML file within the input limits; a xacro file is expanded."""
+def parsed(path: Path) -> ElementTree.Element:
+    """Read the root of an XML file within the input limits; a xacro file is expanded."""
     try:
         content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
         text = _expanded(path) if path.suffix.lower() == XACRO else content
@@ -160,7 +109,7 @@ def parsed(path: Path) -> tuple[str, ElementTree.Element]:
     while level:
         level, depth = [child for element in level for child in element], depth + 1
     require_at_most(depth, NESTING, "levels of elements within elements", path)
-    return text, root
+    return root
 
 
 def _root(text: str) -> ElementTree.Element:
@@ -199,3 +148,106 @@ def _expanded(path: Path) -> str:
     if len(text) > ROBOT_BYTES:
         raise FileFormatError(f"{path}: is {len(text) / MEGABYTE:.4g} MB when expanded; too large")
     return text
+
+
+@dataclass(frozen=True)
+class MeshPaths:
+    """Mesh files by their names in a robot file.
+
+    Robot files are not trusted. Meshes must be in the folder of the file, its parent (``urdf/`` next to ``meshes/``),
+    its package, a named package near it, a package of ROS, or a folder that the user allows.
+    """
+
+    path: Path  # the robot's file
+    more: Sequence[Path] = ()  # folders that the user allows, also searched for packages
+    read: dict[Path, Mesh] = field(default_factory=dict)  # cache
+
+    def mesh(self, file: Path) -> Mesh:
+        """Read a mesh file once."""
+        if file not in self.read:
+            self.read[file] = load_mesh(file)
+        return self.read[file]
+
+    def find(self, name: str) -> Path | None:
+        """Return the file of a mesh name in a URDF; None if it is missing."""
+        package = _package(name)
+        places = [self._relative(name)]
+        if package is not None:  # the folder of a package may have been renamed
+            places = [place / package[1] for place in (*self._packages(package[0]), *self._own())]
+        file = next(filter(is_file, places), None)
+        if file is not None:
+            self.require_allowed(file, name)
+        return file
+
+    def require_allowed(self, file: Path, name: str) -> None:
+        """Raise `FileFormatError` for a file outside the allowed folders, with symbolic links resolved."""
+        package, real = _package(name), file.resolve()
+        named = () if package is None or package[0] in ("..", ".") else self._packages(package[0])
+        folders = (*self._own(), *_ros_folders(), *self.more, *named)
+        if not any(real.is_relative_to(place.resolve()) for folder in folders for place in (folder, *_origins(folder))):
+            raise FileFormatError(
+                f"{self.path}: names {name!r}, which lies outside its folder and its packages, at {str(real)!r}; if it "
+                f"is to be read, allow it with mesh_folders=[{str(real.parent)!r}] (--mesh-folders)"
+            )
+
+    def rule(self, name: str) -> str:
+        """Describe where `find` searches for a mesh."""
+        package = _package(name)
+        if package is None:
+            return f"at {str(self._relative(name))!r}"
+        return (
+            f"for the package {package[0]!r} in {str(self.path.parent)!r} and every folder above, and in "
+            "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH"
+        )
+
+    def _relative(self, name: str) -> Path:
+        return self.path.parent / (unquote(name[7:]) if name.startswith("file://") else name)
+
+    def _packages(self, title: str) -> Iterator[Path]:
+        """Folders of a package; more than three levels up they must be marked as packages."""
+        for i, place in enumerate(self.path.parents):
+            for package in (place, place / title) if place.name == title else (place / title,):
+                if (i < 3 and not _holds_home(place)) or _origins(package):
+                    yield package
+        for place in (*_ros_folders(), *self.more):
+            yield from (place, place / title) if place.name == title else (place / title,)
+
+    def _own(self) -> Iterator[Path]:
+        """Folder of the robot file, its parent and its package, also those of the target of a symbolic link."""
+        for path in dict.fromkeys((self.path, self.path.resolve())):
+            yield path.parent
+            if not _holds_home(path.parent.parent):
+                yield path.parent.parent
+            yield from (place for place in path.parent.parents if _origins(place))
+
+
+def is_file(path: Path) -> bool:
+    """Return whether a file exists; False for names that are too long or not accessible."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def _package(name: str) -> tuple[str, str] | None:
+    """Package and path of a name such as ``package://robot/meshes/link.stl``; None for other names."""
+    match = re.fullmatch(r"(?:package|model):/{2,}([^/]+)/+(.+)", name, re.DOTALL)
+    return None if match is None else (match[1], match[2])
+
+
+def _origins(folder: Path) -> list[Path]:
+    """Folders of the marker files of a package, with symbolic links resolved; empty without a package."""
+    marks = ("package.xml", "manifest.xml")
+    return [(folder / mark).resolve().parent for mark in marks if is_file(folder / mark)]
+
+
+def _holds_home(folder: Path) -> bool:
+    """Whether a folder is the home folder of the user or above it."""
+    return Path(os.path.expanduser("~")).is_relative_to(folder) or folder == Path(folder.anchor)
+
+
+def _ros_folders() -> list[Path]:
+    """Folders of ROS packages, which the user trusts."""
+    folders = {key: os.environ.get(key, "").split(os.pathsep) for key in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")}
+    ros, ament = ([Path(entry) for entry in entries if entry] for entries in folders.values())
+    return [*ros, *(place / "share" for place in ament)]

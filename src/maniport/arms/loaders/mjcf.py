@@ -1,285 +1,143 @@
-"""MJCF: checks, joint equalities, several joints of one body, ranges and shapes.
+"""MJCF: bodies, joints, joint equalities, masses and shapes."""
 
-Ranges are read here, since Pinocchio 4 converts those of prismatic joints from degrees. Pinocchio ignores `<include>`,
-all trees of bodies but the first, and the pose of a first body that cannot move: it reads a copy with all included
-files and all bodies in one tree. For shapes, each mesh of the copy is one triangle, since its native mesh reader
-crashes on damaged files.
-"""
-
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
-from functools import cached_property
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
-import coal
 import numpy as np
-import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
-from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.document import LARGEST, Follower, RobotXML, inertia_fault
-from maniport.arms.loaders.mjcf_tree import WORLD, one_tree, with_includes
+from maniport.arms.chain import PRISMATIC, REVOLUTE, Joint, Mesh, Shape
+from maniport.arms.loaders.document import LARGEST, MeshPaths, body_inertia, is_file, numbers, require
+from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
+from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
-from maniport.arms.meshes.mesh_paths import MeshPaths, is_file
 from maniport.errors import FileFormatError
-from maniport.util.atomic_io import temporary_beside
+from maniport.util.validation import Array
 
-ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
-
-
-class Mjcf(RobotXML):
-    """A robot in MuJoCo's format."""
-
-    name, tag, bounded = "MJCF", "mujoco", ("body", "joint")
-
-    @classmethod
-    def checked(cls, path: Path, text: str, root: ElementTree.Element) -> RobotXML:
-        """Check the text and the root of a file with its included files."""
-        return super().checked(path, text, with_includes(path, root) if root.tag == cls.tag else root)
-
-    def build(self) -> pin.Model:
-        """Read the kinematics with Pinocchio, without shapes, actuators, sensors, cameras and lights."""
-        tree = one_tree(self.root)
-        tree[:] = [section for section in tree if section.tag in ("compiler", "default", "worldbody")]
-        for parent in list(tree.iter()):
-            parent[:] = [child for child in parent if child.tag not in ("geom", "camera", "light")]
-            parent.attrib.pop("ref", None)  # Pinocchio misplaces all but the last joint of a body
-        with TemporaryDirectory(prefix="maniport-") as folder:
-            file = Path(folder) / self.path.with_suffix(".xml").name
-            ElementTree.ElementTree(tree).write(file, encoding="utf-8")
-            return pin.buildModelFromMJCF(str(file))
-
-    def followers(self) -> Iterator[tuple[str, Follower]]:
-        """Yield the joints of joint equalities; MuJoCo counts both positions from their rest values."""
-        for joint in self.root.findall("equality/joint"):
-            if joint.get("active", "true") == "true":
-                follower, leader = joint.get("joint1", ""), joint.get("joint2")
-                c = [float(x) for x in joint.get("polycoef", "0 1 0 0 0").split()] + [0.0] * 5
-                offset = c[0] + self.rest_position(follower) - c[1] * self.rest_position(leader or "")
-                yield follower, Follower(leader, c[1], offset, not any(c[2:]))
-
-    @cached_property
-    def _parents(self) -> dict[ElementTree.Element, ElementTree.Element]:
-        return {child: parent for parent in self.root.iter() for child in parent}
-
-    @cached_property
-    def _joints(self) -> dict[str, ElementTree.Element]:
-        return {name: element for joints in self.body_joints().values() for name, element in joints.items()}
-
-    def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
-        """Return the joints of each body: body name, then joint name."""
-        return {
-            body.get("name", ""): {j.get("name", ""): j for j in body.findall("joint") if j.get("type") != "free"}
-            for body in self.root.findall("worldbody//body")
-        }
-
-    def rest_position(self, name: str) -> float:
-        """Return the `ref` of a joint [rad] or [m]."""
-        joint = self._joints.get(name)
-        return 0.0 if joint is None else self._numbers(joint, "ref", "0", 1)[0] * self._unit(joint)
-
-    def joint_range(self, name: str) -> tuple[float, float]:
-        """Return the range of a joint [rad] or [m], its own or that of its class; infinite without one."""
-        joint = self._joints.get(name)
-        if joint is None:
-            return -np.inf, np.inf
-        low, high = self._range(joint, "range", "limited")
-        return low * self._unit(joint), high * self._unit(joint)
-
-    def effort_limit(self, name: str) -> float:
-        """Return the largest torque [N m] or force [N] of a joint and of all its actuators, in the weaker direction."""
-        actuators = [a for a in self.root.findall("actuator/*") if name in (a.get("joint"), a.get("jointinparent"))]
-        total = sum(map(self._actuator_limit, actuators)) if actuators else np.inf
-        joint = self._joints.get(name)
-        return total if joint is None else min(total, self._weaker(joint, "actuatorfrc"))
-
-    def _actuator_limit(self, actuator: ElementTree.Element) -> float:
-        """Largest torque [N m] or force [N] at the joint: by the force range, or by the controls of a plain motor."""
-        gear, gain = (self._numbers(actuator, name, "1")[0] for name in ("gear", "gainprm"))
-        plain = actuator.tag in ("motor", "general") and self._attribute(actuator, "biastype") in (None, "none")
-        controls = abs(gain) * self._weaker(actuator, "ctrl") if plain else np.inf
-        return abs(gear) * min(self._weaker(actuator, "force"), controls)
-
-    def _weaker(self, element: ElementTree.Element, what: str) -> float:
-        """Smaller absolute value of the bounds ``<what>range``; infinite without them."""
-        return float(np.abs(self._range(element, f"{what}range", f"{what}limited")).min())
-
-    def _range(self, element: ElementTree.Element, name: str, limited: str) -> tuple[float, float]:
-        """Bounds of an element, its own or those of its class; infinite without them."""
-        if self._attribute(element, limited) == "false":
-            return -np.inf, np.inf
-        low, high = self._numbers(element, name, "-inf inf", 2)
-        return low, high
-
-    def _numbers(self, element: ElementTree.Element, name: str, default: str, count: int | None = None) -> list[float]:
-        text = self._attribute(element, name) or default
-        try:
-            numbers = [float(word) for word in text.split()]
-        except ValueError:
-            numbers = []
-        if not numbers or len(numbers) != (count or len(numbers)):
-            who = f"<{element.tag}> {element.get('name', element.get('joint'))!r}"
-            raise FileFormatError(f"{self.path}: {who} has {name} {text!r}; {count or 'some'} numbers are needed")
-        return numbers
-
-    def _unit(self, joint: ElementTree.Element) -> float:
-        angle = [compiler.get("angle") for compiler in self.root.findall("compiler") if compiler.get("angle")]
-        hinge = self._attribute(joint, "type") in (None, "hinge")
-        return np.pi / 180 if hinge and (not angle or angle[-1] == "degree") else 1.0
-
-    def _attribute(self, element: ElementTree.Element, attribute: str) -> str | None:
-        """Return an attribute of an element, its own or that of its default class; actuators share their defaults."""
-        if element.get(attribute) is not None:
-            return element.get(attribute)
-        tags = ACTUATORS if element.tag in ACTUATORS else (element.tag,)
-        name, node = element.get("class"), self._parents.get(element)
-        while name is None and node is not None:
-            name, node = node.get("childclass"), self._parents.get(node)
-        top = self.root.find("default")
-        entry = next((d for d in self.root.iter("default") if name is not None and d.get("class") == name), top)
-        while entry is not None and entry.tag == "default":
-            for default in reversed(entry):
-                if default.tag in tags and default.get(attribute) is not None:
-                    return default.get(attribute)
-            entry = self._parents.get(entry)
-        return None
-
-    def fault(self) -> str:
-        """Describe the first inconsistency or unsupported element; empty without one."""
-        ignored = ("frame", "replicate", "attach", "composite", "flexcomp")  # by Pinocchio, with all bodies in them
-        unread = sorted({tag for tag in ignored for _ in self.root.iter(tag)})
-        if unread:
-            return (
-                f"uses <{'>, <'.join(unread)}>, which are not supported; save the model as one plain file first, for "
-                "example with mujoco.MjModel.from_xml_path and mujoco.mj_saveLastXML"
-            )
-        if self.root.find("worldbody//body") is None:
-            return "has no body in <worldbody>"
-        for tag in self.bounded:
-            names = Counter(element.get("name") for element in self.root.findall(f"worldbody//{tag}"))
-            names[WORLD] += tag == "body"  # implicit
-            for name, count in names.items():
-                if name is not None and count > 1:
-                    return f"{tag} {name!r} appears {count} times"
-        classes = {default.get("class", "main") for default in self.root.iter("default")}
-        for element in self.root.findall("worldbody//*"):
-            for name in (element.get("class"), element.get("childclass")):
-                if name is not None and name not in classes:
-                    return f"<{element.tag}> is of the class {name!r}, which no <default> defines"
-        counts = {
-            "pos": 3, "quat": 4, "axis": 3, "euler": 3, "axisangle": 4, "xyaxes": 6, "zaxis": 3, "fromto": 6, "ref": 1,
-            "diaginertia": 3, "fullinertia": 6, "mass": 1, "scale": 3,
-        }  # fmt: skip
-        for element in self.root.iter():
-            for name in counts.keys() & element.keys():
-                text = element.get(name, "")
-                try:
-                    numbers = [float(word) for word in text.split()]
-                except ValueError:
-                    numbers = []
-                if len(numbers) != counts[name] or not all(abs(number) < LARGEST for number in numbers):
-                    rule = f"{name} with {counts[name]} numbers, each below {LARGEST:g}"
-                    return f"<{element.tag}> needs {rule}; found {text[:80]!r}"
-                if name == "quat" and np.linalg.norm(numbers) < 1e-9:
-                    return f"<{element.tag}> has quat {text[:80]!r}, which is no rotation"
-        faults = (self._inertia_fault(body) for body in self.root.findall("worldbody//body"))
-        return next(filter(None, faults), "")
-
-    def _inertia_fault(self, body: ElementTree.Element) -> str:
-        inertial = body.find("inertial")
-        if inertial is None:
-            return ""
-        moments = inertial.get("fullinertia") or inertial.get("diaginertia", "0 0 0") + " 0 0 0"
-        return inertia_fault(body.get("name", ""), float(inertial.get("mass", "0")), list(map(float, moments.split())))
-
-    def unweighed(self) -> set[str]:
-        """Return the bodies with masses by their shapes, which are not computed."""
-        ignored = any(compiler.get("inertiafromgeom") == "true" for compiler in self.root.findall("compiler"))
-        return {
-            body.get("name", "") for body in self.root.findall("worldbody//body")
-            if (ignored or body.find("inertial") is None) and any(map(self._has_mass, body.findall("geom")))
-        }  # fmt: skip
-
-    def _has_mass(self, geom: ElementTree.Element) -> bool:
-        return all(self._numbers(geom, name, "1")[0] > 0 for name in ("mass", "density"))
-
-    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
-        """Yield the shapes of bodies: those without contacts if a body has such, else all."""
-        options = {name: value for compiler in self.root.findall("compiler") for name, value in compiler.items()}
-        folder = paths.path.parent / options.get("meshdir", options.get("assetdir", ""))
-        meshes: dict[str, Path | ElementTree.Element] = {}  # by their placeholder: a file, or an element with points
-        for i, mesh in enumerate(self.root.iterfind("asset/mesh")):
-            file = mesh.get("file", "")
-            file = Path(file).name if options.get("strippath") == "true" else file
-            meshes[f"{i}.stl"] = folder / file if file else mesh
-        model, visual, solid = self._geometries()
-        touching = {thing.name for thing in solid.geometryObjects}
-        dressed = {thing.parentFrame for thing in visual.geometryObjects if thing.name not in touching}
-        for thing in visual.geometryObjects:
-            frame = model.frames[thing.parentFrame]
-            if frame.name in links and (thing.name not in touching or thing.parentFrame not in dressed):
-                placement = (frame.placement.inverse() * thing.placement).homogeneous
-                if (shape := _mesh(thing, paths, meshes)) is not None:
-                    points, triangles = shape
-                    yield Shape(frame.name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
-
-    def _geometries(self) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
-        """Return the model and its visual and collision geometry, with a triangle for each mesh."""
-        root = one_tree(self.root)
-        corners = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4")
-        triangle = bytes(80) + (1).to_bytes(4, "little") + corners.tobytes() + bytes(2)  # an STL
-        for compiler in root.findall("compiler"):
-            for option in ("meshdir", "assetdir", "strippath"):
-                compiler.attrib.pop(option, None)
-        with temporary_beside(Path(gettempdir()) / "maniport", folder=True) as folder:
-            for i, mesh in enumerate(root.iterfind("asset/mesh")):
-                mesh.set("name", mesh.get("name") or Path(mesh.get("file", "")).stem)
-                mesh.set("file", f"{i}.stl")
-                for own in ("vertex", "face", "normal", "texcoord", "builtin", "params"):
-                    mesh.attrib.pop(own, None)
-                (folder / f"{i}.stl").write_bytes(triangle)
-            file = folder / "robot.xml"
-            ElementTree.ElementTree(root).write(file, encoding="utf-8")
-            try:
-                model = pin.buildModelFromMJCF(str(file))
-                visual, solid = (pin.buildGeomFromMJCF(model, str(file), kind) for kind in (pin.VISUAL, pin.COLLISION))
-            except (ValueError, RuntimeError, IndexError) as error:
-                reason = " ".join(str(error).split("message:")[-1].split())
-                raise FileFormatError(f"{self.path}: its shapes cannot be read: {reason}") from None
-        return model, visual, solid
+SIZES = {
+    "sphere": (1.0,), "ellipsoid": (1.0, 1.0, 1.0), "box": (2.0, 2.0, 2.0), "cylinder": (1.0, 2.0),
+    "capsule": (1.0, 2.0),
+}  # fmt: skip
+"""Sizes of solids as multiples of the numbers in the file."""
 
 
-def _mesh(thing: pin.GeometryObject, paths: MeshPaths, meshes: Mapping[str, Path | ElementTree.Element]) -> Mesh | None:
-    """Return the mesh of a shape of Coal; none for planes, which are infinite."""
-    shape = thing.geometry
-    if isinstance(shape, coal.BVHModelBase):
-        mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)
-        if not isinstance(mesh, Path):
-            return scaled(_own_mesh(paths.path, mesh), scale)
-        if not is_file(mesh):
-            files = {file for file in meshes.values() if isinstance(file, Path)}
-            missing = sum(not is_file(file) for file in files)
-            raise FileFormatError(
-                f"{paths.path}: the mesh {str(mesh)!r} is missing ({missing} of {len(files)} meshes are)"
-            )
-        paths.require_allowed(mesh, str(mesh))
-        return scaled(paths.mesh(mesh), scale)
-    kind = type(shape).__name__.lower()
-    if kind == "box":
-        return SOLIDS[kind](*(2 * shape.halfSide))
-    if kind in ("sphere", "ellipsoid"):
-        return SOLIDS[kind](*np.atleast_1d(shape.radius if kind == "sphere" else shape.radii))
-    if kind in ("cylinder", "capsule"):
-        return SOLIDS[kind](shape.radius, 2 * shape.halfLength)
-    if isinstance(shape, (coal.Plane, coal.Halfspace)):
-        return None
-    raise FileFormatError(f"{paths.path}: {thing.name!r} has an unsupported shape: {type(shape).__name__}")
+def read(path: Path, root: Element) -> RobotModel:
+    """Read the bodies, sites and joints of a robot in MuJoCo's format; free joints are at rest."""
+    document = Document(path, root)
+    document.check()
+    model = RobotModel(path, document.root.get("model") or path.stem, shapes)
+    model.bodies[WORLD] = RobotBody(WORLD, None, np.eye(4), inertia=np.zeros((6, 6)))
+    waiting = [(WORLD, world) for world in document.root.findall("worldbody")]
+    while waiting:
+        name, element = waiting.pop()
+        if element.tag == "body":
+            body = _body(model, document, name, element)
+            model.bodies[body.name], name = body, body.name
+        for site in element.findall("site"):
+            model.sites.setdefault(site.get("name", ""), (name, document.pose(site)))
+        waiting += [(name, child) for child in reversed(element.findall("body"))]
+    for joint in document.root.findall("equality/joint"):
+        if joint.get("active", "true") == "true":
+            follower, leader = joint.get("joint1", ""), joint.get("joint2")
+            c = [*document.numbers(joint, "polycoef", None, "0 1 0 0 0").tolist(), 0.0]
+            offset = c[0] + document.rest(follower) - c[1] * document.rest(leader)  # positions count from rest
+            model.followers[follower] = Follower(leader, c[1], offset, not any(c[2:]))
+    return model
 
 
-def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
+def _body(model: RobotModel, document: Document, parent: str, element: Element) -> RobotBody:
+    """Return a body with the joints that move it."""
+    placement, joints, inertia = document.pose(element), list[Joint](), _inertia(document, element)
+    kinds = {joint: document.attribute(joint, "type") or "hinge" for joint in element.findall("joint")}
+    if "ball" in kinds.values():
+        return RobotBody(element.get("name", ""), parent, placement, blocked="ball", inertia=inertia)
+    for joint, kind in kinds.items():
+        if kind in ("hinge", "slide"):
+            name, axis, at = joint.get("name", ""), document.numbers(joint, "axis", 3, "0 0 1"), np.eye(4)
+            at[:3, 3] = document.numbers(joint, "pos", 3, "0 0 0")
+            low, high = document.range(joint, "range", "limited") * document.unit(joint)
+            moving = model.joint(
+                name, PRISMATIC if kind == "slide" else REVOLUTE, axis, placement @ at, (float(low), float(high)),
+                effort=document.effort_limit(joint),
+            )  # fmt: skip
+            rest = moving.motion(-document.rest(name))
+            joints.append(Joint(name, moving.kind, moving.axis, moving.placement @ rest))
+            placement = np.asarray(np.linalg.inv(at), dtype=np.float64)
+    return RobotBody(element.get("name", ""), parent, placement, tuple(joints), inertia=inertia)
+
+
+def _inertia(document: Document, body: Element) -> Array | None:
+    """Spatial inertia (6, 6) of a body; None if its shapes determine it."""
+    inertial = None if document.options.get("inertiafromgeom") == "true" else body.find("inertial")
+    if inertial is None:
+        heavy = [
+            all(document.numbers(geom, key, 1, "1")[0] > 0 for key in ("mass", "density"))
+            for geom in body.findall("geom")
+        ]
+        return None if any(heavy) else np.zeros((6, 6))
+    full = inertial.get("fullinertia") is not None
+    moments = document.numbers(inertial, "fullinertia" if full else "diaginertia", 6 if full else 3, "0 0 0")
+    where = f"{document.path}: link {body.get('name')!r}"
+    mass = float(numbers(inertial.get("mass"), 1, f"{where} needs a mass", least=0.0)[0])
+    return body_inertia(where, mass, [*moments, 0.0, 0.0, 0.0][:6], document.pose(inertial))
+
+
+def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
+    """Yield the shapes of bodies: those without contacts if a body has such, else all."""
+    document = Document(path, root)
+    folder = path.parent / document.options.get("meshdir", document.options.get("assetdir", ""))
+    meshes: dict[str, tuple[Element, Path | None]] = {}
+    for mesh in document.root.iterfind("asset/mesh"):
+        file = mesh.get("file", "")
+        name = mesh.get("name") or Path(file).stem
+        file = Path(file).name if document.options.get("strippath") == "true" else file
+        meshes.setdefault(name, (mesh, folder / file if file else None))
+    owners = [(WORLD, world) for world in document.root.findall("worldbody")]
+    owners += [(body.get("name", ""), body) for body in document.root.findall("worldbody//body")]
+    for name, owner in owners:
+        geoms = owner.findall("geom") if name in links else []
+        contacts = [[document.numbers(geom, key, 1, "1")[0] for key in ("contype", "conaffinity")] for geom in geoms]
+        visual = [geom for geom, bits in zip(geoms, contacts, strict=True) if not any(bits)]
+        for geom in visual or [geom for geom in geoms if document.numbers(geom, "group", 1, "0")[0] <= 2]:
+            kind, title = document.attribute(geom, "type") or "sphere", document.attribute(geom, "mesh")
+            if kind == "plane":  # infinite
+                continue
+            if title is None and kind in SIZES:
+                placement, solid = _solid(document, geom, kind)
+            elif title in meshes:
+                placement, solid = document.pose(geom), _asset(paths, document, *meshes[title])
+            else:
+                raise FileFormatError(f"{path}: a <geom> of body {name!r} has an unknown shape: {title or kind!r}")
+            points, triangles = solid
+            yield Shape(name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
+
+
+def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, Mesh]:
+    """Pose (4, 4) and mesh of a simple solid; `fromto` are the ends of its z axis."""
+    factors, size = np.array(SIZES[kind]), document.numbers(geom, "size", None)
+    placement = document.pose(geom)
+    if document.attribute(geom, "fromto") is not None:
+        ends = document.numbers(geom, "fromto", 6).reshape(2, 3)
+        placement[:3, :3], placement[:3, 3] = rotation_to(ends[0] - ends[1]), ends.mean(axis=0)
+        size = np.append(np.full(len(factors) - 1, size[0]), 0.5 * np.linalg.norm(ends[0] - ends[1]))
+    enough = len(size) >= len(factors) and bool(np.all(size >= 0))
+    require(enough, document.path, f"a <geom> {kind} needs {len(factors)} sizes, not negative; found {size}")
+    return placement, SOLIDS[kind](*(factors * size[: len(factors)]))
+
+
+def _asset(paths: MeshPaths, document: Document, mesh: Element, file: Path | None) -> Mesh:
+    """Return the mesh of an asset, of its file or of the points in the document."""
+    scale = document.numbers(mesh, "scale", 3, "1 1 1")
+    if file is None:
+        return scaled(_own_mesh(paths.path, mesh), scale)
+    require(is_file(file), paths.path, f"the mesh {str(file)!r} is missing")
+    paths.require_allowed(file, str(file))
+    return scaled(paths.mesh(file), scale)
+
+
+def _own_mesh(path: Path, mesh: Element) -> Mesh:
     """Points and triangles of a mesh in an MJCF; without triangles the hull of the points."""
     try:
         points = np.array([float(word) for word in mesh.get("vertex", "").split()]).reshape(-1, 3)

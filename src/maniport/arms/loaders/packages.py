@@ -2,16 +2,17 @@
 
 import importlib
 import importlib.util
+import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
 
 from maniport.arms.chain import SIDES
-from maniport.errors import FileFormatError, MissingPackageError, UnknownNameError, unknown_name
+from maniport.errors import MissingPackageError, UnknownNameError, unknown_name
 from maniport.util.optional import xacrodoc
 
 CATALOG = "robot_descriptions"
@@ -24,8 +25,8 @@ class Package:
     install: str  # command
     folder: str  # of its robots, below a Python module, or below the data folders of wheels, conda and ROS
     pattern: str  # of robot files below this folder
-    arms: tuple[str, ...]  # names of arms
-    pairs: tuple[str, ...] = ()  # names of robots with two arms
+    arms: Sequence[str]  # names of arms
+    pairs: Sequence[str] = ()  # names of robots with two arms
     files: Mapping[str, str] = field(default_factory=dict)  # stems of files whose name differs from that of the robot
     module: str | None = None
 
@@ -49,33 +50,8 @@ class Package:
         return every | {name: every[stem] for name, stem in self.files.items() if stem in every}
 
 
-PACKAGES = {
-    "example-robot-data": Package(
-        "pip install example-robot-data",
-        "share/example-robot-data/robots",
-        "*/*/*.urdf",
-        ("ur3", "ur5", "ur10", "xarm7", "kinova", "z1", "so100", "so101", "tiago", "tiago_no_hand"),
-        (
-            "talos", "g1", "g1_with_hands", "alex", "baxter", "human", "icub", "pr2", "romeo", "simple_humanoid",
-            "tiago_dual", "tiago_pro",
-        ),
-        {
-            "ur3": "ur3_robot", "ur5": "ur5_robot", "ur10": "ur10_robot", "talos": "talos_reduced",
-            "g1": "g1_29dof_rev_1_0", "g1_with_hands": "g1_29dof_with_hand_rev_1_0", "alex": "alex_nub_hands",
-        },
-    ),
-    "airo-models": Package(
-        "pip install airo-models", "arms", "*/*.urdf", ("ur3e", "ur5e"), module="airo_models"
-    ),
-    "robosuite": Package(
-        "pip install --no-deps robosuite",
-        "models/assets/robots",
-        "*/robot.xml",
-        ("iiwa", "jaco", "kinova3", "panda", "sawyer", "spot_arm", "ur5e", "xarm7"),
-        ("baxter", "gr1", "tiago"),
-        module="robosuite",
-    ),
-}  # fmt: skip
+_TABLE = json.loads((Path(__file__).parents[1] / "data" / "packages.json").read_text(encoding="utf-8"))
+PACKAGES = {name: Package(**entry) for name, entry in _TABLE.items()}
 """Packages by name, in order of priority; ``package/name`` selects one."""
 
 
@@ -148,19 +124,17 @@ def _from_catalog(name: str, installed: bool) -> RobotFile:
         raise unknown_name("robot", name, getattr(catalog, "DESCRIPTIONS", ()), f"in the package {CATALOG}")
     try:
         module = importlib.import_module(f"{CATALOG}.{name}")
-    except Exception as error:  # noqa: BLE001 - downloads raise many types
+        file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
+        if file is None and hasattr(module, "XACRO_PATH"):
+            xacrodoc()
+            with redirect_stderr(StringIO()):  # deprecation warnings of xacro
+                file = str(importlib.import_module(f"{CATALOG}._xacro").get_urdf_path(module))
+    except MissingPackageError:
+        raise
+    except Exception as error:  # noqa: BLE001 - downloads raise many types, and xacro files evaluate Python
         raise UnknownNameError(
             f"robot {name!r} could not be fetched by {CATALOG} (robot_descriptions pull {name} tries again): {error}"
         ) from None
-    file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
-    if file is None and hasattr(module, "XACRO_PATH"):
-        xacrodoc()
-        try:
-            with redirect_stderr(StringIO()):  # deprecation warnings of xacro
-                file = str(importlib.import_module(f"{CATALOG}._xacro").get_urdf_path(module))
-        except Exception as error:  # noqa: BLE001 - xacro files evaluate Python
-            reason = " ".join(str(error).split())
-            raise FileFormatError(f"robot {name!r}: {CATALOG} cannot expand its xacro file: {reason}") from None
     if file is None:
         raise UnknownNameError(f"robot {name!r} of {CATALOG} has neither a URDF nor a xacro file nor an MJCF")
     folders = [getattr(module, "REPOSITORY_PATH", None), *getattr(module, "XACRO_PACKAGE_PATHS", {}).values()]

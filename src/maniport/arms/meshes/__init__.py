@@ -1,12 +1,12 @@
 """Shapes and surfaces of an arm; operations on meshes and meshes of simple solids."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from maniport.arms.chain import Chain, Mesh, Triangles
+from maniport.arms.chain import Chain, Mesh, Shape, Triangles
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
@@ -30,6 +30,10 @@ class Surface:
     points: Array
     triangles: Triangles
 
+    def __post_init__(self) -> None:
+        for array in (self.points, self.triangles):  # cached
+            array.setflags(write=False)
+
     def __repr__(self) -> str:
         return f"Surface(joint {self.joint}, {len(self.points)} points, {len(self.triangles)} triangles)"
 
@@ -39,65 +43,65 @@ class Geometry:
 
     def __init__(self, chain: Chain):
         self.chain = chain
-        self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
 
-    def surfaces(self, most: int | None) -> tuple[Surface, ...]:
-        """Return the surfaces of each joint, reduced to `most` triangles in total."""
-        if most not in self._surfaces:
-            meshes = [mesh for _, mesh in self.shapes]
-            joints = [self.chain.frames[link].joint for link, _ in self.shapes]
-            if most is not None:
-                meshes, joints = fewer(meshes, joints, most)
-            surfaces = []
-            for joint in sorted(set(joints)):
-                points, triangles = joined([mesh for mesh, j in zip(meshes, joints, strict=True) if j == joint])
-                for array in (points, triangles):  # cached
-                    array.setflags(write=False)
-                surfaces.append(Surface(joint, points, triangles))
-            self._surfaces[most] = tuple(surfaces)
-        return self._surfaces[most]
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The surface of each joint, with 15 000 triangles in total: 200, and a share of the rest in proportion."""
+        most, meshes = 15_000, dict[int, list[Mesh]]()
+        for link, mesh in self.shapes.items():
+            meshes.setdefault(self.chain.frames[link].joint, []).append(mesh)
+        joints = sorted(meshes)
+        whole = [joined(meshes[joint]) for joint in joints]
+        counts = np.array([len(triangles) for _, triangles in whole], dtype=np.int64)
+        if counts.sum() > most:
+            least = np.minimum(counts, min(200, most // len(counts)))
+            shares = least + (counts - least) * (most - least.sum()) // (counts - least).sum()
+            whole = [reduced(mesh, int(share)) for mesh, share in zip(whole, shares, strict=True)]
+        return tuple(Surface(joint, *mesh) for joint, mesh in zip(joints, whole, strict=True) if len(mesh[1]))
 
-    @property
-    def shapes(self) -> tuple[tuple[str, Mesh], ...]:
-        """Links, see `Chain.holds`, with their shapes in the frames of their joints."""
-        return self._own[0]
+    @cached_property
+    def shapes(self) -> dict[str, Mesh]:
+        """Shapes of the links, see `Chain.holds`, in the frames of their joints."""
+        meshes = _by_link(self._own).items()
+        placements = {link: self.chain.frames[link].placement for link, _ in meshes}
+        return {link: (at @ placements[link][:3, :3].T + placements[link][:3, 3], rows) for link, (at, rows) in meshes}
 
     @property
     def stand_ins(self) -> tuple[str, ...]:
         """Links with collision shapes, since visual meshes are missing."""
-        return self._own[1]
+        return tuple(dict.fromkeys(shape.link for shape in self._own if shape.stand_in))
 
     @cached_property
-    def _own(self) -> tuple[tuple[tuple[str, Mesh], ...], tuple[str, ...]]:
-        shapes, stand_ins = [], dict[str, None]()
+    def _own(self) -> list[Shape]:
         links = [link for link in self.chain.frames if self.chain.holds(link)]
-        for shape in () if self.chain.shapes is None else self.chain.shapes(links):
-            placement, (points, triangles) = self.chain.frames[shape.link].placement, shape.mesh
-            mesh = welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))
-            shapes += [(shape.link, mesh)] if len(mesh[1]) else []
-            stand_ins |= {shape.link: None} if shape.stand_in else {}
-        return tuple(shapes), tuple(stand_ins)
+        return [] if self.chain.shapes is None else [*self.chain.shapes(links)]
 
     @cached_property
     def attached(self) -> tuple[dict[str, Mesh], tuple[str, ...]]:
         """Shapes of the bodies attached to the chain, in their own frames, and names of unreadable bodies."""
         names, shapes = [*self.chain.attached], self.chain.shapes
-        meshes: dict[str, list[Mesh]] = {}
-        missing: list[str] = []
-        if shapes is not None and names:
-            try:
-                read = [*shapes(names)]
-            except FileFormatError:  # perhaps of a single body: read them one by one
-                read = []
-                for name in names:
-                    try:
-                        read += shapes([name])
-                    except FileFormatError:
-                        missing.append(name)
-            for shape in read:
-                meshes.setdefault(shape.link, []).append(welded(shape.mesh))
-        whole = {link: joined(parts) for link, parts in meshes.items()}
-        return {link: mesh for link, mesh in whole.items() if len(mesh[1])}, tuple(missing)
+        if shapes is None or not names:
+            return {}, ()
+        try:
+            return _by_link(shapes(names)), ()
+        except FileFormatError:  # perhaps of a single body: read them one by one
+            read, missing = list[Shape](), list[str]()
+            for name in names:
+                try:
+                    read += shapes([name])
+                except FileFormatError:
+                    missing.append(name)
+            return _by_link(read), tuple(missing)
+
+
+def _by_link(shapes: Iterable[Shape]) -> dict[str, Mesh]:
+    """Meshes of links in their frames."""
+    meshes: dict[str, list[Mesh]] = {}
+    for shape in shapes:
+        mesh = welded(shape.mesh)
+        if len(mesh[1]):
+            meshes.setdefault(shape.link, []).append(mesh)
+    return {link: joined(parts) for link, parts in meshes.items()}
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -122,10 +126,8 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
     _, first, cell_of = np.unique(cells @ (1, 2**20, 2**40), return_index=True, return_inverse=True)
     rows = cell_of[rows.reshape(-1, 3)]
     rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
-    corners = np.sort(rows, axis=1)
-    order = np.lexsort(corners.T)  # which is stable: the first of equal rows is the earliest, and faster than np.unique
-    new = np.concatenate([[True], np.any(np.diff(corners[order], axis=0), axis=1)])[: len(rows)]
-    left, numbers = np.unique(rows[np.sort(order[new])], return_inverse=True)
+    _, new = np.unique(np.sort(rows, axis=1), axis=0, return_index=True)
+    left, numbers = np.unique(rows[np.sort(new)], return_inverse=True)
     return points[kept[first[left]]], numbers.reshape(-1, 3).astype(np.int32)
 
 
@@ -139,25 +141,6 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
         mesh = welded(mesh, cell)
         cell *= 1.2
     return mesh
-
-
-def fewer(meshes: list[Mesh], joints: list[int], most: int) -> tuple[list[Mesh], list[int]]:
-    """Reduce meshes to at most `most` triangles in total; many meshes are merged by joint.
-
-    Each mesh keeps 200, and a share of the rest in proportion to its excess.
-    """
-    counts = np.array([len(triangles) for _, triangles in meshes], dtype=np.int64)
-    if counts.sum() <= most:
-        return meshes, joints
-    if len(meshes) * 20 > most and len(meshes) > len(set(joints)):
-        carriers = sorted(set(joints))
-        merged = [joined([m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in carriers]
-        return fewer([welded(mesh) for mesh in merged], carriers, most)
-    least = np.minimum(counts, min(200, most // len(counts)))
-    shares = least + (counts - least) * (most - least.sum()) // max((counts - least).sum(), 1)
-    smaller = [reduced(mesh, int(n)) for mesh, n in zip(meshes, shares, strict=True)]
-    kept = [i for i, (_, triangles) in enumerate(smaller) if len(triangles)]
-    return [smaller[i] for i in kept], [joints[i] for i in kept]
 
 
 def box(*size: float) -> Mesh:

@@ -62,8 +62,7 @@ def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
 
 def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
     """Parts of a file in its own axes; polygons are triangulated."""
-    from trimesh.exchange.load import mesh_loaders
-    from trimesh.geometry import triangulate_quads
+    from trimesh import load_scene
 
     kind = path.suffix.lower()[1:]
     if kind == "stl":
@@ -76,31 +75,15 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
     elif kind in ("gltf", "glb"):
         text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if kind == "glb" else content
         _require_sane(path, json.loads(text.decode("utf-8")))
-    loaded: dict[str, Any] = mesh_loaders[kind](
-        io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True
-    )
-    meshes, graph = loaded.get("geometry", {"": loaded}), loaded.get("graph", ())
-    poses = [(name, np.eye(4)) for name in meshes]
-    if kind in ("gltf", "glb"):
-        above = {entry["frame_to"]: (entry["frame_from"], entry["matrix"]) for entry in graph}
-        poses = []
-        for entry in graph:
-            if "geometry" in entry:
-                frame, pose, steps = entry["frame_to"], np.eye(4), 0
-                while frame in above:
-                    frame, matrix = above[frame]
-                    pose, steps = matrix @ pose, steps + 1
-                    if steps > len(above):
-                        raise ValueError("its nodes form a cycle")
-                poses.append((entry["geometry"], pose))
+    scene = load_scene(io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True, process=False)
     triangles = 0
-    for name, pose in poses:
-        part = meshes[name]
-        if part.get("faces") is not None and len(part["faces"]):
-            triangles += len(part["faces"])
-            require_at_most(triangles, TRIANGLES, "triangles", path)
-            points = np.asarray(part["vertices"], dtype=np.float64)
-            yield points @ pose[:3, :3].T + pose[:3, 3], triangulate_quads(part["faces"])
+    for name in scene.graph.nodes_geometry:
+        pose, geometry = scene.graph[name]
+        part = scene.geometry[geometry]
+        triangles += len(getattr(part, "faces", ()))
+        require_at_most(triangles, TRIANGLES, "triangles", path)
+        if hasattr(part, "faces"):
+            yield np.asarray(part.vertices) @ pose[:3, :3].T + pose[:3, 3], part.faces
 
 
 def _require_sane(path: Path, header: Any) -> None:
@@ -115,9 +98,6 @@ def _require_sane(path: Path, header: Any) -> None:
             )
         most = int(views[view]["byteLength"])
         require_at_most(count, most, "entries announced by an accessor, more than bytes", path)
-    children = [child for node in header.get("nodes", ()) for child in node.get("children", ())]
-    if len(children) != len(set(children)):
-        raise FileFormatError(f"{path}: has a node within two others")
 
 
 class _Buffers(dict[str, bytes]):
@@ -186,7 +166,7 @@ def _step(element: Element) -> Array:
     if element.tag == "translate":
         step[:3, 3] = _numbers(element)
     elif element.tag == "scale":
-        step[[0, 1, 2], [0, 1, 2]] = _numbers(element)
+        step[:3, :3] = np.diag(_numbers(element))
     elif element.tag == "rotate":
         *axis, degrees = _numbers(element)
         step[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
@@ -198,13 +178,13 @@ def _step(element: Element) -> Array:
 def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
     """Points and triangles of each list of polygons; unused points are dropped, since lists may share many points."""
     for shape in geometry.iterfind("mesh/*"):
-        offsets = [int(entry.get("offset", "0")) for entry in shape.findall("input")]
-        vertex = next((entry for entry in shape.findall("input") if entry.get("semantic") == "VERTEX"), None)
+        inputs = {entry.get("semantic"): entry for entry in shape.findall("input")}
         if shape.tag in ("tristrips", "trifans"):
             raise ValueError(f"it holds <{shape.tag}>, which are not supported; write triangles")
-        if shape.tag not in ("triangles", "polylist", "polygons") or vertex is None:
+        if shape.tag not in ("triangles", "polylist", "polygons") or "VERTEX" not in inputs:
             continue
-        width, column = max(offsets) + 1, int(vertex.get("offset", "0"))
+        width = max(int(entry.get("offset", "0")) for entry in shape.findall("input")) + 1
+        column = int(inputs["VERTEX"].get("offset", "0"))
         lists = [_numbers(p, np.int64).reshape(-1, width)[:, column] for p in shape.findall("p")]
         corners = np.concatenate([np.empty(0, dtype=np.int64), *lists])
         rows = corners.reshape(-1, 3) if shape.tag == "triangles" else corners
@@ -219,12 +199,10 @@ def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
             second = first + 1 + np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
             rows = corners[np.stack([first, second, second + 1], axis=1)]
         if len(rows):
-            points = _positions(things[vertex.get("source", "")], things)
-            if rows.min() < 0 or rows.max() >= len(points):
-                raise ValueError(
-                    f"a triangle names the point {rows.max() if rows.max() >= len(points) else rows.min()}"
-                )
             kept, rows = np.unique(rows, return_inverse=True)
+            if kept[0] < 0:
+                raise ValueError(f"a triangle names the point {kept[0]}")
+            points = _positions(things[inputs["VERTEX"].get("source", "")], things)
             yield points[kept], rows.reshape(-1, 3).astype(np.int32)
 
 
@@ -236,8 +214,8 @@ def _positions(vertices: Element, things: dict[str, Element]) -> Array:
         raise ValueError("its points have no accessor")
     numbers = _numbers(things[accessor.get("source", "")])
     count, stride, offset = (int(accessor.get(name, "0")) for name in ("count", "stride", "offset"))
-    if count < 0 or stride < 3 or offset < 0 or offset + count * stride > len(numbers):
-        raise ValueError(f"{count} points of {stride} numbers are announced; there are {len(numbers)} numbers")
+    if count < 0 or stride < 3 or offset < 0:
+        raise ValueError(f"{count} points of {stride} numbers are announced, from {offset}")
     return np.asarray(numbers[offset : offset + count * stride].reshape(count, stride)[:, :3])
 
 

@@ -1,19 +1,132 @@
-"""Recordings from files; each format is one module and one line of a table."""
+"""Recordings from files; each format is one module and one line of a table.
+
+Unit and rate come from the caller, else from the file; else the unit is recognized from the points.
+"""
 
 import importlib
 import os
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from maniport.errors import FileFormatError, spoken, unknown_name
-from maniport.mocap.import_options import UNITS, ImportOptions, known_unit
-from maniport.mocap.marker_sets import load_names
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.arms.chain import SIDES
+from maniport.errors import FileFormatError, InvalidInputError, argument, as_text, spoken, unknown_name
+from maniport.mocap.cleaning import in_order, without_zeros
 from maniport.mocap.readers.text import decoded
-from maniport.mocap.recording import Recording
+from maniport.mocap.recording import MAX_POSITION, Recording
+from maniport.mocap.roles import ARM, direction, find_roles, load_names, whole_bodies
 from maniport.util.defaults import RECORDINGS
-from maniport.util.input_limits import RECORDING_BYTES, as_path, existing_file
-from maniport.util.validation import as_choice, as_number
+from maniport.util.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, as_path, existing_file, require_at_most
+from maniport.util.validation import Array, as_choice, as_number
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
+"""Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""
+
+UPPER_ARM = (0.20, 0.42)
+"""Usual lengths of an upper arm [m], from a child of ten to the tallest adults.
+
+The range is narrow enough that no two of the recognized units, all but "dm", fit one length."""
+
+POSSIBLE_UPPER_ARM = (0.1, 0.6)  # Lengths of an upper arm [m] outside of which a declared unit is wrong
+
+SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
+"""``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free motion of the right arm (C3D).
+``"both-arms"``: the same motion with the left arm, which moves more."""
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """Options of the caller for reading a file; None for the values of the file."""
+
+    unit: str | None = None  # one of `UNITS`
+    rate: float | None = None  # frames per second
+
+    def recording(
+        self,
+        file: Path,
+        names: Sequence[str],
+        positions: ArrayLike,
+        time: ArrayLike | None = None,
+        unit: str = "",
+        notes: Sequence[str] = (),
+        quality_warnings: Sequence[str] = (),
+    ) -> Recording:
+        """Make the recording in meters, with notes on the unit, the rate and missing points.
+
+        `names` that repeat are numbered. `positions` (n_frames, n_points, 3) are in the unit of the file; nan, and
+        points farther than 1e12, are missing. `time` [s] is None where the file has neither times nor a rate. `unit`
+        is empty where neither the file nor its format states it. The rest is as in `Recording`.
+
+        Raises
+        ------
+        InvalidInputError
+            When the values are no recording, or unit or rate are unknown.
+        """
+        with np.errstate(over="ignore"):  # of wider floating-point types
+            points = np.array(positions, dtype=np.float64)
+        if points.ndim != 3 or points.shape[1:] != (len(names), 3) or not points.size:
+            text = f"positions must have shape (n, k, 3) for {len(names)} names, with n ≥ 1; found {points.shape}"
+            raise InvalidInputError(text)
+        require_size(*points.shape[:2])
+        before = (list(names[:i]).count(name) for i, name in enumerate(names))
+        unique = [f"{name}#{count + 1}" if count else name for name, count in zip(names, before, strict=True)]
+        notes = [*notes, *(["names that occur more than once were numbered"] if unique != list(names) else [])]
+        missing = ~(np.abs(points) <= MAX_POSITION).all(axis=-1)
+        points[missing] = np.nan
+        if missing.all():
+            raise InvalidInputError("every point is missing in every frame")
+        if missing.any():
+            never = [unique[i] for i in np.flatnonzero(missing.all(axis=0))]
+            always = f"; always: {_first(never, 20)}" if never else ""
+            notes.append(f"{100 * missing.mean():.1f} % of all points are missing{always}")
+        if self.rate is not None:
+            notes.insert(0, f"frames per second set by the caller: {self.rate:g}")
+            time = np.arange(len(points)) / self.rate
+        elif time is None:
+            raise InvalidInputError(f"the file states no frame rate; give {argument('rate')} in frames per second")
+        times = np.asarray(time)
+        if times.ndim != 1 or times.dtype.kind not in "fiu":
+            raise InvalidInputError(f"time must be numbers [s], shape (n,); found {times.dtype}, shape {times.shape}")
+        times = times.astype(np.float64)
+        step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+        if 1.0 < step <= 1e9:
+            power = int(np.ceil(np.log10(step) / 3))
+            times = times * 1e-3**power
+            name = ("milliseconds", "microseconds", "nanoseconds")[power - 1]
+            notes.append(f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart")
+        times, points, ordered = in_order(times, points)
+        raw = Recording(tuple(unique), points, times, as_text(file.name))
+        scale, unit_note = self._scale(raw, unit)
+        notes, warnings = (unit_note, *notes, *ordered), (*quality_warnings, *_bodies_warning(raw))
+        return without_zeros(replace(raw, positions=raw.positions * scale, notes=notes, quality_warnings=warnings))
+
+    def _scale(self, recording: Recording, declared: str) -> tuple[float, str]:
+        """Return meters per unit, with a note on the origin."""
+        unit, (ends, length) = self.unit or known_unit(declared), _upper_arm(recording)
+        fitting = [name for name in UNITS if name != "dm" and UPPER_ARM[0] <= length * UNITS[name] <= UPPER_ARM[1]]
+        if unit is not None:
+            low, high = POSSIBLE_UPPER_ARM
+            if ends and not low <= length * UNITS[unit] <= high:
+                cause = argument("unit", unit) if self.unit else f"the unit of the file, {unit},"
+                better = (f"; {argument('unit', fit)} makes it {length * UNITS[fit]:.3g} m" for fit in fitting)
+                raise InvalidInputError(
+                    f"{cause} makes the upper arm ({ends}) {length * UNITS[unit]:.3g} m long; possible are {low} to "
+                    f"{high} m{''.join(better)}"
+                )
+            return UNITS[unit], f"unit {unit}, {'set by the caller' if self.unit else 'of the file'}"
+        if not fitting:
+            cause = f"the upper arm ({ends}) has {length:.4g} units" if ends else "no points are those of an upper arm"
+            raise InvalidInputError(
+                f"the unit of length cannot be recognized: {cause}; give {argument('unit')} one of "
+                f"{', '.join(map(repr, UNITS))}. Points: {_first(recording.names, 12)}"
+            )
+        scale = UNITS[fitting[0]]
+        text = f"the upper arm ({ends}) is {length:.4g} units long, {length * scale:.3f} m"
+        return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {text}"
+
 
 Reader = Callable[[Path, ImportOptions], Recording]
 
@@ -23,10 +136,6 @@ READERS: dict[str, Reader | str] = {ending: f"{__name__}.{module}" for ending, m
 A reader takes the path and the `ImportOptions` of the caller, the method ``recording`` of which makes the result. Its
 `ValueError` becomes a `FileFormatError` with the path. `read_recording` uses the entries that are added.
 """
-
-SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
-"""``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free motion of the right arm (C3D).
-``"both-arms"``: the same motion with the left arm, which moves more."""
 
 
 def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: float | None = None) -> Recording:
@@ -81,10 +190,6 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
 def shipped_recording(name: str) -> Path:
     """Return the path of a recording that comes with the package: "ladder", "freeform" or "both-arms".
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     UnknownNameError
@@ -95,12 +200,54 @@ def shipped_recording(name: str) -> Path:
     return Path(__file__).parents[1] / "data" / SHIPPED[name]
 
 
+def known_unit(text: str) -> str | None:
+    """Return the name of the unit that a file spells in its own way, or None."""
+    name = text.strip().strip("\"'").lower()
+    singular = name.removesuffix("s").replace("metre", "meter")
+    spellings = {"millimeter": "mm", "centimeter": "cm", "meter": "m", "in": "inch", "inche": "inch", "cmu": "CMU"}
+    name = spellings.get(singular, name)
+    return name if name in UNITS else None
+
+
+def require_size(frames: int, points: int) -> None:
+    """Raise `InvalidInputError` when a recording is too large."""
+    require_at_most(points, POINTS, "points")
+    require_at_most(frames, FRAMES, "frames")
+    require_at_most(frames * points, PLACES, "places (frames × points)")
+
+
+def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> list[str]:
+    """Mark keypoints of low confidence as missing, in place; `least` is that of MediaPipe's own drawings."""
+    low = confidence < least
+    positions[low] = np.nan
+    text = f"{100 * low.mean():.1f} % of all points have a confidence below {least} and count as missing"
+    return [text] if low.any() else []
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of points out of reach
+def arm_error(names: Sequence[str], positions: Array) -> float:
+    """Measure how unlike arms the points (n, k, 3) with these names in order are; below 1 they are arms.
+
+    Of arms the bones keep their lengths (standard deviation below 5 %) and differ by less than 15 % between the sides.
+    """
+    lengths = []
+    for side in ("left", "right"):
+        roles = find_roles(names, side)[1]
+        points = positions[:, [names.index(roles[role][0]) for role in ARM]].astype(np.float64)
+        bones = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+        lengths.append(bones[np.isfinite(bones).all(axis=1) & (bones > 0).all(axis=1)])
+    if not all(map(len, lengths)):
+        return np.inf
+    left, right = (np.median(bones, axis=0) for bones in lengths)
+    changes = [np.std(bones, axis=0) / np.median(bones, axis=0) / 0.05 for bones in lengths]
+    return float(np.max([*changes, np.abs(left - right) / np.maximum(left, right) / 0.15]))
+
+
 def _format_of(file: Path) -> str:
     """Return the key of `READERS` for a file: by its content, else by its ending."""
     if os.path.isdir(file) and any(file.glob("*.json")):
         return ".json"
-    suffix, hint = file.suffix.lower(), f"; bundled recordings: {', '.join(map(repr, SHIPPED))}"
-    kind = None
+    suffix, kind, hint = file.suffix.lower(), None, f"; bundled recordings: {', '.join(map(repr, SHIPPED))}"
     # False of names that no file has; formats of the user go by their ending
     if os.path.exists(file) and isinstance(READERS.get(suffix, ""), str):
         existing_file(file, (), RECORDING_BYTES)
@@ -116,8 +263,6 @@ def _format_of(file: Path) -> str:
 
 def _by_content(head: bytes) -> str | None:
     """Return the ending that belongs to the first bytes of a file, or None."""
-    if head.startswith((b"PK", b"\x93NUMPY")):
-        return ".npz" if head.startswith(b"PK") else ".npy"
     if len(head) > 1 and head[1] == 0x50 and 0 < head[0] < 9:  # 9 and more may begin a text
         return ".c3d"
     text = decoded(head).lstrip()
@@ -128,6 +273,31 @@ def _by_content(head: bytes) -> str | None:
         return ".mot"
     if text.startswith("<"):
         return ".mvnx" if "<mvnx" in text else None
-    starts = {"PathFileType": ".trc", "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv"}
-    starts |= {"{": ".json", "[": ".json"}
+    starts = {
+        "PK": ".npz", "\ufffdNUMPY": ".npy", "{": ".json", "[": ".json", "PathFileType": ".trc",
+        "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv",
+    }  # fmt: skip
     return next((ending for start, ending in starts.items() if text.startswith(start)), None)
+
+
+def _bodies_warning(recording: Recording) -> list[str]:
+    """Report which of several bodies is used."""
+    bodies = max((whole_bodies(recording.observed, side) for side in SIDES), key=len)
+    advice = f"the first is used; a point of another one in {argument('markers')} selects that one"
+    return [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"] if len(bodies) > 1 else []
+
+
+def _first(names: Sequence[str], most: int) -> str:
+    return ", ".join(names[:most]) + (", …" if len(names) > most else "")
+
+
+def _upper_arm(recording: Recording) -> tuple[str, float]:
+    """Return the ends of an upper arm and its median length in the unit of the points; nan without one."""
+    for side in SIDES:
+        roles = find_roles(recording.observed, side)[1]
+        if {"shoulder", "elbow"} <= roles.keys():
+            length = np.linalg.norm(direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1)
+            if np.isfinite(length).any():
+                median = float(np.nanquantile(length, 0.5, method="lower"))  # not the mean of two units
+                return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
+    return "", np.nan

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.mocap.import_options import ImportOptions
-from maniport.mocap.marker_sets import END
-from maniport.mocap.readers.text import number_table, positive_number, rows_from, text_lines
+from maniport.mocap.readers import ImportOptions, require_size
+from maniport.mocap.readers.text import is_cut_off, number_table, positive_number, rows_from, text_lines
 from maniport.mocap.recording import Recording
-from maniport.util.input_limits import PLACES, POINTS, require_at_most
+from maniport.mocap.roles import END
+from maniport.util.input_limits import POINTS, require_at_most
 from maniport.util.validation import Array
+
+CHANNELS = {(kind, axis) for kind in ("position", "rotation") for axis in "xyz"}
 
 
 @dataclass
@@ -22,13 +24,13 @@ class _Node:
     name: str
     parent: int  # index, -1 for the root
     offset: Array = field(default_factory=lambda: np.zeros(3))  # position in the parent
-    channels: list[tuple[int, str, str]] = field(default_factory=list)  # column, position or rotation, axis
+    channels: list[tuple[str, str]] = field(default_factory=list)  # position or rotation, and axis
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a BVH file; see `maniport.mocap.readers.read_recording`."""
     lines = text_lines(file)
-    if not lines or not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
+    if not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
         raise ValueError("this is no BVH file: it does not begin with HIERARCHY")
     motion = next((i for i, line in enumerate(lines) if line.split()[:1] == ["MOTION"]), None)
     if motion is None:
@@ -36,9 +38,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
     nodes = _hierarchy(lines[:motion])
     require_at_most(len(nodes), POINTS, "joints and end sites")
     step, table, notes = _motion(lines, motion, sum(len(node.channels) for node in nodes))
-    if any(kind == "position" for node in nodes[1:] for _, kind, _ in node.channels):
+    if any(kind == "position" for node in nodes[1:] for kind, _ in node.channels):
         notes.append("position channels below the root were ignored: every bone keeps the length of its offset")
-    require_at_most(len(table) * len(nodes), PLACES, "places (frames × joints)")
+    require_size(len(table), len(nodes))
     parts = np.split(table, range(2000, len(table), 2000))  # limits the memory
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
         positions = np.concatenate([_positions(nodes, part) for part in parts])
@@ -58,7 +60,6 @@ def _hierarchy(lines: list[str]) -> list[_Node]:
         raise ValueError(f"the hierarchy has {opened} opening and {closed} closing braces")
     nodes: list[_Node] = []
     path: list[int] = []  # the nodes with open braces
-    columns = 0
     for number, line in enumerate(lines, 1):
         word, *rest = line.split() or [""]
         try:
@@ -76,12 +77,10 @@ def _hierarchy(lines: list[str]) -> list[_Node]:
             elif word == "CHANNELS":
                 if nodes[path[-1]].channels:
                     raise ValueError("the channels of this joint occur twice")
-                matches = [re.fullmatch("([xyz])(position|rotation)", word.lower()) for word in rest[1:]]
-                channels = [(columns + i, match[2], match[1]) for i, match in enumerate(matches) if match]
-                if rest[:1] != [str(len(matches))] or len(channels) < len(matches):
+                channels = [(word[1:].lower(), word[0].lower()) for word in rest[1:]]
+                if rest[:1] != [str(len(channels))] or not set(channels) <= CHANNELS:
                     raise ValueError("the number of channels differs from the declared one, or a channel is unknown")
                 nodes[path[-1]].channels = channels
-                columns += len(channels)
         except (ValueError, IndexError) as error:
             raise ValueError(f"not readable as BVH: line {number}, {line.strip()!r}: {error}") from None
     if not nodes:
@@ -92,41 +91,35 @@ def _hierarchy(lines: list[str]) -> list[_Node]:
 def _motion(lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
     """Return the time step [s], the channels of each frame, shape (n, width), and notes on repairs."""
     body = rows_from(lines, motion + 1)
-    count = re.match(r"\s*Frames\s*:\s*(\d{1,15})\s*$", body[0][1]) if body else None
-    frame_time = re.match(r"\s*Frame\s+Time\s*:\s*(\S+)\s*$", body[1][1]) if len(body) > 1 else None
-    if count is None or frame_time is None:
+    header = re.match(
+        r"\s*Frames\s*:\s*(\d{1,15})\s+Frame\s+Time\s*:\s*(\S+)\s*$", " ".join(row[1] for row in body[:2])
+    )
+    if header is None:
         raise ValueError(f"MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'")
-    step = positive_number(frame_time[1])
+    declared, rows, step = header[1], body[2:], positive_number(header[2])
     if step is None:
-        raise ValueError(f"Frame Time at line {body[1][0]} must be a positive number; found {frame_time[1]!r}")
-    declared, rows = int(count[1]), body[2:]
+        raise ValueError(f"Frame Time at line {body[1][0]} must be a positive number; found {header[2]!r}")
     table = number_table(rows, width)
-    if declared > len(rows) + 1:
+    if is_cut_off(declared, len(rows)):
         raise ValueError(f"the file is cut off: its header declares {declared} frames, and there are {len(rows)}")
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate
     text = f"the header declares {declared} frames, but there are {len(rows)}: all were read"
-    return step, table, [] if len(rows) == declared else [text]
+    return step, table, [] if len(rows) == int(declared) else [text]
 
 
 def _positions(nodes: list[_Node], table: Array) -> Array:
     """Return the origins of all nodes, shape (n, len(nodes), 3), in the file's unit."""
-    positions = np.zeros((len(table), len(nodes), 3))
+    positions, columns = np.zeros((len(table), len(nodes), 3)), iter(table.T)
     rotations: list[Array] = []
     for i, node in enumerate(nodes):
-        rotation = np.tile(np.eye(3), (len(table), 1, 1))
-        for column, kind, axis in node.channels:
+        rotation = np.tile(np.eye(3), (len(table), 1, 1)) if node.parent < 0 else rotations[node.parent]
+        positions[:, i] = positions[:, node.parent] + rotation @ node.offset
+        for (kind, axis), values in zip(node.channels, columns, strict=False):
             if kind == "rotation":
-                rotation @= Rotation.from_euler(axis, table[:, [column]], degrees=True).as_matrix()
-        if node.parent < 0:
-            root = np.tile(node.offset, (len(table), 1))
-            for column, kind, axis in node.channels:
-                if kind == "position":
-                    root[:, "xyz".index(axis)] = table[:, column]
-        else:
-            offset = np.einsum("fij,j->fi", rotations[node.parent], node.offset)
-            positions[:, i] = offset + positions[:, node.parent]
-            rotation = rotations[node.parent] @ rotation
+                rotation = rotation @ Rotation.from_euler(axis, values[:, None], degrees=True).as_matrix()
+            elif node.parent < 0:
+                positions[:, i, "xyz".index(axis)] = values
         rotations.append(rotation)
-    return positions + root[:, None]
+    return positions

@@ -7,23 +7,23 @@ skipped. Described at https://www.c3d.org.
 
 import math
 import struct
-from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from maniport.mocap.import_options import ImportOptions
+from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.recording import Recording
-from maniport.util.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
+from maniport.util.input_limits import RECORDING_BYTES, read_whole
 from maniport.util.validation import Array
 
 BLOCK = 512
 DEC, MIPS = 85, 86
 """Processors. DEC's numbers have the order of Intel's (84), but their own floats; those of MIPS are big-endian."""
 
-TEXT, BYTE, SHORT, REAL = -1, 1, 2, 4
-
-Values = list[float] | list[str]
+TEXT, SHORT, REAL = -1, 2, 4
+TYPES = {1: "i1", SHORT: "i2", REAL: "f4"}
+ORDER = {84: "<", DEC: "<", MIPS: ">"}
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -35,80 +35,67 @@ def read(file: Path, options: ImportOptions) -> Recording:
         raise ValueError(f"this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50")
     start = BLOCK * (max(content[0], 1) - 1)
     section = content[start : start + BLOCK * content[start + 2]] if start + 4 <= len(content) else b""
-    if len(section) < 4 or section[3] not in (84, DEC, MIPS):
+    if len(section) < 4 or section[3] not in ORDER:
         raise ValueError(f"its parameters are missing or damaged at byte {start}")
     if len(section) < BLOCK * section[2]:
         raise ValueError(f"the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes")
-    parameters = _parameters(section, start)
-    for name, kind in {"USED": SHORT, "SCALE": REAL, "RATE": REAL, "DATA_START": SHORT, "LABELS": TEXT}.items():
-        type_, entries = parameters.get(f"POINT:{name}", (0, []))
-        if type_ != kind or (kind != TEXT and not entries):
-            raise ValueError(f"its parameters are damaged: POINT:{name} is missing or of the wrong type")
-    values = {name: entries for name, (_, entries) in parameters.items()}
+    values = _parameters(section, start)
     positions = _points(content, section[3], values)
-    rate = float(values["POINT:RATE"][0])
-    if not np.isfinite(rate) or rate <= 0:
+    rate = _number(values, "RATE")
+    if not 0 < rate < np.inf:
         raise ValueError(f"POINT:RATE must be a positive number; found {rate}")
     # Quotes, blanks and the subject's prefix are taken off the labels, as long as the names stay different.
-    labels: list[str] = []
-    for key in ("LABELS", *(f"LABELS{i}" for i in range(2, 100))):  # more than 255 labels continue in LABELS2, …
-        labels += [str(label).strip().strip("\"'").strip() for label in values.get(f"POINT:{key}", [])]
+    keys = ("LABELS", *(f"LABELS{i}" for i in range(2, 100)))  # more than 255 labels continue in LABELS2, …
+    labels = [str(label).strip(" \"'") for key in keys for label in values.get(f"POINT:{key}", [])]
     labels += [""] * positions.shape[1]
     labels = [label or f"point{i + 1}" for i, label in enumerate(labels[: positions.shape[1]])]
-    bare = [label.rsplit(":", 1)[-1].strip().strip("\"'") for label in labels]
+    bare = [label.rpartition(":")[2].strip(" \"'") for label in labels]
     differ = len(set(bare)) == len(bare)
-    prefixes = sorted({label.rsplit(":", 1)[0] for label in labels if ":" in label})
+    prefixes = sorted({label.rpartition(":")[0] for label in labels if ":" in label})
     notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and differ else []
     unit = str((values.get("POINT:UNITS") or [""])[0]).strip()
     time = np.arange(len(positions)) / rate
     return options.recording(file, bare if differ else labels, positions, time, unit, notes=notes)
 
 
-def _parameters(section: bytes, start: int) -> dict[str, tuple[int, Values]]:
-    """Return type and values of the parameters by ``GROUP:NAME``.
+def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
+    """Return the values of the parameters by ``GROUP:NAME``.
 
     Each entry of the chain of groups and parameters must lie inside the section and hold its own data.
     """
-    order = ">" if section[3] == MIPS else "<"
     groups: dict[int, str] = {}
-    parameters: list[tuple[int, str, tuple[int, Values]]] = []
-    at, step = 4, 1
-    while step and at + 2 <= len(section) and section[at]:
+    parameters: list[tuple[int, str, list[Any]]] = []
+    at, end = 4, -1
+    while end != len(section) and at + 2 <= len(section) and section[at]:
         length, group = struct.unpack_from("bb", section, at)
         body = at + 2 + abs(length)
-        step = struct.unpack_from(f"{order}h", section, body)[0] if body + 4 <= len(section) else -1
+        step = struct.unpack_from(f"{ORDER[section[3]]}h", section[body : body + 2] + bytes(2))[0]
         end = body + step if step else len(section)
         name = section[at + 2 : body].decode("latin-1").strip().upper()
-        parameter = None if group <= 0 or step < 0 else _parameter(section[:end], body + 2)
-        if step < 0 or end > len(section) or group == 0 or (group > 0 and parameter is None):
+        if not body + 2 <= end <= len(section) or group == 0:
             raise ValueError(f"its parameters are damaged at byte {start + at}")
-        if parameter is None:
+        if group < 0:
             groups[-group] = name
         else:
-            parameters.append((group, name, parameter))
+            parameters.append((group, name, _values(section[body + 2 : end], section[3], name)))
         at = end
-    orphan = next((name for group, name, _ in parameters if group not in groups), None)
-    if orphan is not None:
-        raise ValueError(f"its parameters are damaged: {orphan} belongs to no group")
-    return {f"{groups[group]}:{name}": parameter for group, name, parameter in parameters}
+    if orphans := [name for group, name, _ in parameters if group not in groups]:
+        raise ValueError(f"its parameters are damaged: {orphans[0]} belongs to no group")
+    return {f"{groups[group]}:{name}": values for group, name, values in parameters}
 
 
-def _parameter(section: bytes, at: int) -> tuple[int, Values] | None:
-    """Return type and values of the parameter at an index; None unless they end before the section does."""
-    if at + 2 > len(section):
-        return None
-    kind, dimensions = struct.unpack_from("bB", section, at)
-    extents = list(section[at + 2 : at + 2 + dimensions])
+def _values(data: bytes, processor: int, name: str) -> list[Any]:
+    """Return the texts or numbers of a parameter."""
+    kind, dimensions = struct.unpack_from("bB", data + bytes(2))
+    extents, start = data[2 : 2 + dimensions], 2 + dimensions
     count = math.prod(extents)
-    data = section[at + 2 + dimensions : at + 2 + dimensions + abs(kind) * count]
-    if kind not in (TEXT, BYTE, SHORT, REAL) or dimensions > 7 or len(extents) < dimensions:
-        return None
-    if len(data) < abs(kind) * count:
-        return None
-    if kind == TEXT:
-        width = extents[0] if extents else 1
-        return kind, [_text(data[i : i + width]) for i in range(0, len(data), max(width, 1))]
-    return kind, _numbers(data, kind, section[3]).tolist()
+    stop = start + abs(kind) * count
+    if kind not in (TEXT, *TYPES) or stop > len(data):
+        raise ValueError(f"its parameters are damaged: {name} has the type {kind} and {count} values")
+    if kind != TEXT:
+        return list(_numbers(data[start:stop], kind, processor))
+    width = max(extents[0] if extents else 1, 1)
+    return [_text(data[i : i + width]) for i in range(start, stop, width)]
 
 
 def _text(data: bytes) -> str:
@@ -118,30 +105,32 @@ def _text(data: bytes) -> str:
         return data.decode("latin-1").strip(" \0")
 
 
+def _number(values: dict[str, list[Any]], name: str) -> float:
+    numbers = values.get(f"POINT:{name}") or [""]
+    if not isinstance(numbers[0], float):
+        raise ValueError(f"its parameters are damaged: POINT:{name} is missing or of the wrong type")
+    return numbers[0]
+
+
 def _numbers(data: bytes, kind: int, processor: int) -> Array:
     """Decode numbers of a type as a processor stores them."""
-    order = ">" if processor == MIPS else "<"
     if kind == REAL and processor == DEC:
         words = np.frombuffer(data, "<u2").reshape(-1, 2).astype(np.uint32)
         bits = (words[:, 0] << 16) | words[:, 1]
         return np.asarray(bits.view(np.float32).astype(np.float64) / 4)
-    code = {BYTE: "i1", SHORT: "i2", REAL: "f4"}[kind]
     with np.errstate(invalid="ignore"):
-        return np.frombuffer(data, f"{order}{code}").astype(np.float64)
+        return np.frombuffer(data, ORDER[processor] + TYPES[kind]).astype(np.float64)
 
 
-def _points(content: bytes, processor: int, values: Mapping[str, Values]) -> Array:
+def _points(content: bytes, processor: int, values: dict[str, list[Any]]) -> Array:
     """Return the points (n_frames, n_points, 3) in the file's unit; nan where they are invalid."""
-    order = ">" if processor == MIPS else "<"
-    _, analog, first, last = struct.unpack_from(f"{order}HHHH", content, 2)
-    used, scale, begin = (float(values[f"POINT:{name}"][0]) for name in ("USED", "SCALE", "DATA_START"))
+    _, analog, first, last = struct.unpack_from(f"{ORDER[processor]}HHHH", content, 2)
+    used, scale, begin = (_number(values, name) for name in ("USED", "SCALE", "DATA_START"))
     count, start = int(used) % 2**16, BLOCK * (int(begin) % 2**16 - 1)
     frames = _frame_count(last - first + 1, values)
     kind = REAL if scale < 0 else SHORT
     size = kind * (4 * count + analog)
-    require_at_most(count, POINTS, "points")
-    require_at_most(frames, FRAMES, "frames")
-    require_at_most(frames * count, PLACES, "places (frames × points)")
+    require_size(frames, count)
     if count == 0 or frames <= 0:
         raise ValueError(
             f"the file holds no points ({count} points, {max(frames, 0)} frames); "
@@ -162,7 +151,7 @@ def _points(content: bytes, processor: int, values: Mapping[str, Values]) -> Arr
     return points
 
 
-def _frame_count(header: int, values: Mapping[str, Values]) -> int:
+def _frame_count(header: int, values: dict[str, list[Any]]) -> int:
     """Return the number of frames; what exceeds two bytes is in TRIAL or in POINT:LONG_FRAMES."""
     if 0 < header < 65_535:
         return header
@@ -170,8 +159,5 @@ def _frame_count(header: int, values: Mapping[str, Values]) -> int:
     if all(len(end) == 2 for end in ends):
         first, last = (int(end[0]) % 2**16 + 2**16 * (int(end[1]) % 2**16) for end in ends)
         return last - first + 1
-    for name in ("LONG_FRAMES", "FRAMES"):
-        count = (values.get(f"POINT:{name}") or [0.0])[0]
-        if isinstance(count, float) and math.isfinite(count) and count > header:
-            return int(count)
-    return header
+    counts = [count for name in ("LONG_FRAMES", "FRAMES") for count in values.get(f"POINT:{name}", [])[:1]]
+    return next((int(count) for count in counts if isinstance(count, float) and header < count < np.inf), header)

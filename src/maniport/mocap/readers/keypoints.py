@@ -8,40 +8,20 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import FileFormatError
-from maniport.mocap.import_options import ImportOptions, drop_untrusted
-from maniport.mocap.marker_sets import arm_error, load_names
+from maniport.mocap.readers import ImportOptions, arm_error, drop_untrusted, require_size
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import Recording
-from maniport.util.input_limits import (
-    FRAMES,
-    KEYPOINTS_BYTES,
-    PLACES,
-    POINTS,
-    SETTINGS_BYTES,
-    read_whole,
-    require_at_most,
-)
-from maniport.util.validation import Array
+from maniport.mocap.roles import load_names
+from maniport.util.input_limits import FRAMES, KEYPOINTS_BYTES, PLACES, SETTINGS_BYTES, read_whole, require_at_most
 
-_PEOPLE = ("people", "instances")
-_POINTS = (
-    *("pose_world_landmarks", "poseWorldLandmarks", "worldLandmarks", "world_landmarks"),
-    *("pose_keypoints_3d", "keypoints_3d", "keypoints3d", "keypoints3D", "joints", "keypoints"),
-    *("landmarks", "landmark", "pose_landmarks", "poseLandmarks", "points"),
-)
-_FRAMES = ("frames", "data", "results", "poses", "instance_info")
-_NAMES = ("names", "joint_names", "keypoint_names")
-_RATES = ("fps", "rate", "frame_rate")
-_SECONDS = {"time": 1.0, "timestamp": 1.0, "t": 1.0, "time_ms": 1e-3, "timestamp_ms": 1e-3}
-_CONFIDENCES = ("visibility", "confidence", "score")
-_SCORES = ("keypoint_scores", "keypoints_scores", "scores")
+KEYS: dict[str, Any] = load_names("file_keys.yaml")["json"]
 
 _IN_IMAGE = (
     "these keypoints are positions in an image, not in space; write those in space (MediaPipe: pose_world_landmarks; "
     "OpenPose: pose_keypoints_3d), or use Pose2Sim or OpenCap (TRC)"
 )
 
-Point = tuple[float, float, float, float]  # x, y, z and confidence
+Point = list[float]  # x, y, z and confidence
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -53,45 +33,39 @@ def read(file: Path, options: ImportOptions) -> Recording:
         require_at_most(sum(part.lstat().st_size for part in parts), KEYPOINTS_BYTES, "bytes in its files")
         frames = [_loaded(part, SETTINGS_BYTES) for part in parts]
     else:
-        content = _loaded(file, KEYPOINTS_BYTES)
-        frames = content if isinstance(content, list) else [content] if isinstance(content, dict) else []
-        if isinstance(content, dict) and (key := _first(content, _FRAMES, list)):
-            frames, head = content[key], content
-    if not frames:
+        frames = _loaded(file, KEYPOINTS_BYTES)
+        if isinstance(frames, dict):
+            head, frames = frames, frames.get(_first(frames, KEYS["frames"], list), [frames])
+    if not isinstance(frames, list) or not frames:
         raise ValueError("the file holds no frames")
     require_at_most(len(frames), FRAMES, "frames")
+    frames = [frame if isinstance(frame, dict) else {"points": frame} for frame in frames]
     bodies = [_points(frame) for frame in frames]
     names = _names(head, bodies)
-    require_at_most(len(names), POINTS, "points")
-    require_at_most(len(names) * len(bodies), PLACES, "places (frames × points)")
-    table = np.full((len(bodies), len(names), 4), np.nan)  # x, y, z and confidence
+    require_size(len(bodies), len(names))
+    table = np.full((len(bodies), len(names), 4), np.nan)
     for row, body in zip(table, bodies, strict=True):
-        if isinstance(body, dict):
-            row[:] = [body.get(name, (np.nan,) * 4) for name in names]
-        elif body:
-            row[:] = body
+        if body:
+            row[:] = [body.get(name, [np.nan] * 4) for name in names] if isinstance(body, dict) else body
     positions, mediapipe = table[..., :3], len(names) == 33
     if mediapipe and {"left_hip", "right_hip"} <= set(names):
         # In MediaPipe's landmarks of the image the hips are anywhere, and their depth is zero.
         middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)
-        if len(middle := middle[np.isfinite(middle).all(axis=1)]):
-            x, y, depth = np.median(np.abs(middle), axis=0)
-            if depth < 0.05 and max(x, y) > 0.2:
-                raise ValueError(_IN_IMAGE)
+        x, y, depth = np.nanmedian(np.abs(middle), axis=0) if np.isfinite(middle).all(axis=1).any() else (0.0, 0.0, 0.0)
+        if depth < 0.05 and max(x, y) > 0.2:
+            raise ValueError(_IN_IMAGE)
     notes = drop_untrusted(positions, table[..., 3])
     orders = load_names("joint_orders.yaml")
     if names is orders["by_count"][17] and arm_error(orders["human36m"], positions) < arm_error(names, positions):
         names = orders["human36m"]
         notes.append("17 keypoints taken in the order of Human3.6M, not of COCO: in it the arms keep their lengths")
-    several = [isinstance(frame, dict) and len(frame.get(_first(frame, _PEOPLE, list), ())) > 1 for frame in frames]
-    if any(several):
-        notes.append(f"several people in {sum(several)} frames; the first one was taken")
-    clocks = [_first(frame, _SECONDS) if isinstance(frame, dict) else "" for frame in frames]
-    time: Array | None = None
+    if several := sum(len(frame.get(_first(frame, KEYS["people"], list), ())) > 1 for frame in frames):
+        notes.append(f"several people in {several} frames; the first one was taken")
+    clocks = [_first(frame, KEYS["seconds"]) for frame in frames]
+    time: Any = None
     if all(clocks):
-        pairs = zip(frames, clocks, strict=True)
-        time = np.array([_number(frame[key]) * _SECONDS[key] for frame, key in pairs])
-    elif (key := _first(head, _RATES)) and 0 < (rate := _number(head[key])) < np.inf:
+        time = [_number(frame[key]) * KEYS["seconds"][key] for frame, key in zip(frames, clocks, strict=True)]
+    elif (key := _first(head, KEYS["rates"])) and 0 < (rate := _number(head[key])) < np.inf:
         time = np.arange(len(bodies)) / rate
     unit = head["unit"] if isinstance(head.get("unit"), str) else "m" if mediapipe else ""
     return options.recording(file, names, positions, time, unit, notes=notes)
@@ -121,75 +95,50 @@ def _first(values: Mapping[str, Any], keys: Iterable[str], kind: type = object) 
 def _points(frame: Any) -> list[Point] | dict[str, Point]:
     """Return the keypoints of one frame, by name where they have names; empty where nobody was detected."""
     if isinstance(frame, dict):
-        if key := _first(frame, _PEOPLE, list):
+        if key := _first(frame, KEYS["people"], list):
             return _points(frame[key][0]) if frame[key] else []
-        if not (key := _first(frame, _POINTS)):
-            return _by_name(frame)
-        frame = _with_confidence(frame, key)
-        if isinstance(frame, dict) and "landmark" in frame:  # Google's protocol buffers as JSON
-            frame = frame["landmark"]
-    if isinstance(frame, dict):
-        return {str(name): _point(point) for name, point in frame.items()}
+        if key := _first(frame, KEYS["points"]):
+            return _points(_with_confidence(frame[key], frame.get(_first(frame, KEYS["confidences"], list)), key))
+        named = {str(name): point for name, point in frame.items() if isinstance(point, (dict, list))}
+        if any(name.endswith("2d") for name in named):
+            raise ValueError(_IN_IMAGE)
+        if not named:
+            wanted = ", ".join((*KEYS["points"], *KEYS["people"]))
+            raise ValueError(f"no frame with keypoints by name, or with one of {wanted}; found {str([*frame])[:200]}")
+        return {name: _point(point) for name, point in named.items()}
     if not isinstance(frame, list):
         return []
     if frame and isinstance(frame[0], list) and frame[0] and isinstance(frame[0][0], (list, dict)):
-        frame = frame[0]  # several people: the first
-    names = [point.get("name") if isinstance(point, dict) else None for point in frame]
+        return _points(frame[0])  # several people: the first
     points = [_point(point) for point in frame]
-    named = points and all(isinstance(name, str) for name in names)
-    return dict(zip(map(str, names), points, strict=True)) if named else points
+    names = [point.get("name") if isinstance(point, dict) else None for point in frame]
+    return dict(zip(map(str, names), points, strict=True)) if all(isinstance(name, str) for name in names) else points
 
 
-def _with_confidence(frame: Mapping[str, Any], key: str) -> Any:
+def _with_confidence(points: Any, scores: Any, key: str) -> Any:
     """Return the keypoints under a key: flat lists of numbers in threes or fours, others with their confidences."""
-    points = frame[key]
     if not isinstance(points, list) or not points:
         return points
     if key.lower().endswith("3d") and not isinstance(points[0], (list, dict)):
         fours = len(points) % 4 == 0 and len(points) // 4 in load_names("joint_orders.yaml")["by_count"]
         width = 4 if fours else 3
         points = [points[i : i + width] for i in range(0, len(points), width)]
-    name = _first(frame, _SCORES, list)
-    scores = frame[name] if name else []
-    if len(scores) != len(points):
-        return points
-    pairs = zip(points, scores, strict=True)
-    return [[*point, score] if isinstance(point, list) and len(point) == 3 else point for point, score in pairs]
-
-
-def _by_name(frame: Mapping[str, Any]) -> dict[str, Point]:
-    """Return the keypoints of a frame with a key for each, among others."""
-    points = {str(name): point for name, point in frame.items() if isinstance(point, (dict, list))}
-    try:
-        named = {name: _point(point) for name, point in points.items()}
-    except ValueError as error:
-        if any(name.endswith("2d") for name in points) or str(error) == _IN_IMAGE:
-            raise ValueError(_IN_IMAGE) from None
-        named = {}
-    if not named:
-        raise ValueError(
-            f"no frame with keypoints by name, or with one of {', '.join((*_POINTS, *_PEOPLE))}; "
-            f"found {', '.join(map(str, frame))[:200]}"
-        )
-    return named
+    if scores and len(scores) == len(points) and all(isinstance(point, list) and len(point) == 3 for point in points):
+        points = [[*point, score] for point, score in zip(points, scores, strict=True)]
+    return points
 
 
 def _point(point: Any) -> Point:
     confidence: Any = 1.0
     if isinstance(point, dict):
-        if key := _first(point, _CONFIDENCES):
-            confidence = point[key]
-        if isinstance(point.get("position"), (list, dict)):
-            return (*_point(point["position"])[:3], _number(confidence))
-        point = [point[axis] for axis in "xyz" if axis in point]
-    elif isinstance(point, list) and len(point) == 4:
-        *point, confidence = point
+        confidence = point.get(_first(point, KEYS["confidence"]), 1.0)
+        point = point.get("position", point)
+        point = [point[axis] for axis in "xyz" if axis in point] if isinstance(point, dict) else point
     if isinstance(point, list) and len(point) == 2:
         raise ValueError(_IN_IMAGE)
-    if not isinstance(point, list) or len(point) != 3:
+    if not isinstance(point, list) or len(point) not in (3, 4):
         raise ValueError(f"a keypoint must be x, y, z, and optionally its confidence; found {str(point)[:80]}")
-    x, y, z = map(_number, point)
-    return x, y, z, _number(confidence)
+    return [_number(value) for value in (*point, confidence)[:4]]
 
 
 def _number(value: Any) -> float:
@@ -211,7 +160,7 @@ def _names(head: Mapping[str, Any], bodies: list[Any]) -> Sequence[str]:
         return own
     if len(counts) != 1:
         raise ValueError(f"every frame needs the same number of keypoints; found {counts[:8] or 'none'}")
-    key = _first(head, _NAMES, list)
+    key = _first(head, KEYS["names"], list)
     if key and len(head[key]) == counts[0]:
         return list(map(str, head[key]))
     orders: dict[int, list[str]] = load_names("joint_orders.yaml")["by_count"]

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms import myoarm
 from maniport.arms.human import JOINTS
-from maniport.mocap.import_options import ImportOptions
-from maniport.mocap.readers.text import LARGEST_ANGLE, number_table, rows_from, text_lines
+from maniport.mocap.readers import ImportOptions
+from maniport.mocap.readers.text import LARGEST_ANGLE, is_cut_off, number_table, rows_from, text_lines
 from maniport.mocap.recording import Recording
 from maniport.mocap.synthetic import HALF_WIDTH, TRUNK, synthetic_recording
 from maniport.util.validation import Array
@@ -36,50 +36,40 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if columns[:1] != ["time"]:
         raise ValueError(f"line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}")
     table = number_table(rows_from(lines, end + 2), len(columns))
-    declared = header.get("nRows", "")[:15]
-    if declared.isdecimal() and int(declared) > len(table) + 1:
+    if is_cut_off(declared := header.get("nRows", ""), len(table)):
         raise ValueError(f"the file is cut off: the header declares {declared} rows, and there are {len(table)}")
     angles = {name: table[:, i] for i, name in enumerate(columns) if i}
     unit, notes, quality_warnings = _radians(angles, header.get("inDegrees", "").lower())
     points: dict[str, Array] = {}
     for side, mirror, endings in (("right", 1.0, ("", "_r")), ("left", -1.0, ("_l",))):
-        for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):  # noqa: B007 - of the first family
+        for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):
             own = {name: unit * angles[name + e] for name in family for e in endings if name + e in angles}
-            if own.keys() >= set(family[:4]):
-                break
-        else:
-            continue
-        q = np.stack([own.get(name, np.zeros(len(table))) for name in family], axis=1)
-        valid = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
-        for name, position in points_of(np.where(valid, q, 0.0)).items():
-            points[f"{side}_{name}"] = np.where(valid, position * [1.0, mirror, 1.0], np.nan)
-        missing = ", ".join(name for name in family if name not in own)
-        note = f"points of the {side} arm from its joint angles ({', '.join(own)}), with the lengths of the model"
-        notes.append(f"{note}; not recorded and set to zero: {missing}" if missing else note)
+            if not own.keys() >= set(family[:4]):
+                continue
+            q = np.stack([own.get(name, np.zeros(len(table))) for name in family], axis=1)
+            valid = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
+            for name, position in points_of(np.where(valid, q, 0.0)).items():
+                points[f"{side}_{name}"] = np.where(valid, position * [1.0, mirror, 1.0], np.nan)
+            missing = ", ".join(name for name in family if name not in own)
+            note = f"points of the {side} arm from its joint angles ({', '.join(own)}), with the lengths of the model"
+            notes.append(f"{note}; not recorded and set to zero: {missing}" if missing else note)
+            break
     if not points:
         raise ValueError(
             f"no joint angles of an arm; needed are {', '.join(JOINTS[:4])}, or {', '.join(RAJAGOPAL[:4])} "
             f"with _r or _l; found {', '.join(columns[1:])[:300]}"
         )
     points |= {name: np.tile(np.array(point), (len(table), 1)) for name, point in TRUNK.items()}
-    return options.recording(
-        file,
-        list(points),
-        np.stack(list(points.values()), axis=1),
-        table[:, 0],
-        unit="m",
-        origin="as in the model of the arm",
-        notes=notes,
-        quality_warnings=quality_warnings,
-    )
+    positions = np.stack(list(points.values()), axis=1)
+    return options.recording(file, list(points), positions, table[:, 0], "m", notes, quality_warnings)
 
 
 def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
     """Return radians per unit, from the header or by the angles, with notes and data-quality warnings."""
     full_turn = 2 * np.pi  # more than the range of any joint of an arm
     arm = [angle for name, angle in angles.items() if re.sub("_[rl]$", "", name) in {*JOINTS, *RAJAGOPAL}]
-    values = [np.abs(angle[np.isfinite(angle)]) for angle in arm]
-    largest = max((float(np.percentile(value, 95)) for value in values if len(value)), default=0.0)
+    finite = [np.abs(angle[np.isfinite(angle)]) for angle in arm]
+    largest = max((float(np.percentile(values, 95)) for values in finite if len(values)), default=0.0)
     if degrees == "no" and largest > full_turn:
         raise ValueError(
             f"the header declares angles in radians (inDegrees=no), but a joint of the arm is at "
@@ -102,18 +92,17 @@ def _saul(q: Array) -> dict[str, Array]:
 def _rajagopal(q: Array) -> dict[str, Array]:
     """Return the points of the right arm of Rajagopal's model; its axes are x forward, y up, z right [m]."""
     elbow_axis = np.array([0.22604696, 0.022269, 0.97386183])
-    forearm_axis = np.array([0.05639803, 0.99840646, 0.001952])
     humerus = Rotation.from_euler("ZXY", q[:, [0, 1, 2]])
     ulna = humerus * Rotation.from_rotvec(q[:, 3:4] * elbow_axis)
-    radius = ulna * Rotation.from_rotvec(q[:, 4:5] * forearm_axis)
+    radius = ulna * Rotation.from_rotvec(q[:, 4:5] * [0.05639803, 0.99840646, 0.001952])
     hand = radius * Rotation.from_euler("ZX", q[:, 5:7])
-    points = {"shoulder": np.zeros((len(q), 3)), "elbow": humerus.apply([0.013144, -0.286273, -0.009595])}
-    across = humerus.apply(HALF_WIDTH * elbow_axis)
-    points |= {"elbow_medial": points["elbow"] - across, "elbow_lateral": points["elbow"] + across}
-    points["wrist"] = points["elbow"] + ulna.apply([-0.006727, -0.013007, 0.026083])
-    points["wrist"] = points["wrist"] + radius.apply([-0.008797, -0.235841, 0.01361])
-    across = radius.apply([0.0, 0.0, HALF_WIDTH])
-    points |= {"wrist_ulnar": points["wrist"] - across, "wrist_radial": points["wrist"] + across}
-    points["hand"] = points["wrist"] + hand.apply([0.0, -0.055, 0.0])
+    elbow = humerus.apply([0.013144, -0.286273, -0.009595])
+    wrist = elbow + ulna.apply([-0.006727, -0.013007, 0.026083]) + radius.apply([-0.008797, -0.235841, 0.01361])
+    across, radial = humerus.apply(HALF_WIDTH * elbow_axis), radius.apply([0.0, 0.0, HALF_WIDTH])
+    points = {
+        "shoulder": np.zeros((len(q), 3)), "elbow": elbow, "wrist": wrist,
+        "hand": wrist + hand.apply([0.0, -0.055, 0.0]), "elbow_medial": elbow - across,
+        "elbow_lateral": elbow + across, "wrist_ulnar": wrist - radial, "wrist_radial": wrist + radial,
+    }  # fmt: skip
     shoulder = np.array([0.0, -0.17, 0.0])  # of a right arm in the trunk [m]
     return {name: point[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + shoulder for name, point in points.items()}

@@ -5,9 +5,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from maniport.mocap.import_options import ImportOptions
+from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.recording import Recording
-from maniport.util.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
+from maniport.util.input_limits import NESTING, RECORDING_BYTES, existing_file, require_at_most
 from maniport.util.validation import Array
 
 ELEMENTS = 3_000_000  # Most elements of a file; the largest file of positions alone has half of them
@@ -43,8 +43,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
             text = element.text or ""
         if tag == "frame" and element.get("type", "normal") == "normal":
             number, width = len(rows) + 1, 3 * len(names)
-            require_at_most(number, FRAMES, "frames")
-            require_at_most(number * len(names), PLACES, "places (frames × segments)")
+            require_size(number, len(names))
             if text is None:
                 raise ValueError(f"frame {number} holds no <position>; export positions of segments, too")
             words = text.split(None, width)  # more words than that stay in one
@@ -60,4 +59,4 @@ def read(file: Path, options: ImportOptions) -> Recording:
         raise ValueError("the file holds no frames")
     time = np.arange(len(rows)) / rate if 0 < rate < np.inf else times if np.isfinite(times).all() else None
     positions = np.array(rows).reshape(len(rows), -1, 3)
-    return options.recording(file, names, positions, time, "m", origin="as in all MVNX files")
+    return options.recording(file, names, positions, time, "m")

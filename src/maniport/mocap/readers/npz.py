@@ -15,38 +15,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
-from maniport.mocap.import_options import ImportOptions
-from maniport.mocap.marker_sets import arm_error, load_names
+from maniport.mocap.readers import ImportOptions, arm_error, require_size
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
 from maniport.mocap.recording import Recording
+from maniport.mocap.roles import load_names
 from maniport.util.files import array_names, load_arrays, read_npy
-from maniport.util.input_limits import (
-    FRAMES,
-    PLACES,
-    RECORDING_BYTES,
-    SETTINGS_BYTES,
-    existing_file,
-    read_whole,
-    require_at_most,
-)
+from maniport.util.input_limits import RECORDING_BYTES, SETTINGS_BYTES, existing_file, read_whole
 from maniport.util.validation import Array
-
-KEYS = {
-    "names": "names joint_names joints_names keypoint_names marker_names labels",
-    "positions": "positions joints joint_positions global_joint_positions joints3d keypoints3d keypoints_3d keypoints "
-    "markers points xyz",
-    "time": "time times t timestamps",
-    "rate": "rate fps mocap_framerate mocap_frame_rate frame_rate framerate",
-    "poses": "poses",
-    "root": "root_orient global_orient",
-    "body": "pose_body body_pose",
-    "trans": "trans transl",
-    "unit": "unit units",
-}
-"""Names of arrays: the first that is in the file counts."""
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -61,12 +40,13 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 raise ValueError(f"not a readable .npy file: {error}") from None
             return _points(file, options, {"positions": np.asarray(positions)})
     names = array_names(file, "recording")
-    chosen = {what: next((key for key in keys.split() if key in names), None) for what, keys in KEYS.items()}
+    keys: dict[str, list[str]] = load_names("file_keys.yaml")["arrays"]
+    chosen = {what: next((key for key in own if key in names), None) for what, own in keys.items()}
     loaded = load_arrays(file, "recording", [key for key in chosen.values() if key])
     arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}
-    in_parts = "poses" not in arrays and {"root", "body"} <= arrays.keys()
-    if ("poses" in arrays or in_parts) and not {"names", "positions"} <= arrays.keys():
-        return _posed(file, options, arrays, [arrays[key] for key in (("root", "body") if in_parts else ("poses",))])
+    poses = [arrays[key] for key in ("poses", "root", "body") if key in arrays][: 1 if "poses" in arrays else 2]
+    if ("poses" in arrays or len(poses) == 2) and not {"names", "positions"} <= arrays.keys():
+        return _posed(file, options, arrays, poses)
     if "positions" not in arrays:
         raise ValueError(
             f"a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
@@ -76,61 +56,41 @@ def read(file: Path, options: ImportOptions) -> Recording:
     return _points(file, options, arrays)
 
 
-def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Recording:
+def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any]]) -> Recording:
     """Return a recording of positions (n, k, 3), with names of the file, of a file next to it or recognized."""
     positions = arrays["positions"]
     if positions.ndim != 3 or positions.shape[-1] != 3 or positions.dtype.kind not in "fiu":
         raise ValueError(f"positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}")
-    require_at_most(positions.size // 3, PLACES, "places (frames × points)")
-    if positions.dtype.kind != "f" or positions.dtype.itemsize < 4:
-        positions = positions.astype(np.float64)
-    unit, origin, notes = _text(arrays, "unit"), "stated in the file", []
-    names = arrays["names"] if "names" in arrays else _names_beside(file)
+    require_size(*positions.shape[:2])
+    count, beside = positions.shape[1], file.with_suffix(".names.txt")
+    unit, notes = next(map(str, arrays.get("unit", np.array("")).flat), ""), []
+    names = arrays["names"].tolist() if "names" in arrays else None
+    if names is None and beside.exists():
+        names = list(filter(None, map(str.strip, decoded(read_whole(beside, (), SETTINGS_BYTES)).splitlines())))
     if names is None:
-        count = positions.shape[1]
         skeletons: dict[str, list[str]] = load_names("joint_orders.yaml")["skeletons"]
         fits = [name for name, own in skeletons.items() if len(own) == count and arm_error(own, positions) < 1.0]
         if len(fits) != 1:
             listed = ", ".join(f"{len(joints)} ({name})" for name, joints in skeletons.items())
-            why = f"{' and '.join(fits)} both fit" if fits else f"recognized by their number are {listed}"
-            raise ValueError(
-                f"{count} joints without names; write one name per line into '{file.stem}.names.txt' next to it ({why})"
-            )
+            cause = f"{' and '.join(fits)} both fit" if fits else f"recognized by their number are {listed}"
+            advice = f"write one name per line into '{beside.name}' next to it"
+            raise ValueError(f"{count} joints without names; {advice} ({cause})")
         names = skeletons[fits[0]]
-        origin = f"as in {fits[0]}"
         notes = [f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"]
-    array = np.asarray(names)
-    if array.dtype.kind == "S":
-        array = np.char.decode(array, "utf-8", "replace")
-    if array.dtype.kind not in "US" or array.ndim != 1:
-        raise ValueError(f"names must be text; found names of {array.dtype}, shape {array.shape}")
-    if len(array) != positions.shape[1]:
-        raise ValueError(f"{len(array)} names do not match positions of shape {positions.shape}")
-    time = _time(arrays, len(positions), options)
-    return options.recording(file, list(map(str, array)), positions, time, unit, origin=origin, notes=notes)
+    names = [name.decode("utf-8", "replace") if isinstance(name, bytes) else name for name in names]
+    if len(names) != count or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"names must be {count} texts, one for each point; found {len(names)}: {str(names)[:80]}")
+    return options.recording(file, names, positions, _time(arrays, len(positions), options), unit, notes)
 
 
-def _names_beside(file: Path) -> Sequence[str] | None:
-    """Return names from a file next to the recording, one a line."""
-    if not (names := file.with_suffix(".names.txt")).exists():
-        return None
-    text = decoded(read_whole(names, (), SETTINGS_BYTES))
-    return [line.strip() for line in text.splitlines() if line.strip()]
-
-
-def _time(arrays: Mapping[str, Any], count: int, options: ImportOptions) -> Any:
+def _time(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOptions) -> NDArray[Any] | None:
     """Return the times, from the rate where there are none; None where there is neither."""
     if "time" in arrays or "rate" not in arrays or options.rate is not None:
         return arrays.get("time")
     rate = arrays["rate"]
     if rate.size != 1 or rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and rate.min() >= 1e-6):
         raise ValueError(f"a recording needs time (n,) [s], or rate in frames per second; found {rate}")
-    return np.arange(count) / float(rate.reshape(-1)[0])
-
-
-def _text(arrays: Mapping[str, Any], name: str) -> str:
-    value = np.asarray(arrays.get(name, ""))
-    return str(value.reshape(-1)[0]) if value.size == 1 and value.dtype.kind in "US" else ""
+    return np.arange(count) / float(rate.flat[0])
 
 
 def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses: Sequence[Array]) -> Recording:
@@ -139,40 +99,34 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses:
     The arrays are (n, k) or (n, k, 3), with 66 numbers or more for each frame; the root is at `trans` (n, 3) [m].
     """
     count, body_height = len(poses[0]), 1.75  # [m]
-    if any(part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != count for part in poses) or not count:
-        shapes = " and ".join(f"{part.shape} of {part.dtype}" for part in poses)
-        raise ValueError(f"poses must be numbers of shape (n, 66 or more), n equal in all parts; found {shapes}")
-    require_at_most(count, FRAMES, "frames")
-    angles = np.concatenate([part.reshape(count, -1) for part in poses], axis=1)
-    if angles.shape[1] < 66:
-        raise ValueError(f"poses must have shape (n, 66 or more); found {angles.shape}")
     root = arrays.get("trans", np.zeros((count, 3)))
-    if root.shape != (count, 3) or root.dtype.kind not in "fiu":
-        raise ValueError(f"trans must be numbers of shape ({count}, 3); found {root.shape} of {root.dtype}")
+    wrong = any(part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != count for part in (*poses, root))
+    if wrong or not count or sum(part[0].size for part in poses) < 66 or root.shape[1:] != (3,):
+        shapes = " and ".join(f"{part.shape} of {part.dtype}" for part in (*poses, root))
+        raise ValueError(f"poses must be numbers of shape (n, 66 or more), and trans of shape (n, 3); found {shapes}")
+    require_size(count, 66 // 3)
+    angles = np.concatenate([part.reshape(count, -1) for part in poses], axis=1)
     bones = _bones(body_height)
     parts = [slice(first, first + 20_000) for first in range(0, count, 20_000)]  # limits the memory
     positions = np.concatenate([_joints(bones, angles[part, :66], root[part]) for part in parts])
-    note = (
-        "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
-        f"{body_height} m"
-    )
-    time, names = _time(arrays, count, options), ["pelvis", *bones]
-    return options.recording(file, names, positions, time, "m", "as in AMASS", notes=[note])
+    lengths = f"lengths of a person of {body_height} m"
+    notes = [f"pose parameters without the body model: directions of bones from a T-pose, {lengths}"]
+    return options.recording(file, ["pelvis", *bones], positions, _time(arrays, count, options), "m", notes)
 
 
 def _bones(body_height: float) -> dict[str, tuple[str, Array]]:
     """Return the parent of each joint and its position there [m], x to the left, y up, z forward."""
-    bones, parent = {}, "pelvis"
+    shares, parent = {}, "pelvis"
     for joint, share in {"spine1": 0.06, "spine2": 0.07, "spine3": 0.03, "neck": 0.14, "head": 0.05}.items():
-        bones[joint], parent = (parent, body_height * np.array([0.0, share, 0.0])), joint
+        shares[joint], parent = (parent, [0.0, share, 0.0]), joint
     arm = {"shoulder": 0.099, "elbow": FRACTIONS["upper arm"], "wrist": FRACTIONS["forearm"], "hand": FRACTIONS["hand"]}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         parent = f"{side}_collar"
-        bones[parent] = "spine3", body_height * np.array([sign * 0.03, 0.128, 0.0])
+        shares[parent] = "spine3", [sign * 0.03, 0.128, 0.0]
         for joint, share in arm.items():
-            bones[f"{side}_{joint}"] = parent, body_height * np.array([sign * share, 0.0, 0.0])
+            shares[f"{side}_{joint}"] = parent, [sign * share, 0.0, 0.0]
             parent = f"{side}_{joint}"
-    return bones
+    return {joint: (parent, body_height * np.array(share)) for joint, (parent, share) in shares.items()}
 
 
 def _joints(bones: dict[str, tuple[str, Array]], angles: Array, root: Array) -> Array:
@@ -181,13 +135,13 @@ def _joints(bones: dict[str, tuple[str, Array]], angles: Array, root: Array) -> 
         vectors, points = angles.astype(np.float64), {"pelvis": root.astype(np.float64)}
     lost = np.asarray(~(np.abs(vectors) < LARGEST_ANGLE).all(axis=1))
     vectors[lost] = 0.0
-    index = {name: 3 * i for i, name in enumerate(load_names("joint_orders.yaml")["skeletons"]["SMPL body"])}
-    rotations: dict[str, Array] = {"pelvis": Rotation.from_rotvec(vectors[:, :3]).as_matrix()}
+    order = load_names("joint_orders.yaml")["skeletons"]["SMPL body"]
+    rotations = {"pelvis": Rotation.from_rotvec(vectors[:, :3])}
     for joint, (parent, offset) in bones.items():
-        points[joint] = points[parent] + rotations[parent] @ offset
-        if joint in index:
-            own = vectors[:, index[joint] : index[joint] + 3]
-            rotations[joint] = rotations[parent] @ Rotation.from_rotvec(own).as_matrix()
+        points[joint] = points[parent] + rotations[parent].apply(offset)
+        if joint in order:
+            first = 3 * order.index(joint)
+            rotations[joint] = rotations[parent] * Rotation.from_rotvec(vectors[:, first : first + 3])
     positions = np.stack(list(points.values()), axis=1)
     positions[lost] = np.nan
     return positions

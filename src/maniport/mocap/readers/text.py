@@ -2,7 +2,7 @@
 
 import codecs
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,6 +14,8 @@ from maniport.util.validation import Array
 Row = tuple[int, str]  # The number of a line, from one, and the line
 
 LARGEST_ANGLE = 1e3  # Joint angles beyond this count as missing [rad]
+
+PLACEHOLDERS = ("", "na", "n/a", "null", "none", "-")  # Of missing numbers, besides nan
 
 
 def text_lines(file: Path) -> list[str]:
@@ -37,10 +39,10 @@ def separator_of(line: str) -> str:
     return max(",;\t", key=line.count)
 
 
-def fields_of(line: str, separator: str) -> list[str]:
-    """Split a line into fields without surrounding blanks."""
+def fields_of(line: str, separator: str | None) -> list[str]:
+    """Split a line into fields without surrounding blanks; None splits at blanks."""
     fields = line.split(separator)
-    if '"' in line:
+    if separator and '"' in line:
         with suppress(csv.Error):  # a quoted field of 131 072 characters and more
             fields = next(csv.reader([line], delimiter=separator))
     return [field.strip() for field in fields]
@@ -52,11 +54,7 @@ def rows_from(lines: Sequence[str], start: int) -> list[Row]:
 
 
 def number_table(
-    rows: Sequence[Row],
-    width: int,
-    split: Callable[[str], list[str]] = str.split,
-    used: Sequence[int] | None = None,
-    short: bool = False,
+    rows: Sequence[Row], width: int, separator: str | None = None, used: Sequence[int] = (), short: bool = False
 ) -> Array:
     """Return the numbers of the used columns (default: all) of a table, shape (len(rows), len(used)).
 
@@ -65,40 +63,41 @@ def number_table(
     if not rows:
         raise ValueError("the file holds no frames")
     require_at_most(len(rows) * width, 3 * PLACES, "numbers")
-    table = np.empty((len(rows), width if used is None else len(used)))
+    used = used or range(width)
+    table = np.empty((len(rows), len(used)))
     for i, (number, line) in enumerate(rows):
-        fields = split(line)
-        while len(fields) > width and not fields[-1].strip():
+        fields = fields_of(line, separator)
+        while len(fields) > width and not fields[-1]:
             fields.pop()
         if short:
             fields += [""] * (width - len(fields))
         if len(fields) != width:
-            last = i == len(rows) - 1 and len(fields) < width
-            fault = "the file is cut off" if last else "the table is broken"
+            cut = i == len(rows) - 1 and len(fields) < width
+            fault = "the file is cut off" if cut else "the table is broken"
             raise ValueError(f"{fault} at line {number}: {len(fields)} values instead of {width}")
-        if used is not None:
-            fields = [fields[column] for column in used]
         try:
-            table[i] = list(map(float, fields))
-        except ValueError:  # decimal commas or placeholders
-            try:
-                table[i] = list(map(_number, fields))
-            except ValueError as error:
-                raise ValueError(f"line {number}: {error}") from None
+            table[i] = [_number(fields[column]) for column in used]
+        except ValueError as error:
+            raise ValueError(f"line {number}: {error}") from None
     return table
 
 
 def positive_number(text: str) -> float | None:
     """Parse a positive finite number; None where there is none."""
-    try:
-        value = float(text.replace(",", "."))
-    except ValueError:
-        return None
-    return value if 0 < value < np.inf else None
+    with suppress(ValueError):
+        if 0 < (value := _number(text)) < np.inf:
+            return value
+    return None
+
+
+def is_cut_off(declared: str, count: int) -> bool:
+    """Whether a header declares at least two rows more than there are."""
+    declared = declared.strip()[:15]
+    return declared.isdecimal() and int(declared) > count + 1
 
 
 def _number(field: str) -> float:
-    """Parse a number; nan for the placeholders of missing numbers."""
-    if field.strip().lower() in ("", "na", "n/a", "null", "none", "-"):
-        return np.nan
-    return float(field.replace(",", "."))
+    try:
+        return float(field)
+    except ValueError:
+        return np.nan if field.lower() in PLACEHOLDERS else float(field.replace(",", "."))

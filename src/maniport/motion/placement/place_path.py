@@ -28,8 +28,7 @@ from maniport.motion.placement.search import WEIGHT, best_placements
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
-from maniport.motion.search.descent import pointwise_best
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank, pointwise_best
 from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
@@ -60,7 +59,7 @@ def place_path(
     yaw: float | None = None,
     tilt: float | str | None = None,
     offset: Sequence[float | None] | ArrayLike | None = None,
-    workspace: Sequence[Sequence[float | None]] | None = None,
+    workspace: Sequence[Sequence[float | None]] | Array | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     collisions: Any = None,
@@ -108,8 +107,8 @@ def place_path(
         As in `maniport.motion.nearest_feasible`; the bank serves the pointwise optimum.
     collisions : Collisions or bool, optional
         Collision model of planned trajectories; True: self-collisions. The path stays above a table.
-    reachability_map : maniport.motion.ReachabilityMap, optional
-        Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
+    reachability_map : optional
+        Of this arm and these ellipsoids, such as ``planner.arms[0].reachability_map``. Default: a new one (0.4 s).
     rank, random_state : int
         Rank of the returned placement among the `candidates`, from 1; random seed.
 
@@ -131,9 +130,7 @@ def place_path(
         "path": path, "profile": profile, "collisions": collisions, "reachability_map": reachability_map, "bank": bank,
         "demands": demands,
     }  # fmt: skip
-    paths, profiles, models, maps, banks, demanded = (
-        of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
-    )
+    paths, profiles, models, maps, banks, demanded = (of_each(value, name, arm) for name, value in arguments.items())
     fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "Place path")
@@ -181,7 +178,7 @@ def _checked(
     positions, targets = list[Array](), list[Array]()
     for i, objective in enumerate(objectives):
         index = "" if len(objectives) == 1 else f"s[{i}]"
-        targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
+        targets.append(objective.checked(profiles[i], f"profile{index}"))
         require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
         positions.append(as_metres(paths[i], f"path{index}"))
         shape = (len(targets[0]), 3)

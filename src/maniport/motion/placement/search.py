@@ -218,7 +218,7 @@ class MovingPathCost:
         """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
         targets, dof = self.targets, q.shape[1]
         poses, jacobian, velocity, changes = targets.arm.posed_differentials(q, targets.objective.spec.bounded)
-        values, vectors, singular, changes = targets.ellipsoid_cost.spectrum(velocity, changes)
+        values, vectors, singular, changes = targets.spectrum(velocity, changes)
         assert targets.positions is not None
         achieved = targets.root @ compose(values, vectors) @ targets.root
         turned = achieved[:, None] @ self._generators - self._generators @ achieved[:, None]

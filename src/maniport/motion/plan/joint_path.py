@@ -18,7 +18,7 @@ from maniport.util.validation import Array
 
 FLAT = 1e-12  # Ratio of a to b below which a constraint bounds x alone
 PATH_TOLERANCE = 1e-4
-"""Largest distance of a path from a waypoint, or beyond a limit, that needs no other spline [rad or m]."""
+"""Largest distance of a path beyond a limit that needs no other spline [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +38,13 @@ class JointPath:
         spline = make_interp_spline(since, points, k=min(3, len(since) - 1))
         overshoots = np.any((spline.c < lower - PATH_TOLERANCE) | (spline.c > upper + PATH_TOLERANCE))
         spline.c = np.clip(spline.c, lower, upper)  # a B-spline lies between its coefficients
-        plain, pieces = spline, np.ones(len(since) - 1, np.int64)
-        for finer in (4, 8, 16, 32) if overshoots else ():  # the error at the waypoints falls with the square
+        pieces, finer = np.ones(len(since) - 1, np.int64), 32
+        if overshoots:
             fine = np.interp(np.arange(finer * (len(since) - 1) + 1) / finer, np.arange(len(since)), since)
-            spline = make_interp_spline(fine, _within(since, points, fine, finer, lower, upper), k=3)
+            plain, spline = spline, make_interp_spline(fine, _within(since, points, fine, finer, lower, upper), k=3)
             spline.c = np.clip(spline.c, lower, upper)
             moved = np.abs(plain(fine) - spline(fine)).max(axis=1) > PATH_TOLERANCE
             pieces[np.minimum(np.flatnonzero(moved) // finer, len(since) - 2)] = finer
-            if np.abs(spline(since) - points).max() <= PATH_TOLERANCE:
-                break
         count = np.clip(since[-1] / 15e-3, 1250, 2500)  # twice as many make a motion 0.4 % shorter
         n_pieces = np.maximum(pieces, np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64))
         knots = np.concatenate([[0], np.cumsum(n_pieces)])

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
+from scipy.sparse import diags_array
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
-from maniport.motion.costs.smoothness import Differences, SmoothnessCost
-from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, PathCost
+from maniport.motion.search import LARGEST_DAMPING, LEAST_GAIN, PathCost
 from maniport.util.validation import Array
 
 CLEARANCE = 0.015  # Distance that motions keep from collisions [m]
@@ -38,11 +38,10 @@ class TrajectoryTerms:
     velocity_cost: float  # λ_v [s²/rad²]
     jerk_cost: float  # λ_j [s⁶/rad²]
     weights: Array | None = None  # w (n,) [s]; None: half the time to both neighbors
-    velocity: Array | None = None  # limits (dof,)
-    acceleration: Array | None = None  # limits (dof,)
+    velocity: Array | float = np.inf  # limits (dof,)
+    acceleration: Array | float = np.inf  # limits (dof,)
     collisions: Collisions | None = None
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another step
-    clearance: float | Array = CLEARANCE  # c, or c at each waypoint (n,) [m]
 
 
 def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float) -> Array:
@@ -51,12 +50,10 @@ def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, p
     return np.asarray(levenberg_marquardt(cost, cost.within(q), terms.rel_tol))
 
 
-def optimize_to_tolerance(
-    targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float
-) -> tuple[Array, float]:
+def optimize_to_tolerance(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float) -> Array:
     """Raise the position weight until the 95th percentile of the position error is within the tolerance.
 
-    Return joint positions and the weight. Where the largest weight is not enough, the trajectory is smoothed less.
+    Where the largest weight is not enough, the trajectory is smoothed less.
     """
     less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
     needed = 0.0
@@ -68,7 +65,7 @@ def optimize_to_tolerance(
         if error is None or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance:
             break
         needed = 0.7 * weight * np.sqrt(reached / tolerance)  # the error falls with the square of the weight
-    return q, weight
+    return q
 
 
 def time_weights(time: Array) -> Array:
@@ -101,42 +98,56 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
     return state
 
 
+class Differences:
+    """The k-th derivative at uneven times as a banded matrix D of n − k rows."""
+
+    def __init__(self, time: Array, order: int):
+        count = len(time) - order
+        at = np.stack([time[k : count + k] for k in range(order + 1)], axis=1)
+        rows = np.tile(np.eye(order + 1), (count, 1, 1))
+        for level in range(1, order + 1):
+            gap = at[:, level:] - at[:, : at.shape[1] - level]
+            rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
+        self.rows, self.spans = rows[:, 0], (at[:, -1:] - at[:, :1]) / order
+        self.matrix = diags_array(list(self.rows.T), offsets=range(order + 1), shape=(count, len(time)), format="csr")
+
+    def add_normal(self, weights: Array, band: Array) -> None:
+        """Add lower diagonals of Dᵀ W D of each joint to (k + 1, n, dof); W is diagonal, `weights` (n − k, dof)."""
+        m, width = self.rows.shape
+        for below in range(width):
+            for k in range(width - below):
+                band[below, k : m + k] += weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
+
+
 class TrajectoryCost:
     """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `evaluate` of a `PathCost`."""
 
     def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
-        n = len(time)
-        self.clearance = np.broadcast_to(terms.clearance, n)
-        self.stiffness = (CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)) ** 2  # contact costs the same for every c
-        self.smoothness = SmoothnessCost(time, arm.dof, terms.velocity_cost, terms.jerk_cost)
-        limits = ((1, terms.velocity), (2, terms.acceleration))
-        self.limited = [(Differences(time, k), limit) for k, limit in limits if limit is not None and n > k]
+        orders = ((terms.velocity_cost, terms.velocity), (0.0, terms.acceleration), (terms.jerk_cost, np.inf))
+        self.derivatives = [(Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k]
 
     def evaluate(self, q: Array) -> tuple[float, Any]:
         """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
         length, gradient, hessian = self.waypoints.evaluate(q)
         square = length**2
         if self.terms.collisions is not None:
-            rows, distance, slope = self.terms.collisions.gradient(q, float(self.clearance.max()), scaled=True)
-            lacking = self.clearance[rows] - distance
-            near = lacking > 0.0
-            rows, lacking, slope = rows[near], lacking[near], slope[near]
-            stiffness = self.stiffness[rows]
-            np.add.at(square, rows, stiffness * lacking**2)
-            np.add.at(gradient, rows, (-stiffness * lacking)[:, None] * slope)
-            np.add.at(hessian, rows, stiffness[:, None, None] * slope[:, :, None] * slope[:, None, :])
-        smooth, band = self.smoothness.gradient(q), self.smoothness.band.copy()
-        cost = float(np.sum(self.weights * square) + np.sum(q * smooth))
-        gradient = self.weights[:, None] * gradient + smooth
-        for difference, limit in self.limited:
-            share = difference(q) / limit
+            rows, distance, slope = self.terms.collisions.gradient(q, CLEARANCE, scaled=True)
+            lacking = CLEARANCE_WEIGHT * (CLEARANCE - distance)
+            slope = CLEARANCE_WEIGHT * slope
+            np.add.at(square, rows, lacking**2)
+            np.add.at(gradient, rows, -lacking[:, None] * slope)
+            np.add.at(hessian, rows, slope[:, :, None] * slope[:, None, :])
+        cost, gradient = float(self.weights @ square), self.weights[:, None] * gradient
+        band = np.zeros((min(4, len(q)), *q.shape))  # lower diagonals of each joint
+        for difference, smoothness, limit in self.derivatives:
+            value, spans = difference.matrix @ q, difference.spans
+            share = value / limit
             excess = np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0)
-            weight = LIMIT_WEIGHT * difference.spans[:, None]
-            cost += float(np.sum(weight * excess**2))
-            gradient += difference.transposed(weight * excess / limit)
-            band[: difference.order + 1] += difference.normal(weight * (excess != 0.0) / limit**2)
+            cost += float(np.sum(spans * (smoothness * value**2 + LIMIT_WEIGHT * excess**2)))
+            gradient += difference.matrix.T @ (spans * (smoothness * value + LIMIT_WEIGHT * excess / limit))
+            difference.add_normal(spans * (smoothness + LIMIT_WEIGHT * (excess != 0.0) / limit**2), band)
         return cost, (gradient, self.weights[:, None, None] * hessian, band)
 
     def trial(self, q: Array, slopes: Any, damping: float) -> tuple[Array, float]:
@@ -155,10 +166,7 @@ class TrajectoryCost:
         return np.asarray(((q <= self.arm.lower) & (gradient > 0.0)) | ((q >= self.arm.upper) & (gradient < 0.0)))
 
     def solve(self, sides: Array, hessian: Array, band: Array, blocked: NDArray[np.bool_], damped: Array) -> Array:
-        """Solve the banded normal equations for the joints that are not blocked; zero where they are singular.
-
-        `sides` (n, dof, k) are right-hand sides, `damped` (n, dof) is added to the diagonal.
-        """
+        """Solve the normal equations for sides (n, dof, k) and joints that are not blocked; zero where singular."""
         n, dof, k = sides.shape
         free = ~blocked
         blocks = hessian * free[:, :, None] * free[:, None, :]

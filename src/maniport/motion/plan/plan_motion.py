@@ -9,19 +9,15 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.motion.costs.cost import Cost, as_costs
-from maniport.motion.costs.orientation import axis_weights
-from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import EXACT_WEIGHT, Damping
-from maniport.motion.plan.arm_planner import planning_time_scale
+from maniport.motion.objective import EXACT_WEIGHT, Damping, axis_weights
 from maniport.motion.plan.plan_settings import PlanSettings
-from maniport.motion.plan.planner import Planner
+from maniport.motion.plan.planner import Planner, planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
-from maniport.motion.problem import MotionProblem
+from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
-from maniport.motion.search.descent import STARTS, interpolated_distance, pointwise_best
+from maniport.motion.search import STARTS, interpolated_distance, pointwise_best
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced
@@ -96,7 +92,13 @@ def plan_motion(
     if len({schedule.positions is None for schedule in schedules}) > 1:
         raise InvalidInputError("paths must be of all arms or of none")
     require_few(np.ptp(schedules[0].time) / settings.speed_scale * settings.rate)
-    bests = _checked_bests(arms, pointwise_bests, len(schedules[0]))
+    bests: list[Array] | None = None
+    if pointwise_bests is not None:
+        bests = [
+            as_finite(best, "pointwise_bests").copy() for best in of_each(pointwise_bests, "pointwise_bests", arms)
+        ]
+        for best in bests:
+            require_rows(len(schedules[0]), pointwise_bests=(best, ()))
     relative = as_choice(hand_targets, "hand_targets", (PLACED, RELATIVE)) == RELATIVE
     if relative and (paths is None or len(schedules) < 2):
         raise InvalidInputError(
@@ -114,54 +116,38 @@ def plan_motion(
     ]
     # waypoints are inserted between distant ones
     finer, rows = zip(*(own.finer(0.16 / planning_time_scale(settings)) for own in schedules), strict=True)
-    separate, at = tuple(own.targets() for own in finer), finer[0].time
-    problem, vectors = MotionProblem(at, separate, limits, collisions, extra), tuple[RelativePositionCost, ...]()
+    targets, at, vectors = tuple(own.targets() for own in finer), finer[0].time, tuple[RelativePositionCost, ...]()
+    separate = targets
     if relative:  # the vectors from the first end effector to the others take the place of all paths
-        first, *others = (own.positions for own in separate)
-        vectors = tuple(
-            RelativePositionCost(group, (0, i), at, positions - first) for i, positions in enumerate(others, 1)
-        )
-        targets = tuple(replace(own, positions=None) for own in separate)
-        problem = replace(problem, targets=targets, costs=(*extra, *vectors))
+        first, *others = (own.positions for own in targets)
+        vectors = tuple(RelativePositionCost(group, (0, i), at, own - first) for i, own in enumerate(others, 1))
+        targets = tuple(replace(own, positions=None) for own in targets)
         schedules = [replace(schedule, positions=None) for schedule in schedules]
+    problem = MotionProblem(at, targets, limits, collisions, (*extra, *vectors))
     trajectory, coupled = planner.solve(problem, settings, generator, between(step, 0.2, 0.9), separate)
-    trajectory, problem = trajectory.at_waypoints(rows[0]), problem[rows[0]]
-    q = trajectory.joint_positions
+    problem, q = problem[rows[0]], trajectory.joint_positions[rows[0]]  # without those inserted
+    trajectory = replace(trajectory, time=trajectory.time[rows[0]], joint_positions=q)
     if settings.home is not None:
         trajectory = with_approach(trajectory, limits, settings.home)
     step.end(f"{trajectory.control_time[-1]:.1f} s (human {np.ptp(schedules[0].time):.1f} s)")
-    step = Step(progress, "Evaluate trajectory")
+    step, kept = Step(progress, "Evaluate trajectory"), dict[str, Any]()
     if bests is None:
         bests = _pointwise_bests(planner, problem, vectors, q)
-    motion = RobotMotion.of(
-        group, schedules, trajectory, collisions, limits.velocity,
-        position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, coupled=coupled,
-    )  # fmt: skip
     if relative:
-        wanted, error = zip(*((cost.at(problem.time), cost.error(q, problem.time)) for cost in vectors), strict=True)
-        motion = replace(motion, relative=np.stack(wanted, axis=1), relative_error=np.stack(error, axis=1))
+        kept["relative"] = np.stack([cost.at(problem.time) for cost in vectors], axis=1)
+        kept["relative_error"] = np.stack([cost.error(q, problem.time) for cost in vectors], axis=1)
+    motion = RobotMotion.of(
+        group, schedules, trajectory, collisions, limits.velocity, coupled=coupled,
+        position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, **kept,
+    )  # fmt: skip
     step.end()
     return motion
-
-
-def _checked_bests(arms: Arm | ArmGroup, pointwise_bests: Any, count: int) -> list[Array] | None:
-    """Check distances of the pointwise optimum of each arm at `count` waypoints."""
-    if pointwise_bests is None:
-        return None
-    values = (pointwise_bests,) if isinstance(arms, Arm) else of_each(pointwise_bests, "pointwise_bests", len(arms))
-    bests = [as_finite(best, "pointwise_bests").copy() for best in values]
-    for best in bests:
-        require_rows(count, pointwise_bests=(best, ()))
-    return bests
 
 
 def _pointwise_bests(
     planner: Planner, problem: MotionProblem, vectors: tuple[Cost, ...], q: Array, most: int = 250
 ) -> list[Array]:
-    """Search pointwise optima (n,) of each arm at most at `most` waypoints, also from a motion (n, dof).
-
-    With vectors between the end effectors they are optima in the sum of squares of all arms.
-    """
+    """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
     rows = evenly_spaced(len(q), most)
     targets, columns = tuple(replace(own[rows], rotations=None) for own in problem.targets), planner.group.columns
     banks = [own.bank.starts_for(part, STARTS) for own, part in zip(planner.arms, targets, strict=True)]
@@ -169,9 +155,10 @@ def _pointwise_bests(
         starts = np.empty((len(rows), STARTS, q.shape[1]))
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
-        joint = replace(problem[rows], targets=targets, costs=vectors)
-        distances = joint.distances(pointwise_best(joint, starts, q[rows]))
+        best = pointwise_best(replace(problem[rows], targets=targets, costs=vectors), starts, q[rows])
+        parts = [best[:, own] for own in columns]
     else:
-        parts = zip(targets, banks, columns, strict=True)
-        distances = [part.distance(pointwise_best(part, bank, q[rows][:, own])) for part, bank, own in parts]
-    return [interpolated_distance(rows, distance, len(q)) for distance in distances]
+        shares = zip(targets, banks, columns, strict=True)
+        parts = [pointwise_best(part, bank, q[rows][:, own]) for part, bank, own in shares]
+    pairs = zip(targets, parts, strict=True)
+    return [interpolated_distance(rows, own.distance(best), len(q)) for own, best in pairs]

@@ -1,4 +1,9 @@
-"""The planner of a motion problem: each arm by itself in five steps, then all arms together where they interact."""
+"""The planner: reachability map, roadmap, graph search, optimizer, time parameterization.
+
+Each arm is planned by itself in these five steps, then all arms together where they interact. Trajectories are
+optimized as if they took `PLANNING_TIME_SCALE` times the demonstrated time, then timed, optimized with the smoothness
+that this time demands, and timed again.
+"""
 
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
@@ -6,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, as_collisions
@@ -13,24 +19,121 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_compatible, require_trackable
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Targets
-from maniport.motion.plan.arm_planner import ArmPlanner, Coarse, time_parameterized
 from maniport.motion.plan.optimizer import (
     CLEARANCE,
     CLEARANCE_WEIGHT,
     POSITION_WEIGHTS,
     TrajectoryCost,
+    TrajectoryTerms,
     optimize,
     optimize_to_tolerance,
+    time_weights,
 )
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.plan.roadmap import shortest_path, stages_of
+from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, stages_of, turned_to_rotations
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
 from maniport.util.progress import Part, ignore_fraction, pieces
 from maniport.util.validation import Array, as_generator
+
+PLANNING_TIME_SCALE = 4.0
+SMOOTHNESS = 0.04
+"""Factor of the smoothness costs [1/√s], which grow with the root of the demonstrated duration. Less smoothness is more
+accurate, but the limits then slow the trajectory down: by about the same share, more seconds for a long recording."""
+SPEED_SHARE = 0.9  # Share of the limits of velocity and acceleration that the optimizer uses
+
+
+def planning_time_scale(settings: PlanSettings) -> float:
+    """Return how many times the demonstrated time a trajectory is planned for."""
+    return max(1.0 / settings.speed_scale, PLANNING_TIME_SCALE)
+
+
+def coarse_terms(problem: MotionProblem, settings: PlanSettings) -> tuple[Array, TrajectoryTerms, float]:
+    """Return times of the waypoints and terms on the planning time scale, and the joint motion weight of the search."""
+    time = planning_time_scale(settings) * (problem.time - problem.time[0])
+    share = SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
+    speeds, tolerance = SPEED_SHARE * problem.limits.velocity, settings.budget.rel_tol
+    terms = TrajectoryTerms(
+        share * 0.12, share * 4e-3, velocity=speeds, collisions=problem.collisions, rel_tol=tolerance
+    )
+    return time, terms, share * JOINT_MOTION_WEIGHT
+
+
+@dataclass(frozen=True)
+class ArmPlanner:
+    """One arm with its limits and samples."""
+
+    limits: MotionLimits
+    reachability_map: ReachabilityMap  # of `limits.arm`
+    bank: SeedBank
+
+    def solve(
+        self,
+        problem: MotionProblem,
+        settings: PlanSettings,
+        random: np.random.Generator,
+        progress: Part = ignore_fraction,
+    ) -> tuple[Array, Trajectory]:
+        """Plan a motion; return the configurations at the waypoints (n, dof), and the timed motion."""
+        time, terms, joint_motion_weight = coarse_terms(problem, settings)
+        stages = stages_of(time, settings.budget.stage)
+        # short paths get more nodes: of a UR5's motion of 10 s the distance is 14 % less with 700 than with 300
+        more = float(np.clip(150.0 / len(stages), 1.0, 2.4))
+        nodes = self.roadmap(problem[stages], int(more * settings.budget.nodes), random)
+        progress(0.4)
+        path = self.search(nodes, time[stages], joint_motion_weight)
+        progress(0.6)
+        q = optimize(problem[stages], time[stages], nodes.q[path], terms, POSITION_WEIGHTS[0])
+        q, coarse_tolerance = interpolated(time[stages], q, time), 1e-3  # [m]; less than this is met with the time
+        q = optimize_to_tolerance(problem, time, q, terms, max(settings.position_tolerance, coarse_tolerance))
+        return time_parameterized(problem, q, settings, settings.position_tolerance)
+
+    def roadmap(self, problem: MotionProblem, count: int, random: np.random.Generator) -> Roadmap:
+        """Make nodes on the path, or, without one, with similar ellipsoids; collision-free where possible."""
+        (targets,) = problem.targets
+        if targets.positions is not None:
+            nodes = self.reachability_map.nodes(targets, count, random)
+        else:  # joints that do not change the ellipsoid are in their middle
+            q, idle = self.bank.starts_for(targets, count), self.reachability_map.idle
+            q[..., idle] = (0.5 * (self.limits.lower + self.limits.upper))[idle]
+            first, own = np.arange(len(q) + 1) * q.shape[1], targets[np.repeat(np.arange(len(q)), q.shape[1])]
+            q = q.reshape(-1, q.shape[-1])
+            q = turned_to_rotations(own, q) if targets.axes else q
+            nodes = Roadmap(q, own.cost(q), first)
+        time = np.repeat(problem.time, np.diff(nodes.first))
+        for cost in problem.costs:
+            nodes = replace(nodes, cost=nodes.cost + np.sum(cost.residual(nodes.q, time) ** 2, axis=1))
+        return nodes if problem.collisions is None else nodes.without(problem.collisions.collides(nodes.q))
+
+    def search(self, nodes: Roadmap, time: Array, joint_motion_weight: float) -> NDArray[np.intp]:
+        """Choose a node for each stage; larger changes from stage to stage than these are jumps."""
+        gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
+        largest = np.array([{"rad": 0.6, "m": 0.2}[unit] for unit in self.limits.arm.joint_units])
+        largest = np.minimum(SPEED_SHARE * self.limits.velocity * gaps, largest)
+        return shortest_path(nodes, time, largest, joint_motion_weight)
+
+
+def time_parameterized(
+    problem: MotionProblem, q: Array, settings: PlanSettings, tolerance: float
+) -> tuple[Array, Trajectory]:
+    """Time a trajectory, optimize it with the smoothness that its time demands, and time it again."""
+    earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])
+    limits = problem.limits
+    at = retime(limits, earliest, q, rate=settings.rate).time
+    terms = TrajectoryTerms(
+        3e-3,
+        1e-6,
+        time_weights(earliest) * (at[-1] - at[0]) / (earliest[-1] - earliest[0]),
+        SPEED_SHARE * limits.velocity,
+        SPEED_SHARE * limits.acceleration,
+        problem.collisions,
+        settings.budget.rel_tol,
+    )
+    q = optimize_to_tolerance(problem, at, q, terms, tolerance)
+    return q, retime(limits, earliest, q, rate=settings.rate)
 
 
 @dataclass(frozen=True)
@@ -44,7 +147,7 @@ class Planner:
     spec : EllipsoidSpec
         Which ellipsoids, of each arm.
     arms : tuple of ArmPlanner
-        Each arm with all joints that move it: ``limits``, ``reachability_map``, ``bank`` and ``collisions``.
+        Each arm with all joints that move it: ``limits``, ``reachability_map`` and ``bank``.
     collisions : Collisions, optional
         Of all arms with themselves, with each other and with obstacles.
     """
@@ -68,7 +171,7 @@ class Planner:
             require_trackable(arm, own)
             samples = ReachabilityMap(arm, own, random_state=random, collisions=around)
             bank = SeedBank(arm, random_state=random, spec=own)
-            arms.append(ArmPlanner(limits.of_joints(arm, columns), samples, bank, around))
+            arms.append(ArmPlanner(limits.of_joints(arm, columns), samples, bank))
         return cls(limits, spec, tuple(arms), model)
 
     @property
@@ -92,16 +195,15 @@ class Planner:
         progress: Part = ignore_fraction,
         separate: Sequence[Targets] | None = None,
     ) -> tuple[Trajectory, bool]:
-        """Plan a motion, as fast as limits allow and at most as fast as the demonstration.
+        """Return a motion, as fast as limits and demonstration allow, and whether arms were optimized together.
 
-        Return a trajectory that passes the waypoints at its ``time``, and whether several arms were optimized together.
         `separate` are targets of each arm while it is planned by itself; default: those of the problem.
         """
         count, random = len(self.arms), as_generator(random_state)
         parts, shares = [], zip(self.arms, separate or problem.targets, _copies(random, count), strict=True)
         for (arm, targets, own), part in zip(shares, pieces(progress, *count * [1.0]), strict=True):
-            costs = problem.costs if count == 1 else ()
-            alone = replace(problem, targets=(targets,), limits=arm.limits, collisions=arm.collisions, costs=costs)
+            costs, around = problem.costs if count == 1 else (), arm.reachability_map.collisions
+            alone = replace(problem, targets=(targets,), limits=arm.limits, collisions=around, costs=costs)
             q, timed = arm.solve(alone, settings, own, part)
             parts.append(q)
         return (timed, False) if count == 1 else self._joined(problem, parts, settings, random)
@@ -111,7 +213,7 @@ class Planner:
     ) -> tuple[Trajectory, bool]:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact.
 
-        Where the result collides, motions of prioritized planning are further starts, then the tolerance is relaxed.
+        Where the result collides, motions of prioritized planning are further starts, then tolerances are larger.
         """
         group, collisions = self.group, problem.collisions
         values = np.full((len(parts), len(parts[0]), group.dof), np.nan)
@@ -124,30 +226,30 @@ class Planner:
         if not (group.shared or problem.costs or near):
             earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])
             return retime(problem.limits, earliest, mean, rate=settings.rate), False
-        coarse, optimized = Coarse.of(problem, settings), list[Array]()
-        cost = TrajectoryCost(problem.arm, problem, coarse.time, coarse.terms)
+        time, terms, _ = coarse_terms(problem, settings)
+        optimized, cost = list[Array](), TrajectoryCost(problem.arm, problem, time, terms)
 
         def attempts() -> Iterator[tuple[float, list[Array]]]:
             """Factors of the position tolerance, and further starts."""
             yield 1.0, starts
             has_paths = all(own.positions is not None for own in problem.targets)
             if has_paths and not group.shared and collisions is not None:
-                yield 1.0, self._prioritized(problem, coarse, parts, random)
+                yield 1.0, self._prioritized(problem, parts, settings, random)
             yield 3.0, []
             yield np.inf, []
 
-        for relaxation, more in attempts():
-            tolerance = relaxation * settings.position_tolerance
-            optimized += [optimize(problem, coarse.time, q, coarse.terms, POSITION_WEIGHTS[0]) for q in more]
+        for factor, more in attempts():
+            tolerance = factor * settings.position_tolerance
+            optimized += [optimize(problem, time, q, terms, POSITION_WEIGHTS[0]) for q in more]
             best = min(optimized, key=lambda q: cost.evaluate(q)[0])
-            q, _ = optimize_to_tolerance(problem, coarse.time, best, coarse.terms, tolerance)
-            _, timed = time_parameterized(problem, q, settings, tolerance)
+            q = optimize_to_tolerance(problem, time, best, terms, tolerance)
+            timed = time_parameterized(problem, q, settings, tolerance)[1]
             if collisions is None or not collisions.collides(timed.control_positions).any():
                 break
         return timed, True
 
     def _prioritized(
-        self, problem: MotionProblem, coarse: Coarse, parts: Sequence[Array], random: np.random.Generator
+        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
     ) -> list[Array]:
         """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others.
 
@@ -155,13 +257,15 @@ class Planner:
         """
         group, collisions, motions = self.group, problem.collisions, []
         assert collisions is not None
-        rows = stages_of(coarse.time, 0.55)
-        time = coarse.time[rows]
+        time, _, joint_motion_weight = coarse_terms(problem, settings)
+        rows = stages_of(time, settings.budget.stage)
         for first in reversed(range(len(parts))):
             own = list(parts)
             for i in (first, *(k for k in range(len(parts)) if k != first)):
                 arm = self.arms[i]
-                nodes = arm.reachability_map.nodes(problem.targets[i][rows], 150, random)
+                targets, around = (problem.targets[i][rows],), arm.reachability_map.collisions
+                alone = replace(problem[rows], targets=targets, costs=(), collisions=around)
+                nodes = arm.roadmap(alone, 150, random)
                 q = np.empty((len(nodes.q), group.dof))
                 for part, columns in zip(own, group.columns, strict=True):
                     q[:, columns] = np.repeat(part[rows], np.diff(nodes.first), axis=0)
@@ -169,12 +273,8 @@ class Planner:
                 cost = nodes.cost.copy()
                 near, distance, _ = collisions.between.gradient(q, CLEARANCE)
                 np.add.at(cost, near, (CLEARANCE_WEIGHT * (CLEARANCE - distance)) ** 2)
-                if arm.collisions is not None:
-                    cost += 1e4 * arm.collisions.collides(nodes.q)
-                path = shortest_path(
-                    replace(nodes, cost=cost), time, arm.largest_changes(time), coarse.joint_motion_weight
-                )
-                own[i] = interpolated(time, nodes.q[path], coarse.time)
+                path = arm.search(replace(nodes, cost=cost), time[rows], joint_motion_weight)
+                own[i] = interpolated(time[rows], nodes.q[path], time)
             motions.append(group.joined(*own))
         return motions
 

@@ -31,27 +31,13 @@ BLOCK = 1024  # Number of targets compared with their samples at a time: their d
 
 
 class ReachabilityMap:
-    """Reachability map of an arm: samples by the positions of their end effector.
-
-    Parameters
-    ----------
-    arm : Arm
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    n : int, optional
-        How many samples; 100 000 by default.
-    random_state : None, int or numpy.random.Generator
-        Same seed, same samples.
-    collisions : maniport.arms.collisions.Collisions or True, optional
-        Samples that collide are left out, as in `maniport.sample_domain`.
-    """
+    """Samples of an arm by the positions of their end effector; those that collide are left out."""
 
     def __init__(
         self, arm: Arm, spec: EllipsoidSpec, n: int | None = None, random_state: Any = 0, collisions: Any = None
     ):
         self.arm, self.spec = arm, spec
-        model = as_collisions(collisions, arm)
-        self.collisions: Collisions | None = model if model is not None and model.checked else None
+        self.collisions: Collisions | None = as_collisions(collisions, arm)
         probes = arm.sample(32, 0)
         poses, jacobian, _, changes = arm.posed_differentials(probes, spec)
         self.axis = Axis.of(jacobian, poses[:, :3, 3])
@@ -61,7 +47,7 @@ class ReachabilityMap:
         turns = np.abs(np.cross(jacobian[:, 3:, :, None], poses[:, :3, None, :3], axis=1)).max(axis=(0, 1))
         self._idle_turns = self.idle[:, None] & (turns > negligible)  # which idle joints turn which axes (dof, 3)
         generator = as_generator(random_state)
-        self._allowed: dict[EllipsoidSpec, Array] = {}
+        self._allowed, self._first_limits = dict[EllipsoidSpec, Array](), (arm.lower[0], arm.upper[0])
         self._count, self._generator = SAMPLES if n is None else as_count(n, "n"), deepcopy(generator)
         arm.sample(1, generator)  # samples are drawn on first use, from a copy; the caller's generator moves on
 
@@ -71,31 +57,28 @@ class ReachabilityMap:
 
     @cached_property
     def q(self) -> Array:
-        """The samples, joints without effect in the middle of their range, shape (n, dof)."""
+        """The samples, turned to angle 0, joints without effect in the middle of their range, shape (n, dof)."""
         q, middle = self._samples.copy(), 0.5 * (self.arm.lower + self.arm.upper)
         q[:, self.idle] = middle[self.idle]
         if self.axis is not None:
-            q[:, 0] = middle[0]
+            q[:, 0] = 0.0
+            q[:, 0] = -self.coordinates(self.arm.forward(q)[:, :3, 3])[1]
         return q
 
     @cached_property
-    def _located(self) -> tuple[cKDTree, Array, Array]:
-        """Tree of the coordinates of `q`, rotations there (n,), and ellipsoids there, turned to angle 0 (n, d, d)."""
+    def _located(self) -> tuple[cKDTree, Array]:
+        """Tree of the coordinates of `q`, and ellipsoids there (n, d, d)."""
         poses, ellipsoids = self.arm.posed_ellipsoids(self.q, self.spec.bounded)
-        coordinates, angles = self.coordinates(np.ascontiguousarray(poses[:, :3, 3]))
         if self.spec.kind == "force":
             values, vectors = eigh(ellipsoids)
             singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)
             ellipsoids = compose(1.0 / np.maximum(values, singular), vectors)
-        return cKDTree(coordinates), angles, self._turned_back(ellipsoids, angles)
+        return cKDTree(self.coordinates(np.ascontiguousarray(poses[:, :3, 3]))[0]), ellipsoids
 
     @cached_property
     def _orientations(self) -> Array:
         """Orientations of the end effector, idle joints as sampled, shape (n, 3, 3)."""
         return np.asarray(self.arm.forward(np.where(self.idle, self._samples, self.q))[:, :3, :3])
-
-    def __len__(self) -> int:
-        return self._count
 
     @cached_property
     def reach(self) -> Array:
@@ -114,31 +97,37 @@ class ReachabilityMap:
         The gap is from a position to a sample that is turned there as far as the first joint's limits allow. Demands
         that exceed what a sample allows add to its cost.
         """
-        (coordinates, angles), (tree, _, samples) = self.coordinates(positions), self._located
-        damped = objective.damped(self._turned_back(ellipsoids, angles))
-        result = np.empty(len(coordinates))
-        for first in range(0, len(coordinates), BLOCK):
-            part = slice(first, first + BLOCK)
-            gaps, rows = tree.query(coordinates[part], k=[*range(1, min(count, len(self.q)) + 1)])
-            gaps = gaps**2
-            if self.axis is not None:
-                turned = self._first_joint(rows, angles[part])
-                beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
-                gaps += (2.0 * coordinates[part, :1] * np.sin(0.5 * beyond)) ** 2
-            distance = distances(damped[part, None], objective.damped(samples[rows]))
-            cost = distance**2 + GAP_WEIGHT**2 * gaps
+        result = np.empty(len(positions))
+        for begin in range(0, len(positions), BLOCK):
+            part = slice(begin, begin + BLOCK)
+            rows, gaps, first, angles, cost = self._near(objective, ellipsoids[part], positions[part], count)
+            beyond, radius = first - np.clip(first, *self._first_limits), self.coordinates(positions[part])[0][:, :1]
+            cost += GAP_WEIGHT**2 * (gaps**2 + (2.0 * radius * np.sin(0.5 * beyond)) ** 2)
             for spec, vectors in demands:
-                turned = (self._turns_back(angles[part]) @ vectors[part, :, None])[..., 0]
+                turned = (self._turns(-angles) @ vectors[part, :, None])[..., 0]
                 shares = np.sqrt(np.einsum("ni,nkij,nj->nk", turned, self._inverses(spec)[rows], turned))
                 cost += (EXCESS_WEIGHT * np.maximum(shares - 1.0, 0.0)) ** 2
             result[part] = np.min(cost, axis=1)
         return result
 
+    def _near(
+        self, objective: Objective, ellipsoids: Array, positions: Array, count: int
+    ) -> tuple[NDArray[np.intp], Array, Array, Array, Array]:
+        """Return rows of near samples, gaps [m], first joints turned there (n, k), angles (n,), and d² (n, k)."""
+        (coordinates, angles), (tree, samples) = self.coordinates(positions), self._located
+        gaps, rows = tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])
+        damped = objective.damped(congruence(self.spec.rotation(self._turns(-angles)), ellipsoids))
+        square = distances(damped[:, None], objective.damped(samples[rows])) ** 2
+        first = self.q[rows, 0]
+        if self.axis is not None:  # next to the middle of its limits
+            lowest = 0.5 * (self.arm.lower[0] + self.arm.upper[0]) - np.pi
+            first = lowest + np.remainder(first + angles[:, None] - lowest, 2.0 * np.pi)
+        return rows, gaps, first, angles, square
+
     def _inverses(self, spec: EllipsoidSpec) -> Array:
-        """Inverses of translational ellipsoids at `q`, turned to angle 0, shape (n, 3, 3)."""
+        """Inverses of translational ellipsoids at `q`, shape (n, 3, 3)."""
         if spec not in self._allowed:
-            turns = self._turns_back(self._located[1])
-            self._allowed[spec] = congruence(turns, inverses(self.arm.ellipsoids(self.q, spec)))
+            self._allowed[spec] = inverses(self.arm.ellipsoids(self.q, spec))
         return self._allowed[spec]
 
     def nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Roadmap:
@@ -149,14 +138,14 @@ class ReachabilityMap:
         more than once, the same configurations a turn away are nodes, too.
         """
         # few samples next to a position have similar orientations: more are needed where the orientation counts
-        q, distance = self._near(targets, (8 if targets.turned else 2) * count)
-        order = np.argsort(distance, axis=1, kind="stable")
+        q, cost = self._turned_samples(targets, (8 if targets.axes else 2) * count)
+        order = np.argsort(cost, axis=1, kind="stable")
         half = count // 2
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
         chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
-        possible = np.isfinite(np.take_along_axis(distance, chosen, axis=1))
+        possible = np.isfinite(np.take_along_axis(cost, chosen, axis=1))
         q, owner = np.take_along_axis(q, chosen[..., None], axis=1)[possible], np.nonzero(possible)[0]
-        if targets.turned:
+        if targets.axes:
             q = turned_to_rotations(targets[owner], q)
         assert targets.positions is not None
         q, error = moved_to_positions(self.arm, q, targets.positions[owner])
@@ -170,32 +159,24 @@ class ReachabilityMap:
         q, owner = self._with_whole_turns(q[kept], owner[kept])
         return Roadmap(q, targets[owner].cost(q), np.searchsorted(owner, np.arange(len(targets) + 1)))
 
-    def _near(self, targets: Targets, count: int) -> tuple[Array, Array]:
-        """Return samples next to each target's position, turned there (n, k, dof), and their distances (n, k)."""
+    def _turned_samples(self, targets: Targets, count: int) -> tuple[Array, Array]:
+        """Return samples next to each target's position, turned there (n, k, dof), and their costs (n, k)."""
         assert targets.positions is not None
-        coordinates, angles = self.coordinates(targets.positions)
-        tree, _, samples = self._located
-        rows = tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
-        own, q = targets.objective, self.q[rows]
-        aligned = own.damped(self._turned_back(targets.ellipsoids, angles))
-        square = distances(aligned[:, None], own.damped(samples[rows])) ** 2
-        allowed, rotations = np.ones(rows.shape, bool), np.eye(3)
-        if self.axis is not None:
-            lower, upper = self.arm.lower[0], self.arm.upper[0]
-            turned = self._first_joint(rows, angles)
-            allowed = (turned >= lower) & (turned <= upper)
-            turned = np.clip(turned, lower, upper)
-            allowed |= ~allowed.any(axis=1, keepdims=True)  # better off the position than nothing at all
-            rotations = self.axis.rotations(turned - q[..., 0])
-            q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
-        if targets.turned:
+        near = self._near(targets.objective, targets.ellipsoids, targets.positions, count)
+        (rows, _, first, _, cost), q = near, self.q[near[0]]
+        beyond = (first < self._first_limits[0]) | (first > self._first_limits[1])
+        beyond &= ~beyond.all(axis=1, keepdims=True)  # better off the position than nothing at all
+        cost[beyond] = np.inf
+        first = np.clip(first, *self._first_limits)
+        if targets.axes:
             assert targets.rotations is not None
-            weights = np.array(own.axis_weights)
+            weights = np.array(targets.objective.axis_weights)
             needed = self._idle_turns @ (weights > 0.0)
+            rotations = self._turns(first - q[..., 0]) @ self._orientations[rows]
             q[..., needed] = self._samples[rows][..., needed]
-            error = rotations @ self._orientations[rows] - targets.rotations[:, None]
-            square += np.sum((weights * error) ** 2, axis=(-2, -1))
-        return q, np.where(allowed, np.sqrt(square), np.inf)
+            cost += np.sum((weights * (rotations - targets.rotations[:, None])) ** 2, axis=(-2, -1))
+        q[..., 0] = first
+        return q, cost
 
     def _with_whole_turns(self, q: Array, owner: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
         """Add configurations (n, dof) a whole turn of the first joint away that its limits allow."""
@@ -207,15 +188,7 @@ class ReachabilityMap:
         allowed[:, 0] = True
         return turned[allowed], np.repeat(owner, allowed.sum(axis=1))
 
-    def _first_joint(self, rows: NDArray[np.intp], angles: Array) -> Array:
-        """First joint of samples (n, k) turned to angles (n,), next to the middle of its limits."""
-        turned = angles[:, None] - self._located[1][rows]
-        return np.asarray(self.q[rows, 0] + np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi)
-
-    def _turned_back(self, ellipsoids: Array, angles: Array) -> Array:
-        """Ellipsoids (n, d, d) after the arm has turned back by angles (n,)."""
-        return ellipsoids if self.axis is None else congruence(self.spec.rotation(self._turns_back(angles)), ellipsoids)
-
-    def _turns_back(self, angles: Array) -> Array:
-        """Rotations (n, 3, 3) of the arm back by angles (n,)."""
-        return np.tile(np.eye(3), (len(angles), 1, 1)) if self.axis is None else self.axis.rotations(-angles)
+    def _turns(self, angles: Array) -> Array:
+        """Rotations (..., 3, 3) of the arm by angles (...)."""
+        none = np.broadcast_to(np.eye(3), (*angles.shape, 3, 3))
+        return none if self.axis is None else self.axis.rotations(angles)

@@ -44,10 +44,7 @@ def stages_of(time: Array, longest: float) -> NDArray[np.intp]:
 def shortest_path(
     nodes: Roadmap, time: Array, largest: Array, joint_motion_weight: float = JOINT_MOTION_WEIGHT
 ) -> NDArray[np.intp]:
-    """Choose a node for each stage with the least sum of cost and joint motion, by dynamic programming.
-
-    Changes beyond `largest` (stages, dof), those of a jump between branches of configurations, are penalized.
-    """
+    """Choose a node for each stage with the least sum of cost and joint motion; penalize jumps, beyond `largest`."""
     gaps, weights, first = np.diff(time, prepend=time[0]), time_weights(time), nodes.first
     value, before = np.full(len(nodes.q), np.inf), np.full(len(nodes.q), -1, np.intp)
     value[first[0] : first[1]] = nodes.cost[first[0] : first[1]] * weights[0]
@@ -110,8 +107,7 @@ def turned_to_rotations(targets: Targets, q: Array) -> Array:
     arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
     for _ in range(NEWTON_STEPS):
         poses, jacobian = arm.motion(q)
-        residual = np.concatenate([cost.at(poses) for cost in targets.pose_costs], axis=1)
-        slope = np.concatenate([cost.slopes(poses, jacobian) for cost in targets.pose_costs], axis=1)
+        residual, slope = targets.pose_residual(poses), targets.pose_slopes(poses, jacobian)
         square = np.swapaxes(slope, 1, 2) @ slope + np.eye(arm.dof)  # a little weight on joint motion
         change = np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ residual[..., None])
         q = _stepped(arm, q, -change[..., 0])

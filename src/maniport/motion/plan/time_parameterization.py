@@ -1,12 +1,13 @@
 """Time parameterization: when a robot passes each waypoint, time-optimally within its limits."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from maniport.arms import as_group
 from maniport.errors import InvalidInputError
@@ -29,9 +30,9 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
 
     A cubic spline through the waypoints, with the demonstrated time as its parameter, is passed time-optimally within
     the limits of velocity, acceleration and torque [1]_. A moving average over the samples, of at most 0.2 s, then
-    limits the jerk and the torque rate. Where samples exceed a limit between the points of the search grid, the search
-    is repeated with less of it there; a remaining excess slows down the whole motion. A joint that gravity alone
-    overloads along the path exceeds its torque limit in the result, by at most 5 % more.
+    limits the jerk and the torque rate. Where samples exceed a limit between the points of the search grid, the whole
+    motion is slowed down. A joint that gravity alone overloads along the path exceeds its torque limit in the result,
+    by at most 5 % more.
 
     Parameters
     ----------
@@ -66,13 +67,8 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     path = JointPath.through(times, points, limits.lower, limits.upper)
     require_few(path.grid[-1] * frequency)
     own, (limits, rows) = limits, _constraints(limits, path)
-    scale = np.ones(len(path.grid))
-    for _ in range(2):
-        speed = _fastest(limits, path, rows, scale)
-        samples, rest, worst = _sampled(limits, path, speed, frequency)
-        if worst.max() <= 1.0:
-            break
-        scale *= _easing(limits, path, speed, samples, rest, frequency)
+    speed = _fastest(limits, path, rows)
+    samples, rest, worst = _sampled(limits, path, speed, frequency)
     while worst.max() > 1.0:
         speed = speed / (1.0005 * (worst ** (1.0 / POWERS)).max())
         samples, rest, worst = _sampled(limits, path, speed, frequency)
@@ -81,23 +77,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
 
 
 def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike) -> Trajectory:
-    """Begin and end at a home configuration, with straight motions in joint space from rest to rest.
-
-    They use 30 % of the limits of velocity, acceleration and jerk.
-
-    Parameters
-    ----------
-    motion : Trajectory
-        From rest at 0 s to rest, at a constant rate.
-    limits : MotionLimits
-    home : array_like, shape (dof,)
-        Within the position limits [rad] or [m].
-
-    Returns
-    -------
-    Trajectory
-        Longer; its waypoints are passed later.
-    """
+    """Begin and end at a home configuration, with straight joint motions at 30 % of the limits, from rest to rest."""
     start = limits.arm.require_within_limits(home, "home", single=True)
     rate = (len(motion.control_time) - 1) / motion.control_time[-1]
     slow = replace(limits, **{quantity: 0.3 * getattr(limits, quantity) for quantity in DERIVATIVES})
@@ -150,11 +130,8 @@ def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, l
     return limits, rows
 
 
-def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows], scale: Array) -> Array:
-    """Parameter speeds at the grid, shape (k,): at most 1, with `scale` (k,) of the accelerations.
-
-    Of torques, `scale` is of what gravity leaves.
-    """
+def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows]) -> Array:
+    """Parameter speeds at the grid, shape (k,): at most 1."""
     steps = np.diff(path.grid)
     middles = path.grid[:-1] + 0.5 * steps
     used, between = ((np.abs(slope) / limits.velocity).max(axis=1) for slope in (path.first, path.spline(middles, 1)))
@@ -162,13 +139,11 @@ def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows], scale:
     most = np.minimum(1.0, 0.999 / np.maximum(used, 0.999))  # a little less, since samples lie between grid points
     # each constraint holds at the start, middle and end of a piece
     (a, b, *bounds), (a_middle, b_middle, *middle_bounds) = rows
-    ahead, share, speed = steps[:, None], scale[:, None], np.empty(len(path.grid))
+    ahead, speed = steps[:, None], np.empty(len(path.grid))
     of_u = np.hstack([a[:-1], a_middle + ahead * b_middle, a[1:] + 2.0 * ahead * b[1:]])
     of_x = np.hstack([b[:-1], b_middle, b[1:]])
-    low, high = (
-        np.hstack([share[:-1] * own[:-1], np.minimum(share[1:], share[:-1]) * middle, share[1:] * own[1:]])
-        for own, middle in zip(bounds, middle_bounds, strict=True)
-    )
+    pairs = zip(bounds, middle_bounds, strict=True)
+    low, high = (np.hstack([own[:-1], middle, own[1:]]) for own, middle in pairs)
     fill_speeds(of_u, of_x, low, high, steps, most**2, speed)
     lost = speed[1:] + speed[:-1] <= 0.0
     if lost.any():
@@ -211,45 +186,25 @@ def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -
     def smoothed(half: int) -> Array:
         return np.clip(averaged(held, half).T, limits.lower, limits.upper)
 
-    abrupt_half, half = -1, widest  # the moving average needs more than the first; the second is enough
+    def suffices(half: int) -> bool:
+        rates = np.abs(np.diff(averaged(held_torques, half))).max(initial=0.0) * rate
+        jerks = np.abs(np.diff(smoothed(half).T, 3)).max(axis=1) * rate**3
+        return bool(np.all(jerks <= limits.jerk) and rates <= 0.98)
+
+    half = bisect_left(range(widest), True, key=suffices)  # the least that does
     samples = smoothed(half)
-    while half - abrupt_half > 1:
-        middle = (abrupt_half + half) // 2
-        tried = smoothed(middle)
-        rates = np.abs(np.diff(averaged(held_torques, middle))).max(initial=0.0) * rate
-        if _shares(limits, tried, rate, "jerk").max() <= 1.0 and rates <= 0.98:
-            half, samples = middle, tried
-        else:
-            abrupt_half = middle
-    worst = [_shares(limits, samples, rate, quantity).max() for quantity in DERIVATIVES]
-    return samples, half + REST, np.array([*worst, *(share.max() for share in _torque_shares(limits, samples, rate))])
+    return samples, half + REST, _largest_shares(limits, samples, rate)
 
 
-def _torque_shares(limits: MotionLimits, samples: Array, rate: float) -> tuple[Array, Array]:
-    """Shares of what gravity leaves of the torques, and of torque rates, shapes (m,) and (m - 1,); 0 where unknown."""
-    if limits.dynamics is None or not (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any():
-        return np.zeros(len(samples)), np.zeros(len(samples) - 1)
-    torques, held = limits.torques(samples, rate), limits.dynamics.gravity(samples)
-    left = np.maximum(limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6))
-    rates = np.abs(np.diff(torques, axis=0)) * (rate / limits.effort_rate)
-    return (np.abs(torques - held) / left).max(axis=1), rates.max(axis=1)
-
-
-def _shares(limits: MotionLimits, samples: Array, rate: float, quantity: str) -> Array:
-    """Shares of the limits of velocity, acceleration or jerk, by differences of that order, shape (dof, m - order)."""
-    order = DERIVATIVES.index(quantity) + 1
-    return np.asarray(np.abs(np.diff(samples.T, order)) * (rate**order / getattr(limits, quantity))[:, None])
-
-
-def _easing(limits: MotionLimits, path: JointPath, speed: Array, samples: Array, rest: int, rate: float) -> Array:
-    """Factors for the acceleration limits at the grid, shape (k,): below 1 around samples that exceed them."""
-    share = _shares(limits, samples, rate, "acceleration").max(axis=0)
-    share = np.maximum(share, _torque_shares(limits, samples, rate)[0][1:-1])
-    share = maximum_filter1d(share, 2 * (rest - REST) + 1)  # what the moving average has mixed
-    clock = (np.arange(len(share)) + 1 - rest) / rate
-    cell = np.clip(np.searchsorted(path.passed(speed), clock, side="right") - 1, 0, len(path.grid) - 2)
-    worst = np.zeros(len(path.grid))
-    np.maximum.at(worst, cell, share)
-    worst = maximum_filter1d(worst, 4)
-    aimed = 0.998
-    return np.where(worst > aimed, aimed / np.maximum(worst, aimed), 1.0)
+def _largest_shares(limits: MotionLimits, samples: Array, rate: float) -> Array:
+    """Largest shares of derivatives, of what gravity leaves of the torques, and of torque rates; 0 where unknown."""
+    shares = np.zeros(len(POWERS))
+    for i, quantity in enumerate(DERIVATIVES):
+        changes = np.abs(np.diff(samples.T, i + 1)).max(axis=1)
+        shares[i] = (rate ** (i + 1) * changes / getattr(limits, quantity)).max()
+    if limits.dynamics is not None and (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any():
+        torques, held = limits.torques(samples, rate), limits.dynamics.gravity(samples)
+        left = np.maximum(limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6))
+        shares[3] = (np.abs(torques - held) / left).max()
+        shares[4] = (np.abs(np.diff(torques, axis=0)) * (rate / limits.effort_rate)).max()
+    return shares

@@ -9,7 +9,7 @@ import numpy as np
 from maniport.arms import Arm, EllipsoidSpec, Surface
 from maniport.arms.human import middle_of
 from maniport.errors import FileFormatError
-from maniport.learning.agreement import axis_deviations
+from maniport.learning.alignment import axis_deviations
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import METRICS

@@ -5,105 +5,66 @@ number of threads.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import config
-from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels.loops import (
     WIDTH,
     compose_loop,
-    congruence_eigh_loop,
     congruence_loop,
     distance_loop,
     eigh_loop,
     power_congruence_loop,
     release_loop,
-    roots_loop,
 )
-from maniport.util.validation import Array
+from maniport.util.validation import SPD_TOLERANCE, Array
 
 MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150  # Range of the eigenvalues that an exponential or power may produce
+ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 
 ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
 
 
-class Pair(NamedTuple):
-    """Two SPD matrices A = F Fᵀ and B = K Kᵀ: F, F⁻¹, K, K⁻¹ and U, σ, Vᵀ with F⁻¹ K = U diag(σ) Vᵀ; see `factored`."""
-
-    start: Array
-    start_inverse: Array
-    end: Array
-    end_inverse: Array
-    left: Array
-    singular: Array
-    right: Array
-
-
 def eigh(matrices: Array) -> tuple[Array, Array]:
     """Ascending eigenvalues and orthonormal eigenvectors (columns) of symmetric matrices (..., d, d)."""
-    flat = _flat(matrices)
-    values, vectors = np.empty(flat.shape[:-1]), np.empty(flat.shape)
-    _run(lambda part: eigh_loop(flat[part], values[part], vectors[part]), *flat.shape[:2])
-    return values.reshape(matrices.shape[:-1]), vectors.reshape(matrices.shape)
-
-
-def roots(points: Array) -> tuple[Array, Array]:
-    """P^½ and P^-½ of SPD matrices (..., d, d)."""
-    flat = _flat(points)
-    results, inverses = np.empty(flat.shape), np.empty(flat.shape)
-    _run(lambda part: roots_loop(flat[part], results[part], inverses[part]), *flat.shape[:2])
-    return results.reshape(points.shape), inverses.reshape(points.shape)
+    values, vectors = _run(eigh_loop, (matrices,), (1, 2))
+    return values, vectors
 
 
 def congruence_eigh(left: Array, matrices: Array) -> tuple[Array, Array]:
     """Results of `eigh` for L M Lᵀ, of symmetric M; shapes (..., d, d)."""
-    batch, factors, flat = _pairs(left, matrices)
-    vectors = np.empty((math.prod(batch), *flat.shape[1:]))
-    values = np.empty(vectors.shape[:2])
+    return eigh(congruence(left, matrices))
 
-    def fill(part: slice) -> None:
-        congruence_eigh_loop(_rows(factors, part), _rows(flat, part), values[part], vectors[part])
 
-    _run(fill, *values.shape)
-    return values.reshape(*batch, flat.shape[-1]), vectors.reshape(*batch, *flat.shape[1:])
+def roots(points: Array) -> tuple[Array, Array]:
+    """P^½ and P^-½ of SPD matrices (..., d, d)."""
+    values, vectors = eigh(points)
+    root = np.sqrt(values)
+    return compose(root, vectors), compose(1.0 / root, vectors)
 
 
 def compose(values: Array, vectors: Array) -> Array:
-    """Build V diag(values) Vᵀ, exactly symmetric; shapes (..., n) and (..., d, n)."""
-    d, n = vectors.shape[-2:]
-    batch = _common(values.shape[:-1], vectors.shape[:-2])
-    flat_values = _writable(_over(values, (*batch, n))).reshape(-1, n)
-    flat = _writable(_over(vectors, (*batch, d, n))).reshape(-1, d, n)
-    results = np.empty((len(flat), d, d))
-    _run(lambda part: compose_loop(flat_values[part], flat[part], results[part]), *results.shape[:2])
-    return results.reshape(*batch, d, d)
+    """Build V diag(values) Vᵀ, exactly symmetric; shapes (..., d) and (..., d, d)."""
+    return _run(compose_loop, (values[..., None, :], vectors))[0]
 
 
 def congruence(left: Array, matrices: Array) -> Array:
     """Build L M Lᵀ, exactly symmetric, of symmetric M; shapes (..., d, d)."""
-    batch, factors, flat = _pairs(left, matrices)
-    results = np.empty((math.prod(batch), *matrices.shape[-2:]))
-    _run(lambda part: congruence_loop(_rows(factors, part), _rows(flat, part), results[part]), *results.shape[:2])
-    return results.reshape(*batch, *matrices.shape[-2:])
+    return _run(congruence_loop, (left, matrices))[0]
 
 
 def distances(a: Array, b: Array) -> Array:
     """Affine-invariant distances sqrt(Σ log² λ_i(A⁻¹B)) of SPD matrices, shapes (..., d, d); shape (...)."""
-    d = a.shape[-1]
-    batch, flat_a, flat_b = _pairs(a, b)
-    results = np.empty(math.prod(batch))
-    _run(lambda part: distance_loop(_rows(flat_a, part), _rows(flat_b, part), results[part]), len(results), d)
-    results = results.reshape(batch)
+    results = _run(distance_loop, (a, b), (0,))[0]
     if np.any(rough := np.isnan(results)):
-        pair = (np.broadcast_to(points, (*batch, d, d))[rough] for points in (a, b))
+        pair = (np.broadcast_to(points, (*results.shape, *points.shape[-2:]))[rough] for points in (a, b))
         try:
-            results[rough] = 2.0 * np.linalg.norm(np.log(factored(*pair).singular), axis=-1)
+            results[rough] = 2.0 * np.linalg.norm(np.log(factored(*pair)[3]), axis=-1)
         except np.linalg.LinAlgError:
             raise NotSPDError(ILL_CONDITIONED) from None
     return results
@@ -111,21 +72,19 @@ def distances(a: Array, b: Array) -> Array:
 
 def power_congruence(left: Array, points: Array, exponent: float, right: Array) -> Array:
     """Build R (L X Lᵀ)^s Rᵀ for matrices X (..., d, d), exactly symmetric: recenter, dilate, rotate and move."""
-    flat, factors, invalid = _flat(points), (_flat(left), _writable(right)), list[float]()
-    results = np.empty(flat.shape)
+    invalid = list[float]()
 
-    def fill(part: slice) -> None:
-        bounds = MIN_EIGENVALUE, MAX_EIGENVALUE
-        value = power_congruence_loop(factors[0], flat[part], exponent, factors[1], *bounds, results[part])
+    def loop(*arguments: Any) -> None:
+        value = power_congruence_loop(*arguments)
         if not np.isnan(value):
             invalid.append(value)
 
-    _run(fill, len(flat), flat.shape[-1])
+    images = _run(loop, (left, points, right), options=(exponent, MIN_EIGENVALUE, MAX_EIGENVALUE))[0]
     if invalid:
         if min(invalid) < 0.0:
             raise NotSPDError("points are too ill-conditioned: rounding makes them indefinite when they are recentered")
         require_in_range(np.array(invalid), "points")
-    return results.reshape(points.shape)
+    return images
 
 
 def release(points: Array, epsilon: float) -> Array:
@@ -133,10 +92,7 @@ def release(points: Array, epsilon: float) -> Array:
 
     Subtracting ε I would make images of a map indefinite where they are flatter than the damping.
     """
-    flat = _flat(points)
-    results = np.empty(flat.shape)
-    _run(lambda part: release_loop(flat[part], epsilon, results[part]), *flat.shape[:2])
-    return results.reshape(points.shape)
+    return _run(release_loop, (points,), options=(epsilon,))[0]
 
 
 def require_in_range(eigenvalues: Array, name: str) -> None:
@@ -149,10 +105,14 @@ def require_in_range(eigenvalues: Array, name: str) -> None:
         )
 
 
-def factored(a: Array, b: Array) -> Pair:
-    """Factor two SPD matrices, shapes (..., d, d): the eigenvalues of A⁻¹ B are σ²."""
-    (start, start_inverse), (end, end_inverse) = cholesky(a), cholesky(b)
-    return Pair(start, start_inverse, end, end_inverse, *np.linalg.svd(start_inverse @ end))
+def factored(a: Array, b: Array) -> tuple[tuple[Array, Array], tuple[Array, Array], Array, Array, Array]:
+    """Factor SPD matrices A = F Fᵀ and B = K Kᵀ, shapes (..., d, d): F and F⁻¹; K and K⁻¹; U, σ, Vᵀ of F⁻¹ K.
+
+    The eigenvalues of A⁻¹ B are σ².
+    """
+    start, end = cholesky(a), cholesky(b)
+    left, singular, right = np.linalg.svd(start[1] @ end[0])
+    return start, end, left, singular, right
 
 
 def cholesky(matrices: Array) -> tuple[Array, Array]:
@@ -166,73 +126,49 @@ def symmetrize(matrices: Array) -> Array:
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
 
 
-@cache
-def mandel_indices(d: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Row and column of each entry of a Mandel vector: the diagonal first, then the rows of the triangle above it."""
-    orders = tuple(np.r_[np.arange(d), above] for above in np.triu_indices(d, 1))
-    for indices in orders:
-        indices.flags.writeable = False
-    return orders[0], orders[1]
+def _run(
+    loop: Callable[..., None], arrays: tuple[Array, ...], axes: tuple[int, ...] = (2,), options: tuple[Any, ...] = ()
+) -> list[Array]:
+    """Call a loop on matrices (..., d, d) that broadcast; its results have so many `axes` of length d each.
 
-
-@cache
-def mandel_basis(d: int) -> Array:
-    """Orthonormal basis of the symmetric matrices, shape (d (d + 1) / 2, d, d)."""
-    rows, columns = mandel_indices(d)
-    basis = np.zeros((len(rows), d, d))
-    entry = np.arange(len(rows))
-    basis[entry, rows, columns] = basis[entry, columns, rows] = np.where(rows == columns, 1.0, np.sqrt(0.5))
-    basis.flags.writeable = False
-    return basis
-
-
-def _run(work: Callable[[slice], None], count: int, d: int) -> None:
-    """Call work(part) on slices of a batch of `count` d×d matrices, by several threads where that pays."""
+    Large batches are divided among threads.
+    """
+    shapes, d = {array.shape[:-2] for array in arrays if array.ndim > 2}, arrays[0].shape[-1]
+    batch = np.broadcast_shapes(*shapes) if len(shapes) > 1 else shapes.pop() if shapes else ()
+    flat, count = [_flat(array, batch) for array in arrays], math.prod(batch)
+    results = [np.empty((count, *(d,) * number)) for number in axes]
     size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # parts of some 0.1 ms, which stay in the processor's cache
     if 0 < count <= size:
-        work(slice(0, count))
-        return
-    parts = [slice(first, min(first + size, count)) for first in range(0, count, size)]
-    threads = min(int(config.NUMBA_NUM_THREADS), len(parts) // 8)
-
-    def take(several: Sequence[slice]) -> None:
-        for part in several:
-            work(part)
-
-    if threads < 2:
-        take(parts)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(take, [parts[i::threads] for i in range(threads)]))
+        loop(*flat, *options, *results)
+    elif count:
+        _divide(loop, flat, options, results, size)
+    return [result.reshape(batch + result.shape[1:]) for result in results]
 
 
-def _pairs(a: Array, b: Array) -> tuple[tuple[int, ...], Array, Array]:
-    """Flatten matrices that broadcast; return the shape of the batch, too. One matrix for all stays one."""
-    d = a.shape[-1]
-    batch = _common(a.shape[:-2], b.shape[:-2])
-    first, second = (_flat(x if x.size == d * d else _over(x, (*batch, d, d))) for x in (a, b))
-    return batch, first, second
+def _divide(loop: Callable[..., None], arrays: list[Array], options: Any, results: list[Array], size: int) -> None:
+    """Call a loop on parts of that size, by several threads where that pays."""
+    count = len(results[0])
+    threads = max(1, min(int(config.NUMBA_NUM_THREADS), count // (8 * size)))
+
+    def work(number: int) -> None:
+        for first in range(number * size, count, threads * size):
+            part = slice(first, first + size)
+            rows = (array if len(array) == 1 else array[part] for array in arrays)
+            loop(*rows, *options, *(result[part] for result in results))
+
+    if threads == 1:
+        work(0)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(work, range(threads)))
 
 
-def _rows(matrices: Array, part: slice) -> Array:
-    return matrices if len(matrices) == 1 else matrices[part]
-
-
-def _writable(array: Array) -> Array:
-    """Contiguous and writable: of a read-only array Numba would make another type, and compile again."""
-    contiguous = np.ascontiguousarray(array, dtype=np.float64)
-    return contiguous if contiguous.flags.writeable and contiguous.flags.aligned else contiguous.copy()
-
-
-def _flat(matrices: Array) -> Array:
-    d = matrices.shape[-1]
-    return _writable(matrices).reshape(-1, d, d)
-
-
-def _over(array: Array, shape: tuple[int, ...]) -> Array:
-    return array if array.shape == shape else np.broadcast_to(array, shape)
-
-
-def _common(shape: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
-    """Shape of a batch from two that broadcast; equal ones without NumPy's detour, which costs more than a matrix."""
-    return shape if shape == other else np.broadcast_shapes(shape, other)
+def _flat(array: Array, batch: tuple[int, ...]) -> Array:
+    """Return matrices as (count, d, d), contiguous and writable; one matrix for all stays alone."""
+    shape = array.shape[-2:]
+    if array.shape[:-2] != batch and array.size != shape[0] * shape[1]:
+        array = np.broadcast_to(array, batch + shape)
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    if not array.flags.behaved:  # Numba would compile again for a read-only array
+        array = array.copy()
+    return array.reshape((-1, *shape))

@@ -106,32 +106,15 @@ def eigh_loop(matrices, values, vectors):  # type: ignore[no-untyped-def]
 
 @kernel
 def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
-    """Write V diag(values) Vᵀ of rectangular V (count, m, n) and values (count, n)."""
-    count, m, n = vectors.shape
+    """Write V diag(values) Vᵀ of V (count, n, n) and values (count, 1, n)."""
+    count, n = vectors.shape[:2]
     for row in range(count):
-        for i in range(m):
-            for j in range(i, m):
+        for i in range(n):
+            for j in range(i, n):
                 total = 0.0
                 for k in range(n):
-                    total += vectors[row, i, k] * values[row, k] * vectors[row, j, k]
+                    total += vectors[row, i, k] * values[row, 0, k] * vectors[row, j, k]
                 results[row, i, j] = results[row, j, i] = total
-
-
-@kernel
-def roots_loop(matrices, roots, inverses):  # type: ignore[no-untyped-def]
-    """Write P^½ and P^-½ of SPD matrices."""
-    values, vectors = np.empty(matrices.shape[:2]), np.empty(matrices.shape)
-    eigh_loop(matrices, values, vectors)
-    compose_loop(np.sqrt(values), vectors, roots)
-    compose_loop(1.0 / np.sqrt(values), vectors, inverses)
-
-
-@kernel
-def congruence_eigh_loop(left, matrices, values, vectors):  # type: ignore[no-untyped-def]
-    """Write ascending eigenvalues and eigenvectors of L M Lᵀ; one L or one M serves all."""
-    results = np.empty(vectors.shape)
-    congruence_loop(left, matrices, results)
-    eigh_loop(results, values, vectors)
 
 
 @kernel
@@ -152,8 +135,8 @@ def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
 
 
 @part
-def _transform(left, a, b):  # type: ignore[no-untyped-def]
-    """Set A ← L A Lᵀ, its upper triangle; overwrite B."""
+def _multiply(left, a, b):  # type: ignore[no-untyped-def]
+    """B ← L A."""
     n, width = a.shape[1:]
     for i in range(n):
         for j in range(n):
@@ -162,6 +145,13 @@ def _transform(left, a, b):  # type: ignore[no-untyped-def]
             for k in range(1, n):
                 for w in range(width):
                     b[i, j, w] += left[i, k, w] * a[k, j, w]
+
+
+@part
+def _transform(left, a, b):  # type: ignore[no-untyped-def]
+    """Set A ← L A Lᵀ, its upper triangle; overwrite B."""
+    n, width = a.shape[1:]
+    _multiply(left, a, b)
     for i in range(n):
         for j in range(i, n):
             for w in range(width):
@@ -172,13 +162,14 @@ def _transform(left, a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def power_congruence_loop(left, matrices, exponent, right, low, high, results):  # type: ignore[no-untyped-def]
-    """Write R (L M Lᵀ)^s Rᵀ; return the first power that is out of bounds, -1 where L M Lᵀ is indefinite, else nan."""
+def power_congruence_loop(left, matrices, right, exponent, low, high, results):  # type: ignore[no-untyped-def]
+    """Write R (L M Lᵀ)^s Rᵀ with one L and R; return the first power out of bounds, -1 for indefinite M, else nan."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
-    factor, a, b, v = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
-    turns = np.empty((2, width))
+    blocks, turns = np.empty((5, n, n, width)), np.empty((2, width))
+    factor, outer, a, b, v = blocks[0], blocks[1], blocks[2], blocks[3], blocks[4]
     _fill(factor, left, 0)
+    _fill(outer, right, 0)
     for start in range(0, count, width):
         _fill(a, matrices, start)
         _transform(factor, a, b)
@@ -189,13 +180,7 @@ def power_congruence_loop(left, matrices, exponent, right, low, high, results): 
                 a[k, k, w] = value**exponent if value > 0.0 else 0.0
                 if not low <= a[k, k, w] <= high:
                     return a[k, k, w] if value > 0.0 else -1.0
-        for i in range(n):
-            for k in range(n):
-                for w in range(width):
-                    b[i, k, w] = right[i, 0] * v[0, k, w]
-                for j in range(1, n):
-                    for w in range(width):
-                        b[i, k, w] += right[i, j] * v[j, k, w]
+        _multiply(outer, v, b)
         _compose_block(a, b, turns[0], results, start)
     return np.nan
 

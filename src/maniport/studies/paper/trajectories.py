@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, load_arm, rhuman
-from maniport.mocap.path_solver import solve_path
+from maniport.mocap.arm_path import JointPriors, solve_path
 from maniport.util.validation import Array
 
 MOUNTING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -100,12 +100,8 @@ def robot_path(path: ArrayLike, pull: float = 1e-3, smoothing: float = 0.1) -> A
     neutral = start.mean(axis=0)
     weights = np.full(start.shape, smoothing)
     weights[[0, -1]] = 0.0
-    return solve_path(residual, start, arm.lower, arm.upper, weights, np.full(arm.dof, pull), neutral)
-
-
-def every(points: Array, samples: int) -> Array:
-    """Every n-th point, so many that `samples` remain (§ V-A)."""
-    return points[:: len(points) // samples]
+    priors = JointPriors(arm.lower, arm.upper, np.full(arm.dof, pull), neutral)
+    return solve_path(residual, start, priors, weights)
 
 
 def _half_turn(moving: int, resting: float) -> Array:

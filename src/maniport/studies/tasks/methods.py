@@ -5,7 +5,6 @@ configuration at a waypoint. All costs are minimized by the same search over the
 weight of joint motion: costs are divided by their standard deviation over the samples first.
 """
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -16,31 +15,23 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from maniport.arms import Arm, EllipsoidSpec, load_arm
-from maniport.arms.collisions import Collisions, as_collisions
+from maniport.arms.collisions import Collisions, free_configurations
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain
-from maniport.errors import ManiportWarning
-from maniport.evaluation.capability import (
-    FORCE,
-    VELOCITY,
-    follow_positions,
-    half_sphere,
-    line_extent,
-    polytope_extent,
-)
+from maniport.errors import collected_warnings
+from maniport.evaluation import capability
+from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, line_extent
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import MotionLimits
 from maniport.motion.objective import Objective
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path, stages_of
 from maniport.motion.trajectory import interpolated
-from maniport.studies.tasks.demonstrations import Demonstration, StudyRobot
-from maniport.studies.tasks.task import Task
+from maniport.studies.tasks.task import Demonstration, StudyRobot, Task, place
 from maniport.transfer import DomainAdapter, method_of
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array
 
-POSITION_ONLY, RANDOM = "position-only", "random"
-DIRECT_FORCE, DIRECT_SPEED, DIRECT_PROFILE = "direct-force", "direct-speed", "direct-profile"
+POSITION_ONLY, RANDOM, DIRECT_FORCE, DIRECT_SPEED = "position-only", "random", "direct-force", "direct-speed"
 
 SPECS = {"velocity": EllipsoidSpec(), "force": EllipsoidSpec(FORCE, joint_weights=JOINT_LIMITS)}
 
@@ -66,9 +57,9 @@ class Problem:
         return self.task.arm.narrowed(limits.lower, limits.upper)
 
     @cached_property
-    def collisions(self) -> Collisions | None:
+    def collisions(self) -> Collisions:
         """Self-collisions of the robot."""
-        return as_collisions(True, self.arm)
+        return Collisions.of(self.arm)
 
     @cached_property
     def stages(self) -> tuple[Rows, Rows, Array]:
@@ -81,6 +72,22 @@ class Problem:
         idle = ~np.any(np.abs(self.arm.jacobian(nodes)[:, :3]) > 1e-9, axis=(0, 1))
         nodes[:, idle] = np.array(self.robot.ready)[idle]
         return rows, owners, moved_to_positions(self.arm, nodes, self.task.path[owners])[0]
+
+
+def problem_of(robot: StudyRobot, demonstration: Demonstration, seed: int = 0, slower: float = 4.0) -> Problem:
+    """Place a demonstrated path, to be passed in `slower` times the person's time, and sample the robot."""
+    samples = _samples(robot.name, seed)
+    hand = demonstration.arm.forward(demonstration.joint_angles)[:, :3, 3]
+    path, time = place(robot, hand, samples), slower * demonstration.time
+    task = Task.of(demonstration.name, robot.name, time, path, demonstration.arm, demonstration.joint_angles)
+    return Problem(task, demonstration, robot, samples, seed)
+
+
+@lru_cache(1)
+def _samples(robot: str, seed: int) -> Array:
+    """Collision-free configurations of a robot."""
+    arm, generator = MotionLimits.of(load_arm(robot)).arm, np.random.default_rng(seed)
+    return np.asarray(free_configurations(arm, 60_000, generator, collisions=True))
 
 
 def motions(problem: Problem, random_motions: int = 20) -> Iterator[tuple[str, Array]]:
@@ -104,7 +111,7 @@ def costs(problem: Problem) -> Mapping[str, Cost]:
         DIRECT_SPEED: extent_cost(task, VELOCITY, task.speed_directions),
     }
     for kind, spec in SPECS.items():
-        result[f"{DIRECT_PROFILE}, {kind}"] = profile_cost(problem, kind)
+        result[f"direct-profile, {kind}"] = profile_cost(problem, kind)
         result[f"major-axis, {kind}"] = major_axis_cost(problem, spec)
         for name in ("identity", "icp", "length-field"):
             result[f"{name}, {kind}"] = ellipsoid_cost(problem, name, spec)
@@ -115,29 +122,27 @@ def follow(problem: Problem, start: Array) -> Array:
     """Follow the path from a start (dof,) by the pseudoinverse within the joint limits, as differential IK does."""
     path = problem.task.path
     approach = np.linspace(problem.arm.forward(start)[:3, 3], path[0], 10, endpoint=False)
-    return follow_positions(problem.arm, start, np.concatenate([approach, path]))[len(approach) :]
+    return capability.follow_positions(problem.arm, start, np.concatenate([approach, path]))[len(approach) :]
 
 
 def elbow_cost(problem: Problem) -> Cost:
     """Squared difference of the directions in which the elbows leave the lines from shoulder to hand."""
     person, robot = problem.demonstration, problem.robot
+
+    def directions(shoulder: Array, elbow: Array, hand: Array) -> Array:
+        line, offset = hand - shoulder, elbow - shoulder
+        offset = offset - np.sum(offset * line, axis=1, keepdims=True) / np.sum(line**2, axis=1, keepdims=True) * line
+        return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-9))
+
     points = person.arm.point_positions(person.joint_angles, ("shoulder", "elbow", "hand"))
-    wanted = _elbow_directions(*np.moveaxis(points, 1, 0))
+    wanted = directions(*np.moveaxis(points, 1, 0))
 
     def cost(rows: Rows, q: Array) -> Array:
         links = problem.arm.link_poses(q)[..., :3, 3]
-        own = _elbow_directions(links[:, robot.shoulder], links[:, robot.elbow], problem.arm.forward(q)[:, :3, 3])
+        own = directions(links[:, robot.shoulder], links[:, robot.elbow], problem.arm.forward(q)[:, :3, 3])
         return np.asarray(np.sum((own - wanted[rows]) ** 2, axis=1))
 
     return cost
-
-
-def _elbow_directions(shoulder: Array, elbow: Array, hand: Array) -> Array:
-    """Return unit vectors (n, 3) from the lines between shoulders and hands to the elbows."""
-    line = hand - shoulder
-    offset = elbow - shoulder
-    offset = offset - np.sum(offset * line, axis=1, keepdims=True) / np.sum(line**2, axis=1, keepdims=True) * line
-    return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-9))
 
 
 def extent_cost(task: Task, kind: str, directions: Array) -> Cost:
@@ -157,20 +162,19 @@ def extent_cost(task: Task, kind: str, directions: Array) -> Cost:
 def profile_cost(problem: Problem, kind: str) -> Cost:
     """Negative correlation with the person's logarithmic capability over 16 directions, the reference of r."""
     person, u, arm = problem.demonstration, half_sphere(16), problem.arm
+
+    def centered(values: Array) -> Array:
+        values = values - values.mean(axis=1, keepdims=True)
+        return np.asarray(values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-12))
+
     model = person.arm.with_limits(velocity=1.0)
-    wanted = _centered(np.log(polytope_extent(model, person.joint_angles, u, kind)))
+    wanted = centered(np.log(capability.polytope_extent(model, person.joint_angles, u, kind)))
 
     def cost(rows: Rows, q: Array) -> Array:
-        own = _centered(np.log(np.clip(line_extent(arm, q, u, kind), 1e-3, 1e6)))
+        own = centered(np.log(np.clip(line_extent(arm, q, u, kind), 1e-3, 1e6)))
         return -np.asarray(np.sum(own * wanted[rows], axis=1))
 
     return cost
-
-
-def _centered(values: Array) -> Array:
-    """Subtract the mean of each row and divide by the norm."""
-    values = values - values.mean(axis=1, keepdims=True)
-    return np.asarray(values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-12))
 
 
 def major_axis_cost(problem: Problem, spec: EllipsoidSpec) -> Cost:
@@ -204,9 +208,8 @@ def fitted(method: str, person: Arm, robot: str, spec: EllipsoidSpec, seed: int)
     arm = load_arm(robot)
     unfitted = method_of(method, base_rotation=np.eye(3), damping=DAMPING)
     adapter = with_feasible_set(unfitted, arm, spec, random_state=seed)
-    student = sample_domain(arm, 4096, seed + 1, spec=spec, collisions=as_collisions(True, arm))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ManiportWarning)
+    student = sample_domain(arm, 4096, seed + 1, spec=spec, collisions=True)
+    with collected_warnings():
         return adapter.fit(sample_domain(person, 1024, seed, spec=spec), student)
 
 
@@ -232,8 +235,8 @@ def _search(problem: Problem, cost: Cost, owners: Rows, q: Array, weight: float)
     """Choose one of the nodes q (m, dof) for each of the waypoints, `owners` (m,)."""
     arm, rows = problem.arm, np.unique(owners)
     error = np.linalg.norm(arm.forward(q)[:, :3, 3] - problem.task.path[owners], axis=1)
-    bad = (error > IN_PLACE) | (False if problem.collisions is None else problem.collisions.collides(q))
-    roadmap = Roadmap(q, cost(owners, q), np.searchsorted(owners, [*rows, len(problem.task.time)])).without(bad)
+    roadmap = Roadmap(q, cost(owners, q), np.searchsorted(owners, [*rows, len(problem.task.time)]))
+    roadmap = roadmap.without((error > IN_PLACE) | problem.collisions.collides(q))
     time = problem.task.time[rows]
     assert arm.velocity_limits is not None
     largest = 0.6 * arm.velocity_limits * np.diff(time, prepend=time[0] - 1.0)[:, None]

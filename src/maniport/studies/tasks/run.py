@@ -1,49 +1,89 @@
-"""Run the task study: each recording on each robot, resumed where an earlier run ended."""
+"""Run the task study: each recording on each robot, resumed where an earlier run ended; statistics and tables."""
 
+import itertools
 import json
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
-from functools import lru_cache
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from maniport.arms import load_arm
-from maniport.arms.collisions import as_collisions, free_configurations
-from maniport.errors import InvalidInputError, ManiportError, OutputError
-from maniport.motion import MotionLimits
+from maniport.errors import InvalidInputError, ManiportError
 from maniport.report.renderings import write_report
-from maniport.report.values import Metric, Report, Section, report_of
-from maniport.studies.tasks.demonstrations import (
-    ROBOTS,
-    Demonstration,
-    StudyRobot,
-    demonstrations,
-    of_folder,
-    place,
-    robot_of,
-)
-from maniport.studies.tasks.methods import POSITION_ONLY, RANDOM, Problem, motions
-from maniport.studies.tasks.report import Row, TaskStudy, Unit
-from maniport.studies.tasks.score import (
-    SCORES,
-    Scores,
-    is_valid,
-    read_motion,
-    score,
-    velocity_share,
-)
-from maniport.studies.tasks.task import Task
-from maniport.util.atomic_io import written_whole
+from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software
+from maniport.studies.tasks.methods import DIRECT_FORCE, DIRECT_SPEED, POSITION_ONLY, RANDOM, motions, problem_of
+from maniport.studies.tasks.score import LESS_IS_BETTER, SCORES, Scores, is_valid, read_motion, score, velocity_share
+from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Demonstration, StudyRobot, Task, demonstrations, of_folder
+from maniport.util.atomic_io import claim, write_text
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.optional import mujoco
-from maniport.util.progress import Progress, no_progress
-from maniport.util.validation import Array, as_count
+from maniport.util.progress import Progress, Step
+from maniport.util.validation import Array, as_choice, as_count
 from maniport.version import __version__
 
-QUICK = "freeform 1", "ladder 1", "H-Eval-2", "reach 1"
-"""Recordings of the quick set, for the first robot."""
+QUICK = "freeform 1", "ladder 1", "H-Eval-2", "reach 1"  # Recordings of the quick set, for the first robot
+
+RATIOS = {
+    "push": DIRECT_FORCE, "speed": DIRECT_SPEED, "react": DIRECT_SPEED, "resist": DIRECT_FORCE, "carry": DIRECT_FORCE,
+}  # fmt: skip
+"""Scores that are compared by ratios, and the direct optimization that they are compared with."""
+
+CORRELATIONS = "resemblance_force", "resemblance_speed"
+MAIN = {"push": "length-field, force", "speed": "length-field, velocity"}
+"""Methods of the summary."""
+
+CAPTION = (
+    "Median over recordings, relative to the position-only motion: above 1 is better, also for the time of react and "
+    "the displacement of resist. In parentheses: 95 % interval of the median by bootstrap; wins: share of the "
+    "recordings above 1. Of direct: median ratio to the optimization that knows the direction. r: correlation with the "
+    "person's capability over 64 directions. A motion that leaves the path or exceeds a limit counts as 0; random "
+    "ones are the median of the valid ones of 20."
+)
+
+Row = Mapping[str, Any]
+"""Scores of a method on a unit: ``method``, ``valid``, and those of `maniport.studies.tasks.score`."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One recording on one robot."""
+
+    recording: str
+    robot: str
+    held_out: bool = False  # whether recording or robot were never used while methods were tuned
+    duration_ratio: float = 0.0  # of the motions and the person
+    rows: tuple[Row, ...] = ()
+    failure: str = ""
+
+    def row(self, method: str) -> Row:
+        """Return the row of a method."""
+        return next(row for row in self.rows if row["method"] == method)
+
+    def merit(self, method: str, score: str) -> float:
+        """Return a score of which more is better; 0 for a motion that is not valid."""
+        row = self.row(method)
+        value = float(row[score]) if row["valid"] else 0.0
+        if score in LESS_IS_BETTER:
+            return 1.0 / value if value > 0.0 and np.isfinite(value) else 0.0
+        return value
+
+    def ratio(self, method: str, score: str, reference: str = POSITION_ONLY, largest: float = 1000.0) -> float:
+        """Return the ratio of merits, at most `largest`; 1 where both are 0."""
+        own, other = self.merit(method, score), self.merit(reference, score)
+        return min(own / other, largest) if other > 0.0 else (largest if own > 0.0 else 1.0)
+
+
+@dataclass(frozen=True, repr=False)
+class TaskStudy(NotebookDisplay):
+    """Result of the task study."""
+
+    units: tuple[Unit, ...]
+    seed: int
+
+    def __repr__(self) -> str:
+        return f"TaskStudy({len(self.units)} pairs, seed {self.seed})"
 
 
 def study_tasks(
@@ -57,42 +97,24 @@ def study_tasks(
 ) -> TaskStudy:
     """Run the task study and write tasks, motions, scores and tables to a folder.
 
-    Parameters
-    ----------
-    output : str or path
-        A new folder, or that of an earlier run with the same seed and version, whose pairs are not computed again.
-    seed : int
-    progress : callable, optional
-    quick : bool
-        A small set: four recordings on one robot.
-    robots : sequence of str
-        Names of robots. Default: all of `maniport.studies.tasks.demonstrations.ROBOTS`.
-    recordings : str or path, optional
-        Folder of BVH files that are used in addition.
-
-    Returns
-    -------
-    TaskStudy
-
-    Raises
-    ------
-    ManiportError
-        When an argument is not allowed, MuJoCo is missing, or the folder holds other things.
+    In the folder of an earlier run with the same seed and version, pairs are not computed again. `quick` is a set of
+    four recordings on one robot; `recordings` is a folder of BVH files that are used in addition.
     """
-    tell, first, folder = progress or no_progress, as_count(seed, "seed", minimum=0), Path(output)
+    first, folder = as_count(seed, "seed", minimum=0), Path(output)
     mujoco()  # raises MissingPackageError
-    selected = [robot_of(name) for name in robots] if robots else list(ROBOTS[:1] if quick else ROBOTS)
-    _claim(folder, {"maniport": __version__, "seed": first})
-    tell("Read recordings", 0.0)
+    names = robots or list(ROBOTS)[: 1 if quick else None]
+    selected = [ROBOTS[as_choice(name, "robot", ROBOTS)] for name in names]
+    claim(folder, "study.json", {"maniport": __version__, "seed": first}, ("maniport", "seed"))
+    step = Step(progress, "Read recordings")
     motions = [own for own in demonstrations() if not quick or own.name in QUICK]
     motions += [] if recordings is None else list(of_folder(recordings))
-    tell("Read recordings", 1.0, f"{len(motions)} motions")
+    step.end(f"{len(motions)} motions")
     pairs = [(robot, motion) for robot in selected for motion in motions]
     units = list[Unit]()
-    for i, (robot, motion) in enumerate(pairs):
-        tell(f"{motion.name} → {robot.name}", 0.0)
+    for i, (robot, motion) in enumerate(pairs, 1):
+        step = Step(progress, f"{motion.name} → {robot.name}")
         units.append(_unit(folder / "pairs" / robot.name / motion.name.replace(" ", "-"), robot, motion, first))
-        tell(f"{motion.name} → {robot.name}", 1.0, f"{i + 1} of {len(pairs)}{units[-1].failure and ', failed'}")
+        step.end(f"{i} of {len(pairs)}{units[-1].failure and ', failed'}")
     study = TaskStudy(tuple(units), first)
     for suffix in (".md", ".json"):
         write_report(folder / f"tasks{suffix}", report_of(study))
@@ -107,24 +129,9 @@ def score_file(motion: str | os.PathLike[str], task: str | os.PathLike[str]) -> 
         Metric(name.replace("_", " "), f"{value:.4g} {SCORES.get(name, '')}".strip(), "", name, value)
         for name, value in scores.items()
     ]
-    valid = Metric(
-        "valid", "yes" if is_valid(scores) else "no", "Path within 5 mm, limits kept.", "valid", is_valid(scores)
-    )
+    good = is_valid(scores)
+    valid = Metric("valid", "yes" if good else "no", "Path within 5 mm, limits kept.", "valid", good)
     return Report(f"{own.recording} on {own.robot}", "", (Section("Scores", (*metrics, valid)),))
-
-
-def _claim(folder: Path, settings: dict[str, Any]) -> None:
-    """Mark a new folder, or require that an earlier run had the same settings."""
-    about = folder / "study.json"
-    if about.is_file():
-        if json.loads(about.read_text(encoding="utf-8")) != settings:
-            raise OutputError(f"{str(folder)!r} holds a study of another seed or version; give a new folder with -o")
-        return
-    if folder.exists() and any(folder.iterdir()):
-        raise OutputError(f"{str(folder)!r} holds other things; give a new folder with -o")
-    (folder / "pairs").mkdir(parents=True, exist_ok=True)
-    with written_whole(about) as temporary:
-        temporary.write_text(json.dumps(settings) + "\n", encoding="utf-8")
 
 
 def _unit(folder: Path, robot: StudyRobot, motion: Demonstration, seed: int) -> Unit:
@@ -135,9 +142,8 @@ def _unit(folder: Path, robot: StudyRobot, motion: Demonstration, seed: int) -> 
         try:
             unit = _computed(folder, robot, motion, seed)
         except ManiportError as error:
-            unit = Unit(motion.name, robot.name, motion.held_out or robot.held_out, 0.0, (), str(error))
-        with written_whole(file) as temporary:
-            temporary.write_text(json.dumps(asdict(unit), indent=1) + "\n", encoding="utf-8")
+            unit = Unit(motion.name, robot.name, failure=str(error))
+        write_text(file, json.dumps(asdict(unit), indent=1) + "\n")
     content = json.loads(file.read_text(encoding="utf-8"))
     return Unit(**content | {"rows": tuple(content["rows"])})
 
@@ -145,11 +151,9 @@ def _unit(folder: Path, robot: StudyRobot, motion: Demonstration, seed: int) -> 
 def _computed(folder: Path, robot: StudyRobot, demonstration: Demonstration, seed: int) -> Unit:
     """Compute the motions of all methods, give all the same time, and score them."""
     problem = problem_of(robot, demonstration, seed)
-    results = [(name, np.round(q, 9)) for name, q in motions(problem)]
-    task = problem.task
+    results, task = [(name, np.round(q, 9)) for name, q in motions(problem)], problem.task
     shares = [velocity_share(task.arm, task.time, q) for name, q in results if name != RANDOM]
-    factor = max(1.0, 1.000001 * max(shares))
-    task = task.slower(factor)
+    task = replace(task, time=max(1.0, 1.000001 * max(shares)) * task.time)
     task.save(folder / "task.json")
     for name, q in results:
         if name != RANDOM:
@@ -157,25 +161,9 @@ def _computed(folder: Path, robot: StudyRobot, demonstration: Demonstration, see
     scores = [(name, score(task, q)) for name, q in results]
     if not is_valid(scores[0][1]):
         raise InvalidInputError(f"the {POSITION_ONLY} motion leaves the path or exceeds a limit")
-    rows = tuple(rows_of(scores))
     ratio = float(task.time[-1] / demonstration.time[-1])
-    return Unit(demonstration.name, robot.name, demonstration.held_out or robot.held_out, ratio, rows)
-
-
-def problem_of(robot: StudyRobot, demonstration: Demonstration, seed: int = 0, slower: float = 4.0) -> Problem:
-    """Place a demonstrated path, to be passed in `slower` times the person's time, and sample the robot."""
-    samples = _samples(robot.name, seed)
-    hand = demonstration.arm.forward(demonstration.joint_angles)[:, :3, 3]
-    path, time = place(robot, hand, samples), slower * demonstration.time
-    task = Task.of(demonstration.name, robot.name, time, path, demonstration.arm, demonstration.joint_angles)
-    return Problem(task, demonstration, robot, samples, seed)
-
-
-@lru_cache(1)
-def _samples(robot: str, seed: int) -> Array:
-    """Collision-free configurations of a robot."""
-    arm, generator = MotionLimits.of(load_arm(robot)).arm, np.random.default_rng(seed)
-    return np.asarray(free_configurations(arm, 60_000, generator, collisions=as_collisions(True, arm)))
+    held_out = not HELD_OUT.isdisjoint((demonstration.name, robot.name))
+    return Unit(demonstration.name, robot.name, held_out, ratio, tuple(rows_of(scores)))
 
 
 def rows_of(scores: Sequence[tuple[str, Scores]]) -> Iterator[Row]:
@@ -192,7 +180,80 @@ def rows_of(scores: Sequence[tuple[str, Scores]]) -> Iterator[Row]:
 
 def _write_motion(file: Path, task: Task, q: Array) -> None:
     """Write joint positions in the format that `read_motion` reads, without loss."""
-    names = [f"{name}_{unit}" for name, unit in zip(task.arm.joint_names, task.arm.joint_units, strict=True)]
     lines = [",".join(map(repr, row)) for row in np.column_stack([task.time, q]).tolist()]
-    with written_whole(file) as temporary:
-        temporary.write_text("\n".join([",".join(["time_s", *names]), *lines]) + "\n", encoding="utf-8")
+    write_text(file, "\n".join([",".join(task.columns), *lines]) + "\n")
+
+
+def median_interval(values: Sequence[float] | Array, draws: int = 2000) -> dict[str, float]:
+    """Return the median with the ends of its 95 % interval by bootstrap."""
+    array = np.asarray(values, dtype=np.float64)
+    samples = np.random.default_rng(0).choice(array, (draws, len(array)))
+    low, high = np.percentile(np.median(samples, axis=1), [2.5, 97.5])
+    return {"median": float(np.median(array)), "low": float(low), "high": float(high)}
+
+
+def statistics(units: Sequence[Unit], method: str) -> dict[str, Any]:
+    """Return median, interval, win rate and share of the direct optimization by score, and the count of failures."""
+    result = dict[str, Any]()
+    for name, direct in RATIOS.items():
+        ratios = np.array([unit.ratio(method, name) for unit in units])
+        shares = [unit.ratio(method, name, direct) for unit in units]
+        wins = {"wins": float(np.mean(ratios > 1.0)), "of_direct": float(np.median(shares))}
+        result[name] = median_interval(ratios) | wins
+    for name in CORRELATIONS:
+        result[name] = median_interval([unit.merit(method, name) for unit in units])
+    return result | {"failed": sum(not unit.row(method)["valid"] for unit in units)}
+
+
+@describe.register
+def study_report(study: TaskStudy) -> Report:
+    """Return a summary, and a table of all methods for each robot."""
+    done = [unit for unit in study.units if not unit.failure]
+    robots = list(dict.fromkeys(unit.robot for unit in done))
+    failed = tuple(
+        Metric(f"{unit.recording}, {unit.robot}", unit.failure, key=f"failed_{i}", value=unit.failure)
+        for i, unit in enumerate(unit for unit in study.units if unit.failure)
+    )
+    run = Section("Run", (Metric("Pairs", f"{len(done)} of {len(study.units)}", key="pairs", value=len(done)),
+                          *failed, *software(study.seed)))  # fmt: skip
+    sections = [_robot_section(robot, [unit for unit in done if unit.robot == robot]) for robot in robots]
+    return Report("Task study", "Tasks with a hidden direction: methods of redundancy resolution on equal paths.",
+                  (_summary(done), *sections, run))  # fmt: skip
+
+
+def _summary(units: Sequence[Unit]) -> Section:
+    """Length field on each robot: motions that methods were tuned with, and held-out ones."""
+    rows, values = [], []
+    for robot in dict.fromkeys(unit.robot for unit in units):
+        for held_out in (False, True):
+            own = [unit for unit in units if unit.robot == robot and unit.held_out == held_out]
+            if not own:
+                continue
+            force, speed = (statistics(own, method) for method in MAIN.values())
+            r = (values["median"] for values in (force["resemblance_force"], speed["resemblance_speed"]))
+            gains = ((_interval(gain), f"{gain['of_direct']:.2f}") for gain in (force["push"], speed["speed"]))
+            label = f"{robot}, held out" if held_out else robot
+            rows.append((label, str(len(own)), *itertools.chain(*gains), *(f"{value:.2f}" for value in r)))
+            numbers = {"recordings": len(own), "force": force, "speed": speed}
+            values.append({"robot": robot, "held_out": held_out, **numbers})
+    columns = ("robot", "recordings", "push", "of direct", "speed", "of direct", "r force", "r speed")
+    return Section("Length field", (), (Table(columns, tuple(rows), CAPTION, "rows", values),), "summary")
+
+
+def _robot_section(robot: str, units: Sequence[Unit]) -> Section:
+    """Return the table of all methods on one robot."""
+    rows, values = [], dict[str, Any]()
+    for method in (row["method"] for row in units[0].rows):
+        values[method] = own = statistics(units, method)
+        ratios = (_interval(own[score]) for score in RATIOS)
+        correlations = (f"{own[score]['median']:.2f}" for score in CORRELATIONS)
+        wins = (f"{100 * own[score]['wins']:.0f} %" for score in ("push", "speed"))
+        rows.append((method, *ratios, *correlations, *wins, str(own["failed"])))
+    columns = ("method", *RATIOS, "r force", "r speed", "push wins", "speed wins", "failed")
+    ratio = np.median([unit.duration_ratio for unit in units])
+    text = f"{len(units)} recordings; motions take {ratio:.1f} times as long as the person's."
+    return Section(robot, (), (Table(columns, tuple(rows), "", "methods", values),), robot, text)
+
+
+def _interval(values: Mapping[str, float]) -> str:
+    return f"{values['median']:.2f} ({values['low']:.2f}–{values['high']:.2f})"

@@ -2,7 +2,7 @@
 
     step 1   recenter both clouds at the identity: P^-½ X P^-½                    eqs. 10, 11   `rigid_adapter.recenter`
     step 2   dilate the teacher's to the student's dispersion: X^s                eqs. 12 to 14 `rigid_adapter.recenter`
-    start    rotation of parallel transport, and others                           § IV-C        `icp.initialization`
+    start    rotation of parallel transport, and others                           § IV-C        `rotations_by_voting`
     step 3   (i, j, w_ij) = correspondence(R T_i Rᵀ, S_j)                         eq. 18        `icp.correspondence`
              R ← argmin Σ w_ij^k d²(S_j, R T_i Rᵀ) over SO(d)                     eq. 15        `icp.rotation`
     step 4   f(T) = S̄^½ R (T̄^-½ T T̄^-½)^s Rᵀ S̄^½                                  eqs. 16, 17   `rigid_adapter.RigidMap`
@@ -13,12 +13,15 @@ The paper follows one start; `best_registration` follows several.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from maniport.spd.kernels import cholesky, eigh
 from maniport.transfer.icp.correspondence import Correspondence
-from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
-from maniport.transfer.rotation_group import rotation_angle
+from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
@@ -40,23 +43,12 @@ class ICP:
 
     def __init__(self, teacher: Array, student: Array, correspondence: Correspondence, tol: float = 1e-8):
         self.teacher, self.student, self.correspondence = teacher, student, correspondence
-        self._match, self._factors, self._tol = correspondence.between(teacher, student), cholesky_factors(student), tol
-
-    def subsampled(self, limit: int) -> "ICP":
-        """Return the same with at most `limit` ellipsoids of the smaller cloud, evenly chosen."""
-        teacher, student = self.teacher, self.student
-        if min(len(teacher), len(student)) <= limit:
-            return self
-        if len(teacher) <= len(student):
-            teacher = teacher[evenly_spaced(len(teacher), limit)]
-        else:
-            student = student[evenly_spaced(len(student), limit)]
-        return ICP(teacher, student, self.correspondence, self._tol)
+        self._match, self._factors, self._tol = correspondence.between(teacher, student), cholesky(student), tol
 
     def problem(self, rotation: Array) -> RotationProblem:
         """Match under `rotation` (eq. 18) and return the rotation problem (eq. 15)."""
         matches = self._match(rotation)
-        factors = np.take(self._factors, matches.student, axis=1)
+        factors = [factor[matches.student] for factor in self._factors]
         return RotationProblem(factors, self.teacher[matches.teacher], matches.weight)
 
     def run(self, start: Array, max_iter: int, gradient_tol: float = 1e-9, patience: int = 5) -> Registration:
@@ -94,8 +86,47 @@ def best_registration(
     start = icp.run(first, max_iter)
     if not others:
         return start, start
-    part = icp.subsampled(limit)
+    clouds = [icp.teacher, icp.student]
+    smaller = int(len(icp.student) < len(icp.teacher))
+    clouds[smaller] = clouds[smaller][evenly_spaced(len(clouds[smaller]), limit)]
+    part = ICP(clouds[0], clouds[1], icp.correspondence)
     ahead = min((part.run(other, 2, 1e-3) for other in others), key=lambda run: run.cost)
     # a part of the cloud may mislead: the best has to beat the first rotation on all of it
     best = replace(icp.run(ahead.rotation, max_iter), start=ahead.start)
     return start, best if best.cost < start.cost * (1.0 - margin) - 1e-6 else start
+
+
+def rotations_by_voting(
+    teacher: Array, student: Array, elected: int, voters: int = 128, candidates: int = 3
+) -> list[Array]:
+    """Rotations that many pairs of ellipsoids with nearly equal eigenvalues agree on, most votes first.
+
+    Up to `voters` ellipsoids of the smaller cloud each propose the rotations onto their most similar `candidates`.
+    Without them 4 of 8 rotations are recovered instead of 8 where two clouds of 100 ellipsoids share half. Alignments
+    of the clouds' frames, as further starts, recover no more.
+    """
+    if len(teacher) > len(student):
+        return [rotation.T for rotation in rotations_by_voting(student, teacher, elected, voters, candidates)]
+    d = teacher.shape[-1]
+    signs = np.array([turn for turn in product((1.0, -1.0), repeat=d) if np.prod(turn) > 0.0])
+    signs = signs[:64] if d % 2 else signs[signs[:, 0] > 0.0][:64]  # in even dimension −P does what P does
+    count = min(voters, len(teacher), 4096 // (len(signs) * candidates))
+    if count < 3:
+        return []
+    (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly_spaced(len(teacher), count)]), eigh(student)
+    for frame in (frame_t, frame_s):
+        frame[:, :, 0] *= np.sign(np.linalg.det(frame))[:, None]
+    _, similar = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(candidates, len(student)) + 1)])
+    turns = (frame_s[similar][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[:, None, None]
+    proposals = turns.reshape(-1, d * d)
+    centers = turns[:, 0].reshape(-1, d * d)
+    radius = 2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)  # |R - R'| for 10° apart in one plane
+    tree, rotations = cKDTree(proposals), list[Array]()
+    for place in np.argsort(-tree.query_ball_point(centers, radius, return_length=True), kind="stable"):
+        if len(rotations) == elected:
+            break
+        agreeing = tree.query_ball_point(centers[place], radius, return_sorted=True)
+        rotation = orthonormal(proposals[agreeing].mean(axis=0).reshape(d, d))
+        if all(np.linalg.norm(rotation - other) > 2.0 * radius for other in rotations):
+            rotations.append(rotation)
+    return rotations

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from maniport.errors import InvalidInputError
-from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import congruence
-from maniport.spd.neighbors import Indices, NeighborIndex
+from maniport.spd.affine_invariant import Indices, NeighborIndex
+from maniport.spd.kernels import congruence, eigh
 from maniport.util.jit import kernel
 from maniport.util.validation import Array, as_choice, as_flag, as_number
 
@@ -52,28 +51,19 @@ class Correspondence(ABC):
         """Prepare two recentered clouds, shapes (n, d, d) and (m, d, d); return their matches by rotation."""
 
 
-class SmallerCorrespondence(Correspondence):
-    """Base of the correspondences that give each ellipsoid of the smaller cloud, or the teacher's, a partner."""
+def _between(partners: Callable[[Array], tuple[Indices, Array]], teacher_seeks: bool) -> Matching:
+    """Match each ellipsoid of the smaller cloud with its partner under the rotation of that cloud."""
 
-    @abstractmethod
-    def one_way(self, seeking: Array, sought: Array) -> Callable[[Array], tuple[Indices, Array]]:
-        """Prepare two clouds; return a function of the rotation of the first that gives partners and weights."""
+    def match(rotation: Array) -> Matches:
+        partner, weight = partners(rotation if teacher_seeks else rotation.T)
+        own, weight = np.arange(len(partner)), weight / weight.sum()
+        return Matches(own, partner, weight) if teacher_seeks else Matches(partner, own, weight)
 
-    def between(self, teacher: Array, student: Array) -> Matching:
-        """Match each ellipsoid of the smaller cloud."""
-        teacher_seeks = len(teacher) <= len(student)
-        partners = self.one_way(*((teacher, student) if teacher_seeks else (student, teacher)))
-
-        def match(rotation: Array) -> Matches:
-            partner, weight = partners(rotation if teacher_seeks else rotation.T)
-            own, weight = np.arange(len(partner)), weight / weight.sum()
-            return Matches(own, partner, weight) if teacher_seeks else Matches(partner, own, weight)
-
-        return match
+    return match
 
 
 @dataclass(frozen=True)
-class GeodesicCorrespondence(SmallerCorrespondence):
+class GeodesicCorrespondence(Correspondence):
     """Match every ellipsoid with the one at the smallest affine-invariant distance, found exactly.
 
     Matches have equal weights. Matching and rotation have one objective, so that no iteration raises the cost.
@@ -83,14 +73,15 @@ class GeodesicCorrespondence(SmallerCorrespondence):
     Besl and McKay, A method for registration of 3-D shapes, IEEE TPAMI 14, 1992.
     """
 
-    def one_way(self, seeking: Array, sought: Array) -> Callable[[Array], tuple[Indices, Array]]:
+    def between(self, teacher: Array, student: Array) -> Matching:
         """Match with the nearest."""
+        seeking, sought = sorted((teacher, student), key=len)
         index, weight = NeighborIndex(sought), np.ones(len(seeking))
-        return lambda rotation: (index.query(congruence(rotation, seeking))[0], weight)
+        return _between(lambda rotation: (index.query(congruence(rotation, seeking))[0], weight), seeking is teacher)
 
 
 @dataclass(frozen=True)
-class EllipsoidCorrespondence(SmallerCorrespondence):
+class EllipsoidCorrespondence(Correspondence):
     """Match every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 18).
 
     The score ``w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|)``, between 0 and 4, compares the
@@ -116,16 +107,21 @@ class EllipsoidCorrespondence(SmallerCorrespondence):
         as_number(self.exponent, "exponent", minimum=0.0)
         as_flag(self.log_shapes, "log_shapes")
 
-    def one_way(self, seeking: Array, sought: Array) -> Callable[[Array], tuple[Indices, Array]]:
+    def between(self, teacher: Array, student: Array) -> Matching:
         """Match by score."""
-        matcher = ScoreMatcher(*(EllipsoidFeatures.of(points, self.log_shapes) for points in (seeking, sought)))
+        seeking, sought = sorted((teacher, student), key=len)
+        (directions, shapes), (others, other_shapes) = (_features(x, self.log_shapes) for x in (seeking, sought))
+        order = np.argsort(other_shapes[:, 0], kind="stable")
+        positions = np.searchsorted(other_shapes[order, 0], shapes[:, 0])
+        others, other_shapes = (np.ascontiguousarray(x[order].T) for x in (others.swapaxes(1, 2), other_shapes))
 
         def partners(rotation: Array) -> tuple[Indices, Array]:
-            index, score = matcher.query(rotation)
+            index, score = np.empty(len(shapes), np.intp), np.empty(len(shapes))
+            _search(np.dot(directions, rotation.T), shapes, positions, others, other_shapes, order, index, score)
             best = score.max()
             return index, (score / best) ** self.exponent if best > 0 else np.ones_like(score)
 
-        return partners
+        return _between(partners, seeking is teacher)
 
 
 CORRESPONDENCES: dict[str, Callable[[], Correspondence]] = {
@@ -147,43 +143,14 @@ def correspondence_of(value: str | Correspondence) -> Correspondence:
     )
 
 
-@dataclass(frozen=True)
-class EllipsoidFeatures:
-    """The features that the score compares."""
-
-    directions: Array  # (n, 2, d): unit eigenvectors of the smallest and largest eigenvalue; zero where undefined
-    shapes: Array  # (n, 2): condition number λ_max / λ_min, and volume (product of the semi-axes)
-
-    @classmethod
-    def of(cls, points: Array, ratios: bool = False) -> "EllipsoidFeatures":
-        """Measure SPD matrices, shape (n, d, d); with `ratios` the shapes are logarithms."""
-        values, vectors = eigh(points)
-        gaps = np.stack([values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]], axis=1) / values[:, [1, -1]]
-        directions = np.stack([vectors[:, :, 0], vectors[:, :, -1]], axis=1)
-        directions *= (gaps > EQUAL_EIGENVALUES)[:, :, None]
-        shapes = np.stack([values[:, -1] / values[:, 0], np.sqrt(np.prod(values, axis=-1))], axis=1)
-        return cls(directions, np.log(shapes) if ratios else shapes)
-
-
-class ScoreMatcher:
-    """Two clouds, prepared for matching by the largest score under many rotations."""
-
-    def __init__(self, teacher: EllipsoidFeatures, student: EllipsoidFeatures):
-        order = np.argsort(student.shapes[:, 0], kind="stable")
-        positions = np.searchsorted(student.shapes[order, 0], teacher.shapes[:, 0])
-        self._directions = teacher.directions
-        sorted_directions = np.ascontiguousarray(student.directions[order].transpose(1, 2, 0))
-        sorted_shapes = np.ascontiguousarray(student.shapes[order].T)
-        self._clouds = teacher.shapes, positions, sorted_directions, sorted_shapes, order
-
-    def query(self, rotation: Array | None = None) -> tuple[Indices, Array]:
-        """For every teacher ellipsoid, rotated, the index of the student's with the largest score, and the score."""
-        directions = self._directions
-        if rotation is not None:
-            directions = (directions.reshape(-1, len(rotation)) @ rotation.T).reshape(directions.shape)
-        index, score = np.empty(len(directions), np.intp), np.empty(len(directions))
-        _search(directions, *self._clouds, index, score)
-        return index, score
+def _features(points: Array, ratios: bool) -> tuple[Array, Array]:
+    """Return shortest and longest axes (n, 2, d), zero where undefined, and condition numbers and volumes (n, 2)."""
+    values, vectors = eigh(points)
+    gaps = np.stack([values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]], axis=1) / values[:, [1, -1]]
+    directions = np.stack([vectors[:, :, 0], vectors[:, :, -1]], axis=1)
+    directions *= (gaps > EQUAL_EIGENVALUES)[:, :, None]
+    shapes = np.stack([values[:, -1] / values[:, 0], np.sqrt(np.prod(values, axis=-1))], axis=1)
+    return directions, np.log(shapes) if ratios else shapes
 
 
 @kernel

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, compose, congruence, eigh, mandel_basis
-from maniport.spd.matrix_functions import apply, from_vector, to_vector
-from maniport.util.validation import SPD_TOLERANCE, Array, as_numbers
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, ROUNDED, compose, congruence, eigh
+from maniport.spd.matrix_functions import apply, from_vector, mandel_basis, to_vector
+from maniport.util.validation import Array, as_numbers
 
-ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 ILL_CONDITIONED = "points, or their images, are too ill-conditioned for floating-point numbers"
 
 NEAR_SINGULAR = 0.02
@@ -56,10 +55,8 @@ class LengthsMap:
             eigenvalues, vectors = eigh(points[part])
             if not np.all(eigenvalues > ROUNDED * eigenvalues.sum(axis=1, keepdims=True)):
                 raise NotSPDError(ILL_CONDITIONED)
-            values = self.power * np.log(eigenvalues) + self.shift
-            field = self.kernel(to_vector(compose(values, vectors))) @ self.lengths
             with np.errstate(over="ignore"):
-                images = np.exp(values + axiswise(field, powers(values)) + self.level)
+                images = np.exp(self._moved(self.power * np.log(eigenvalues) + self.shift, vectors) + self.level)
             if not np.all((images >= MIN_EIGENVALUE) & (images <= MAX_EIGENVALUE)):
                 raise NotSPDError(ILL_CONDITIONED)
             results[part] = compose(images, vectors)
@@ -86,8 +83,11 @@ class LengthsMap:
 
     def logarithms(self, values: Array, vectors: Array) -> Array:
         """Log f − ℓ̄ I, shape (n, d, d), where L has these eigenvalues and -vectors."""
-        x = to_vector(compose(values, vectors))
-        return compose(values + axiswise(self.kernel(x) @ self.lengths, powers(values)), vectors)
+        return compose(self._moved(values, vectors), vectors)
+
+    def _moved(self, values: Array, vectors: Array) -> Array:
+        field = self.kernel(to_vector(compose(values, vectors))) @ self.lengths
+        return values + axiswise(field, powers(values))
 
     def slopes(self, values: Array, vectors: Array, equal: float = 1e-5) -> Array:
         """Return derivatives (n, D, D) of vec(log f) by vec L; eigenvalues less than `equal` apart are equal."""
@@ -102,7 +102,8 @@ class LengthsMap:
             turn = harmonics(self.axis)
             pulls = pulls @ (features_changing(x @ turn.T, self._softening) @ turn)
         along = np.einsum("nrk,nir->nik", pulls, t)
-        rates = axiswise(field, powers_changing(values))
+        first = 0.5 * (1.0 - t[..., 1] ** 2)  # derivative of tanh(ℓ/2)
+        rates = first * (field[:, 1, None] + 2.0 * t[..., 1] * field[:, 2, None])
         gaps = values[:, :, None] - values[:, None, :]
         apart = np.abs(gaps) > equal
         # tanh is analytic, so that its divided differences are exact where the eigenvalues are not too near
@@ -114,60 +115,37 @@ class LengthsMap:
         turned[..., np.arange(d), np.arange(d)] += np.swapaxes(along, 1, 2)
         return np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
 
-    def singular_values(self, points: Array) -> Array:
-        """Smallest singular values (n,) of `slopes` at SPD matrices; negative where the determinant is."""
-        return least_singular(self.slopes(*self.base(points)))
+    @property
+    def folded_centers(self) -> float:
+        """Share of the centers where the map folds, or nearly so."""
+        return float(np.mean(least_singular(self.slopes(*eigh(from_vector(self.centers)))) < NEAR_SINGULAR))
 
 
-class Inverse:
-    """Finds the origins of images by Newton's method."""
+def inverse(field: LengthsMap, points: Array) -> Array:
+    """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where the map folds."""
+    wanted = to_vector(apply(points, np.log) - field.level * np.eye(points.shape[-1]))
 
-    def __init__(self, field: LengthsMap):
-        self.field = field
-        singular = least_singular(field.slopes(*eigh(from_vector(field.centers))))
-        self.near_singular = float(np.mean(singular < NEAR_SINGULAR))  # share of the centers where the map folds
+    def off(x: Array, wanted: Array) -> Array:
+        return wanted - to_vector(field.logarithms(*eigh(from_vector(x))))
 
-    def __call__(self, points: Array) -> Array:
-        """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where it folds."""
-        field = self.field
-        wanted = to_vector(apply(points, np.log) - field.level * np.eye(points.shape[-1]))
-        x = self._newton(wanted, wanted)
-        solved = np.flatnonzero(np.isfinite(x[:, 0]))
-        values, vectors = eigh(from_vector(x[solved]))
-        fair = least_singular(field.slopes(values, vectors)) > NEAR_SINGULAR
-        back = np.full(points.shape, np.nan)
-        back[solved[fair]] = compose(np.exp((values[fair] - field.shift) / field.power), vectors[fair])
-        return back
-
-    def _newton(self, wanted: Array, start: Array, steps: int = 40, halvings: int = 12) -> Array:
-        """Solve for the vec L (n, D) whose image is `wanted`, with steps halved until it is nearer; else nan."""
-        x, scale = start.copy(), 1.0 + np.linalg.norm(wanted, axis=1)
-        off, rows = self._off(x, wanted), np.arange(len(x))
-        for _ in range(steps):
-            rows = rows[np.linalg.norm(off[rows], axis=1) > 1e-13 * scale[rows]]
-            if not len(rows):
-                break
-            step, share, pending = self._step(x[rows], off[rows]), 1.0, np.arange(len(rows))
-            for _ in range(halvings):
-                here = rows[pending]
-                trial = x[here] + share * step[pending]
-                left = self._off(trial, wanted[here])
-                nearer = np.linalg.norm(left, axis=1) < np.linalg.norm(off[here], axis=1)
-                x[here[nearer]], off[here[nearer]] = trial[nearer], left[nearer]
-                pending, share = pending[~nearer], 0.5 * share
-                if not len(pending):
-                    break
-            rows = np.delete(rows, pending)  # no step leads nearer
-        x[np.linalg.norm(off, axis=1) > 1e-10 * scale] = np.nan
-        return x
-
-    def _off(self, x: Array, wanted: Array) -> Array:
-        return wanted - to_vector(self.field.logarithms(*eigh(from_vector(x))))
-
-    def _step(self, x: Array, off: Array) -> Array:
-        left, singular, right = np.linalg.svd(self.field.slopes(*eigh(from_vector(x))))
-        inner = (off[:, None] @ left)[:, 0] / np.maximum(singular, 1e-3 * singular[:, :1])
-        return np.asarray((inner[:, None] @ right)[:, 0])
+    x, share, scale = wanted.copy(), np.ones(len(wanted)), 1.0 + np.linalg.norm(wanted, axis=1)
+    left = off(x, wanted)
+    for _ in range(100):  # Newton's method with steps that are halved until they lead nearer
+        rows = np.flatnonzero((np.linalg.norm(left, axis=1) > 1e-13 * scale) & (share > 1e-4))
+        if not len(rows):
+            break
+        u, singular, v = np.linalg.svd(field.slopes(*eigh(from_vector(x[rows]))))
+        inner = (left[rows, None] @ u)[:, 0] / np.maximum(singular, 1e-3 * singular[:, :1])
+        trial = x[rows] + share[rows, None] * (inner[:, None] @ v)[:, 0]
+        rest = off(trial, wanted[rows])
+        nearer = np.linalg.norm(rest, axis=1) < np.linalg.norm(left[rows], axis=1)
+        x[rows[nearer]], left[rows[nearer]] = trial[nearer], rest[nearer]
+        share[rows] = np.where(nearer, 1.0, 0.5 * share[rows])
+    values, vectors = eigh(from_vector(x))
+    solved = np.linalg.norm(left, axis=1) <= 1e-10 * scale
+    fair = solved & (least_singular(field.slopes(values, vectors)) > NEAR_SINGULAR)
+    back = compose(np.exp((values - field.shift) / field.power), vectors)
+    return np.where(fair[:, None, None], back, np.nan)
 
 
 def least_singular(slopes: Array) -> Array:
@@ -179,13 +157,6 @@ def powers(values: Array) -> Array:
     """tanh(ℓ/2)^r, r = 0, 1, 2, shape (..., 3)."""
     t = np.tanh(0.5 * values)
     return np.stack([np.ones_like(t), t, t * t], axis=-1)
-
-
-def powers_changing(values: Array) -> Array:
-    """Return derivatives of `powers` by ℓ, shape (..., 3)."""
-    t = np.tanh(0.5 * values)
-    rate = 0.5 * (1.0 - t * t)
-    return np.stack([np.zeros_like(t), rate, 2.0 * t * rate], axis=-1)
 
 
 def axiswise(field: Array, t: Array) -> Array:
@@ -213,40 +184,20 @@ def harmonics(axis: Array) -> Array:
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     across /= np.linalg.norm(across)
     frame = np.stack([across, np.cross(axis, across), axis])
-    xx, yy, zz, xy, xz, yz = to_vector(congruence(frame, from_vector(np.eye(6)))).T
+    xx, yy, zz, xy, xz, yz = to_vector(congruence(frame, mandel_basis(3))).T
     return np.stack([zz, (xx + yy) / np.sqrt(2.0), xz, yz, (xx - yy) / np.sqrt(2.0), xy])
 
 
 def features(parts: Array, soft: float) -> Array:
     """Smooth functions (n, 6) of `harmonics` (n, 6) that no turn about the axis changes."""
     along, mean, a, b, c, e = parts.T
-    once, twice, both = _radii(parts, soft)
+    first, second = a * a + b * b, c * c + e * e
+    once, twice = np.sqrt(first + soft**2), np.sqrt(second + soft**2)
+    scale = 1.0 / (once * np.sqrt(first + 4.0 * second + soft**2))
     together, against = (a * a - b * b) * c + 2.0 * a * b * e, 2.0 * a * b * c - (a * a - b * b) * e
-    scale = 1.0 / (once * both)
     return np.stack([along, mean, once, twice, together * scale, against * scale], axis=1)
 
 
-def features_changing(parts: Array, soft: float) -> Array:
-    """Return derivatives of `features` by `harmonics`, shape (n, 6, 6)."""
-    _, _, a, b, c, e = parts.T
-    once, twice, both = _radii(parts, soft)
-    scale, derivatives = 1.0 / (once * both), np.zeros((len(parts), 6, 6))
-    derivatives[:, 0, 0] = derivatives[:, 1, 1] = 1.0
-    derivatives[:, 2, 2:4] = parts[:, 2:4] / once[:, None]
-    derivatives[:, 3, 4:6] = parts[:, 4:6] / twice[:, None]
-    zero = np.zeros_like(a)
-    shrinking = np.stack([a / once**2, b / once**2, zero, zero], axis=1)
-    shrinking += np.stack([a, b, 4.0 * c, 4.0 * e], axis=1) / both[:, None] ** 2
-    squares, product = a * a - b * b, 2.0 * a * b
-    rates = (
-        (squares * c + product * e, [2.0 * (a * c + b * e), 2.0 * (a * e - b * c), squares, product]),
-        (product * c - squares * e, [2.0 * (b * c - a * e), 2.0 * (a * c + b * e), product, -squares]),
-    )
-    for row, (value, rate) in enumerate(rates, start=4):
-        derivatives[:, row, 2:] = scale[:, None] * (np.stack(rate, axis=1) - value[:, None] * shrinking)
-    return derivatives
-
-
-def _radii(parts: Array, soft: float) -> tuple[Array, Array, Array]:
-    once, twice = (np.sum(parts[:, first : first + 2] ** 2, axis=1) for first in (2, 4))
-    return np.sqrt(once + soft**2), np.sqrt(twice + soft**2), np.sqrt(once + 4.0 * twice + soft**2)
+def features_changing(parts: Array, soft: float, step: float = 1e-100) -> Array:
+    """Return derivatives of `features` by `harmonics`, shape (n, 6, 6), exact by complex steps."""
+    return np.stack([features(parts + 1j * step * unit, soft).imag / step for unit in np.eye(6)], axis=2)

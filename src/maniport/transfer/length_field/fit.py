@@ -5,7 +5,7 @@ The fit repeats: find the nearest feasible ellipsoids to the images, rescale tow
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,10 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
 from maniport.errors import InvalidInputError
-from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.affine_invariant import NeighborIndex, distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.kernels import compose, congruence, symmetrize
 from maniport.spd.matrix_functions import apply, logarithm, to_vector
-from maniport.spd.neighbors import NeighborIndex
 from maniport.transfer.length_field.field import NEAR_SINGULAR, LengthsMap, axiswise, least_singular, powers
 from maniport.util.sampling import rank_correlation
 from maniport.util.validation import Array, as_finite, as_points, require_shape
@@ -27,28 +26,15 @@ Projector = Callable[[Array], Any]
 
 An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be turned. An
 attribute `damping`, relative to the mean eigenvalue of a domain, is the field's default.
+
+A projector that also knows where the student can move is faster, and its fit is better: `projector.search(damping)`
+begins a search among ellipsoids that carry this damping ε [unit of M], and `search.nearest(points, neighbors)` returns
+the nearest ellipsoids (n, d, d) and how the way there changes with each joint, (n, k, d, d).
 """
 
 TIE = 1e-6
 """Difference of logarithms, and of their squared distances, up to which samples are equally suited. It is far above
 rounding (1e-13), so that rounding does not choose between the mirror images in a symmetric domain."""
-
-
-class ProjectorSearch(Protocol):
-    """A search that starts from its last results."""
-
-    def nearest(self, points: Array, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
-        """Return the nearest ellipsoids (n, d, d), and how the way there changes with each joint, (n, k, d, d)."""
-        ...
-
-
-@runtime_checkable
-class SearchingProjector(Protocol):
-    """A projector that is faster, and whose fit is better, since it returns where the student can move."""
-
-    def search(self, damping: float) -> ProjectorSearch:
-        """Begin a search among ellipsoids that carry this damping ε [unit of M]."""
-        ...
 
 
 class NearestSamples:
@@ -62,15 +48,6 @@ class NearestSamples:
         return np.asarray(self._index.points[self._index.query(points)[0]])
 
 
-def as_projector(projector: Any) -> Any:
-    """Check that a projector is callable or can search."""
-    if not callable(projector) and not isinstance(projector, SearchingProjector):
-        raise InvalidInputError(
-            f"projector must be callable, such as maniport.FeasibleProjector(arm); found {projector!r}"
-        )
-    return projector
-
-
 class Samples:
     """The teacher's samples (n, d, d) that a field is fitted to or measured at."""
 
@@ -78,12 +55,12 @@ class Samples:
         self.points = points
         self.values, self.vectors = field.base(points)
         self.x = to_vector(compose(self.values, self.vectors))
-        self._neighbors = None
-        if len(points) > neighbors:
-            indices = cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1]
-            self._neighbors = np.asarray(indices, dtype=np.intp)
         self._projector = projector
-        self._search = projector.search(damping) if isinstance(projector, SearchingProjector) else None
+        self._search, self._neighbors = None, None
+        if hasattr(projector, "search"):
+            self._search = projector.search(damping)
+            if len(points) > neighbors:
+                self._neighbors = np.asarray(cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1], np.intp)
 
     def projected(self, images: Array) -> tuple[Array, Array | None]:
         """Return the nearest ellipsoids (n, d, d) to the images, and the ways there (n, k, d, d) where known."""
@@ -110,47 +87,35 @@ def _all_equal(points: Array) -> bool:
     return bool(np.abs(points - points[0]).max() <= 1e-12 * np.abs(points[0]).max())
 
 
-@dataclass(frozen=True)
-class Kernels:
-    """Kernel values of a field that do not change during the fit."""
-
-    near: Array  # (n, m): at the samples
-    among: Array  # (m, m): between the centers
-
-
 def fitted(base: LengthsMap, samples: Samples, ridge: float, rounds: int) -> tuple[LengthsMap, list[float]]:
     """Fit a field with centers in rounds; return it and the mean distance to the feasible set before and after each."""
     field, history = base, list[float]()
-    kernels = Kernels(field.kernel(samples.x), field.kernel(field.centers))
+    near, among = field.kernel(samples.x), field.kernel(field.centers)
     for number in range(rounds + 1):
         images = field.apply(samples.points)
         nearest, ways = samples.projected(images)
         history.append(float(np.mean(distance_unchecked(images, nearest))))
         if number < rounds:
-            error = displacements(images, nearest, samples.vectors)
-            lengths = _lengths(field.lengths, samples, kernels, error, None if number == 0 else ways, ridge)
+            whitening = apply(images, lambda values: 1.0 / np.sqrt(values))
+            error = congruence(np.swapaxes(samples.vectors, -1, -2), logarithm(congruence(whitening, nearest)))
+            lengths = _lengths(field.lengths, samples, near, among, error, None if number == 0 else ways, ridge)
             field = replace(field, lengths=lengths)
     return field, history
 
 
-def displacements(images: Array, nearest: Array, vectors: Array) -> Array:
-    """Vᵀ log(A^-½ M A^-½) V, shape (n, d, d), of images A, the nearest M and axes V."""
-    whitening = apply(images, lambda values: 1.0 / np.sqrt(values))
-    return congruence(np.swapaxes(vectors, -1, -2), logarithm(congruence(whitening, nearest)))
-
-
 def _lengths(
-    lengths: Array, samples: Samples, kernels: Kernels, error: Array, ways: Array | None, ridge: float
+    lengths: Array, samples: Samples, near: Array, among: Array, error: Array, ways: Array | None, ridge: float
 ) -> Array:
-    """Coefficients (m, 3) that rescale toward the nearest ellipsoids, by weighted ridge regression; (39) and (40)."""
+    """Coefficients (m, 3) that rescale toward the nearest ellipsoids, by weighted ridge regression; (39) and (40).
+
+    `near` and `among` are kernel values (n, m) at the samples and (m, m) between the centers.
+    """
     n, d = samples.values.shape
-    near, t = kernels.near, powers(samples.values)
+    t, vector = powers(samples.values), to_vector(error)
     m, rank = near.shape[1], t.shape[2]
-    vector = to_vector(error)
     wanted = axiswise(near @ lengths, t) + vector[:, :d]
-    if ways is None:
-        weights, pull = np.broadcast_to(np.eye(d), (n, d, d)), wanted
-    else:
+    weights, pull = np.broadcast_to(np.eye(d), (n, d, d)), wanted
+    if ways is not None:
         moves = np.swapaxes(to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], ways)), 1, 2)
         residual = _unreachable(moves)
         weights = residual[:, :d, :d] + 0.1 * np.eye(d)  # α, the cost of an error that motion of the joints removes
@@ -161,7 +126,7 @@ def _lengths(
         for s in range(r, rank):
             normal[r, :, s] = near.T @ (mixed[:, r, s, None] * near)
             normal[s, :, r] = normal[r, :, s]
-        normal[r, :, r] += ridge * n * (kernels.among + 1e-8 * np.eye(m))
+        normal[r, :, r] += ridge * n * (among + 1e-8 * np.eye(m))
     right = np.einsum("nir,ni->rn", t, pull) @ near
     coefficients = cho_solve(cho_factor(normal.reshape(rank * m, rank * m)), right.ravel())
     return np.ascontiguousarray(coefficients.reshape(rank, m).T)
@@ -184,16 +149,17 @@ def centers_among(x: Array, count: int) -> NDArray[np.intp]:
     return np.array(chosen, dtype=np.intp)
 
 
-AXIS_MOVED = 10.0
-"""Angle between the longest axes of an ellipsoid and of its image above which the axis counts as moved [degrees]."""
+AXIS_MOVED = 10.0  # Angle between the longest axes of an ellipsoid and its image that counts as moved [degrees]
 
 # Limits of `FieldReport.failures`, from fits to 13 arms for 3 persons each (table in docs/evaluation.md). The 18 good
 # fits (Panda, xArm7, Tiago, Talos, G1 with seven joints, Jaco) have at most 0.07, 0.017 and 0.02, and a rank
 # correlation of at least 0.92. The other 21 (UR5, Z1, IRB140, SO-100, iCub, G1 with four or five joints) exceed 0.11
 # and 0.037.
-MAX_REVERSING = 0.1
-MAX_NONMONOTONE = 0.03
-MAX_MOVED = 0.05
+MAX_SHARES = {
+    "reversing": (0.1, "orientation-reversing at"),
+    "nonmonotone": (0.03, "own-axis slope not positive at"),
+    "moved_axes": (0.05, f"longest axis moved by more than {AXIS_MOVED:g}° at"),
+}
 MIN_RANK_CORRELATION = 0.8
 
 
@@ -210,20 +176,11 @@ class FieldReport:
     reversing: float  # fraction where the determinant of the map's derivative is negative
     nonmonotone: float  # fraction where lengthening an axis shortens the image's
 
-    @property
-    def invertible(self) -> bool:
-        """Whether the map folds at none of the samples; between them it may."""
-        return self.near_singular == 0.0
-
     def failures(self) -> tuple[str, ...]:
         """Return the checks that the map fails, with value and limit; empty where it may be used."""
-        at_most = (
-            ("orientation-reversing at {:.0f} % of the samples", self.reversing, MAX_REVERSING),
-            ("own-axis slope not positive at {:.0f} %", self.nonmonotone, MAX_NONMONOTONE),
-            (f"longest axis moved by more than {AXIS_MOVED:g}° at {{:.0f}} %", self.moved_axes, MAX_MOVED),
-        )
+        shares = ((getattr(self, name), limit, text) for name, (limit, text) in MAX_SHARES.items())
         failed = [
-            f"{text.format(100 * value)} (limit {100 * limit:.0f} %)" for text, value, limit in at_most if value > limit
+            f"{text} {100 * share:.0f} % (limit {100 * limit:.0f} %)" for share, limit, text in shares if share > limit
         ]
         if self.rank_correlation < MIN_RANK_CORRELATION:
             failed.append(f"rank correlation of distances {self.rank_correlation:.2f} (limit {MIN_RANK_CORRELATION:g})")
@@ -232,23 +189,11 @@ class FieldReport:
     def in_words(self) -> str:
         """Return it as one line."""
         where = f"at {self.held_out} held-out samples" if self.held_out else "at the samples of the fit"
-        folds = "folds at none" if self.invertible else f"folds at {100 * self.near_singular:.1f} %"
+        shares = ", ".join(f"{text} {100 * getattr(self, name):.0f} %" for name, (_, text) in MAX_SHARES.items())
         return (
             f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), rank correlation "
-            f"{self.rank_correlation:.3f}, longest axis moved by more than {AXIS_MOVED:g}° at "
-            f"{100 * self.moved_axes:.0f} %, orientation-reversing at {100 * self.reversing:.0f} %, own-axis slope not "
-            f"positive at {100 * self.nonmonotone:.0f} %, {folds}"
+            f"{self.rank_correlation:.3f}, {shares}, folds at {100 * self.near_singular:.1f} %"
         )
-
-    def __repr__(self) -> str:
-        return f"FieldReport({self.in_words()})"
-
-    @classmethod
-    def read(cls, plain: dict[str, Any]) -> "FieldReport":
-        """Return the report of the values in a file; ValueError or TypeError where they are not numbers."""
-        report = cls(**plain)
-        report.in_words()
-        return report
 
 
 def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
@@ -260,10 +205,9 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
     first, other = np.triu_indices(len(points), 1)
     apart, own = (distance_unchecked(x[first], x[other]) for x in (images, points))
     varied = min(np.ptp(apart), np.ptp(own)) > 0.0
-    values, vectors = field.base(points)
-    slopes = field.slopes(values, vectors)
+    slopes = field.slopes(samples.values, samples.vectors)
     singular, moved = least_singular(slopes), axis_angles(images, points, -1)
-    along = to_vector(np.einsum("nik,njk->nkij", vectors, vectors))  # (n, d, D): vec v vᵀ for each axis v
+    along = to_vector(np.einsum("nik,njk->nkij", samples.vectors, samples.vectors))  # (n, d, D): vec v vᵀ for axes v
     return FieldReport(
         held_out=held_out,
         gap=float(gaps.mean()),

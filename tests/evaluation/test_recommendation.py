@@ -1,7 +1,7 @@
 import pytest
 
 from maniport.evaluation import RMSE, DistancePreservation, Evaluation, Gaps, Row, Smoothness
-from maniport.evaluation.summary import IDENTITY, LOOKUP, TRANSPORT
+from maniport.evaluation.metrics import IDENTITY, LOOKUP, TRANSPORT
 
 
 def compared(mine, nothing, transport, **first):

@@ -1,5 +1,6 @@
 """The feasible ellipsoids nearest to targets: searches over joint positions within their limits."""
 
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,8 +12,7 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion.arm_model import Axis
 from maniport.motion.objective import HINT, Damping, Objective
-from maniport.motion.search.descent import search_from_starts
-from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.search import SeedBank, search_from_starts
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -70,7 +70,7 @@ def nearest_feasible(
         itself is singular at all starts.
     """
     count, objective, end_positions = as_count(n_starts, "n_starts"), Objective.of(arm, spec, damping), None
-    undamped = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
+    undamped = objective.checked(ellipsoids, "ellipsoids")
     if positions is not None:
         end_positions = as_metres(positions, "positions")
         require_shape(end_positions, "positions", (len(undamped), 3), ", one for each ellipsoid")
@@ -116,6 +116,7 @@ class FeasibleProjector:
     ):
         self.objective = Objective.of(arm, spec, damping, positive=True)
         self.bank = SeedBank.given_or_built(bank, arm, spec, random_state)
+        self.joint_positions: Array | None = None  # (n, dof), where the last search ended
 
     @property
     def damping(self) -> float | None:
@@ -139,25 +140,12 @@ class FeasibleProjector:
         """Return the nearest ellipsoids to others, both shape (n, d, d) and with the damping."""
         return self.search(self.objective.damping.epsilon).nearest(points)[0]
 
-    def search(self, damping: float) -> "FeasibleSearch":
-        """Begin a search for ellipsoids that carry another damping ε > 0 [unit of M]."""
-        epsilon = Regularization.absolute(as_number(damping, "damping", above=0.0))
-        return FeasibleSearch(replace(self.objective, damping=epsilon), self.bank)
-
-    def __deepcopy__(self, memo: Any) -> "FeasibleProjector":
-        return self  # immutable; scikit-learn copies the parameters of estimators that it clones
-
-    def __repr__(self) -> str:
-        objective = self.objective
-        return f"FeasibleProjector({objective.arm.name!r}, {objective.spec}, damping {objective.damping.epsilon:.3g})"
-
-
-class FeasibleSearch:
-    """A search that continues from the configurations where it ended (n, dof); made by `FeasibleProjector.search`."""
-
-    def __init__(self, objective: Objective, bank: SeedBank):
-        self._objective, self._bank = objective, bank
-        self.joint_positions: Array | None = None
+    def search(self, damping: float) -> "FeasibleProjector":
+        """Begin a search by `nearest` for ellipsoids that carry another damping ε > 0 [unit of M]."""
+        search = copy(self)
+        epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
+        search.objective, search.joint_positions = replace(self.objective, damping=epsilon), None
+        return search
 
     def nearest(self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
         """Find the nearest feasible ellipsoids M (n, d, d) to points A (n, d, d), all with the damping.
@@ -166,20 +154,27 @@ class FeasibleSearch:
         The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
         from the last result of each, those of its `neighbors` (n, k) and one sample.
         """
-        objective, before = self._objective, self.joint_positions
+        objective, before = self.objective, self.joint_positions
         damped, max_starts = as_points(points, "points", objective.spec.size, minimum=1), 12_288
         targets = objective.targets(objective.undamped(damped))
         if before is None:  # with six starts for each a length field is worse
-            starts, steps = self._bank.starts_for(targets, min(max(max_starts // len(damped), 24), 48)), 20
+            starts, steps = self.bank.starts_for(targets, min(max(max_starts // len(damped), 24), 48)), 20
         else:
             require_shape(damped, "points", (len(before), *damped.shape[1:]), ", as in the first call")
             similar = [] if neighbors is None else [before[neighbors]]
-            starts = np.concatenate([before[:, None], *similar, self._bank.starts_for(targets, 1)], axis=1)
+            starts = np.concatenate([before[:, None], *similar, self.bank.starts_for(targets, 1)], axis=1)
             steps = 8
         arm, q = objective.arm, search_from_starts(targets, starts, max_iter=steps, block=512, halving=2)
         if not np.all(np.isfinite(targets.distance(q))):
             raise InvalidInputError(f"the arm {arm.name!r} is singular at all starts for some points")
         self.joint_positions = q
-        changes = targets.ellipsoid_cost.log_changes(q)
+        changes = targets.log_changes(q)
         changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
         return objective.damped(arm.ellipsoids(q, objective.spec)), changes
+
+    def __deepcopy__(self, memo: Any) -> "FeasibleProjector":
+        return self  # immutable; scikit-learn copies the parameters of estimators that it clones
+
+    def __repr__(self) -> str:
+        objective = self.objective
+        return f"FeasibleProjector({objective.arm.name!r}, {objective.spec}, damping {objective.damping.epsilon:.3g})"

@@ -1,0 +1,207 @@
+"""XML documents of MJCF: included files, default classes, units, orientations and limits."""
+
+import copy
+import os
+import re
+from collections import Counter
+from itertools import count
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from maniport.arms.chain import rotation_about
+from maniport.arms.loaders.document import LARGEST, numbers, parsed, require
+from maniport.util.input_limits import INCLUDES, LINKS, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
+from maniport.util.validation import Array
+
+WORLD = "world"  # name of the root body
+ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
+
+
+class Document:
+    """Attributes of the elements of an MJCF with its included files, their own or those of default classes."""
+
+    def __init__(self, path: Path, root: Element):
+        self.path, self.root = path, with_includes(path, root)
+        self.parents = {child: parent for parent in self.root.iter() for child in parent}
+        self.options = {name: value for compiler in self.root.findall("compiler") for name, value in compiler.items()}
+        self.joints = {joint.get("name", ""): joint for joint in self.root.iterfind("worldbody//joint")}
+
+    def check(self) -> None:
+        """Raise `FileFormatError` for inconsistent or unsupported elements."""
+        ignored = {"frame", "replicate", "attach", "composite", "flexcomp"} & {
+            element.tag for element in self.root.iter()
+        }
+        require(
+            not ignored,
+            self.path,
+            f"uses <{'>, <'.join(sorted(ignored))}>, which are not supported; save the model "
+            "as one plain file first, for example with mujoco.MjModel.from_xml_path and mujoco.mj_saveLastXML",
+        )
+        order = self.options.get("eulerseq", "xyz")
+        rule = re.fullmatch("[xyzXYZ]{3}", order) is not None
+        require(rule, self.path, f"eulerseq must have three letters of xyzXYZ; found {order!r}")
+        require(self.root.find("worldbody//body") is not None, self.path, "has no body in <worldbody>")
+        for tag in ("body", "joint"):
+            names = Counter(element.get("name") for element in self.root.findall(f"worldbody//{tag}"))
+            require_at_most(names.total(), LINKS, f"elements <{tag}>", self.path)
+            names[WORLD] += tag == "body"  # implicit
+            for name, times in names.items():
+                require(name is None or times < 2, self.path, f"{tag} {name!r} appears {times} times")
+        classes = {None, *(default.get("class", "main") for default in self.root.iter("default"))}
+        for element in self.root.findall("worldbody//*"):
+            for name in (element.get("class"), element.get("childclass")):
+                fault = f"<{element.tag}> is of the class {name!r}, which no <default> defines"
+                require(name in classes, self.path, fault)
+
+    def attribute(self, element: Element, attribute: str) -> str | None:
+        """Return an attribute of an element, its own or that of its default class; actuators share their defaults."""
+        if element.get(attribute) is not None or element.tag in ("body", "inertial"):
+            return element.get(attribute)
+        tags = ACTUATORS if element.tag in ACTUATORS else (element.tag,)
+        name, node = element.get("class"), self.parents.get(element)
+        while name is None and node is not None:
+            name, node = node.get("childclass"), self.parents.get(node)
+        top = self.root.find("default")
+        entry = next((d for d in self.root.iter("default") if name is not None and d.get("class") == name), top)
+        while entry is not None and entry.tag == "default":
+            for default in reversed(entry):
+                if default.tag in tags and default.get(attribute) is not None:
+                    return default.get(attribute)
+            entry = self.parents.get(entry)
+        return None
+
+    def numbers(
+        self, element: Element, name: str, count: int | None, default: str | None = None, most: float = LARGEST
+    ) -> Array:
+        """Numbers of an attribute, its own or that of a class."""
+        text, title = self.attribute(element, name), element.get("name", element.get("joint"))
+        where = f"{self.path}: <{element.tag}>{'' if title is None else f' {title!r}'} needs {name}"
+        return numbers(default if text is None else text, count, where, most)
+
+    def pose(self, element: Element) -> Array:
+        """Pose (4, 4) of an element in the frame of its body."""
+        result = np.eye(4)
+        result[:3, :3], result[:3, 3] = self._rotation(element), self.numbers(element, "pos", 3, "0 0 0")
+        return result
+
+    def _rotation(self, element: Element) -> Array:
+        """Rotation (3, 3) of an element."""
+        counts = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
+        name = next((name for name in counts if self.attribute(element, name) is not None), None)
+        if name is None:
+            return np.eye(3)
+        values = self.numbers(element, name, counts[name])
+        length = np.linalg.norm(values[:4] if name == "quat" else values[:3])
+        fault = f"<{element.tag}> has {name} {values.tolist()}, which is no rotation"
+        require(name == "euler" or bool(length > 1e-9), self.path, fault)
+        if name == "quat":
+            return np.asarray(Rotation.from_quat(values, scalar_first=True).as_matrix())
+        if name == "axisangle":
+            axis = values[:3] / np.linalg.norm(values[:3])
+            return np.asarray(Rotation.from_rotvec(values[3] * self._angle * axis).as_matrix())
+        if name == "euler":
+            turn = np.eye(3)
+            for letter, angle in zip(self.options.get("eulerseq", "xyz"), values * self._angle, strict=True):
+                step = rotation_about("xyz".index(letter.lower()), float(angle))
+                turn = turn @ step if letter.islower() else step @ turn
+            return turn
+        return rotation_to(values)
+
+    @property
+    def _angle(self) -> float:
+        return 1.0 if self.options.get("angle") == "radian" else np.pi / 180
+
+    def rest(self, name: str | None) -> float:
+        """Return the `ref` of a joint [rad] or [m]."""
+        joint = self.joints.get(name or "")
+        return 0.0 if joint is None else float(self.numbers(joint, "ref", 1, "0")[0]) * self.unit(joint)
+
+    def unit(self, joint: Element) -> float:
+        """Return the unit of a joint's range and rest position [rad] or [m]."""
+        return self._angle if self.attribute(joint, "type") in (None, "hinge") else 1.0
+
+    def effort_limit(self, joint: Element) -> float:
+        """Largest torque [N m] or force [N] of a joint and of all its actuators, in the weaker direction."""
+        ends = ("joint", "jointinparent")
+        actuators = [a for a in self.root.findall("actuator/*") if joint.get("name") in [a.get(end) for end in ends]]
+        total = sum(map(self._actuator_limit, actuators)) if actuators else np.inf
+        return min(total, self._weaker(joint, "actuatorfrc"))
+
+    def _actuator_limit(self, actuator: Element) -> float:
+        """Largest torque [N m] or force [N] at the joint: by the force range, or by the controls of a plain motor."""
+        gear, gain = (float(self.numbers(actuator, name, None, "1")[0]) for name in ("gear", "gainprm"))
+        plain = actuator.tag in ("motor", "general") and self.attribute(actuator, "biastype") in (None, "none")
+        controls = abs(gain) * self._weaker(actuator, "ctrl") if plain else np.inf
+        return abs(gear) * min(self._weaker(actuator, "force"), controls)
+
+    def _weaker(self, element: Element, what: str) -> float:
+        """Smaller absolute value of the bounds ``<what>range``; infinite without them."""
+        return float(np.abs(self.range(element, f"{what}range", f"{what}limited")).min())
+
+    def range(self, element: Element, name: str, limited: str) -> Array:
+        """Bounds of an element, its own or those of its class; infinite without them."""
+        if self.attribute(element, limited) == "false":
+            return np.array([-np.inf, np.inf])
+        return self.numbers(element, name, 2, "-inf inf", np.inf)
+
+
+def rotation_to(values: Array) -> Array:
+    """Rotation (3, 3) with the x and y axis (6,), the second only in its plane, or with the z axis (3,)."""
+    if len(values) == 6:
+        x = values[:3] / np.linalg.norm(values[:3])
+        y = values[3:] - (values[3:] @ x) * x
+        y = y / np.linalg.norm(y)
+        return np.stack([x, y, np.cross(x, y)], axis=1)
+    around = np.cross((0.0, 0.0, 1.0), values)
+    length = float(np.linalg.norm(around))
+    axis = around / length if length > 1e-10 else np.array([1.0, 0.0, 0.0])
+    return np.asarray(Rotation.from_rotvec(np.arctan2(length, values[2]) * axis).as_matrix())
+
+
+def with_includes(path: Path, root: Element) -> Element:
+    """Insert included files as MuJoCo does, and name unnamed bodies and joints."""
+    tree = copy.deepcopy(root)
+    if root.find(".//include") is not None:
+        _fill(tree, path, {path.resolve(): sum(1 for _ in root.iter())})
+        first: dict[str, Element] = {}
+        for section in list(tree):  # join sections of one name; later attributes override earlier ones
+            if section.tag in first:
+                first[section.tag].attrib.update(section.attrib)
+                first[section.tag].extend(section)
+                tree.remove(section)
+            else:
+                first[section.tag] = section
+    taken = {element.get("name") for element in tree.iterfind("worldbody//*")}
+    for tag in ("body", "joint"):
+        names = (name for k in count(1) if (name := f"{tag}{k}") not in taken)
+        for element in tree.iterfind(f"worldbody//{tag}"):
+            if element.get("name") is None:
+                element.set("name", next(names))
+    return tree
+
+
+def _fill(element: Element, path: Path, seen: dict[Path, int], level: int = 1) -> None:
+    """Replace <include> by the content of files; `seen` counts the elements of each file."""
+    require_at_most(level, NESTING, "levels of elements within elements, with the files that it includes", path)
+    children: list[Element] = []
+    for child in element:
+        if child.tag != "include":
+            _fill(child, path, seen, level + 1)
+            children.append(child)
+            continue
+        name = child.get("file", "")
+        require(bool(name), path, "an <include> names no file")
+        file = Path(os.path.realpath(path.parent / name))  # not strict: symbolic links may be cyclic
+        inside = file.is_relative_to(path.parent.resolve())
+        require(inside, path, f"includes {name!r}, which lies outside of its folder; put it below that")
+        require(file not in seen, path, f"includes {name!r} more than once, or in a cycle")
+        require_at_most(len(seen), INCLUDES, "included files", path)
+        root = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, f"; {path} includes it"))
+        seen[file] = sum(1 for _ in root.iter())
+        require_at_most(sum(seen.values()), TAGS, "elements with those of the files that it includes", path)
+        _fill(root, path, seen, level)
+        children += root
+    element[:] = children

@@ -1,0 +1,304 @@
+"""Commands on names and files: describe them; sample domains, fit a map between them, apply and evaluate it."""
+
+import json
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import maniport
+from maniport import pipeline
+from maniport.cli.application import NO_ROBOT, Overwrite, command, names_robot, require_suffix
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, printable
+from maniport.pipeline.config import OPTIONS, Config
+from maniport.report.console import Console
+from maniport.report.renderings import SUMMARY, as_numbers, write_report
+from maniport.report.values import Metric, Report, Section, numbers, report_of
+from maniport.report.values import info as info_metric
+from maniport.util.defaults import AUTO, RECORDINGS
+from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, save_ellipsoids
+from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
+from maniport.util.validation import as_choice
+
+Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
+TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
+StudentDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")]
+Adapter = Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")]
+EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
+CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
+
+
+@command(*CHAIN, "side", "ellipsoids", "part", "seed", example="maniport domain panda -n 16384 -o panda.npz")
+def domain(
+    config: Config,
+    console: Console,
+    arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
+    output: EllipsoidFile,
+    n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
+) -> None:
+    """Sample the ellipsoids of an arm within its joint limits."""
+    require_suffix(output, ".npz")
+    body, spec = pipeline.load_single_arm(config.changed(robot=arm), config.side), config.spec
+    ellipsoids = maniport.sample_domain(body, n, config.seed, spec=spec)
+    save_ellipsoids(output, ellipsoids)
+    console.finish(
+        {"arm": body.name, "frame": body.frame, "ellipsoids": len(ellipsoids), "output": str(output)},
+        f"{len(ellipsoids)} {spec} of {body.name} at {body.frame} → {output}",
+    )
+
+
+@command(
+    "robot", "method", "damping", "base_rotation", "ellipsoids", "part", "seed", without=("hand_targets", "pose"),
+    defaults=NO_ROBOT.changed(method="icp"), example="maniport fit person.npz panda.npz -o adapter.npz",
+)  # fmt: skip
+def fit(
+    config: Config,
+    console: Console,
+    teacher: TeacherDomain,
+    student: StudentDomain,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
+) -> None:
+    """Fit the map from a teacher's domain to a student's."""
+    from maniport.evaluation.comparison import with_feasible_set
+    from maniport.transfer import method_of
+
+    require_suffix(output, ".npz")
+    if config.method == AUTO:
+        raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
+    arm = pipeline.load_single_arm(config) if names_robot(config) else None
+    domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
+    options: dict[str, Any] = {"base_rotation": config.rotation, "random_state": config.seed}
+    adapter = method_of(config.method, damping=config.damping or None, **options)
+    adapter = with_feasible_set(adapter, arm, config.spec, random_state=config.seed)
+    with console.progress() as progress:
+        progress("Fit transfer", 0.0)
+        adapter.fit(*domains)
+        progress("Fit transfer", 1.0, f"{adapter.n_iter_} iterations, {adapter.stop_reason_}")
+    adapter.save(output)
+    console.finish({**as_numbers(report_of(adapter)), "output": str(output)}, f"adapter → {output}")
+
+
+@command(example="maniport apply adapter.npz profile.npz -o adapted.npz")
+def apply(
+    console: Console,
+    adapter: Adapter,
+    profile: Annotated[Path, typer.Argument(help="Ellipsoids, .npz.")],
+    output: EllipsoidFile,
+    inverse: Annotated[bool, typer.Option("--inverse", help="Map from student to teacher.")] = False,
+) -> None:
+    """Map ellipsoids with a fitted adapter."""
+    require_suffix(output, ".npz")
+    fitted = maniport.load_adapter(adapter)
+    points, time = load_ellipsoids(profile)
+    with console.progress():  # prints warnings
+        mapped = fitted.inverse_transform(points) if inverse else fitted.transform(points)
+    save_ellipsoids(output, mapped, time)
+    console.finish({"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}")
+
+
+@command(
+    "robot", "ellipsoids", "part", "seed", without=("hand_targets", "pose"), defaults=NO_ROBOT,
+    example="maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md",
+)  # fmt: skip
+def evaluate(
+    config: Config,
+    console: Console,
+    adapter: Adapter,
+    teacher: TeacherDomain,
+    student: StudentDomain,
+    profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Report, .md or .json.")] = None,
+    methods: Methods = None,
+) -> None:
+    """Compare a fitted adapter with baselines."""
+    from maniport.evaluation.metrics import BASELINES
+
+    if output is not None:
+        require_suffix(output, ".md", ".json")
+    arm, fitted = pipeline.load_single_arm(config) if names_robot(config) else None, maniport.load_adapter(adapter)
+    sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
+    rows = _rows(methods) or BASELINES
+    with console.progress() as progress:
+        evaluation = maniport.evaluate(
+            fitted, *sets, robot=arm, spec=config.spec, rows=rows, random_state=config.seed, progress=progress
+        )
+    report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
+    if output is not None:
+        write_report(output, report)
+    console.print_report(report)
+
+
+@command("seed", example="maniport reproduce all -o paper")
+def reproduce(
+    config: Config,
+    console: Console,
+    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot, all, or tasks.")] = "all",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
+    overwrite: Overwrite = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Task study: four recordings on the Panda only.")] = False,
+    robots: Annotated[str | None, typer.Option("--robots", help="Task study: robots, separated by commas.")] = None,
+    recordings: Annotated[Path | None, typer.Option("--recordings", help="Task study: folder of BVH files.")] = None,
+    score: Annotated[Path | None, typer.Option("--score", help="Task study: joint positions to score, .csv.")] = None,
+    task: Annotated[Path | None, typer.Option("--task", help="Task study: task of the joints, .json.")] = None,
+) -> None:
+    """Repeat the paper's experiments, or run the task study."""
+    if which != "tasks":
+        if quick or robots or recordings or score or task:
+            raise InvalidInputError("--quick, --robots, --recordings, --score and --task are options of tasks")
+        from maniport.studies.paper.run import reproduce
+
+        output = output or Path("maniport-paper")
+        with console.progress() as progress:
+            result = reproduce(which, output, config.seed, progress, overwrite=overwrite)
+        console.print_report(report_of(result), output=str(output))
+        return
+    if overwrite:
+        raise InvalidInputError("tasks takes no --overwrite")
+    if (score is None) != (task is None):
+        raise InvalidInputError("--score and --task: expected both or neither")
+    from maniport.studies.tasks.run import score_file, study_tasks
+
+    if score is not None and task is not None:
+        console.print_report(score_file(score, task))
+        return
+    output = output or Path("maniport-tasks")
+    names = [name.strip() for name in robots.split(",")] if robots else ()
+    with console.progress() as progress:
+        study = study_tasks(output, config.seed, progress, quick=quick, robots=names, recordings=recordings)
+    console.print_report(report_of(study), output=str(output))
+
+
+def _rows(methods: str | None) -> tuple[str, ...]:
+    """Split names of rows at commas; "all" means every row, None the default rows."""
+    from maniport.transfer import METHODS
+
+    names = () if methods is None else METHODS if methods == "all" else methods.split(",")
+    return tuple(as_choice(name.strip(), "method", METHODS) for name in names)
+
+
+@command(
+    *("unit", "fps", "start", "stop", "markers", "side"),
+    *("frame", "joints", "base", "lock", "mesh_folders"),
+    example="maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json",
+)
+def info(
+    config: Config,
+    console: Console,
+    what: Annotated[
+        str, typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter; a result folder.")
+    ],
+) -> None:
+    """Describe an arm, a recording, ellipsoids or results."""
+    files = [Path(what) / name for name in (SUMMARY, "summary.md")]
+    if not all(file.is_file() for file in files):
+        console.print_report(_description(what, config))
+        return
+    _require_none(config, f"{what!r} is a folder of results", "human", "robot")
+    data, text = (read_whole(file, (), KEYPOINTS_BYTES).decode("utf-8", "replace") for file in files)
+    try:
+        values = dict(json.loads(data))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise FileFormatError(f"{files[0]}: is no summary of a run: {error}") from None
+    console.finish(values, "\n".join(map(printable, text.splitlines())), markdown=True)
+
+
+@command(example="maniport figures maniport-demo -o paper/figures")
+def figures(
+    console: Console,
+    result: Annotated[Path, typer.Argument(help="Folder of transfer, demo, track or learn.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the figures; default: that of the result.")
+    ] = None,
+) -> None:
+    """Draw the figures of a saved result as PNG and SVG files."""
+    with console.progress():
+        files = maniport.write_figures(result, output)
+    console.finish({"files": [str(file) for file in files]}, "\n".join(map(str, files)))
+
+
+def _description(what: str, config: Config) -> Report:
+    """Describe the thing with a name or a path."""
+    if _is_recording(what):
+        from maniport.pipeline.settings import marker_roles
+        from maniport.report.recording import recording_report
+
+        _require_none(config, f"{what!r} is a recording", "robot")
+        changes = config.changed(markers=None, side=AUTO).changes("human")
+        words = [shlex.quote(what), *(word for name, value in changes.items() for word in OPTIONS[name].words(value))]
+        return recording_report(
+            pipeline.read_part(what, config), marker_roles(config), config.side, command=" ".join(words)
+        )
+    _require_none(config.changed(side=AUTO), f"{what!r} is no recording", "human")
+    if Path(what).suffix.lower() != ".npz":
+        return _of_robot(what, config)
+    _require_none(config, f"{what!r} holds arrays", "robot")
+    return _of_arrays(what)
+
+
+def _require_none(config: Config, reason: str, *sections: str) -> None:
+    """Raise if an option of a section differs from its default."""
+    for name in (name for section in sections for name in config.changes(section)):
+        raise InvalidInputError(f"{OPTIONS[name].flag} cannot be used here: {reason}")
+
+
+def _is_recording(what: str) -> bool:
+    """Whether it is a recording: of files, all are that are no robots and hold no ellipsoids."""
+    from maniport.arms import READERS
+    from maniport.batch.inputs import ABOUT
+    from maniport.mocap.readers import SHIPPED
+
+    file = Path(what)
+    suffix = file.suffix.lower()
+    if (file / ABOUT).is_file():
+        raise InvalidInputError(
+            f"{what!r} is the folder of a batch: its page has an overview; name the folder of a pair, "
+            f"{file / 'ROBOT' / 'RECORDING'}"
+        )
+    if suffix == ".npz":
+        return not {"adapter", "manipulability", "path"} & set(array_names(what, "file"))
+    if suffix in READERS:
+        return False
+    folder = file.is_dir() and any(file.glob("*.json"))
+    return file.is_file() or suffix in RECORDINGS or folder or what in SHIPPED
+
+
+def _of_robot(what: str, config: Config) -> Report:
+    """Describe an arm and the limbs of its robot; the limbs alone if none of several was chosen."""
+    from maniport.arms.loaders import robot_limbs
+    from maniport.mocap.readers import SHIPPED
+    from maniport.report.robot import robot_report
+
+    try:
+        limbs, default = robot_limbs(what)
+    except UnknownNameError as error:
+        if Path(what).exists():
+            raise
+        raise UnknownNameError(
+            f"{what!r} is no file, no result folder and no bundled recording ({', '.join(SHIPPED)}): {error}"
+        ) from None
+    several = limbs and default is None and not config.frame and not config.joints
+    return robot_report(
+        what, limbs, None if several else pipeline.load_single_arm(config.changed(robot=what), config.side)
+    )
+
+
+def _of_arrays(path: str) -> Report:
+    """Describe an adapter, ellipsoids, a path or a robot motion."""
+    names = array_names(path, "file")
+    if "adapter" in names:
+        return report_of(maniport.load_adapter(path))
+    is_path = "manipulability" not in names
+    values, time = (load_path if is_path else load_ellipsoids)(path)
+    n, d = values.shape[:2]
+    metrics = [Metric("Path", f"{n} positions", key="count", value=n)]
+    if not is_path:
+        metrics = [Metric("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), *numbers(dimension=d)]
+    if "joint_names" in names:
+        joints: list[Any] = load_arrays(path, "file", ("joint_names",))["joint_names"].tolist()
+        metrics.insert(0, info_metric("Robot motion", "joints", joints))
+    if time is not None:
+        seconds = round(float(time[-1] - time[0]), 3)
+        metrics.append(Metric("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
+    return Report(path, "", (Section("", tuple(metrics), key="path" if is_path else "ellipsoids"),))

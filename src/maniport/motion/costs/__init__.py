@@ -1,1 +1,0 @@
-"""Costs of configurations: each has residuals, whose squares are summed, and their derivatives."""

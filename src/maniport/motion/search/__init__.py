@@ -1,1 +1,0 @@
-"""Joint positions for ellipsoids: samples to begin from, and the descent from them."""

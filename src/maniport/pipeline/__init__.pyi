@@ -1,0 +1,10 @@
+from maniport.pipeline.config import Config as Config
+from maniport.pipeline.demonstrations import LearnedProfile as LearnedProfile
+from maniport.pipeline.demonstrations import learn as learn
+from maniport.pipeline.following import follow_profile as follow_profile
+from maniport.pipeline.results import MotionResult as MotionResult
+from maniport.pipeline.results import TransferResult as TransferResult
+from maniport.pipeline.settings import load_single_arm as load_single_arm
+from maniport.pipeline.settings import read_part as read_part
+from maniport.pipeline.settings import settings_of as settings_of
+from maniport.pipeline.stages import transfer_recording as transfer_recording

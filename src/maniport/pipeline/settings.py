@@ -1,0 +1,172 @@
+"""From options to objects: the recording and the robot of a configuration, and settings that are checked for them."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from maniport.arms import PERSONS, Arm, ArmGroup, EllipsoidSpec, as_group, load_arm, load_arms
+from maniport.arms.collisions import Collisions
+from maniport.errors import FileFormatError, InvalidInputError, argument
+from maniport.mocap import Recording, read_recording
+from maniport.mocap.arm_ik import require_person
+from maniport.motion import MotionLimits, PlanSettings
+from maniport.motion.plan.plan_motion import RELATIVE
+from maniport.pipeline.config import Config
+from maniport.transfer import METHODS, DomainAdapter, method_of
+from maniport.util.defaults import AUTO, BOTH
+from maniport.util.input_limits import SETTINGS_BYTES, read_whole
+from maniport.util.progress import Progress, no_progress
+from maniport.util.validation import Array, as_choice
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """A configuration with the robot loaded and all options checked for it."""
+
+    config: Config
+    robot: Arm | ArmGroup
+    control: PlanSettings | None  # resolved for the robot; None where it is not moved
+    adapter: DomainAdapter | None = None  # unfitted; None where a method is selected
+    progress: Progress = no_progress
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """All arms of the robot."""
+        return as_group(self.robot).arms
+
+    @property
+    def stands(self) -> list[Array]:
+        """Origin of the base of each arm in the robot's frame [m]."""
+        return [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in self.arms]
+
+    @property
+    def specs(self) -> tuple[EllipsoidSpec, ...]:
+        """Ellipsoids of each arm."""
+        return as_group(self.robot).specs(self.config.spec)
+
+
+def settings_of(config: Config, progress: Progress | None = None) -> Settings:
+    """Load the robot of a configuration, and check all options for it."""
+    side = config.side
+    require_person(config.person, AUTO if side == BOTH else side, config.smooth)
+    marker_roles(config)
+    robot = with_limits(load_robot(config), config)
+    group = as_group(robot)
+    if len(group) == 2 and side == AUTO:
+        config = config.changed(side=BOTH)
+    elif side == BOTH and len(group) != 2:
+        raise InvalidInputError(f"{argument('side', BOTH)} is for a robot of two arms; found {len(group)}")
+    group.specs(config.spec)
+    PERSONS[config.person]().checked_spec(config.spec)
+    if len(group) > 1 and not isinstance(config.joint_weights, str | None):
+        raise InvalidInputError("joint_weights must not be of single joints for several arms")
+    adapter, options = None, {"random_state": config.seed, "base_rotation": config.rotation}
+    if not isinstance(config.method, str) or as_choice(config.method, "method", (AUTO, *METHODS)) != AUTO:
+        adapter = method_of(config.method, damping=config.damping or None, **options)
+    control = plan_settings(config, robot) if config.move else None
+    return Settings(config, robot, control, adapter, progress or no_progress)
+
+
+def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> Recording:
+    """Read a recording, or the part of it that is used."""
+    if not isinstance(recording, Recording):
+        recording = read_recording(recording, unit=config.unit, rate=config.fps)
+    return recording if config.start is None and config.stop is None else recording.crop(config.start, config.stop)
+
+
+def fit_options(config: Config) -> dict[str, Any]:
+    """Return arguments of `maniport.fit_arm`."""
+    return {"person": config.person, "side": config.side, "smooth": config.smooth, "markers": marker_roles(config)}
+
+
+def marker_roles(config: Config) -> Mapping[str, Any] | None:
+    """Return the names of points by role, from the file if there is one."""
+    if not isinstance(config.markers, str):
+        return config.markers
+    where = f"marker file {config.markers!r}"
+    try:
+        roles = json.loads(read_whole(config.markers, (), SETTINGS_BYTES))  # bytes: in UTF-8 or UTF-16
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise FileFormatError(f"{where} is not readable JSON: {error}") from None
+    if not isinstance(roles, dict):
+        raise FileFormatError(f'{where} must map roles to lists of points, such as {{"elbow": ["RELB", "RIEL"]}}')
+    return roles
+
+
+def load_robot(config: Config, both: bool | None = None, side: str | None = None) -> Arm | ArmGroup:
+    """Load the arm with its payload, of a person that of `side`, or a group where the options name several arms."""
+    arm = _loaded(config, config.side == BOTH if both is None else both, side)
+    if any(config.payload_center) and not config.payload:
+        raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
+    if not config.payload:
+        return arm
+    if isinstance(arm, ArmGroup):
+        raise InvalidInputError(f"{argument('payload')} is for one arm; found {len(arm)}: {arm.name}")
+    return arm.with_payload(config.payload, config.payload_center)
+
+
+def load_single_arm(config: Config, side: str = AUTO) -> Arm:
+    """Load the arm as `load_robot` does; raise where the options name several."""
+    arm = load_robot(config, both=False, side=None if side == AUTO else side)
+    if isinstance(arm, ArmGroup):
+        raise InvalidInputError(f"{argument('robot')} must be one arm here; found {len(arm)}: {arm.name}")
+    return arm
+
+
+def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
+    if not config.robot:
+        raise InvalidInputError(f"{argument('robot')} is needed")
+    robot: Any = config.robot[0]
+    if isinstance(robot, Arm | ArmGroup):
+        if any(arm.chain.payload for arm in as_group(robot).arms):  # run.yaml would lose it
+            raise InvalidInputError(f"{argument('robot')} must have no payload of its own; use {argument('payload')}")
+        return robot
+    options: dict[str, Any] = {"joints": config.joints or None, "lock": config.lock}
+    options["mesh_folders"] = config.mesh_folders
+    if not (both or names_several(config)):
+        return load_arm(robot, config.frame[0] if config.frame else None, base=config.base, side=side, **options)
+    if config.base is not None:
+        raise InvalidInputError(f"{argument('base')} is for one arm; the base of each robot is {argument('pose')}")
+    if len(config.robot) > 1 and not config.pose:
+        raise InvalidInputError(f"{argument('robot')} of several robots needs {argument('pose')} of each")
+    robots = robot if len(config.robot) == 1 else config.robot
+    return load_arms(robots, config.frame or None, bases=config.pose or None, **options)
+
+
+def names_several(config: Config) -> bool:
+    """Whether the options name several arms of robots."""
+    return bool(config.pose) or len(config.robot) > 1 or len(config.frame) > 1
+
+
+def with_limits(robot: Arm | ArmGroup, config: Config) -> Arm | ArmGroup:
+    """Return an arm with the velocity and effort limits of the file for the motion, which ellipsoids weight by."""
+    source: Any = config.limits
+    if source is None or isinstance(source, MotionLimits) or not isinstance(robot, Arm):
+        return robot
+    limits = MotionLimits.of(robot, source)
+    velocity = None if limits.assumed["velocity"] else limits.velocity
+    return robot.with_limits(velocity, limits.effort if np.isfinite(limits.effort).all() else None)
+
+
+def plan_settings(config: Config, arm: Arm | ArmGroup) -> PlanSettings:
+    """Return the settings of `maniport.motion.plan_motion` for a robot, with its limits and collisions, checked."""
+    if config.hand_targets == RELATIVE and len(as_group(arm)) == 1:
+        raise InvalidInputError(f"{argument('hand_targets', RELATIVE)} needs several arms; found {arm.name}")
+    if config.hand_targets == RELATIVE and config.workspace is not None:
+        raise InvalidInputError("workspace bounds paths, which end effectors leave with hand_targets='relative'")
+    limits: Any = config.limits
+    if not isinstance(limits, MotionLimits):
+        limits = MotionLimits.of(arm, limits, config.joint_limit_margin)
+    around = {name: getattr(config, name) for name in ("table", "obstacles", "srdf")}
+    names = {item.name for item in fields(PlanSettings)} - {"motion_limits", "collisions"}
+    return PlanSettings(
+        **{name: getattr(config, name) for name in names},
+        motion_limits=limits,
+        collisions=Collisions.of(limits.arm, **around)
+        if any(value is not None for value in around.values())
+        else config.collisions,
+    ).resolved(arm)
