@@ -22,7 +22,7 @@ from PIL import Image
 
 import maniport as mp
 from maniport.motion import ArmMotion
-from maniport.report.figures.drawing import TEXT, column_figure, laid_out
+from maniport.report.figures import TEXT, column_figure, laid_out
 from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, REFERENCE, TARGET
 
 HOME = Path(__file__).parents[1]

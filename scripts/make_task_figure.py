@@ -11,7 +11,7 @@ from pathlib import Path
 
 from matplotlib import rc_context
 
-from maniport.report.figures.drawing import TEXT, column_figure
+from maniport.report.figures import TEXT, column_figure
 
 COLORS = {"panda": "#0072B2", "xarm7": "#009E73", "ur5": "#CC79A7", "g1_right_arm": "#000000"}
 METHODS = {

@@ -9,7 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport.arms import load_arm
-from maniport.motion import ArmMotion, MotionLimits, retime
+from maniport.motion import ArmMotion, MotionLimits
+from maniport.motion.plan.time_parameterization import retime
 from maniport.util.files import save_ellipsoids, save_path
 
 SCRIPT = Path(__file__).parents[1] / "scripts/check_motion.py"

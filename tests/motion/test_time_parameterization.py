@@ -121,16 +121,11 @@ def test_little_jerk_takes_long_and_stays_on_the_path():
     assert timed.control_time[-1] > 10.0
 
 
-@pytest.mark.parametrize(("time", "q", "jerk", "message"), [
-    ([0.0, 1.0, 0.5], np.zeros((3, 3)), 1.0, "time"), ([0.0, 1.0], np.zeros((3, 3)), 1.0, "q"),
-    ([0.0, 1.0], [[0, 0, 0], [0, 4, 0]], 1.0, r"q\[1, 1\] = 4 lies outside the limits"),
-    ([0.0, 1e6], np.zeros((2, 3)), 1.0, "samples, allowed are 3000000"),
-    ([0.0, 1.0], [[0, 0, 0], [0, 1, 0]], 1e-5, "samples, allowed are 3000000"),
-    ([0.0, 1.0], [[0, 0, 0], [0, 1, 0]], 1e-9, "samples, allowed are 3000000"),
-])  # fmt: skip
-def test_what_cannot_be_retimed_is_refused(time, q, jerk, message):
-    with pytest.raises(InvalidInputError, match=message):
-        retime(MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), time, q)
+@pytest.mark.parametrize(("duration", "jerk"), [(1e6, 1.0), (1.0, 1e-9)])
+def test_too_long_motions_are_refused(duration, jerk):
+    limits = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}})
+    with pytest.raises(InvalidInputError, match="samples, allowed are 3000000"):
+        retime(limits, [0.0, duration], [[0, 0, 0], [0, 1, 0]])
 
 
 def test_home_and_back():
@@ -151,6 +146,3 @@ def test_home_and_back():
     assert_allclose(ahead, np.outer(ahead @ line / (line @ line), line), atol=1e-9)
     use = limits.use(longer.control_time[:first], positions[:first])
     assert 0.25 < use.shares[1:].max() <= 0.3 + 1e-6
-    for wrong in ([0, 0, 9], [[0, 0, 0]], [0, 0]):
-        with pytest.raises(InvalidInputError, match="home"):
-            with_approach(timed, limits, wrong)

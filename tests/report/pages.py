@@ -3,7 +3,7 @@
 from html.parser import HTMLParser
 
 from maniport.report.page import as_html
-from maniport.report.values import Metric, Report, Section, Table, warnings_of
+from maniport.report.values import Metric, Report, Section, Table
 
 VOID = {"meta", "link", "img", "br", "input", "hr"}
 
@@ -36,5 +36,6 @@ class Page(HTMLParser):
 def page_of(*parts, animation=None, warnings=("a warning",), title="a title"):
     """The page of metrics, tables and an animation, as text."""
     metrics, tables = ([part for part in parts if isinstance(part, kind)] for kind in (Metric, Table))
-    section = Section("a section", (*warnings_of("some", warnings), *metrics), tuple(tables), text="one\ntwo")
+    section = Section("a section", tuple(metrics), tuple(tables), text="one\ntwo")
+    section.warn("some", *warnings)
     return as_html(Report(title, "a lead", (section,)), animation)

@@ -88,13 +88,3 @@ def test_texts_cannot_become_elements(animation):
     assert "<script>alert" not in text
     assert read(text)["stages"][0]["bodies"][0]["name"] == evil
     assert len(Page(text).scripts) == 2
-
-
-def test_panels_are_the_semi_axes_of_the_ellipsoids():
-    points = np.stack([np.diag([4.0, 1.0, 9.0]), np.diag([4.0, 0.0, 9.0])])
-    panels = semi_axis_panels({"target": points, "achieved": points}, "m/s")
-    axes = np.stack([panel.lines[0].values for panel in panels], axis=1)
-    np.testing.assert_allclose(axes, [[3, 2, 1], [3, 2, 0]], atol=1e-12)
-    assert [line.wide for line in panels[0].lines] == [True, False]
-    flat = semi_axis_panels({"person": points[:, :2, :2]}, "m/s")
-    assert [panel.title for panel in flat] == ["Longest semi-axis", "Shortest semi-axis"]

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from maniport.report.page.animation import animation_of
-from maniport.report.scene_file import write_scene
+from maniport.report.page.content import write_scene
 
 
 def test_the_recording_has_the_content_of_the_page(alone, tmp_path):

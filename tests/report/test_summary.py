@@ -31,8 +31,9 @@ def complete(result, changed):
     n, arm = len(result.time), result.arm
     tracked = {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "status": ("followed",) * n,
                "achieved": arm.motion.target}  # fmt: skip
-    fit = replace(arm.fit, observable=np.ones_like(arm.fit.observable), quality_warnings=())
-    return replace(changed(result, {"fit": fit, "gap": np.zeros(n)}, **tracked), warnings=(), config=Config())
+    fit = replace(arm.fit, unobservable={}, quality_warnings=())
+    config = Config().changed(recording=("ladder",))
+    return replace(changed(result, {"fit": fit, "gap": np.zeros(n)}, **tracked), warnings=(), config=config)
 
 
 def test_the_status_is_the_worst_of_all_metrics(complete, changed):
@@ -95,13 +96,11 @@ def test_the_advice_suits_a_missed_path(result, changed):
         ("--place", 0.005, None),
     ):
         missed = {"distance": np.zeros(n), "position_error": np.full(n, 0.05), "position_tolerance": tolerance}
-        config = Config().changed(speed_scale=0.5, orientation="demonstrated")
+        config = Config().changed(speed_scale=0.5, recording=("ladder",))
         report = report_of(replace(changed(result, {"placement": own}, **missed), config=config))
         assert words in report.command
         assert report.outcome.startswith("Position not tracked; ellipsoids tracked")
-        command = shlex.split(report.command)
-        for name, value in (("--config", "{folder}/run.yaml"), ("--orientation", "free")):  # a profile has no hand
-            assert command[command.index(name) + 1] == value
+        assert shlex.split(report.command)[:4] == ["maniport", "transfer", "--config", "{folder}/run.yaml"]
 
 
 def test_all_renderings_have_the_same_sentences(result, changed):
@@ -151,7 +150,7 @@ def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
 
 def test_statistics_are_median_percentile_and_maximum():
     metric = statistics("Error", "error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5], "mm")
-    assert metric.text == "2.50 mm (median), 3.85 mm (95th percentile), 4.00 mm (max at 0.5 s)"
+    assert metric.text == "median 2.50, 95th percentile 3.85, max 4.00 at 0.5 s"
     assert metric.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
     assert statistics("Error", "error", [1.0, 4.0]).value["max_at"] == 1
 

@@ -1,6 +1,7 @@
-"""Kernels against NumPy, on any number of threads."""
+"""Kernels against NumPy, on any number of threads; the search for neighbors against brute force."""
 
 import threading
+import warnings
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import linalg
 
 from maniport import spd
+from maniport.errors import NotSPDError
 from maniport.spd import kernels
+from maniport.spd.affine_invariant import nearest
 from maniport.spd.kernels import eigh
 
 sizes = pytest.mark.parametrize("d", [2, 3, 6, 11, 12])
@@ -68,6 +71,16 @@ def test_concurrent_callers_do_not_disturb_each_other(random_spd):
     assert all(np.array_equal(means[i], expected) for i in range(4))
 
 
+def test_one_matrix_serves_a_batch(random_spd):
+    x, y = random_spd(np.random.default_rng(2), (2, 5), 3)
+    for function, first, other in (
+        (kernels.congruence, x, y), (kernels.distances, x, y), (kernels.compose, x[:, 0], y), (spd.distance, x, y),
+        (lambda t, y: spd.geodesic(y, x[0], t), np.linspace(0.0, 1.0, 5), y),
+    ):  # fmt: skip
+        assert_array_equal(function(first, other[0]), [function(a, other[0]) for a in first])
+        assert_array_equal(function(first[0], other), [function(first[0], b) for b in other])
+
+
 @sizes
 def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
     rng = np.random.default_rng(4)
@@ -78,3 +91,23 @@ def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
     ):  # fmt: skip
         assert_allclose(result, expected, rtol=1e-11, atol=1e-10)
         assert_array_equal(result, result.T)
+
+
+@pytest.mark.parametrize("d", [2, 3, 6])
+@pytest.mark.parametrize("condition", [10.0, 1e4, 1e6])
+@pytest.mark.parametrize(("n", "m"), [(30, 1), (30, 5), (20, 200), (0, 5)])
+def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
+    rng = np.random.default_rng(d)
+    tilt = np.diag(np.geomspace(1.0, condition**0.25, d))
+    queries, points = random_spd(rng, (n,), d, condition), tilt @ random_spd(rng, (m,), d, condition) @ tilt
+    every = spd.distance(queries[:, None], points[None])
+    index, distance = nearest(queries, points)
+    assert_allclose(distance, every.min(axis=1), rtol=1e-10 * condition)
+    assert_allclose(every[np.arange(n), index], every.min(axis=1), rtol=1e-10 * condition)
+
+
+def test_points_too_ill_conditioned_for_a_search_are_refused(random_spd):
+    rng = np.random.default_rng(0)
+    queries, points = random_spd(rng, (500,), 3, 5e12), random_spd(rng, (1,), 3, 5e12)
+    with warnings.catch_warnings(action="error"), pytest.raises(NotSPDError, match="too ill-conditioned together"):
+        nearest(queries, points)

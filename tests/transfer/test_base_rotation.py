@@ -9,8 +9,7 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
 from maniport.motion import FeasibleProjector, SeedBank
-from maniport.report import as_markdown
-from maniport.report.transfer import adapter_report
+from maniport.report import as_markdown, report_of
 from maniport.spd.kernels import congruence
 from maniport.transfer import METHODS, method_of
 
@@ -36,7 +35,7 @@ def test_the_report_tells_an_unknown_base_rotation_from_none(turn, text, random_
     """Equal frames are stated as such; only a rotation that was not specified is unknown."""
     rng = np.random.default_rng(0)
     adapter = mp.ParallelTransport(base_rotation=turn).fit(random_spd(rng, 20, 3), random_spd(rng, 25, 3))
-    assert f"Base rotation: {text}" in as_markdown(adapter_report(adapter))
+    assert f"Base rotation: {text}" in as_markdown(report_of(adapter))
 
 
 def test_a_method_is_found_by_name_or_taken_as_it_is():

@@ -25,35 +25,32 @@ def domains(arms):
 
 @pytest.fixture(scope="session")
 def place():
-    point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "pointwise_best": np.zeros(1), "spec": VELOCITY}
-    point |= {"planned_distance": np.zeros(1)}
-    point |= {"position_error": np.zeros(1), "joint_positions": np.zeros((1, 7))}
-    point |= {
-        "scale": 0.5,
-        "yaw": 0.0,
-        "tilt": 0.0,
-        "heading": 0.0,
-        "base_orientation": np.eye(3),
-        "map_rotation": np.eye(3),
-    }
-    return Placement(**point, offset=np.array([0.4, 0.0, 0.4]), center=np.zeros(3))
+    zeros, turn = np.zeros(1), np.eye(3)
+    return Placement(
+        path=np.zeros((1, 3)), profile=turn[None], pointwise_best=zeros, spec=VELOCITY, planned_distance=zeros,
+        position_error=zeros, joint_positions=np.zeros((1, 7)), scale=0.5, yaw=0.0,
+        tilt=0.0, heading=0.0, base_orientation=turn, map_rotation=turn, offset=np.array([0.4, 0.0, 0.4]),
+        center=np.zeros(3),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")
 def make_state(arms, domains, place):
     first = Maps(*domains)
-    fitted = {(name, np.eye(3).tobytes()): first.fit(name, np.eye(3)) for name in first.names}
+    for name in first.names:
+        first.get(name, np.eye(3))
+    for fit in first.fits.values():
+        fit.result(60.0)
     bank = SeedBank(arms[1], 2048, 0)
 
     def make(maps=None, recorded=False):
         playback = None
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
-            playback = Playback(np.linspace(3.0, 5.0, 5), path)
+            playback = Playback(np.linspace(0.0, 2.0, 5), path)
         if maps is None:
             maps = Maps(*domains)
-            maps._fitted |= fitted
-            maps._last = next(iter(fitted.values()))
+            maps.fits |= first.fits
         state = ViewState(arms[1], [Side(*arms, maps, bank)], playback)
         state.places = Future()
         state.places.set_result([place])

@@ -11,9 +11,10 @@ from maniport.domain import sample_domain
 from maniport.errors import ManiportError
 from maniport.motion import SeedBank
 from maniport.pipeline.config import Config
-from maniport.viewer import prepare
-from maniport.viewer.scene import find_surfaces
-from maniport.viewer.state import LOADED, Command, Maps, Playback, Side, ViewState, in_background
+from maniport.report.page.animation import surfaces_of
+from maniport.util.process import in_background
+from maniport.viewer import state as states
+from maniport.viewer.state import LOADED, Command, Maps, Side, ViewState, prepare
 from real_robots import NEEDS_ROBOTS
 from sizes import little_search
 
@@ -34,7 +35,7 @@ def test_every_method_can_be_chosen(make_state):
     for name in state.methods:
         frame = advance(state, name)
         targets[name] = frame.target.ellipsoid
-        assert state.robot.within_limits(frame.student_joints)
+        assert state.robot.within_limits(frame.joints)
         assert np.isfinite(frame.distance)
         assert frame.position_error is None
     assert targets["identity"] == pytest.approx(state.sides[0].teacher.manipulability(POSE), abs=1e-6)
@@ -43,20 +44,20 @@ def test_every_method_can_be_chosen(make_state):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
     rotation = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
     advance(state, METHOD, base_rotation=rotation)
-    state.sides[0].maps._fit[1].result(60.0)
+    list(state.sides[0].maps.fits.values())[-1].result(60.0)
     assert np.abs(advance(state, METHOD, base_rotation=rotation).target.ellipsoid - targets[METHOD]).max() > 1e-3
 
 
 def test_the_robot_approaches_within_its_speed(make_state):
     state = make_state()
-    before = advance(state, "identity", seconds=0.0).student_joints
+    before = advance(state, "identity", seconds=0.0).joints
     for seconds in (STEP, 10.0):
-        after = advance(state, "identity", POSE + 0.4, seconds).student_joints
+        after = advance(state, "identity", POSE + 0.4, seconds).joints
         assert np.all(np.abs(after - before) <= state.robot.velocity_limits * min(seconds, 0.1) + 1e-9)
         before = after
     distances = [advance(state, joints=POSE + 0.4).distance for _ in range(30)]
     assert distances[-1] < min(distances[0], 0.7)
-    state.jump()
+    state.jump = True
     assert advance(state, joints=POSE + 0.4, seconds=0.0).distance <= distances[-1] + 1e-6
 
 
@@ -70,7 +71,9 @@ def test_the_end_effector_follows_on_request(make_state):
     for _ in range(60):
         frame = advance(state, follow_hand=True)
     assert frame.position_error < 2e-3
-    assert np.linalg.norm(frame.student_skeleton[-1] - frame.target.position) == pytest.approx(frame.position_error)
+    assert np.linalg.norm(state.sides[0].student.forward(frame.joints)[:3, 3] - frame.target.position) == pytest.approx(
+        frame.position_error
+    )
 
 
 def test_an_adapter_file_keeps_its_map(make_state, domains):
@@ -89,21 +92,25 @@ def test_an_adapter_file_keeps_its_map(make_state, domains):
 def test_an_error_of_a_fit_is_raised(make_state, monkeypatch):
     state = make_state()
     maps = state.sides[0].maps
+    advance(state)
     monkeypatch.setattr(maps, "fit", lambda *_: 1 / 0)
-    advance(state, base_rotation=-np.eye(3))
+
+    def follow_until_the_fit_ends():
+        for _ in range(2):
+            advance(state, base_rotation=-np.eye(3))
+            list(maps.fits.values())[-1].exception(60.0)
+
     with pytest.raises(ZeroDivisionError):
-        maps._fit[1].result(60.0)
-    with pytest.raises(ZeroDivisionError):
-        advance(state, base_rotation=-np.eye(3))
+        follow_until_the_fit_ends()
 
 
 def test_the_view_begins_before_the_method_is_fitted(monkeypatch):
     gate, fit = threading.Event(), Maps.fit
     monkeypatch.setattr(Maps, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args))
     for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
-        monkeypatch.setattr(prepare, name, size)
+        monkeypatch.setattr(states, name, size)
     with little_search():
-        state, method, rotation = prepare.prepare(Config().changed(person="rhuman"))
+        state, method, rotation = prepare(Config().changed(person="rhuman"))
         try:
             assert method == "length-field"
             frame = advance(state, method, base_rotation=rotation, follow_hand=True)
@@ -111,18 +118,7 @@ def test_the_view_begins_before_the_method_is_fitted(monkeypatch):
         finally:
             gate.set()
         assert state.places.result(60.0)[0].scale > 0
-        state.sides[0].maps._fit[1].result(60.0)
-
-
-def test_a_recording_plays_in_a_loop():
-    player = Playback(np.array([1.0, 2.0, 4.0]), np.array([[0.0, 1.0], [1.0, 1.0], [3.0, -1.0]]))
-    assert player.duration == 3.0
-    player.advance(2.0)
-    assert player.joints() == pytest.approx([2.0, 0.0])
-    player.advance(1.5)
-    assert player.position == pytest.approx(0.5)
-    player.seek(99.0)
-    assert player.joints() == pytest.approx([3.0, -1.0])
+        list(state.sides[0].maps.fits.values())[-1].result(60.0)
 
 
 @pytest.fixture(scope="module")
@@ -145,13 +141,13 @@ def test_both_arms_move_as_each_alone(pandas):
         for frame, state in zip(both, alone, strict=True):
             expected = advance(state, METHOD, joints, 1.0 / 60.0)
             np.testing.assert_array_equal(frame.target.ellipsoid, expected.target.ellipsoid)
-            np.testing.assert_allclose(frame.student_joints, expected.student_joints, atol=1e-5)
+            np.testing.assert_allclose(frame.joints, expected.joints, atol=1e-5)
     with little_search():
         maps = [side.maps.get(METHOD, np.eye(3)) for side in pair.sides]
         pair.places = in_background(pair.find_places, [side.teacher.sample(4, 0) for side in pair.sides], maps)
         scales = [place.scale for place in pair.places.result()]
     left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
-    hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]
+    hands = [side.teacher.skeleton(POSE)[-1] + side.base for side in pair.sides]
     distance = np.linalg.norm(right.target.position - left.target.position)
     assert distance == pytest.approx(scales[0] * np.linalg.norm(hands[1] - hands[0]))
     assert scales[0] == scales[1]
@@ -165,9 +161,9 @@ def test_a_shared_torso_is_in_one_place():
     first = pair.frames(both, 0.0)
     for _ in range(12):
         later = pair.frames(both, 0.1)
-    humanoid.require_within_limits(humanoid.joined(*(frame.student_joints for frame in later)), "q")
+    humanoid.require_within_limits(humanoid.joined(*(frame.joints for frame in later)), "q")
     assert sum(frame.distance for frame in later) < sum(frame.distance for frame in first)
-    (left, right), reason = find_surfaces(humanoid)
+    (left, right), reason = surfaces_of(humanoid.arms, [frame.joints for frame in later])
     if not reason:
         assert 0 < len(right) < len(humanoid.arms[1].surfaces())
         assert min(surface.joint for surface in right) >= humanoid.common[0, 1]
@@ -182,4 +178,4 @@ def test_a_shared_torso_is_in_one_place():
 ])  # fmt: skip
 def test_options_that_make_no_pair_are_errors(options, files, word):
     with pytest.raises(ManiportError, match=word):
-        prepare.prepare(Config().changed(**options), **files)
+        prepare(Config().changed(**options), **files)

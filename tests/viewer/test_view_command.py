@@ -12,13 +12,13 @@ pytest.importorskip("viser")
 ENDLESS = """
 import threading
 from maniport import __main__ as entry_point
-from maniport.viewer import prepare
+from maniport.viewer import state
 from maniport.viewer.state import Maps, ViewState
-prepare.TEACHER_SAMPLES, prepare.STUDENT_SAMPLES, prepare.BANK_SIZE = 128, 256, 512
+state.TEACHER_SAMPLES, state.STUDENT_SAMPLES, state.BANK_SIZE = 128, 256, 512
 ViewState.find_places = lambda *args: None
 fit = Maps.fit
 def endless(self, name, base_rotation):
-    if name != prepare.AT_ONCE:
+    if name != state.AT_ONCE:
         print("fitting", flush=True)
         threading.Event().wait()
     return fit(self, name, base_rotation)

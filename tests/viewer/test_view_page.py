@@ -15,7 +15,7 @@ from maniport.arms import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
 from maniport.live import LiveArm, LiveState
 from maniport.viewer.scene import camera_for
-from maniport.viewer.server import LiveView, Onlooker, require_free
+from maniport.viewer.server import LiveView, Onlooker, Panel, require_free
 
 viser = pytest.importorskip("viser")
 msgspec, zstandard, client, errors = map(  # viser's own
@@ -107,13 +107,8 @@ def test_controls_become_commands(make_view):
     ):  # fmt: skip
         panel._preset.value = name
         assert pytest.approx(base) == panel.read(0.0).base_rotation.T @ [0, 0, 1]
-
-
-def test_a_base_orientation_of_the_user_can_be_chosen(make_state):
-    rotation = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
-    view = LiveView(make_state(), "identity", rotation)
-    np.testing.assert_array_equal(view._panel.read(0.0).base_rotation, rotation)
-    view.stop()
+    own = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
+    np.testing.assert_array_equal(Panel(view._server.gui, view.state, "identity", own).read(0.0).base_rotation, own)
 
 
 @pytest.mark.parametrize("error", [FileFormatError("a mesh is missing: 'hand.dae'"), KeyboardInterrupt()])
@@ -145,7 +140,7 @@ def test_frames_arrive_whole_and_meshes_once(make_view, running):
     corners = len(view.state.sides[0].teacher.skeleton(np.zeros(7)))
     moves = f"/person/arm/{corners - 1}", "/robot/surface/7", "/person/ellipsoid", "/robot/target", "/robot/achieved"
     shapes = [name for window in windows for name, kind in window if kind == "MeshMessage"]
-    assert len(shapes) == len(set(shapes)) == len(view.state.robot.surfaces())
+    assert len(shapes) == len(set(shapes)) == len(view.state.robot.arms[0].surfaces())
     for frame in moving(windows)[1:]:
         assert {(name, "SetPositionMessage") for name in moves} <= set(frame)
 

@@ -147,8 +147,8 @@ def view(
 ) -> None:
     """Open an interactive 3D view in the browser; Ctrl-C ends it."""
     from maniport.util.optional import viser
-    from maniport.viewer.prepare import prepare
     from maniport.viewer.server import LiveView, require_free
+    from maniport.viewer.state import prepare
 
     viser()  # a missing package is reported before any long work
     require_free(port)

@@ -2,10 +2,10 @@
 
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_ik import fit_arm, fit_arms
+from maniport.mocap.directions import synthetic_recording
 from maniport.mocap.readers import READERS, read_recording, shipped_recording
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import MARKER_SETS
-from maniport.mocap.synthetic import synthetic_recording
 
 __all__ = [
     "MARKER_SETS",

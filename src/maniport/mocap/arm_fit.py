@@ -32,9 +32,9 @@ class ArmFit(NotebookDisplay):
     frames : ndarray, shape (n,)
         Their indices in the recording.
     residuals : dict of str to ndarray, shape (n,)
-        For ``"upper arm"``, ``"forearm"`` and, where it is recorded, ``"hand"``, the angle between the arm's segment
-        and the recorded one [degrees]. Where markers of a joint axis are recorded, also the rotation of a segment about
-        its own axis (``"forearm about its axis"``) from the arm's joint axis to them; nan where they are missing.
+        For each segment that is recorded (``"upper arm"``, ``"forearm"``, ``"hand"``) the angle between it and that of
+        the arm [degrees]. For markers of a joint axis the rotation of a segment about its own axis (``"forearm about
+        its axis"``) from the arm's joint axis to them; nan where they are missing.
     observable_share : ndarray, shape (dof,)
         Share of the frames in which the recorded points determine the joint.
     unobservable : dict of str to str

@@ -11,8 +11,8 @@ with κ = 1 / (2π f)². A motion that the residual sees with sensitivity σ (|�
 f √σ: what is measured well is hardly changed, and what a frame leaves open (a straight elbow leaves the rotation of the
 upper arm open) is carried over from the frames before and after instead of drifting or jumping.
 
-Coupling fades within seconds. So a long path is solved in blocks, each to its own end, and then the frames around each
-cut once more between fixed neighbors: memory does not grow, and no joint steps at a cut.
+Coupling fades within seconds. So a long path is solved in blocks, which bounds the memory, and then the frames around
+each cut once more between fixed neighbors.
 """
 
 from collections.abc import Callable, Collection
@@ -52,9 +52,8 @@ class JointPriors:
 def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
     """Return the priors of the joints of an arm with recorded points of these roles.
 
-    Motion that is fully observed is followed up to 30 Hz; arms move below 10 Hz, and directions of little weight, such
-    as the hand's, are followed up to about half of the cutoff. Unobservable joints move below 10 Hz, or are pulled to
-    neutral: in proportion to the inverse of their range, so that all use about the same part of it.
+    Motion that is fully observed is followed up to 30 Hz; arms move below 10 Hz, but directions of little weight are
+    followed up to about half of the cutoff. Unobservable joints are pulled to neutral with the inverse of their range.
     """
     neutral = np.clip(0.0, arm.lower, arm.upper)
     lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
@@ -101,10 +100,7 @@ def nearest_samples(targets: Array, samples: Array, count: int = 6) -> NDArray[n
 
 
 def _initial_path(directions: Directions, time: Array, usual: float, joined: Bools) -> Array:
-    """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between.
-
-    Key frames are about `KEY_RATE` a second, the first and the last, and both sides of every gap.
-    """
+    """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between."""
     every, gaps = max(1, round(1 / (KEY_RATE * usual))), np.flatnonzero(~joined)
     keys = np.unique(np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(np.intp))
     samples, modeled = sample_directions(directions)

@@ -95,8 +95,7 @@ def without_outliers(recording: Recording) -> Recording:
 def _outliers(track: Array, step: float, longest: float = 0.1, acceleration: float = 100.0) -> Bools:
     """Mark runs up to `longest` seconds that are far from the line between the frames around them, track (n, 3).
 
-    Far is farther than `MIN_JUMP`, and than an `acceleration` [m/s²] would move it away and back; wrists that throw
-    reach it. At most 100 frames are compared, at any frame rate.
+    Far is farther than `MIN_JUMP`, and than an `acceleration` [m/s²], that of throws, would move it away and back.
     """
     track, lost = track.copy(), np.zeros(len(track), dtype=np.bool_)
     for count in range(1, min(int(longest / step + 1e-9), 100, len(track) - 2) + 1):
@@ -135,9 +134,8 @@ def _changed(recording: Recording, positions: Array, notes: list[str], warnings:
 def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.004) -> Recording:
     """Smooth the noisy points, or only report them, in `quality_warnings`.
 
-    Points are noisy from `large_noise` in one direction [m]: optical systems have 0.0001 to 0.001, skeletons of people
-    who climb and jump 0.002, keypoints of video 0.005 to 0.02. Below 20 frames per second motion is not distinct from
-    noise, and runs of less than 12 frames are kept.
+    Noise in one direction [m] of optical systems is 0.0001 to 0.001, of people who climb and jump 0.002, of video 0.005
+    to 0.02. Below 20 frames per second motion is not distinct from noise.
     """
     rate, positions, cutoffs = recording.rate, recording.positions.copy(), []
     # Cutoff frequencies, at which half the amplitude is left [Hz]; of lower ones rounding moves points by millimeters.

@@ -15,11 +15,11 @@ from maniport.util.validation import Array
 
 MEASUREMENT_ERROR = np.radians(1.0)  # Of a direction of weight one [rad], assumed; less weight means more error
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
-FASTEST_JOINT = 1500.0
-"""A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
-reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32, 1999)."""
-
 AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
+
+# A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
+# reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32, 1999).
+FASTEST_JOINT = 1500.0
 
 
 def unobservable_joints(roles: Collection[str]) -> dict[int, str]:
@@ -32,8 +32,7 @@ def unobservable_joints(roles: Collection[str]) -> dict[int, str]:
 def observability(directions: Directions, roles: Collection[str], q: Array) -> tuple[Array, dict[str, str], Array]:
     """Return the share of frames with each joint observable, why joints are not, and excesses over limits [rad].
 
-    A joint is observable in frames in which the standard deviation of its error is at most 20°. The excess estimates by
-    how much a saturated joint would exceed its limit in a fit without limits.
+    A joint is observable in frames in which the standard deviation of its error is at most 20°.
     """
     arm, errors, excesses = directions.arm, [], []
     for part in np.array_split(np.arange(len(q)), -(-len(q) // BLOCK)):

@@ -1,4 +1,4 @@
-"""Observation of one arm: cleaned points, and directions of segments and joint axes, to which an arm is fitted.
+"""Directions of segments and joint axes, to which an arm is fitted: of a recording, and of a synthetic one.
 
 Only directions are compared, never positions: the position of the shoulder in the trunk is not measured, and the
 recorded segment lengths change with the skin. The residual of a segment is ``u(q) - u``, a difference of unit vectors;
@@ -10,24 +10,23 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import Arm
-from maniport.arms.human import JOINTS, LONGEST_SEGMENT
+from maniport.arms.chain import RIGHT
+from maniport.arms.human import JOINTS, LONGEST_SEGMENT, middle_of
 from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.recording import Bools, Recording, runs_of
 from maniport.mocap.roles import POINTS, Roles, direction, find_side, points_of, role_position, trunk_rotation, unit
-from maniport.util.validation import Array
+from maniport.util.validation import Array, as_finite, as_times, require_shape
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
 """Frames of the arm between which each segment runs; the roles of the recording have the same names."""
 
-BLOCK = 4096  # The most frames that are computed at once
-
 SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
-
+BLOCK = 4096  # The most frames that are computed at once
 ELBOW, TURN, DEVIATION, FLEXION = map(JOINTS.index, ("elbow_flexion", "pro_sup", "deviation", "flexion"))
 
 AXES = {"elbow_axis": (ELBOW, "upper arm"), "wrist_axis": (FLEXION, "forearm")}
@@ -42,6 +41,14 @@ WEIGHTS = {"upper arm": 1.0, "forearm": 1.0, "hand": 0.2, "elbow_axis": 0.1, "wr
 A hand is measured over a fifth of a forearm's length. Markers of a joint are near its axis, not on it. Both
 decide what upper arm and forearm leave open, and do not pull those two aside when the hand exceeds the model's limits.
 """
+
+HALF_WIDTH = 0.03  # Distance of the markers of elbow and wrist from the center of the joint [m]
+
+TRUNK = {
+    "trunk_low": (0.0, 0.0, -0.3), "trunk_high": (0.0, 0.0, 0.1),
+    "trunk_back": (-0.1, 0.0, 0.0), "trunk_front": (0.1, 0.0, 0.0),
+}  # fmt: skip
+"""Points of a trunk at rest [m], from the middle of the neck."""
 
 
 def require_human(arm: Arm) -> None:
@@ -184,3 +191,39 @@ def segment_lengths(used: Recording, roles: Roles) -> dict[str, float]:
                     f"{SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m: check the unit, and that the points differ"
                 )
     return lengths
+
+
+def synthetic_recording(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "synthetic") -> Recording:
+    """Record points named after their roles on a moving human arm, in the trunk frame; `fit_arm` inverts this.
+
+    Parameters
+    ----------
+    arm : Arm
+        A human arm, right or left.
+    joint_angles : array_like, shape (n, 7)
+        [rad].
+    time : array_like, shape (n,)
+        Increasing [s].
+    source : str
+        Name of the recording.
+
+    Raises
+    ------
+    InvalidInputError
+        When the arm is not a human one, or shapes do not agree.
+    """
+    require_human(arm)
+    times, q = as_times(time), as_finite(joint_angles, "joint_angles")
+    require_shape(q, "joint_angles", (len(times), arm.dof), ", as many as times")
+    points: dict[str, Array] = dict(zip(POINTS, np.moveaxis(arm.point_positions(q, POINTS), 1, 0), strict=True))
+    straight = q.copy()
+    straight[:, TURN + 1 : FLEXION] = 0.0  # markers of the wrist are on the forearm: deviation does not move them
+    for joints, index, middle, low, high in (
+        (q, ELBOW, "elbow", "elbow_medial", "elbow_lateral"),
+        (straight, FLEXION, "wrist", "wrist_ulnar", "wrist_radial"),
+    ):
+        axis = MARKED[arm.side or RIGHT] * HALF_WIDTH * arm.axis_direction(joints, arm.joint_names[index])
+        points[low], points[high] = points[middle] - axis, points[middle] + axis
+    neck = np.array([0.0, middle_of(arm), 0.0])
+    points |= {name: np.tile(neck + point, (len(q), 1)) for name, point in TRUNK.items()}
+    return Recording(tuple(points), np.stack(list(points.values()), axis=1), times, source)

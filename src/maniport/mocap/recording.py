@@ -17,7 +17,6 @@ from maniport.util.validation import Array, as_number, as_times, require_shape
 Bools = NDArray[np.bool_]
 
 MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
-
 LONGEST_GAP = 0.2  # Length of gaps that are interpolated [s]; within it a hand hardly changes its speed
 
 

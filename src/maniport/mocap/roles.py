@@ -24,22 +24,18 @@ Markers = Mapping[str, Any] | None  # Points that a user assigns to roles
 
 POINTS = ("shoulder", "elbow", "wrist", "hand")  # Roles of a point, or of the mean of several
 
-DIRECTIONS = {
+DIRECTIONS = {  # Roles of a pair of such points, and from which to which
     "elbow_axis": "medial to lateral",
     "wrist_axis": "ulnar to radial",
     "trunk_up": "low to high",
     "trunk_front": "back to front",
     "trunk_left": "right to left",
 }
-"""Roles of a pair of such points, and from which to which."""
-
 ROLES = (*POINTS, *DIRECTIONS)
-ARM = ("shoulder", "elbow", "wrist")  # Roles that make an arm
-
+ARM = POINTS[:3]  # Roles that make an arm
 TRUNK = ("trunk_up", "trunk_front", "trunk_left")
 
 SHORTEST = 1e-4  # Shortest vector that has a direction [m]
-
 END = "EndSite"  # Prefix of the ends of chains in BVH files, before the name of the joint
 
 

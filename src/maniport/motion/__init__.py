@@ -13,7 +13,6 @@ from maniport.motion.placement.placement import Place, Placement
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
-from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import Cost
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search import SeedBank
@@ -40,7 +39,6 @@ __all__ = [
     "nearest_feasible",
     "place_path",
     "plan_motion",
-    "retime",
     "robot_model",
     "track",
 ]

@@ -2,14 +2,13 @@
 
 import json
 import sys
+import textwrap
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console as RichConsole
-from rich.table import Table
-from rich.text import Text
 
 from maniport.errors import ManiportWarning, printable
 from maniport.report.renderings import as_markdown, as_numbers, as_terminal, plain
@@ -42,17 +41,7 @@ def progress() -> Iterator[Progress]:
 
 
 class Console:
-    """Results on standard output, progress on standard error.
-
-    Parameters
-    ----------
-    as_json : bool
-        Whether results are printed as JSON, without progress.
-    quiet : bool
-        Whether nothing but the result table is printed.
-    verbose : bool
-        Whether the complete report is printed instead of its summary.
-    """
+    """Results on standard output: as JSON, as a table if `quiet`, complete if `verbose`; progress on standard error."""
 
     def __init__(self, as_json: bool = False, quiet: bool = False, verbose: bool = False):
         self.as_json, self.quiet, self.verbose = as_json, quiet, verbose
@@ -130,16 +119,9 @@ def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progre
 
 
 def _print_line(console: RichConsole, mark: str, text: str, name: str = "") -> None:
-    """Print a line, in one piece in a pipe; on a terminal words are wrapped in their column."""
-    text, name = printable(text), printable(name)
-    name += " " if text and name else ""
-    if not console.file.isatty():
-        start = f"{name:<{NAME_WIDTH}}" if name else ""
-        console.print(f"{mark}{start}{text}", markup=False)
-        return
-    grid = Table.grid(padding=0)
-    if name:
-        grid.add_column(width=len(mark))
-        grid.add_column(min_width=min(NAME_WIDTH, console.width // 3))
-    grid.add_row(*([mark] if mark else []), *([Text(name)] if name else []), Text(text))
-    console.print(grid, soft_wrap=False)
+    """Print a line, in one piece in a pipe; on a terminal words are wrapped."""
+    name = f"{printable(name):<{NAME_WIDTH - 1}} " if name and text else printable(name)
+    line = f"{mark}{name}{printable(text)}"
+    if console.file.isatty():
+        line = "\n".join(textwrap.wrap(line, console.width, subsequent_indent=" " * len(mark), break_on_hyphens=False))
+    console.print(line, markup=False)

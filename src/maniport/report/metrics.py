@@ -6,7 +6,7 @@ a batch render the same `Report`.
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
 
@@ -20,19 +20,8 @@ from maniport.motion.motion_limits import DERIVATIVES, TORQUES, MotionLimits
 from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
-from maniport.report.robot import assumed_limits, collision_warnings
-from maniport.report.values import (
-    ERROR,
-    WARNING,
-    Metric,
-    Report,
-    Section,
-    at_time,
-    describe,
-    listed,
-    statistics,
-    warning,
-)
+from maniport.report.robot import warn_of_collisions, warn_of_limits
+from maniport.report.values import ERROR, WARNING, Report, Section, at_time, describe, listed, statistics
 from maniport.util.validation import Array
 
 
@@ -67,26 +56,17 @@ METRICS = {
     "duration": Definition(
         "Duration", "Time-scaled to satisfy the limits; other times are demonstrated.", "s", main=True,
         text="{robot:.1f} s (human {person:.1f} s)"),
-    **{
-        key: Definition(
-            label, description, main=key == "limits", text="{_text}",
-            level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
-            warning_key=f"{key}-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}")
-        for key, label, description in (
-            ("limits", "Limits", "Largest value relative to the limit."),
-            ("torques", "Torques", "Largest value relative to the limit, by inverse dynamics."),
-        )
-    },
+    **{key: Definition(
+        key.capitalize(), f"Largest value relative to the limit{remark}.", main=key == "limits", text="{_text}",
+        level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
+        warning_key=f"{key}-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}")
+       for key, remark in (("limits", ""), ("torques", ", by inverse dynamics"))},
     "collisions": Definition(
         "Collisions", "Between convex hulls of links, table and obstacles.", main=True, text="{_text}",
         level=itemgetter("share"), warn_above=0.0, severity=ERROR, warning_key="collision",
         warning="the robot collides {_when}: {_pair}"),
-    **{
-        key: Definition(
-            label, "Median along the direction of the person's largest value.", unit,
-            main=True, text="{_text}")
-        for key, label, unit in (("force", "Force", "N"), ("velocity", "Speed", "m/s"))
-    },
+    **{key: Definition(label, "Median along the direction of the person's largest value.", unit, text="{_text}")
+       for key, label, unit in (("force", "Force", "N"), ("velocity", "Speed", "m/s"))},
     "mean_distance": Definition(
         "Mean distance", "Infeasible: distance to the feasible set. Path: added by the path constraint. "
         "Motion: added by limits.", main=True, text="{_text}"),
@@ -116,24 +96,23 @@ METRICS = {
 """Metrics of a robot's motion by key, in the order in which they are reported."""
 
 
-def measure(key: str, values: Any = None, time: ArrayLike | None = None, **entries: Any) -> list[Metric]:
-    """Return a registered metric, after the warning that it gives.
+def measure(section: Section, key: str, values: Any = None, time: ArrayLike | None = None, **entries: Any) -> None:
+    """Add a registered metric to a section, after the warning that it gives.
 
     `values` are a number, or one for each waypoint at times [s]; `entries` of the value with a leading underscore are
     for the texts alone, and not in JSON.
     """
     definition, value = METRICS[key], {name: item for name, item in entries.items() if name[0] != "_"}
     if definition.text:
-        number = () if values is None else (values,)
-        text, value = definition.text.format(*number, **entries), value if values is None else values
+        text, value = definition.text.format(values, **entries), value if values is None else values
     else:
         measured = statistics(definition.label, key, values, time, definition.unit)
         text, value = measured.text, measured.value | value
     words = (value if isinstance(value, dict) else {}) | entries
-    metric = Metric(definition.label, text, definition.description, key, value, definition.unit, main=definition.main)
-    if not definition.warning or definition.level(words) <= definition.warn_above:
-        return [metric]
-    return [warning(definition.warning_key, definition.warning.format(**words), definition.severity), metric]
+    if definition.warning and definition.level(words) > definition.warn_above:
+        section.warn(definition.warning_key, definition.warning.format(**words), severity=definition.severity)
+    main = entries.get("_main", definition.main)
+    section.add(definition.label, key, value, text, definition.description, unit=definition.unit, main=main)
 
 
 @describe.register
@@ -150,141 +129,136 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
 
     What concerns the trajectory of several arms together is in `group_section`.
     """
-    metrics = measure("distance", motion.distance, time)
+    section = Section("Robot motion", key="motion")
+    measure(section, "distance", motion.distance, time)
     if (error := motion.position_error) is not None:
-        share = float(np.mean(error > FAR * motion.position_tolerance))
-        tolerance = 1e3 * motion.position_tolerance
-        metrics += measure("position_error", 1e3 * error, time, tolerance=tolerance, far_share=share)
+        share, tolerance = float(np.mean(error > FAR * motion.position_tolerance)), 1e3 * motion.position_tolerance
+        measure(section, "position_error", 1e3 * error, time, tolerance=tolerance, far_share=share)
     if motion.orientation_error is not None:
-        metrics += measure("orientation_error", np.degrees(motion.orientation_error), time)
+        measure(section, "orientation_error", np.degrees(motion.orientation_error), time)
     if alone:
-        metrics += _of_trajectory(motion, motion.limits, motion.clearance, motion.demonstrated_time, time)
-    by_speed = result is not None and result.spec.kind == "velocity"
-    metrics += [item for own in getattr(result, "capabilities", ()) for item in _of_capability(own, by_speed)]
-    if result is not None and result.gap is not None:
-        parts = result.mean_distance
-        written = dict(parts)
-        if motion.path is None:
-            written = {"infeasible": parts["infeasible"] + parts["path"], "motion": parts["motion"]}
-        whole, texts = rounded_sum(list(written.values()))
-        text = f"{whole} = {' + '.join(f'{name} {value}' for name, value in zip(written, texts, strict=True))}"
-        metrics += measure("mean_distance", mean=float(np.mean(motion.distance)), **parts, _text=text)
+        _add_trajectory(section, motion, motion.limits, motion.clearance, motion.demonstrated_time, time)
+    gap = None
+    if result is not None:
+        gap = result.gap
+        for own in getattr(result, "capabilities", ()):
+            _add_capability(section, own, main=(own.kind == "velocity") == (result.spec.kind == "velocity"))
+        if gap is not None:
+            parts = result.mean_distance
+            written = dict(parts)
+            if motion.path is None:
+                written["infeasible"] += written.pop("path")
+            whole, texts = rounded_sum(list(written.values()))
+            text = f"{whole} = {' + '.join(f'{name} {value}' for name, value in zip(written, texts, strict=True))}"
+            measure(section, "mean_distance", mean=float(np.mean(motion.distance)), **parts, _text=text)
     count = Counter(motion.status)
     reasons = {status: number for status, number in count.items() if status not in REACHED}
     missed, total = sum(reasons.values()), len(motion.status)
     numbers = listed(f"{status.removesuffix(' missed')}: {number}" for status, number in reasons.items())
-    metrics += measure("waypoints", count=total, missed=missed, status=dict(count), _reached=total - missed,
-                       _reasons=f" ({numbers})" if reasons else "")  # fmt: skip
-    best = motion.pointwise_best
-    if best is not None and np.median(best) > 0.01:  # of smaller distances the ratio has no meaning
-        metrics += measure("pointwise_ratio", motion.pointwise_ratio)
-    if result is not None and result.gap is not None:
-        metrics += measure("feasibility_gap", result.gap, time)
+    measure(section, "waypoints", count=total, missed=missed, status=dict(count), _reached=total - missed,
+            _reasons=f" ({numbers})" if reasons else "")  # fmt: skip
+    if motion.pointwise_best is not None and np.median(motion.pointwise_best) > 0.01:  # else the ratio has no meaning
+        measure(section, "pointwise_ratio", motion.pointwise_ratio)
+    if gap is not None:
+        measure(section, "feasibility_gap", gap, time)
     angle = np.degrees(motion.major_axis_angle)
     if np.isfinite(angle).any():
-        metrics += measure("major_axis_angle", angle, time)
-    if result is not None and (lowest := result.lowest) is not None:
-        on_table = result.collisions is not None and result.collisions.table is not None
-        height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))
-        metrics += measure("lowest_point", link=lowest.link, height_mm=height, at_s=at,
-                           _depth=0.0 if on_table else -height, _option=argument("table", 0))  # fmt: skip
-    return Section("Robot motion", (*metrics, *_unchecked(motion, result, alone)), key="motion")
-
-
-def _unchecked(motion: ArmMotion, result: ArmResult | None, alone: bool) -> list[Metric]:
-    """Warn of what the solver failed at, and of what is assumed or not checked."""
-    warned = []
+        measure(section, "major_axis_angle", angle, time)
+    unchecked = _add_heights(section, motion, time, result)
     if motion.held.any():
         text = f"the solver failed at {motion.held.sum()} control steps, where the robot was held"
-        warned.append(warning("held", text, ERROR))
+        section.warn("held", text, severity=ERROR)
     pairs = zip(motion.joint_names, motion.velocity_limits, strict=True)
     if free := [name for name, limit in pairs if np.isinf(limit)]:
-        warned.append(warning("unchecked-velocity-limits", f"no velocity limit is available for {listed(free)}"))
-    if result is not None and result.lowest is None:
-        text = "the height above the base plane is unknown: no link has a shape"
-        warned.append(warning("unchecked-floor", text))
+        section.warn("unchecked-velocity-limits", f"no velocity limit is available for {listed(free)}")
     if motion.limits is not None:
-        unchecked = () if result is None or result.collisions is None else result.collisions.unchecked
-        warned += assumed_limits(motion.limits)
-        warned += collision_warnings(motion.clearance, unchecked) if alone else []
+        warn_of_limits(section, motion.limits)
+        if alone:
+            warn_of_collisions(section, motion.clearance, unchecked)
     elif VELOCITY_LIMIT in motion.status:
-        warned.append(warning("too-fast", "the motion is too fast for the robot in places: give it more time"))
-    return warned
+        section.warn("too-fast", "the motion is too fast for the robot in places: give it more time")
+    return section
+
+
+def _add_heights(section: Section, motion: ArmMotion, time: Array, result: ArmResult | None) -> Sequence[str]:
+    """Add the lowest point of a result; return the links that are not checked for collisions."""
+    if result is None:
+        return ()
+    lowest, collisions = result.lowest, result.collisions
+    if lowest is None:
+        section.warn("unchecked-floor", "the height above the base plane is unknown: no link has a shape")
+    else:
+        on_table = collisions is not None and collisions.table is not None
+        height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))
+        measure(section, "lowest_point", link=lowest.link, height_mm=height, at_s=at,
+                _depth=0.0 if on_table else -height, _option=argument("table", 0))  # fmt: skip
+    return () if collisions is None else collisions.unchecked
 
 
 def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = ()) -> Section:
     """Describe what concerns several arms together; `time`: reported times of the waypoints [s]."""
-    metrics = _of_trajectory(motion.trajectory, motion.limits, motion.clearance, time, time)
-    metrics += measure("pointwise_ratio", motion.pointwise_ratio)
+    section = Section("All arms", key="arms")
+    _add_trajectory(section, motion.trajectory, motion.limits, motion.clearance, time, time)
+    measure(section, "pointwise_ratio", motion.pointwise_ratio)
     if motion.relative_error is not None:
-        metrics += measure("relative_position_error", 1e3 * motion.relative_error.max(axis=1), time)
-    return Section("All arms", (*metrics, *collision_warnings(motion.clearance, unchecked)), key="arms")
+        measure(section, "relative_position_error", 1e3 * motion.relative_error.max(axis=1), time)
+    warn_of_collisions(section, motion.clearance, unchecked)
+    return section
 
 
-def _of_trajectory(
-    trajectory: Trajectory, limits: MotionLimits | None, clearance: Clearance, demonstrated: Array | None, time: Array
-) -> list[Metric]:
-    """Return duration, limits and collisions of a planned motion; `time`: reported times of its waypoints [s]."""
-    metrics = []
+def _add_trajectory(
+    section: Section, trajectory: Trajectory, limits: MotionLimits | None, clearance: Clearance,
+    demonstrated: Array | None, time: Array,
+) -> None:  # fmt: skip
+    """Add duration, limits and collisions of a planned motion; `time`: reported times of its waypoints [s]."""
     if demonstrated is not None:
         robot, person = (float(np.ptp(times)) for times in (trajectory.control_time, demonstrated))
-        metrics += measure("duration", robot=robot, person=person)
+        measure(section, "duration", robot=robot, person=person)
     if limits is None:
-        return metrics
-    used = dict[str, dict[str, Any]]()
-    for name, (joint, share, at) in limits.use(trajectory.control_time, trajectory.control_positions).largest.items():
-        used[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
-    torques = {name: used.pop(name) for name in TORQUES if name in used}
-    sources = {name: text for name, text in limits.sources.items() if name in DERIVATIVES}
-    of_torques = {name: text for name, text in limits.sources.items() if name not in DERIVATIVES}
-    for key, shares, texts in (("limits", used, sources), ("torques", torques, of_torques)):
-        exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}{_effort(limits, use['joint'], name)} "
-                    + at_time(use["at_s"]) for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
-        written = {name: use for name, use in shares.items() if name != "position"}  # which cannot be exceeded
-        text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in written.items())
-        if shares:
-            metrics += measure(key, used=shares, sources=texts, _text=text, _exceeded=listed(exceeded))
-    checked = clearance.checked and np.isfinite(clearance.distance)
-    at = np.interp(clearance.time, trajectory.time, time)
+        return
+    largest = limits.use(trajectory.control_time, trajectory.control_positions).largest
+    for key, is_torque in (("limits", False), ("torques", True)):
+        sources = {name: text for name, text in limits.sources.items() if (name not in DERIVATIVES) == is_torque}
+        used: dict[str, dict[str, Any]] = {
+            name: {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
+            for name, (joint, share, at) in largest.items() if (name in TORQUES) == is_torque
+        }  # fmt: skip
+        exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name} limit {at_time(use['at_s'])}"
+                    for name, use in used.items() if use["share"] > 1.001]  # fmt: skip
+        # a position limit cannot be exceeded
+        text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in used.items() if name != "position")
+        if used:
+            measure(section, key, used=used, sources=sources, _text=text, _exceeded=listed(exceeded))
+    at, millimeters = float(np.interp(clearance.time, trajectory.time, time)), None
     pair, when, text = "", "", "none possible" if clearance.checked else "not checked"
-    if checked:
-        pair = f"{' and '.join(clearance.pair)} {at_time(float(at))}"
+    if clearance.checked and np.isfinite(clearance.distance):
+        millimeters, pair = 1e3 * clearance.distance, f"{' and '.join(clearance.pair)} {at_time(at)}"
         when = f"in {100 * clearance.share:.1f} % of the time" if clearance.share else ""
-        text = f"{when or 'none'}; clearance {1e3 * clearance.distance:.0f} mm ({pair})"
-    return metrics + measure(
-        "collisions", checked=clearance.checked, share=clearance.share, at_s=float(at), pair=clearance.pair,
-        clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair, _when=when,
+        text = f"{when or 'none'}; clearance {millimeters:.0f} mm ({pair})"
+    measure(
+        section, "collisions", checked=clearance.checked, share=clearance.share, at_s=at, pair=clearance.pair,
+        clearance_mm=millimeters, _text=text, _pair=pair, _when=when,
     )  # fmt: skip
 
 
-def _effort(limits: MotionLimits, joint: str, quantity: str) -> str:
-    """Return the effort limit of a joint in words, for a torque."""
-    i = limits.arm.joint_names.index(joint)
-    unit = {"rad": "N m", "m": "N"}[limits.arm.joint_units[i]]
-    return f" limit of {limits.effort[i]:.4g} {unit}" if quantity == "torque" else ""
-
-
-def _of_capability(own: Capability, by_speed: bool) -> list[Metric]:
-    """Return force or speed of a motion, of one along the positions alone, and of the person; one kind is main."""
-    unit, least = METRICS[own.kind].unit, int(own.robot.argmin())
+def _add_capability(section: Section, own: Capability, main: bool) -> None:
+    """Add force or speed of a motion, of one along the positions alone, and of the person."""
     series = {"robot": own.robot, "position_only": own.position_only, "person": own.person}
     value: dict[str, Any] = {
         name: {"median": float(np.median(values)), "p5": float(np.percentile(values, 5)), "min": float(values.min())}
         for name, values in series.items() if values is not None
     }  # fmt: skip
-    at = float(own.time[least])
     texts = [f"{name.replace('_', ' ')} {numbers['median']:.3g}" for name, numbers in value.items()]
     texts[0] += f" (min {value['robot']['min']:.3g})"
-    text = f"{listed(texts)} {unit}"
-    value |= {"min_at_s": at, "resemblance": own.resemblance}
-    value |= {"position_only_resemblance": own.position_only_resemblance}
-    return [replace(item, main=(own.kind == "velocity") == by_speed) for item in measure(own.kind, **value, _text=text)]
+    measure(
+        section, own.kind, **value, min_at_s=float(own.time[own.robot.argmin()]), resemblance=own.resemblance,
+        position_only_resemblance=own.position_only_resemblance, _main=main,
+        _text=f"{listed(texts)} {METRICS[own.kind].unit}",
+    )  # fmt: skip
 
 
-def rounded_sum(parts: list[float], decimals: int = 3) -> tuple[str, tuple[str, ...]]:
+def rounded_sum(parts: list[float]) -> tuple[str, list[str]]:
     """Write a sum and its parts such that the printed parts add up: the largest part takes the rounding error."""
-    unit = 10**decimals
-    whole, counts = round(sum(parts) * unit), [round(part * unit) for part in parts]
-    counts[max(range(len(parts)), key=lambda k: parts[k])] += whole - sum(counts)
-    total, *written = (f"{count / unit:.{decimals}f}" for count in (whole, *counts))
-    return total, tuple(written)
+    whole, counts = round(sum(parts) * 1000), [round(part * 1000) for part in parts]
+    counts[int(np.argmax(parts))] += whole - sum(counts)
+    return f"{whole / 1000:.3f}", [f"{count / 1000:.3f}" for count in counts]

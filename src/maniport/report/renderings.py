@@ -1,4 +1,4 @@
-"""Renderings of a report: Markdown, the text on a terminal, numbers for JSON, and tables for notebooks."""
+"""Renderings of a report: Markdown, the text on a terminal, and numbers for JSON."""
 
 import json
 import math
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import printable
-from maniport.report.values import INFO, SUFFIXES, Report, Section, Table, sentence
+from maniport.report.values import INFO, NOTE, SUFFIXES, Metric, Report, Section, Table, sentence
 from maniport.util.atomic_io import written_whole
 
 SUMMARY, PAGE = "summary.json", "report.html"
@@ -51,21 +51,27 @@ def as_markdown(report: Report, details: bool = False) -> str:
     -------
     str
     """
-    lines = [f"# {escaped(report.title)}", "", *([escaped(report.lead), ""] if report.lead else [])]
+    paragraphs = [f"# {escaped(report.title)}", escaped(report.lead)]
     if report.outcome:
         command = f" `{printable(report.command_for())}`" if report.command else ""
-        texts = [escaped(report.status_text), escaped(report.cause), escaped(report.advice) + command]
-        lines += [f"## {escaped(report.outcome)}", "", *(line for text in texts if text for line in (text, ""))]
+        paragraphs += [f"## {escaped(report.outcome)}", escaped(report.status_text), escaped(report.cause)]
+        paragraphs.append(escaped(report.advice) + command)
     if report.warnings:
-        lines += ["## Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
+        paragraphs += ["## Warnings", "\n".join(f"- {escaped(text)}" for text in report.warnings)]
+    sections = [section for section in report.sections if details or not (report.outcome and section.folded)]
     if report.outcome and not details:
-        visible = [metric for section in report.sections if not section.folded for metric in section.metrics]
-        lines += _section(Section("Arms", tuple(metric for metric in report.main_metrics if metric not in visible)))
-    for section in report.sections:
-        lines += _section(section) if details or not section.folded else []
+        visible = [metric for section in sections for metric in section.metrics]
+        hidden = tuple(metric for metric in report.main_metrics if metric not in visible)
+        sections.insert(0, Section("Arms" if hidden else "", hidden))
+    for section in sections:
+        tables = section.statistics(), section.tables
+        before, after = ("\n\n".join(map(_table, some)) for some in tables)
+        texts = [printable(text) for text in section.text.split("\n")]
+        body = [*texts, before, "\n".join(map(_line, section.lines)), after]
+        paragraphs += [f"## {escaped(section.title)}"] * bool(section.title and any(body)) + body
     if report.outcome and not details:
-        lines += [f"All metrics, settings and notes: {SUMMARY} and {PAGE}.", ""]
-    return "\n".join(lines)
+        paragraphs.append(f"All metrics, settings and notes: {SUMMARY} and {PAGE}.")
+    return "\n\n".join(filter(None, paragraphs)) + "\n"
 
 
 def as_numbers(report: Report) -> dict[str, Any]:
@@ -85,10 +91,10 @@ def as_numbers(report: Report) -> dict[str, Any]:
         reasons = report.warning_keys if report.status else ()
         result |= {"status": report.status or None, "summary": texts | {"reasons": reasons}}
     result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
-    result["notes"] = report.notes
+    result["notes"] = list(dict.fromkeys(item.text for item in report.metrics if item.severity == NOTE))
     for section in report.sections:
         entries = {metric.key + SUFFIXES.get(metric.unit, ""): metric.value for metric in section.metrics
-                   if metric.key and (not metric.is_warning or metric.value is not None)}  # fmt: skip
+                   if metric.key and (metric.severity == INFO or metric.value is not None)}  # fmt: skip
         entries |= {table.key: table.value for table in section.tables if table.key}
         place = result.setdefault(section.key, {}) if entries and section.key else result
         place.update(entries)
@@ -105,32 +111,30 @@ def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool =
     for metric in metrics:
         text = f"  {metric.text}"
         if metric.is_statistics:
-            text = "".join(f"{cell:>9}" for cell in metric.cells) + f"  ({metric.where.removeprefix('at ')})"
+            *numbers, time = metric.cells
+            text = "".join(f"{number:>9}" for number in numbers) + (f"  ({time} s)" if time else "")
         elif len(text) + wide + 2 > width:  # too long for a line: without the last remark
             text = re.sub(r" \([^()]*\)$", "", text)
         table.append(f"  {metric.heading:<{wide}}{text}")
     if table_only:
         return "\n".join(table)
 
-    def wrapped(*texts: str, **options: Any) -> list[str]:
-        whole = [re.sub(r"(?<=\d) (?=%)", "\xa0", printable(text)) for text in texts if text]  # "84 %" in one line
-        return [line.replace("\xa0", " ") for text in whole for line in textwrap.wrap(text, width, **options)]
+    def wrapped(text: str) -> list[str]:
+        whole = re.sub(r"(?<=\d) (?=%)", "\xa0", printable(text))  # "84 %" in one line
+        lines = textwrap.wrap(whole, width, subsequent_indent="  " if text.startswith("!") else "")
+        return [line.replace("\xa0", " ") for line in lines]
 
-    lines = wrapped(f"Result: {report.outcome[:1].lower()}{report.outcome[1:]}", report.status_text)
-    lines += [*table, *wrapped(report.cause)]
-    for text in report.warnings[:most_warnings]:
-        lines += wrapped(f"! {text}", subsequent_indent="  ")
+    warnings = [f"! {text}" for text in report.warnings[:most_warnings]]
     if (more := len(report.warnings) - most_warnings) > 0:
-        lines.append(f"! {more} more warning{'s'[: more != 1]} in summary.md")
-    joints = Path(folder, "joints.csv")
-    files = {
-        "Next": printable(report.command_for(folder)) if report.command else "",
-        "Report": str(Path(folder, PAGE)),
-        "Motion": str(joints) if joints.exists() else "",
-        "Details": str(Path(folder, "summary.md")),
-    }
-    lines += [*wrapped(report.advice), *(f"{name:<8} {text}" for name, text in files.items() if text)]
-    return "\n".join(lines)
+        warnings.append(f"! {more} more warning{'s'[: more != 1]} in summary.md")
+    before = f"Result: {report.outcome[:1].lower()}{report.outcome[1:]}", report.status_text
+    after = report.cause, *warnings, report.advice
+    command, joints = printable(report.command_for(folder)), Path(folder, "joints.csv")
+    files = {"Next": command, "Report": Path(folder, PAGE), "Motion": joints if joints.exists() else "",
+             "Details": Path(folder, "summary.md")}  # fmt: skip
+    lines = [line for text in before for line in wrapped(text)] + table
+    lines += [line for text in after for line in wrapped(text)]
+    return "\n".join([*lines, *(f"{name:<8} {text}" for name, text in files.items() if text)])
 
 
 def write_report(path: str | os.PathLike[str], report: Report) -> None:
@@ -153,29 +157,18 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _section(section: Section) -> list[str]:
-    """Write the metrics of a section in Markdown: statistics as a table, others as a list."""
-    metrics = [metric for metric in section.metrics if metric.text and not metric.is_warning]
-    if not (metrics or section.tables or section.text):
-        return []
-    lines = [f"## {escaped(section.title)}", ""] if section.title else []
-    lines += [line for text in section.text.split("\n") if text for line in (printable(text), "")]
-    rows = tuple((metric.heading, *metric.cells, metric.where) for metric in metrics if metric.is_statistics)
-    statistics = Table(("", "median", "95th percentile", "max", "max at"), rows)
-    texts = []
-    for metric in (metric for metric in metrics if not metric.is_statistics):
-        text = escaped(metric.text)
-        if metric.severity == INFO and metric.label:
-            text = sentence(f"{escaped(metric.label)}: {text}")  # without a full stop at its end, which may be a path
-            text = f"{text} {escaped(metric.description)}" if metric.description else text.rstrip(".")
-        texts.append(f"- {text}")
-    lines += [*(_table(statistics) if rows else []), *texts, *([""] if texts else [])]
-    return [*lines, *(line for table in section.tables for line in _table(table))]
+def _line(metric: Metric) -> str:
+    text = escaped(metric.text)
+    if metric.label and metric.severity == INFO:
+        text = sentence(f"{escaped(metric.label)}: {text}")
+        # without a description no full stop at the end, which may be a path
+        text = f"{text} {escaped(metric.description)}" if metric.description else text.rstrip(".")
+    return f"- {text}"
 
 
-def _table(table: Table) -> list[str]:
+def _table(table: Table) -> str:
     def line(texts: Sequence[str]) -> str:
         return f"| {' | '.join(escaped(text).replace('|', chr(92) + '|') for text in texts)} |"
 
-    caption = [escaped(table.caption), ""] if table.caption else []
-    return [*caption, line(table.columns), line(["---"] * len(table.columns)), *map(line, table.rows), ""]
+    caption = f"{escaped(table.caption)}\n\n" if table.caption else ""
+    return caption + "\n".join([line(table.columns), line(["---"] * len(table.columns)), *map(line, table.rows)])

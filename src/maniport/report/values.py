@@ -1,7 +1,6 @@
 """Values that a report consists of: metrics, tables and sections, and `report_of`."""
 
 import contextlib
-import importlib
 import platform
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,6 +24,8 @@ RECORDING, FIT = "recording", "human-model"
 
 SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
 """Ends of keys in JSON by unit."""
+
+TIME_COLUMN = "time of maximum [s]"  # pages make links of its cells
 
 
 @dataclass(frozen=True)
@@ -68,15 +69,10 @@ class Metric:
         return isinstance(self.value, dict) and {"median", "p95", "max"} <= set(self.value)
 
     @property
-    def where(self) -> str:
-        """Time of the maximum of statistics; empty where there is none."""
-        return at_time(self.value["max_at_s"]) if self.is_statistics and "max_at_s" in self.value else ""
-
-    @property
-    def cells(self) -> tuple[str, str, str]:
-        """Median, 95th percentile and maximum of statistics as text."""
-        median, p95, largest = (f"{self.value[name]:.2f}" for name in ("median", "p95", "max"))
-        return median, p95, largest
+    def cells(self) -> tuple[str, ...]:
+        """Median, 95th percentile and maximum of statistics, and the time of the maximum [s], as text."""
+        numbers = (f"{self.value[name]:.2f}" for name in ("median", "p95", "max"))
+        return (*numbers, f"{self.value['max_at_s']:.1f}" if "max_at_s" in self.value else "")
 
     @property
     def heading(self) -> str:
@@ -94,10 +90,16 @@ class Table:
     key: str = ""
     value: Any = None
 
+    @classmethod
+    def of(cls, records: Sequence[Mapping[str, Any]], columns: Mapping[str, str], caption: str, key: str) -> "Table":
+        """Return a table of records: format strings by column name."""
+        rows = tuple(tuple(form.format(**record) for form in columns.values()) for record in records)
+        return cls(tuple(columns), rows, caption, key, list(records))
 
-@dataclass(frozen=True)
+
+@dataclass
 class Section:
-    """Metrics of a `Report` that belong together."""
+    """Metrics of a `Report` that belong together; methods add some."""
 
     title: str
     metrics: tuple[Metric, ...] = ()
@@ -105,6 +107,33 @@ class Section:
     key: str = ""  # name in JSON; without one the metrics are at the top level there
     text: str = ""  # Markdown below the title, one paragraph per line; names from files must be escaped
     folded: bool = False  # whether it is a detail: the page folds it, and a summary in Markdown omits it
+
+    def add(self, *values: Any, **more: Any) -> None:
+        """Add a setting or a number, with the arguments of `info`."""
+        self.metrics += (info(*values, **more),)
+
+    def numbers(self, **values: Any) -> None:
+        """Add metrics that are in JSON only; the keys have the units."""
+        self.metrics += tuple(numbers(**values))
+
+    def warn(self, key: str, *texts: str, severity: str = WARNING, value: Any = None) -> None:
+        """Add warnings, or notes, with a stable key for programs."""
+        self.metrics += tuple(warning(key, text, severity, value) for text in texts)
+
+    def note(self, *texts: str) -> None:
+        """Add notes."""
+        self.warn("", *texts, severity=NOTE)
+
+    @property
+    def lines(self) -> list[Metric]:
+        """Settings and notes: metrics that are a line of text each."""
+        return [metric for metric in self.metrics if metric.text and not (metric.is_warning or metric.is_statistics)]
+
+    def statistics(self, without: Sequence[str] = ()) -> list[Table]:
+        """Return a table of the statistics, but for those with some keys; none where it has no rows."""
+        rows = tuple((metric.heading, *metric.cells) for metric in self.metrics
+                     if metric.is_statistics and metric.key not in without)  # fmt: skip
+        return [Table(("", "median", "95th percentile", "max", TIME_COLUMN), rows)] if rows else []
 
 
 @dataclass(frozen=True)
@@ -168,11 +197,6 @@ class Report:
         return tuple(dict.fromkeys(metric.key for metric in self.warning_metrics))
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """Texts of the notes, each once."""
-        return tuple(dict.fromkeys(metric.text for metric in self.metrics if metric.severity == NOTE and metric.text))
-
-    @property
     def status(self) -> str:
         """``"green"``, ``"amber"`` or ``"red"``: the worst of all metrics; empty where there is no outcome."""
         if not (self.outcome and self.graded):
@@ -191,27 +215,15 @@ class Report:
         return self.command.replace("{folder}", shlex.quote(folder))
 
 
-def info(
-    label: str, key: str, value: Any, text: str | None = None, description: str = "", unit: str = "", main: bool = False
-) -> Metric:
-    """Return a metric of a setting or a number; its text is the value by default."""
+def info(label: str, key: str, value: Any, text: str | None = None, about: str = "", **more: Any) -> Metric:
+    """Return a metric of a setting or a number with a description; its text is the value by default."""
     written = (listed(value) if isinstance(value, list | tuple) else str(value)) if text is None else text
-    return Metric(label, written, description, key, value, unit, main=main)
+    return Metric(label, written, about, key, value, **more)
 
 
-def warning(key: str, text: str, severity: str = WARNING) -> Metric:
+def warning(key: str, text: str, severity: str = WARNING, value: Any = None) -> Metric:
     """Return a warning with a stable key for programs."""
-    return Metric("", sentence(text), key=key, severity=severity)
-
-
-def warnings_of(key: str, texts: Iterable[str]) -> tuple[Metric, ...]:
-    """Return warnings with one key."""
-    return tuple(warning(key, text) for text in texts)
-
-
-def notes(texts: Iterable[str]) -> list[Metric]:
-    """Return notes."""
-    return [Metric("", sentence(text), severity=NOTE) for text in texts]
+    return Metric("", sentence(text), "", key, value, severity=severity)
 
 
 def numbers(**values: Any) -> list[Metric]:
@@ -224,23 +236,16 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":", "!", "?")) else ".")
 
 
-def statistics(label: str, key: str, values: ArrayLike, time: ArrayLike | None = None, unit: str = "") -> Metric:
+def statistics(
+    label: str, key: str, values: ArrayLike, time: ArrayLike | None = None, unit: str = "", **more: Any
+) -> Metric:
     """Return median, 95th percentile and maximum of values over time [s] as a metric; nan is ignored."""
     from maniport.evaluation.metrics import statistics_of  # slow to load
 
-    metric = Metric(label, "", "", key, statistics_of(values, time), unit)
-    place = metric.where or f"at index {metric.value['max_at']}"
-    suffix, names = "°" if unit == "°" else f" {unit}".rstrip(), ("median", "95th percentile", f"max {place}")
-    texts = [f"{cell}{suffix} ({name})" for cell, name in zip(metric.cells, names, strict=True)]
-    return replace(metric, text=listed(texts))
-
-
-def table_of(
-    records: Sequence[Mapping[str, Any]], columns: Mapping[str, str], caption: str = "", key: str = ""
-) -> Table:
-    """Return a table of records: format strings by column name."""
-    rows = tuple(tuple(form.format(**record) for form in columns.values()) for record in records)
-    return Table(tuple(columns), rows, caption, key, list(records))
+    value = statistics_of(values, time)
+    where = at_time(value["max_at_s"]) if "max_at_s" in value else f"at index {value['max_at']}"
+    text = f"median {value['median']:.2f}, 95th percentile {value['p95']:.2f}, max {value['max']:.2f} {where}"
+    return Metric(label, text, key=key, value=value, unit=unit, **more)
 
 
 def listed(values: Iterable[object]) -> str:
@@ -251,6 +256,13 @@ def listed(values: Iterable[object]) -> str:
 def at_time(time: float) -> str:
     """Write a time [s]; pages make links of these."""
     return f"at {time:.1f} s"
+
+
+def in_axes(distance: float) -> str:
+    """Write a distance between ellipsoids as the error of one axis that has the same distance."""
+    ratio = float(np.exp(0.5 * distance))
+    size = f"{ratio:.1f} times as long" if ratio >= 1.95 else f"{100.0 * (ratio - 1.0):.0f} % too long"
+    return f"like one semi-axis {size}"
 
 
 def software(seed: int | None) -> list[Metric]:
@@ -266,17 +278,6 @@ def software(seed: int | None) -> list[Metric]:
     ]
 
 
-MODULES = {
-    "arms": "robot",
-    "mocap": "recording",
-    "transfer": "transfer",
-    "evaluation": "transfer",
-    "motion": "metrics robot",
-    "pipeline": "results recording",
-}
-"""Modules of this package that describe the classes of another package; they are imported when they are needed."""
-
-
 def report_of(thing: Any) -> Report:
     """Return the `Report` of a result, an arm, a recording, an adapter or another object of maniport.
 
@@ -289,25 +290,15 @@ def report_of(thing: Any) -> Report:
     -------
     Report
     """
-    for kind in type(thing).__mro__:
-        top, package, *_ = [*kind.__module__.split("."), ""]
-        if top == "maniport" and package in MODULES:
-            for module in MODULES[package].split():
-                importlib.import_module(f"maniport.report.{module}")
-    return describe(thing)
+    import maniport.report.results  # noqa: F401 - it and what it imports register all classes; slow to load
+
+    described = describe(thing)
+    if isinstance(described, Report):
+        return described
+    return Report(described.title, "", (replace(described, title="", folded=False),))
 
 
 @singledispatch
-def describe(thing: Any) -> Report:
-    """Describe an object whose module is imported; `describe.register` adds a class."""
+def describe(thing: Any) -> Report | Section:
+    """Describe an object; `describe.register` adds a class."""
     return Report(type(thing).__name__, repr(thing))
-
-
-def in_axes(distance: float) -> str:
-    """Write a distance between ellipsoids as the error of one axis that has the same distance."""
-    ratio = float(np.exp(0.5 * distance))
-    return (
-        f"like one semi-axis {ratio:.1f} times as long"
-        if ratio >= 1.95
-        else f"like one semi-axis {100.0 * (ratio - 1.0):.0f} % too long"
-    )

@@ -94,7 +94,7 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
     if pages or SCENE in formats:
         from maniport.report.page import write_page  # slow to load
         from maniport.report.page.animation import animation_of
-        from maniport.report.scene_file import write_scene
+        from maniport.report.page.content import write_scene
 
         animation = animation_of(result)
         if pages:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.arms import Arm, ArmGroup, Surface, as_group
+from maniport.arms import Arm, ArmGroup, Surface
 from maniport.arms.human import middle_of
-from maniport.errors import FileFormatError
+from maniport.report.page.animation import surfaces_of
 from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.spd.ellipsoid import axes
 from maniport.util.validation import Array
@@ -46,33 +46,6 @@ def shell(ellipsoid: Array) -> tuple[tuple[float, float, float], Array]:
     right_handed = directions * np.array([1.0, 1.0, np.sign(np.linalg.det(directions))])
     a, b, c = np.maximum(SIZE * lengths, 1e-3).tolist()  # a flat ellipsoid can still be seen
     return (a, b, c), quaternion(right_handed)
-
-
-def find_surfaces(robot: Arm | ArmGroup, tolerance: float = 0.01) -> tuple[list[tuple[Surface, ...]], str]:
-    """Surfaces of each arm, or none and the reason in one line; those of a shared trunk are the left arm's.
-
-    Surfaces of one joint whose bounds differ by less than a tolerance [m] are the same.
-    """
-    arms, by_arm = as_group(robot).arms, list[tuple[Surface, ...]]()
-    try:
-        for arm in arms:
-            by_arm.append(arm.surfaces())
-            if not by_arm[-1]:
-                raise FileFormatError(f"the description of {arm.name} names no shapes")
-    except FileFormatError as error:
-        return [() for _ in arms], " ".join(str(error).split())
-    if isinstance(robot, ArmGroup) and len(arms) > 1:  # surfaces of one joint may be simplified differently
-        shared = {surface.joint: _bounds(surface) for surface in by_arm[0] if surface.joint <= robot.common[0, 1]}
-        by_arm[1] = tuple(
-            surface
-            for surface in by_arm[1]
-            if surface.joint not in shared or np.abs(_bounds(surface) - shared[surface.joint]).max() >= tolerance
-        )
-    return by_arm, ""
-
-
-def _bounds(surface: Surface) -> Array:
-    return np.stack([surface.points.min(axis=0), surface.points.max(axis=0)])
 
 
 def _edges(skeleton: Array) -> Array:
@@ -116,18 +89,17 @@ class Shell:
 
 
 class Scene:
-    """Everything in space: person, robot and ellipsoids of each arm."""
+    """Everything in space: person, robot and ellipsoids of each arm; `no_surface`: why the robot is a skeleton."""
 
     def __init__(
         self,
         scene: Any,
+        persons: Sequence[Arm],
+        robot: ArmGroup,
         frames: Sequence[Frame],
-        robot: Arm | ArmGroup,
-        surfaces: Sequence[tuple[Surface, ...]],
         bases: Sequence[Array] = (np.zeros(3),),
     ):
-        persons, arms = [frame.teacher for frame in frames], as_group(robot).arms
-        aside = np.array([0.0, 0.0 if len(arms) == 1 else 0.45, 0.0])
+        aside = np.array([0.0, 0.0 if len(robot.arms) == 1 else 0.45, 0.0])
         place = ROBOT_AT + aside
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
@@ -148,18 +120,19 @@ class Scene:
         models = " and ".join(dict.fromkeys(arm.name for arm in persons))
         scene.add_label("/person/name", f"person: {models}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
         self._base = scene.add_frame("/robot", axes_length=0.15, axes_radius=0.006, position=place)
-        stands = [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in arms]
+        stands = [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in robot.arms]
         for i, (x, y, z) in enumerate({tuple((place + stand).tolist()) for stand in stands}):  # columns below the bases
             scene.add_cylinder(f"/stand/{i}", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z))
         above = place + np.array([0.0, 0.0, 1.25])
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
-        names = [""] if len(arms) == 1 else [f"/{k}" for k in range(len(arms))]
-        self.sides = [DrawnSide(scene, *part) for part in zip(names, frames, surfaces, bases, strict=True)]
-        self.draw(frames)
+        names = [""] if len(persons) == 1 else [f"/{k}" for k in range(len(persons))]
+        surfaces, self.no_surface = surfaces_of(robot.arms, [frame.joints for frame in frames])
+        parts = zip(names, persons, robot.arms, surfaces, bases, frames, strict=True)
+        self.sides = [DrawnSide(scene, *part) for part in parts]
 
-    def draw(self, frames: Sequence[Frame]) -> None:
-        """Draw a frame of each arm."""
-        self._base.wxyz = quaternion(frames[0].base_rotation.T)
+    def draw(self, frames: Sequence[Frame], base_rotation: Array) -> None:
+        """Draw a frame of each arm, at a rotation from the person's trunk frame to the robot's base frame."""
+        self._base.wxyz = quaternion(base_rotation.T)
         for side, frame in zip(self.sides, frames, strict=True):
             side.draw(frame)
 
@@ -167,39 +140,43 @@ class Scene:
 class DrawnSide:
     """An arm of the person and of the robot, with their ellipsoids; `name` is such as ``"/0"``, or empty."""
 
-    def __init__(self, scene: Any, name: str, frame: Frame, surfaces: tuple[Surface, ...], base: Array):
-        person, robot = f"/person{name}", f"/robot{name}"
+    def __init__(
+        self, scene: Any, name: str, person: Arm, robot: Arm, surfaces: Sequence[Surface], base: Array, frame: Frame
+    ):
+        self._person, self._robot, home, place = person, robot, f"/person{name}", f"/robot{name}"
         if name:
-            scene.add_frame(person, show_axes=False, position=base)
-            scene.add_frame(robot, show_axes=False)
-        self.teacher = Skeleton(scene, f"{person}/arm", frame.teacher_skeleton, 0.028, (86, 120, 150))
+            scene.add_frame(home, show_axes=False, position=base)
+            scene.add_frame(place, show_axes=False)
+        self._teacher = Skeleton(scene, f"{home}/arm", person.skeleton(frame.target.joints), 0.028, (86, 120, 150))
         look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
         self._joints = np.array([part.joint for part in surfaces], dtype=int)
         self.meshes = [
-            scene.add_mesh_simple(f"{robot}/surface/{own.joint}", own.points.astype(np.float32), own.triangles, **look)
+            scene.add_mesh_simple(f"{place}/surface/{own.joint}", own.points.astype(np.float32), own.triangles, **look)
             for own in surfaces
         ]
         self._skeleton = None
         if not surfaces:
-            self._skeleton = Skeleton(scene, f"{robot}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))
-        self._demonstrated = Shell(scene, f"{person}/ellipsoid", PERSON.rgb, 0.4)
+            skeleton = robot.skeleton(frame.joints)
+            self._skeleton = Skeleton(scene, f"{place}/skeleton", skeleton, 0.042, (120, 124, 132))
+        self._demonstrated = Shell(scene, f"{home}/ellipsoid", PERSON.rgb, 0.4)
         # the achieved one first: browsers draw nothing behind the first of two translucent shells at one place
-        self._achieved = Shell(scene, f"{robot}/achieved", ACHIEVED.rgb, 0.35)
-        self._target = Shell(scene, f"{robot}/target", TARGET.rgb, 0.12, ringed=True)
-        self._position = scene.add_icosphere(f"{robot}/target_position", 0.02, TARGET.rgb, subdivisions=2)
+        self._achieved = Shell(scene, f"{place}/achieved", ACHIEVED.rgb, 0.35)
+        self._target = Shell(scene, f"{place}/target", TARGET.rgb, 0.12, ringed=True)
+        self._position = scene.add_icosphere(f"{place}/target_position", 0.02, TARGET.rgb, subdivisions=2)
 
     def draw(self, frame: Frame) -> None:
         """Draw a frame."""
-        target, end_effector = frame.target, frame.student_skeleton[-1]
-        self.teacher.draw(frame.teacher_skeleton)
+        target = frame.target
+        person, robot = self._person.skeleton(target.joints), self._robot.skeleton(frame.joints)
+        self._teacher.draw(person)
         if self._skeleton is not None:
-            self._skeleton.draw(frame.student_skeleton)
-        poses = frame.student.link_poses(frame.student_joints)[self._joints]
+            self._skeleton.draw(robot)
+        poses = self._robot.link_poses(frame.joints)[self._joints]
         for mesh, turn, pose in zip(self.meshes, quaternion(poses[:, :3, :3]), poses, strict=True):
             mesh.wxyz, mesh.position = turn, pose[:3, 3]
-        self._demonstrated.draw(target.demonstrated, frame.teacher_skeleton[-1])
-        self._target.draw(target.ellipsoid, end_effector)
-        self._achieved.draw(frame.achieved, end_effector)
+        self._demonstrated.draw(target.demonstrated, person[-1])
+        self._target.draw(target.ellipsoid, robot[-1])
+        self._achieved.draw(frame.achieved, robot[-1])
         self._position.visible = target.position is not None
         if target.position is not None:
             self._position.position = target.position

@@ -1,4 +1,4 @@
-"""The pages: servers on this machine, the loop of the live view, and a page for `maniport.Live`."""
+"""The pages: servers on this machine, controls and loop of the live view, and a page for `maniport.Live`."""
 
 import contextlib
 import http
@@ -7,22 +7,40 @@ import logging
 import socket
 import threading
 import time as clock
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from maniport.arms import Arm
+from maniport.arms import Arm, as_group
 from maniport.errors import InvalidInputError
 from maniport.live import LiveState
+from maniport.report.page.content import ACHIEVED, PERSON, TARGET
+from maniport.report.values import in_axes
 from maniport.util.optional import viser
 from maniport.util.process import LOOPBACK, LOOPBACK_NAMES, bound
 from maniport.util.validation import Array
-from maniport.viewer.panel import Panel
-from maniport.viewer.scene import FIELD_OF_VIEW, Scene, camera_for, find_surfaces
-from maniport.viewer.state import Frame, Target, ViewState
+from maniport.viewer.scene import FIELD_OF_VIEW, Scene, camera_for
+from maniport.viewer.state import Command, Frame, Target, ViewState
 
 NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
+
+
+BASE_ORIENTATIONS = {
+    "as the person": (0.0, 0.0, 0.0),
+    "facing the person": (0.0, 0.0, 180.0),
+    "on a wall": (0.0, -90.0, 0.0),
+    "from the ceiling": (180.0, 0.0, 0.0),
+    "at the person's right side": (-90.0, 0.0, 0.0),
+}
+"""Usual base orientations by name: roll, pitch and yaw from the person's trunk frame to the base frame [degrees]."""
+
+LEGEND = "".join(
+    f'<span style="color: rgb{role.rgb}; margin-right: 0.9em; font-weight: bold">● {role.name}</span>'
+    for role in (PERSON, TARGET, ACHIEVED)
+)
+"""Colors of the ellipsoids."""
 
 
 class Page:
@@ -98,17 +116,91 @@ def _own_pages_only() -> Iterator[None]:
         raise InvalidInputError("this version of viser starts its server in a way that cannot be guarded")
 
 
+class Panel:
+    """Controls and numbers of the live view; the loop reads the controls, which call nothing."""
+
+    def __init__(self, gui: Any, state: ViewState, method: str, base_rotation: Array):
+        self._state, player, several = state, state.playback, len(state.sides) > 1
+        self._names = [f"{side.teacher.side}: " if several else "" for side in state.sides]
+        moved = "The recording moves" if player is not None else "Move the sliders of"
+        gui.add_markdown(f"{moved} the person's arm; the robot follows. Drag to rotate the view.")
+        self._head = gui.add_html("")
+        self._method = gui.add_dropdown("Method", state.methods, initial_value=method)
+        self._follows = gui.add_checkbox("End effector follows", player is not None)
+        button = gui.add_button("Find a better configuration", hint="The robot jumps to the best configuration found")
+        button.on_click(lambda _: setattr(state, "jump", True))
+        self._sliders: list[Any] = []
+        if player is not None:
+            self._plays, self._duration = gui.add_checkbox("Play", True), float(player.time[-1])
+            self._time = gui.add_slider("Time [s]", 0.0, float(np.ceil(100 * self._duration) / 100), 0.01, 0.0)
+            self._speed, self._position = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0), 0.0
+            self._written = 0.0  # position in the slider
+        else:
+            bent = {"elv_angle": 60.0, "shoulder_elv": 50.0, "elbow_flexion": 80.0}  # at first, far from singular
+            for side in state.sides:
+                arm, name = side.teacher, f"{side.teacher.side} " if several else ""
+                limits = np.degrees([arm.lower, arm.upper]).round(3).T.tolist()
+                with gui.add_folder(f"Person's {name}joints [°]"):
+                    for joint, (low, high) in zip(arm.joint_names, limits, strict=True):
+                        start = float(np.clip(bent.get(joint, 0.0), low, high))
+                        self._sliders.append(gui.add_slider(readable(joint), low, high, 0.5, start))
+        rotations = {name: np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
+                     for name, angles in BASE_ORIENTATIONS.items()}  # fmt: skip
+        preset = next((name for name, own in rotations.items() if np.allclose(own, base_rotation, atol=1e-6)), "own")
+        self._rotations = rotations | {preset: base_rotation}
+        self._preset = gui.add_dropdown("Base orientation", tuple(self._rotations), initial_value=preset)
+        self._notes = gui.add_markdown("")
+
+    def read(self, seconds: float) -> Command:
+        """Return the values of the controls, `seconds` after the last time."""
+        player = self._state.playback
+        if player is None:
+            joints = np.radians([slider.value for slider in self._sliders])
+        else:
+            if self._time.value != self._written:  # the slider was moved
+                self._written, self._position = self._time.value, min(self._time.value, self._duration)
+            elif self._plays.value:
+                self._position = (self._position + self._speed.value * seconds) % self._duration
+            joints = player.joints(self._position)
+        return Command(joints, self._method.value, self._rotations[self._preset.value], self._follows.value)
+
+    def write(self, frames: Sequence[Frame]) -> None:
+        """Write the numbers of the frame of each arm."""
+        lines, notes = [], []
+        for name, frame in zip(self._names, frames, strict=True):
+            error = "" if frame.position_error is None else f"; position error {1e3 * frame.position_error:.1f} mm"
+            joints = ", ".join(map(readable, frame.at_limit))
+            lines += [
+                f'<div style="font-size: 2.2em; line-height: 1.1">{frame.distance:.2f}</div>',
+                f"<div>{name}ellipsoid distance: {in_axes(frame.distance)}{error}</div>",
+                f'<div style="font-weight: bold">saturated: {joints}</div>' if joints else "",
+            ]
+            notes += [f"*{name}{note}*\n" for note in frame.target.notes]
+        self._head.content = f'<div style="padding: 0 0.6em">{"".join(lines)}<div>{LEGEND}</div></div>'
+        self._notes.content = "\n".join(notes)
+        if self._state.playback is not None and self._plays.value:
+            self._time.value = self._written = round(self._position, 2)
+
+
+def readable(name: str) -> str:
+    """Write the name of a joint in words."""
+    words = {"elv": "elevation", "rot": "rotation", "pro": "pronation", "sup": "supination"}
+    return " ".join(words.get(word, word) for word in name.split("_"))
+
+
 class LiveView(Page):
     """A page with a state and its controls; the camera of a browser sees the whole scene in its window."""
 
     def __init__(self, state: ViewState, method: str, base_rotation: Array, port: int = 0):
         super().__init__(port)
-        self.state, self.rate, self.no_surface = state, 0.0, ""
+        self.state, self.rate = state, 0.0
         try:
-            surfaces, self.no_surface = find_surfaces(state.robot)
             self._panel = Panel(self._server.gui, state, method, base_rotation)
-            first = state.frames(self._panel.read(0.0), 0.0)
-            self._scene = Scene(self._server.scene, first, state.robot, surfaces, [side.base for side in state.sides])
+            first, persons = state.frames(self._panel.read(0.0), 0.0), [side.teacher for side in state.sides]
+            bases = [side.base for side in state.sides]
+            self._scene = Scene(self._server.scene, persons, state.robot, first, bases)
+            self.no_surface = self._scene.no_surface
+            self._scene.draw(first, base_rotation)
             self._panel.write(first)
             self._server.on_client_connect(self._frame)
         except BaseException:  # Ctrl-C too: a listening server must not stay behind
@@ -124,11 +216,11 @@ class LiveView(Page):
                 self.rate, count, numbers_at, before = 0.0, 0, started, started
                 stop.wait(0.05)
                 continue
-            seconds = started - before
-            frames = self.state.frames(self._panel.read(seconds), seconds)
+            command = self._panel.read(started - before)
+            frames = self.state.frames(command, started - before)
             before, count = started, count + 1
             with self._server.atomic():
-                self._scene.draw(frames)
+                self._scene.draw(frames, command.base_rotation)
                 if started - numbers_at >= NUMBERS_PERIOD:
                     self.rate = count / (started - numbers_at)
                     numbers_at, count = started, 0
@@ -146,7 +238,7 @@ class Onlooker(Page):
 
     def __init__(self, person: Arm, robot: Arm, port: int = 0):
         super().__init__(port)
-        self._person, self._robot = person, robot
+        self._person, self._robot = person, as_group(robot)
         self._scene: Scene | None = None
         self._text, self._written = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
 
@@ -157,14 +249,12 @@ class Onlooker(Page):
             raise InvalidInputError(f"state: the page shows 3×3 ellipsoids; found {arm.achieved.shape}")
         if arm.person is None or arm.demonstrated is None or arm.target is None or arm.distance is None:
             return
-        target = Target(arm.person, arm.demonstrated, arm.target, np.eye(3))
-        joints = state.joint_positions
-        frame = Frame(self._person, self._robot, target, joints, arm.achieved, arm.distance, np.eye(3))
+        target = Target(arm.person, arm.demonstrated, arm.target)
+        frames = [Frame(target, state.joint_positions, arm.achieved, arm.distance)]
         with self._server.atomic():
             if self._scene is None:
-                surfaces = find_surfaces(self._robot)[0]
-                self._scene = Scene(self._server.scene, [frame], self._robot, surfaces)
-            self._scene.draw([frame])
+                self._scene = Scene(self._server.scene, [self._person], self._robot, frames)
+            self._scene.draw(frames, np.eye(3))
             if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
                 error = "" if arm.position_error is None else f", position error {1e3 * arm.position_error:.0f} mm"
                 numbers = f"{state.time:.1f} s: distance {arm.distance:.2f}{error}"

@@ -25,11 +25,8 @@ from maniport.util.validation import Array, as_choice, as_number
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
 """Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""
 
+# Usual lengths of an upper arm [m], from a child of ten to the tallest adults: no two units, but for "dm", fit one.
 UPPER_ARM = (0.20, 0.42)
-"""Usual lengths of an upper arm [m], from a child of ten to the tallest adults.
-
-The range is narrow enough that no two of the recognized units, all but "dm", fit one length."""
-
 POSSIBLE_UPPER_ARM = (0.1, 0.6)  # Lengths of an upper arm [m] outside of which a declared unit is wrong
 
 SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
@@ -189,6 +186,10 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
 
 def shipped_recording(name: str) -> Path:
     """Return the path of a recording that comes with the package: "ladder", "freeform" or "both-arms".
+
+    Returns
+    -------
+    Path
 
     Raises
     ------

@@ -50,12 +50,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
     labels += [""] * positions.shape[1]
     labels = [label or f"point{i + 1}" for i, label in enumerate(labels[: positions.shape[1]])]
     bare = [label.rpartition(":")[2].strip(" \"'") for label in labels]
-    differ = len(set(bare)) == len(bare)
-    prefixes = sorted({label.rpartition(":")[0] for label in labels if ":" in label})
-    notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and differ else []
-    unit = str((values.get("POINT:UNITS") or [""])[0]).strip()
-    time = np.arange(len(positions)) / rate
-    return options.recording(file, bare if differ else labels, positions, time, unit, notes=notes)
+    names = bare if len(set(bare)) == len(bare) else labels
+    unit = str((values.get("POINT:UNITS") or [""])[0])
+    return options.recording(file, names, positions, np.arange(len(positions)) / rate, unit)
 
 
 def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:

@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms import myoarm
 from maniport.arms.human import JOINTS
+from maniport.mocap.directions import HALF_WIDTH, TRUNK, synthetic_recording
 from maniport.mocap.readers import ImportOptions
 from maniport.mocap.readers.text import LARGEST_ANGLE, is_cut_off, number_table, rows_from, text_lines
 from maniport.mocap.recording import Recording
-from maniport.mocap.synthetic import HALF_WIDTH, TRUNK, synthetic_recording
 from maniport.util.validation import Array
 
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup", "wrist_flex", "wrist_dev")

@@ -15,8 +15,6 @@ Row = tuple[int, str]  # The number of a line, from one, and the line
 
 LARGEST_ANGLE = 1e3  # Joint angles beyond this count as missing [rad]
 
-PLACEHOLDERS = ("", "na", "n/a", "null", "none", "-")  # Of missing numbers, besides nan
-
 
 def text_lines(file: Path) -> list[str]:
     """Return the lines of a file, with any line ends."""
@@ -97,7 +95,9 @@ def is_cut_off(declared: str, count: int) -> bool:
 
 
 def _number(field: str) -> float:
+    """Parse a number; nan for the placeholders of missing numbers."""
     try:
         return float(field)
     except ValueError:
-        return np.nan if field.lower() in PLACEHOLDERS else float(field.replace(",", "."))
+        missing = field.lower() in ("", "na", "n/a", "null", "none", "-")
+        return np.nan if missing else float(field.replace(",", "."))

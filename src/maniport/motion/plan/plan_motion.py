@@ -128,7 +128,7 @@ def plan_motion(
     problem, q = problem[rows[0]], trajectory.joint_positions[rows[0]]  # without those inserted
     trajectory = replace(trajectory, time=trajectory.time[rows[0]], joint_positions=q)
     if settings.home is not None:
-        trajectory = with_approach(trajectory, limits, settings.home)
+        trajectory = with_approach(trajectory, limits, np.asarray(settings.home))
     step.end(f"{trajectory.control_time[-1]:.1f} s (human {np.ptp(schedules[0].time):.1f} s)")
     step, kept = Step(progress, "Evaluate trajectory"), dict[str, Any]()
     if bests is None:

@@ -79,9 +79,8 @@ class PlanSettings:
             limits = MotionLimits.of(arm, limits, self.joint_limit_margin)
         limits.require_held()
         model = as_collisions(self.collisions if planner is None else planner.collisions, limits.arm)
-        if self.home is not None:
-            require_free(self.home, "home", limits, model)
-        return replace(self, motion_limits=limits, collisions=model or False)
+        home = None if self.home is None else require_free(self.home, "home", limits, model)
+        return replace(self, motion_limits=limits, collisions=model or False, home=home)
 
 
 def require_free(configuration: ArrayLike, name: str, limits: MotionLimits, collisions: Collisions | None) -> Array:

@@ -13,10 +13,10 @@ from maniport.arms import as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.plan.joint_path import JointPath, fill_speeds
-from maniport.motion.schedule import require_few, require_rows
+from maniport.motion.schedule import require_few
 from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import RATE
-from maniport.util.validation import Array, as_number, as_times
+from maniport.util.validation import Array
 
 POWERS = np.array([1, 2, 3, 2, 3])  # of the speed that shares grow with: derivatives, torque and torque rate
 RISE_TIME = 0.03
@@ -26,59 +26,31 @@ REST = 3  # Samples of rest at either end, so that differences up to the third s
 
 
 def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float = RATE) -> Trajectory:
-    """Pass waypoints at the demonstrated times, or as soon as the limits allow where that is later.
+    """Pass waypoints (n, dof) at the demonstrated times (n,), or as soon as the limits allow where that is later.
 
     A cubic spline through the waypoints, with the demonstrated time as its parameter, is passed time-optimally within
-    the limits of velocity, acceleration and torque [1]_. A moving average over the samples, of at most 0.2 s, then
-    limits the jerk and the torque rate. Where samples exceed a limit between the points of the search grid, the whole
-    motion is slowed down. A joint that gravity alone overloads along the path exceeds its torque limit in the result,
-    by at most 5 % more.
+    the limits of velocity, acceleration and torque (Pham & Pham, see `joint_path`). A moving average over the samples,
+    of at most 0.2 s, then limits the jerk and the torque rate. Where samples exceed a limit between the points of the
+    search grid, the whole motion is slowed down. A joint that gravity alone overloads along the path exceeds its torque
+    limit in the result, by at most 5 % more; with a payload that is an error.
 
-    Parameters
-    ----------
-    limits : MotionLimits
-    time : array_like, shape (n,)
-        Demonstrated times of the waypoints [s], increasing; n ≥ 2.
-    q : array_like, shape (n, dof)
-        Waypoints within the position limits [rad] or [m].
-    rate : float
-        Samples per second, at least 10.
-
-    Returns
-    -------
-    Trajectory
-        From rest at 0 s to rest. First, second and third differences of its samples are within the limits, and so are
-        the positions; velocities and accelerations are central differences. It passes the waypoints at ``time``.
-
-    Raises
-    ------
-    InvalidInputError
-        When shapes do not fit, times do not increase, a waypoint is beyond the limits, with a payload gravity alone
-        needs more than the torque limit of a joint, or the motion takes more than 3 million samples.
-
-    References
-    ----------
-    .. [1] Pham and Pham, "A new approach to time-optimal path parameterization based on reachability analysis",
-       IEEE Transactions on Robotics, 2018.
+    The result goes from rest at 0 s to rest and passes the waypoints at its ``time``. First, second and third
+    differences of its samples, `rate` per second, are within the limits, and so are the positions.
     """
-    frequency, times = as_number(rate, "rate", minimum=10.0), as_times(time, fewest=2)
-    points = limits.arm.require_within_limits(q, "q")
-    require_rows(len(times), q=(points, (limits.arm.dof,)))
-    path = JointPath.through(times, points, limits.lower, limits.upper)
-    require_few(path.grid[-1] * frequency)
+    path = JointPath.through(np.asarray(time), np.asarray(q, dtype=float), limits.lower, limits.upper)
+    require_few(path.grid[-1] * rate)
     own, (limits, rows) = limits, _constraints(limits, path)
     speed = _fastest(limits, path, rows)
-    samples, rest, worst = _sampled(limits, path, speed, frequency)
+    samples, rest, worst = _sampled(limits, path, speed, rate)
     while worst.max() > 1.0:
         speed = speed / (1.0005 * (worst ** (1.0 / POWERS)).max())
-        samples, rest, worst = _sampled(limits, path, speed, frequency)
-    waypoints, clock = path.passed(speed)[path.knots] + rest / frequency, np.arange(len(samples)) / frequency
+        samples, rest, worst = _sampled(limits, path, speed, rate)
+    waypoints, clock = path.passed(speed)[path.knots] + rest / rate, np.arange(len(samples)) / rate
     return Trajectory.of_positions(own.arm, waypoints, clock, samples, own)
 
 
-def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike) -> Trajectory:
+def with_approach(motion: Trajectory, limits: MotionLimits, home: Array) -> Trajectory:
     """Begin and end at a home configuration, with straight joint motions at 30 % of the limits, from rest to rest."""
-    start = limits.arm.require_within_limits(home, "home", single=True)
     rate = (len(motion.control_time) - 1) / motion.control_time[-1]
     slow = replace(limits, **{quantity: 0.3 * getattr(limits, quantity) for quantity in DERIVATIVES})
 
@@ -89,7 +61,7 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike) -> 
         return retime(slow, [0.0, duration], np.stack([first, last]), rate=rate).control_positions
 
     own = motion.control_positions
-    before, after = straight(start, own[0]), straight(own[-1], start)
+    before, after = straight(home, own[0]), straight(own[-1], home)
     positions = np.concatenate([before, own, after])
     time = np.arange(len(positions)) / rate
     return Trajectory.of_positions(limits.arm, motion.time + len(before) / rate, time, positions, limits)

@@ -15,7 +15,7 @@ from markupsafe import Markup, escape
 
 from maniport.errors import InvalidInputError
 from maniport.report.page.content import ROLES, STATES, Animation, as_json
-from maniport.report.values import Report
+from maniport.report.values import TIME_COLUMN, Report
 from maniport.util.atomic_io import written_whole
 from maniport.version import __version__
 
@@ -64,7 +64,8 @@ def _page(report: Report, animation: Animation | None, frames: int) -> str:
         data = f'<script type="application/json" id="motion">{as_json(animation, frames)}</script>'
     if any(section.folded for section in report.sections):
         menu.append(("Details", "folded"))
-    values = {"report": report, "cards": CARDS, "menu": menu, "moves": animation is not None, "note": note}
+    values = {"report": report, "cards": CARDS, "menu": menu, "moves": animation is not None, "note": note,
+              "time_column": TIME_COLUMN}  # fmt: skip
     body = templates().get_template("report.html").render(**values)
     script = "\n".join(_asset(f"{name}.js") for name in SCRIPTS)
     script = f'(() => {{\n"use strict";\n{script}}})();\n'  # all in one scope

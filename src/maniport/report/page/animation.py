@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import zip_longest
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms import Arm, EllipsoidSpec, Surface
 from maniport.arms.human import middle_of
@@ -18,7 +19,6 @@ from maniport.report.page.content import (
     HUMAN_JOINTS,
     PERSON,
     REFERENCE,
-    ROLES,
     STATES,
     TARGET,
     Animation,
@@ -54,16 +54,15 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         sides = [str(arm.side) for arm in result.arms]
         curves = {group: _alternated([part[group] for part in parts], sides) for group in parts[0]}
         return Animation(result.alignment.time, (), curves, unit=result.spec.unit)
-    transfer = result if isinstance(result, TransferResult) else None
+    transferred, spec = isinstance(result, TransferResult), result.arms[0].spec
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
-    time = transfer.time if transfer is not None else moved[0].time
-    spec = result.arms[0].spec
     moves = "translates" if spec.part == "translation" else "rotates"
     speed = "unit joint speed" if spec.joint_weights is None else "the joint speeds of its weights"
     notes = [MEANINGS[spec.kind].format(moves, speed), f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long."]
     if spec.part == "full":
         notes = ["Ellipsoids of six dimensions cannot be drawn; their distances can."]
-    stages = [_person(transfer.arms, spec)] if transfer is not None else []
+    persons = [_person(arm, spec) for arm in result.arms if isinstance(arm, ArmTransfer)]
+    stages = [Stage("Person", tuple(persons), torso=TORSO)] if persons else []
     if moved:
         stages.append(_robot(result, spec, notes))
     else:
@@ -74,46 +73,34 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
             topics.setdefault(topic, []).append(panels)
     names, order = [arm.name for arm in result.arms], list(STATES)
     return Animation(
-        time,
+        result.time if isinstance(result, TransferResult) else moved[0].time,
         tuple(stages),
         {topic: _alternated(panels, names) for topic, panels in topics.items()},
         unit=spec.bounded.unit,
-        clocks={"robot": moved[0].time} if transfer is not None and moved else {},
-        legend={role: ROLES[role].about for role in _profiles_of(result.arms[0], spec)},
+        clocks={"robot": moved[0].time} if transferred and moved else {},
         note=" ".join(notes),
         states=tuple(max(worst, key=order.index) for worst in zip(*(item.status for item in moved), strict=True)),
     )
 
 
-def _person(arms: Sequence[ArmTransfer], spec: EllipsoidSpec) -> Stage:
-    """Return the arms of the person, about the middle of the neck."""
-    bodies = []
-    for arm in arms:
-        middle = np.array([0.0, middle_of(arm.fit.arm), 0.0])
-        drawn = {role: points for role, points in _profiles_of(arm, spec).items() if role == PERSON.name}
-        bodies.append(Body("Person", arm.fit.arm.skeleton(arm.fit.joint_angles) - middle, drawn))
-    return Stage("Person", tuple(bodies), torso=TORSO)
+def _person(arm: ArmTransfer, spec: EllipsoidSpec) -> Body:
+    """Return an arm of the person, about the middle of the neck."""
+    skeleton = arm.fit.arm.skeleton(arm.fit.joint_angles) - np.array([0.0, middle_of(arm.fit.arm), 0.0])
+    return Body("Person", skeleton, {role: own for role, own in _profiles_of(arm, spec).items() if role == PERSON.name})
 
 
 def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
     """Return the arms of the robot; links that several arms share are drawn once."""
     bodies: list[Body] = []
-    for arm in result.arms:
-        assert arm.motion is not None
-        robot, joints, parts = arm.robot, arm.motion.joint_positions, list[Part]()
-        poses, surfaces = robot.link_poses(joints), list[Surface]()
-        try:
-            surfaces += robot.surfaces()
-        except FileFormatError as error:  # the page is useful without surfaces
-            notes.append(f"{robot.name} is drawn as a skeleton: {error}")
-        for surface in surfaces:  # each point once, so that the script of the page finds triangles that meet
-            corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
-            points, places = np.unique(corners, axis=0, return_inverse=True)
-            part = Part(points, places.reshape(-1, 3), poses[:, surface.joint])
-            if not any(_is_same(part, other) for body in bodies for other in body.parts):
-                parts.append(part)
-        drawn = {role: own for role, own in _profiles_of(arm, spec).items() if role != PERSON.name}
-        bodies.append(Body(robot.name, robot.skeleton(joints), drawn, arm.motion.path, tuple(parts)))
+    motions = [arm.motion for arm in result.arms if arm.motion is not None]
+    surfaces, reason = surfaces_of([arm.robot for arm in result.arms], [own.joint_positions[0] for own in motions])
+    if reason:  # the page is useful without surfaces
+        notes.append(f"{result.robot.name} is drawn as a skeleton: {reason}.")
+    for arm, motion, own in zip(result.arms, motions, surfaces, strict=True):
+        poses, skeleton = arm.robot.link_poses(motion.joint_positions), arm.robot.skeleton(motion.joint_positions)
+        parts = tuple(Part(*_joined(surface), poses[:, surface.joint]) for surface in own)
+        drawn = {role: points for role, points in _profiles_of(arm, spec).items() if role != PERSON.name}
+        bodies.append(Body(arm.robot.name, skeleton, drawn, motion.path, parts))
     rotation = None
     if isinstance(result, TransferResult):
         placement = result.arms[0].placement
@@ -121,24 +108,46 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     return Stage(result.robot.name, tuple(bodies), rotation)
 
 
-def _is_same(part: Part, other: Part) -> bool:
-    """Return whether two surfaces have the same motion and the same bounds [m]; they may be simplified differently."""
-    first, second = ((item.points.min(axis=0), item.points.max(axis=0)) for item in (part, other))
-    return np.allclose(part.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
+def _joined(surface: Surface) -> tuple[Array, NDArray[np.integer]]:
+    """Return points and triangles with each point once, so that the script of the page finds triangles that meet."""
+    corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
+    points, places = np.unique(corners, axis=0, return_inverse=True)
+    return points, places.reshape(-1, 3)
+
+
+def surfaces_of(arms: Sequence[Arm], configurations: Sequence[Array]) -> tuple[list[list[Surface]], str]:
+    """Return the surfaces of each arm of a robot, those that arms share once, or none and the reason in one line.
+
+    Surfaces of two arms with one pose at their configurations (dof,) and bounds that differ by less than 1 cm are the
+    same; they may be simplified differently.
+    """
+    chosen, before = list[list[Surface]](), list[Array]()
+    for arm, q in zip(arms, configurations, strict=True):
+        try:
+            surfaces, reason = arm.surfaces(), f"the description of {arm.name} names no shapes"
+        except FileFormatError as error:
+            surfaces, reason = (), " ".join(str(error).split())
+        if not surfaces:
+            return [[] for _ in arms], reason
+        poses = arm.link_poses(q)
+        looks = [np.concatenate([poses[own.joint].ravel(), own.points.min(axis=0), own.points.max(axis=0)])
+                 for own in surfaces]  # fmt: skip
+        chosen.append([own for own, look in zip(surfaces, looks, strict=True)
+                       if not any(np.abs(look - other).max() < 0.01 for other in before)])  # fmt: skip
+        before += looks
+    return chosen, ""
 
 
 def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:
     """Return velocity ellipsoids of an arm by role, none of six dimensions; those of force are the inverses."""
-    if spec.part == "full":
-        return {}
-    profiles = {PERSON.name: arm.demonstrated_profile} if isinstance(arm, ArmTransfer) else {}
-    if isinstance(arm, ArmTransfer) and arm.motion is None:
-        profiles[TARGET.name] = arm.target_profile
-    if spec.kind == "force":
-        profiles = {role: np.asarray(np.linalg.inv(profile)) for role, profile in profiles.items()}
+    profiles: dict[str, Array] = {}
+    if isinstance(arm, ArmTransfer):
+        profiles = {PERSON.name: arm.demonstrated_profile, TARGET.name: arm.target_profile}
+        if spec.kind == "force":
+            profiles = {role: np.asarray(np.linalg.inv(profile)) for role, profile in profiles.items()}
     if arm.motion is not None:
         profiles |= {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
-    return profiles
+    return {} if spec.part == "full" else profiles
 
 
 def _panels_of(
@@ -215,17 +224,17 @@ def _panels_of_learned(learned: LearnedProfile) -> dict[str, tuple[Panel, ...]]:
     semi_axes, demonstrated = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
     d, unit, outlier = semi_axes.shape[1], learned.spec.unit, learned.agreement.outlier
 
-    def panel(title: str, unit: str, several: Array, values: Array, deviation: Array | None = None) -> Panel:
+    def panel(title: str, unit: str, several: Array, values: Array, factor: Array | None = None) -> Panel:
         lines = [Line(name, item, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)
                  for k, (name, item) in enumerate(zip(learned.names, several, strict=True))]  # fmt: skip
-        factors: list[tuple[str, Array | float, int]] = [("learned", 1.0, 0)]
-        if deviation is not None:
-            factors += [("+ 1 deviation", np.exp(deviation), 1), ("− 1 deviation", np.exp(-deviation), 1)]
-        lines += [Line(name, np.interp(time, learned.time, values * factor), ACHIEVED.name, style)
-                  for name, factor, style in factors]  # fmt: skip
+        curves = {"learned": values}
+        if factor is not None:
+            curves |= {"+ 1 deviation": values * factor, "− 1 deviation": values / factor}
+        lines += [Line(name, np.interp(time, learned.time, curve), style=int(name != "learned"))
+                  for name, curve in curves.items()]  # fmt: skip
         return Panel(title, unit, tuple(lines))
 
-    axes = [panel(f"Semi-axis {d - k}", unit, demonstrated[..., k], semi_axes[:, k], deviations[:, k])
+    axes = [panel(f"Semi-axis {d - k}", unit, demonstrated[..., k], semi_axes[:, k], np.exp(deviations[:, k]))
             for k in reversed(range(d))]  # fmt: skip
     hand = [panel(f"Hand, {name}", "m", learned.paths[..., k], learned.path[:, k])
             for k, name in enumerate(("x forward", "y left", "z up"))]  # fmt: skip

@@ -1,7 +1,8 @@
-"""Content of a page as values and arrays with their colors, and its encoding for the scripts of the page."""
+"""Content of a page as values and arrays with their colors, for the scripts of the page and for the Rerun viewer."""
 
 import base64
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.motion import status
+from maniport.spd.ellipsoid import axes
+from maniport.util.atomic_io import written_whole
+from maniport.util.optional import rerun
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
@@ -124,7 +128,6 @@ class Animation:
     unit: str = ""  # of semi-axes
     size: float = 0.25  # length of a semi-axis of one `unit` [m]
     clocks: Mapping[str, Array] = field(default_factory=dict)  # (n,) further times by name [s]
-    legend: Mapping[str, str] = field(default_factory=dict)  # descriptions of ellipsoids by role
     note: str = ""
     states: tuple[str, ...] = ()  # a key of STATES for each time
 
@@ -133,7 +136,9 @@ def as_json(animation: Animation, frames: int) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
     kept, names = evenly_spaced(len(animation.time), frames), list(STATES)
     time, states = animation.time[kept], [names.index(animation.states[k]) for k in kept if animation.states]
+    drawn = {role for stage in animation.stages for body in stage.bodies for role in body.ellipsoids}
     data = vars(animation) | {
+        "legend": {role.name: role.about for role in ROLES.values() if role.name in drawn},
         "start": float(time[0]),
         "time": packed(time - time[0]),
         "gaps": np.flatnonzero(is_gap(np.diff(time))).tolist(),
@@ -196,15 +201,63 @@ def _six(matrices: Array) -> dict[str, Any]:
 
 
 def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
-    """Encode a surface with positions and unit quaternions x y z w of its poses; a single one where nothing moves."""
-    poses = part.poses[kept]
-    if np.abs(poses - poses[0]).max() < 1e-9:
-        poses = poses[:1]
-    rotations = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-    flipped = np.einsum("ni,ni->n", rotations[:-1], rotations[1:]) < 0  # successive ones have the same sign
-    rotations[1:] *= np.cumprod(np.where(flipped, -1.0, 1.0))[:, None]
-    return {
-        "points": packed(part.points),
-        "triangles": packed(part.triangles, "u16" if part.triangles.max(initial=0) < 2**16 else "u32"),
-        "poses": packed(np.concatenate([poses[:, :3, 3], rotations], axis=1)),
-    }
+    """Encode a surface with the first three rows of its poses; of a single one where nothing moves."""
+    poses, form = part.poses[kept, :3], "u16" if part.triangles.max(initial=0) < 2**16 else "u32"
+    still = np.abs(poses - poses[0]).max() < 1e-9
+    poses = poses[:1] if still else poses
+    return {"points": packed(part.points), "triangles": packed(part.triangles, form), "poses": packed(poses)}
+
+
+def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
+    """Write an animation to a Rerun recording, whole or not at all."""
+    package = rerun()
+    place = package.escape_entity_path_part  # a name as one part of an entity path
+    clocks = {"time": animation.time, **animation.clocks}
+    columns = [package.TimeColumn(name, duration=(time - time[0]).tolist()) for name, time in clocks.items()]
+    with written_whole(path) as temporary:
+        stream = package.RecordingStream("maniport")
+        stream.save(temporary)
+        for stage in animation.stages:
+            home = place(stage.name)
+            stream.log(home, package.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            for k, body in enumerate(stage.bodies):
+                where = f"{home}/{k}" if len(stage.bodies) > 1 else home
+                _log_arm(package, stream, body, where, columns, animation.size)
+        for topic, panels in animation.panels.items():
+            for panel in panels:
+                title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
+                for line in panel.lines:
+                    where = "/".join(map(place, filter(None, ("curves", topic, title, line.name))))
+                    look = package.SeriesLines(colors=[ROLES[line.role].rgb], names=[line.name or title])
+                    stream.log(where, look, static=True)
+                    stream.send_columns(where, indexes=columns, columns=package.Scalars.columns(scalars=line.values))
+        stream.flush()
+        stream.disconnect()
+
+
+def _log_arm(package: Any, stream: Any, body: Body, home: str, clocks: list[Any], size: float) -> None:
+    grey = 190, 196, 204
+
+    def log(where: str, look: Any, columns: Any) -> None:
+        stream.log(f"{home}/{where}", look, static=True)
+        stream.send_columns(f"{home}/{where}", indexes=clocks, columns=columns)
+
+    fill = package.components.FillMode
+    for role, ellipsoids in body.ellipsoids.items():
+        lengths, directions = axes(ellipsoids)
+        directions[..., 0] *= np.sign(np.linalg.det(directions))[:, None]  # axes are lines; rotations are right-handed
+        mode = fill.MajorWireframe if role == TARGET.name else fill.Solid
+        look = package.Ellipsoids3D.from_fields(colors=[ROLES[role].rgb], fill_mode=mode)
+        turns = Rotation.from_matrix(directions).as_quat()
+        centers = body.skeleton[:, -1]
+        log(role, look, package.Ellipsoids3D.columns(half_sizes=size * lengths, centers=centers, quaternions=turns))
+    for k, part in enumerate(body.parts):
+        mesh = package.Mesh3D(vertex_positions=part.points, triangle_indices=part.triangles, albedo_factor=grey)
+        turns = Rotation.from_matrix(part.poses[:, :3, :3]).as_quat()
+        log(f"links/{k}", mesh, package.Transform3D.columns(translation=part.poses[:, :3, 3], quaternion=turns))
+    if not body.parts:
+        look = package.LineStrips3D.from_fields(colors=[grey], radii=[0.012])
+        log("skeleton", look, package.LineStrips3D.columns(strips=list(body.skeleton)))
+    if body.path is not None:
+        line = package.LineStrips3D([body.path], colors=[REFERENCE.rgb], radii=[0.002])
+        stream.log(f"{home}/path", line, static=True)

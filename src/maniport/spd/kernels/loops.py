@@ -106,14 +106,15 @@ def eigh_loop(matrices, values, vectors):  # type: ignore[no-untyped-def]
 
 @kernel
 def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
-    """Write V diag(values) Vᵀ of V (count, n, n) and values (count, 1, n)."""
-    count, n = vectors.shape[:2]
+    """Write V diag(values) Vᵀ of V (count, n, n) and values (count, 1, n); one V or one row of values serves all."""
+    count, n = results.shape[:2]
     for row in range(count):
+        v, x = vectors[min(row, len(vectors) - 1)], values[min(row, len(values) - 1), 0]
         for i in range(n):
             for j in range(i, n):
                 total = 0.0
                 for k in range(n):
-                    total += vectors[row, i, k] * values[row, 0, k] * vectors[row, j, k]
+                    total += v[i, k] * x[k] * v[j, k]
                 results[row, i, j] = results[row, j, i] = total
 
 

@@ -33,18 +33,11 @@ function smoothed(points, triangles) {
   return { numbers: new Float32Array(numbers), indices };
 }
 
-// Where a frame is between two stored times; position and unit quaternion x y z w each. Signs were made to agree, so
-// that a straight line between quaternions, brought back to unit length, is the short way.
+// Where a frame is between two stored times: origin and axes, from three rows of four numbers.
 function poseAt({ shape, data }, index, weight) {
-  const still = shape[0] === 1, from = still ? 0 : 7 * index, to = still || !weight ? from : from + 7;
-  const [px, py, pz, ...q] = Array.from({ length: 7 }, (_, k) => data[from + k] + weight * (data[to + k] - data[from + k]));
-  const [x, y, z, w] = q.map((value) => value / Math.hypot(...q));
-  const columns = [
-    [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
-    [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
-    [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
-  ];
-  return { place: [px, py, pz], columns };
+  const still = shape[0] === 1, from = still ? 0 : 12 * index, to = still || !weight ? from : from + 12;
+  const column = (k) => [0, 4, 8].map((row) => data[from + row + k] + weight * (data[to + row + k] - data[from + row + k]));
+  return { place: column(3), columns: [0, 1, 2].map(column) };
 }
 
 // Call with every corner of a box around the points, at every stored time.
