@@ -49,7 +49,7 @@ def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monk
     assert_allclose(last.position_error, np.linalg.norm(last.arm.position - last.arm.target_position))
     assert 0.0 < simulation.lag < 0.05
     monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("maniport.cli.live.find_spec", lambda name: None)
     for words, code in ((["ladder", "--simulate"], 0), (["ladder", "--simulate", "--udp", "0"], 2)):
         monkeypatch.setattr("sys.argv", ["maniport", "live", *words])
         with pytest.raises(SystemExit) as stop:

@@ -35,6 +35,7 @@ class SimulatedRobot:
         self._model = robot_model(robot)
         self._model.armature[:] = 1e-6  # for links without mass
         self._data = self._model.createData()
+        self._fastest = np.minimum(self._model.velocityLimit, 10.0)  # keeps the integration stable [rad/s or m/s]
 
     def move(self, q: Array, velocity: Array, duration: float) -> None:
         """Simulate for a duration [s], at the end of which position and velocity (dof,) are commanded."""
@@ -47,7 +48,8 @@ class SimulatedRobot:
             demanded = BANDWIDTH**2 * error + 2.0 * BANDWIDTH * change
             torque = np.clip(pin.rnea(model, data, self.q, self._velocity, demanded), -limits, limits)
             self.largest_share = max(self.largest_share, float(np.abs(torque / limits).max()))
-            self._velocity = self._velocity + PERIOD * pin.aba(model, data, self.q, self._velocity, torque)
+            velocities = self._velocity + PERIOD * pin.aba(model, data, self.q, self._velocity, torque)
+            self._velocity = np.clip(velocities, -self._fastest, self._fastest)
             self.q = self.q + PERIOD * self._velocity
 
 
