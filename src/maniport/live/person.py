@@ -201,19 +201,15 @@ class LedArm:
             if np.abs(estimate.q - before.q).max() > MAX_SPEED * dt:
                 return False
         try:
-            self.demonstrated, self.target = self.target_of(estimate.q)
+            pose, demonstrated = self.person.arm.posed_ellipsoids(estimate.q, self._spec)
+            target, position = self._map(demonstrated), None
         except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
             return False
-        self.estimate, self._last_seen = estimate, now
-        return True
-
-    def target_of(self, angles: Array) -> tuple[Array, Target]:
-        """Demonstrated ellipsoid, and the target of the robot, for joint angles of the person."""
-        pose, demonstrated = self.person.arm.posed_ellipsoids(angles, self._spec)
-        target = self._map(demonstrated)
         if self._spec.kind == "force":
             target = np.asarray(np.linalg.inv(target))
-        if self._path is None:
-            return demonstrated, Target(target, None)
-        turned = self._turn @ target @ self._turn.T
-        return demonstrated, Target(0.5 * (turned + turned.T), pose[:3, 3] @ self._axes + self._origin)
+        if self._path is not None:
+            turned = self._turn @ target @ self._turn.T
+            target, position = 0.5 * (turned + turned.T), pose[:3, 3] @ self._axes + self._origin
+        self.demonstrated, self.target = demonstrated, Target(target, position)
+        self.estimate, self._last_seen = estimate, now
+        return True
