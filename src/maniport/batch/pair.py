@@ -154,7 +154,7 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
         with collected_warnings() as of_maps:
             maps = stages.fit_transfer(human, sampled, job)
     else:
-        fitted = [_fitted(pair, sampled, human, arm) for arm in range(len(human.fits))]
+        fitted = [_fitted(pair, sampled, human, arm) for arm in range(len(human.motion.arms))]
         maps, of_maps = tuple(own for own, _ in fitted), [text for _, own in fitted for text in own]
     with collected_warnings() as of_motion:
         moved = None
@@ -182,7 +182,7 @@ def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[
     Lengths are rounded to a centimeter, so that recordings of one person share it: markers give them with errors of
     some millimeters.
     """
-    robot, job, fit = pair.robot, pair.robot.job, human.fits[arm]
+    robot, job, fit = pair.robot, pair.robot.job, human.motion.arms[arm]
     lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}
     side = fit.arm.side or RIGHT
     person = human_arm(job.config.person, side, lengths=lengths)
