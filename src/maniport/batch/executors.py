@@ -72,11 +72,9 @@ def executor_for(processes: int, dask: str | None, on_ray: bool) -> AbstractCont
         return _dask(dask)
     if on_ray:
         return _ray()
-    return (
-        nullcontext(Executor(lambda work, task: settled(Future(), work, task), 1))
-        if processes == 1
-        else _processes(processes)
-    )
+    if processes > 1:
+        return _processes(processes)
+    return nullcontext(Executor(lambda work, task: settled(Future(), work, task), 1))
 
 
 @contextmanager
@@ -104,14 +102,22 @@ def _processes(width: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def _dask(address: str, patience: float = 60.0) -> Iterator[Executor]:
-    """Workers of a Dask cluster; `patience` is how long it may have none, since they may have to be started [s]."""
-    with _client(address) as client:
-        yield dask_executor(client, patience)
+def _dask(address: str, timeout: float = 10.0) -> Iterator[Executor]:
+    """Workers of a Dask cluster; an address that takes a connection and is silent is given up after 2 timeouts."""
+    connect = partial(distributed().Client, address, timeout=f"{timeout} s")
+    try:
+        connected = in_background(connect).result(2 * timeout)
+    except (OSError, ValueError, TypeError) as error:  # `TimeoutError` is an `OSError`
+        raise ManiportError(f"cannot connect to the Dask scheduler at {address!r}: {str(error) or 'timeout'}") from None
+    with connected as client:
+        yield dask_executor(client)
 
 
-def dask_executor(client: Any, patience: float) -> Executor:
-    """Return an executor on a client's cluster; two tasks a thread, so that the next is there when one ends."""
+def dask_executor(client: Any, patience: float = 60.0) -> Executor:
+    """Return an executor on a client's cluster, which may be without workers for `patience` [s].
+
+    Two tasks a thread: the next is there when one ends.
+    """
     last_seen = monotonic()
 
     def check() -> None:
@@ -121,15 +127,6 @@ def dask_executor(client: Any, patience: float) -> Executor:
             raise ManiportError(f"the Dask cluster has had no workers for {patience:g} s; run again to continue")
 
     return Executor(client.get_executor(pure=False).submit, 2 * max(1, sum(client.nthreads().values())), check)
-
-
-def _client(address: str, timeout: float = 10.0) -> Any:
-    """Connect to a Dask scheduler; an address that takes a connection and is silent is given up after 2 timeouts."""
-    connect = partial(distributed().Client, address, timeout=f"{timeout} s")
-    try:
-        return in_background(connect).result(2 * timeout)
-    except (OSError, ValueError, TypeError) as error:  # `TimeoutError` is an `OSError`
-        raise ManiportError(f"cannot connect to the Dask scheduler at {address!r}: {str(error) or 'timeout'}") from None
 
 
 @contextmanager
@@ -146,8 +143,3 @@ def _ray() -> Iterator[Executor]:
     finally:
         if started:
             package.shutdown()
-
-
-def cores() -> int:
-    """Cores of this computer that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

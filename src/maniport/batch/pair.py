@@ -11,7 +11,6 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from maniport.arms.chain import RIGHT
@@ -110,7 +109,7 @@ def reason(error: Exception) -> str:
 
 def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
     """Transfer a recording to several robots; return the rows of the table, those of failures too."""
-    rows, humans = list[dict[str, Any]](), list[tuple[Any, Human, Warnings]]()
+    rows, humans = list[dict[str, Any]](), dict[Any, tuple[Human, Warnings]]()
     with ExitStack() as stack:
         stack.enter_context(_alone)
         stack.enter_context(threadpool_limits(1))  # as many threads everywhere, so that sums round equally
@@ -126,25 +125,18 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
     return rows
 
 
-def _human(pair: Pair, humans: list[tuple[Any, Human, Warnings]]) -> tuple[Human, Warnings]:
-    """Fit the person, or take the fit with the same options for another robot from `humans`."""
-    job, rate = pair.robot.job, pair.robot.job.config.profile_rate
-    options = (
-        job.config.changes("human"),
-        job.config.spec,
-        rate,
-        np.array(job.stands).tolist() if len(job.arms) > 1 else None,
-    )
-    for same, human, texts in humans:
-        if same == options:
-            return human, texts
-    recording = read_part(pair.source.path, job.config)
-    if content_of(pair.source) != pair.content:
-        raise ManiportError(f"{pair.source.path}: it changed during the batch; start again")
-    with collected_warnings() as collected:
-        human = stages.fit_human(recording, job).subsampled(rate)
-    humans.append((options, human, tuple(collected)))
-    return human, tuple(collected)
+def _human(pair: Pair, humans: dict[Any, tuple[Human, Warnings]]) -> tuple[Human, Warnings]:
+    """Fit the person, or take the fit for another robot with the same side and bases; other options are the batch's."""
+    job = pair.robot.job
+    key = job.config.side, *(tuple(stand) for stand in job.stands if len(job.arms) > 1)
+    if key not in humans:
+        recording = read_part(pair.source.path, job.config)
+        if content_of(pair.source) != pair.content:
+            raise ManiportError(f"{pair.source.path}: it changed during the batch; start again")
+        with collected_warnings() as texts:
+            human = stages.fit_human(recording, job).subsampled(job.config.profile_rate)
+        humans[key] = human, tuple(texts)
+    return humans[key]
 
 
 @lru_cache(4)  # about 60 MB each
@@ -162,7 +154,7 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
         with collected_warnings() as of_maps:
             maps = stages.fit_transfer(human, sampled, job)
     else:
-        fitted = [_fitted(pair, sampled, human, arm) for arm in range(len(human.fits))]
+        fitted = [_fitted(pair, sampled, human, arm) for arm in range(len(human.motion.arms))]
         maps, of_maps = tuple(own for own, _ in fitted), [text for _, own in fitted for text in own]
     with collected_warnings() as of_motion:
         moved = None
@@ -190,7 +182,7 @@ def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[
     Lengths are rounded to a centimeter, so that recordings of one person share it: markers give them with errors of
     some millimeters.
     """
-    robot, job, fit = pair.robot, pair.robot.job, human.fits[arm]
+    robot, job, fit = pair.robot, pair.robot.job, human.motion.arms[arm]
     lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}
     side = fit.arm.side or RIGHT
     person = human_arm(job.config.person, side, lengths=lengths)

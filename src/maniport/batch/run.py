@@ -9,8 +9,10 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
+from joblib import cpu_count
+
 from maniport.arms import Arm
-from maniport.batch.executors import completed, cores, executor_for
+from maniport.batch.executors import completed, executor_for
 from maniport.batch.inputs import ABOUT, Robot, Source, find_recordings, find_robots
 from maniport.batch.pair import ADAPTERS, Pair, content_of, reason, work
 from maniport.batch.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
@@ -38,9 +40,9 @@ class Batch:
         Where the results are: ``table.csv``, ``table.parquet``, ``index.html``, and a folder for each pair.
     table : tuple of dict
         A row for each pair, in the order of recordings and robots: ``recording``, ``robot``, ``state`` ("done" or
-        "failed"), ``reason`` of a failure, ``warnings``, ``folder``, ``good``, ``verdict``, ``computing_s`` (processor
-        time [s]), and metrics by their names in ``summary.json``, such as ``motion.distance.median``. All rows of all
-        batches have the same keys; a number that there is not is None. ``pandas.DataFrame(batch.table)`` takes it.
+        "failed"), ``reason``, ``warnings``, ``folder``, ``status``, ``verdict``, ``computing_s`` (processor time [s]),
+        and metrics by their names in ``summary.json``, such as ``motion.distance.median``; None for missing numbers.
+        All batches have the same keys. ``pandas.DataFrame(batch.table)`` takes it.
     kept : int
         How many of them were done before.
     seconds : float
@@ -114,7 +116,7 @@ def transfer_batch(
     begun, tell = clock.perf_counter(), progress or no_progress
     if dask is not None and ray:
         raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
-    count = cores() if processes is None else as_count(processes, "processes")
+    count = cpu_count() if processes is None else as_count(processes, "processes")
     sources = find_recordings(recordings, without=(folder := as_path(output, "output").resolve()))
     config = (config or BATCH).changed(**options)
     pages = config.pages

@@ -19,7 +19,6 @@ from maniport.report.values import Report, Section, report_of
 from maniport.util.defaults import AUTO, RECORDINGS
 from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
-from maniport.util.validation import as_choice
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
 TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
@@ -61,16 +60,14 @@ def fit(
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
     from maniport.evaluation.comparison import with_feasible_set
-    from maniport.transfer import method_of
+    from maniport.pipeline.settings import adapter_of
 
     require_suffix(output, ".npz")
     if config.method == AUTO:
         raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
     arm = pipeline.load_single_arm(config) if names_robot(config) else None
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
-    options: dict[str, Any] = {"base_rotation": config.rotation, "random_state": config.seed}
-    adapter = method_of(config.method, damping=config.damping or None, **options)
-    adapter = with_feasible_set(adapter, arm, config.spec, random_state=config.seed)
+    adapter = with_feasible_set(adapter_of(config), arm, config.spec, random_state=config.seed)
     with console.progress() as progress:
         progress("Fit transfer", 0.0)
         adapter.fit(*domains)
@@ -113,12 +110,14 @@ def evaluate(
 ) -> None:
     """Compare a fitted adapter with baselines."""
     from maniport.evaluation.metrics import BASELINES
+    from maniport.transfer import METHODS
 
     if output is not None:
         require_suffix(output, ".md", ".json")
     arm, fitted = pipeline.load_single_arm(config) if names_robot(config) else None, maniport.load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
-    rows = _rows(methods) or BASELINES
+    names = METHODS if methods == "all" else () if methods is None else methods.split(",")
+    rows = [name.strip() for name in names] or BASELINES
     with console.progress() as progress:
         evaluation = maniport.evaluate(
             fitted, *sets, robot=arm, spec=config.spec, rows=rows, random_state=config.seed, progress=progress
@@ -167,14 +166,6 @@ def reproduce(
     with console.progress() as progress:
         study = study_tasks(output, config.seed, progress, quick=quick, robots=names, recordings=recordings)
     console.print_report(report_of(study), output=str(output))
-
-
-def _rows(methods: str | None) -> tuple[str, ...]:
-    """Split names of rows at commas; "all" means every row, None the default rows."""
-    from maniport.transfer import METHODS
-
-    names = () if methods is None else METHODS if methods == "all" else methods.split(",")
-    return tuple(as_choice(name.strip(), "method", METHODS) for name in names)
 
 
 @command(

@@ -4,7 +4,7 @@ import numpy as np
 
 from maniport.arms.kernels import place_points
 from maniport.motion.kernels import step_within_limits
-from maniport.util.jit import kernel, part
+from maniport.util.jit import kernel
 
 
 @kernel
@@ -126,52 +126,3 @@ def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
     left = np.eye(n) + total @ np.ascontiguousarray(rows[:, :n])
     reduced = covariance - np.ascontiguousarray(rows.T) @ np.linalg.solve(left, total @ rows)
     return 0.5 * (reduced + reduced.T)
-
-
-@kernel
-def unit_vectors(positions, linear, shortest):  # type: ignore[no-untyped-def]
-    """Return the unit vectors (k, 3) that `linear` (k, n) gives for points (n, 3); nan where a point is not seen."""
-    vectors = np.zeros((len(linear), 3))
-    for i in range(len(linear)):
-        for n in range(len(positions)):
-            if linear[i, n] != 0.0:
-                vectors[i] += linear[i, n] * positions[n]
-        vectors[i] = scaled(vectors[i], shortest)
-    return vectors
-
-
-@kernel
-def trunk_directions(vectors, forward):  # type: ignore[no-untyped-def]
-    """Return unit vectors (k, 3) in the trunk frame; nan where a vector is.
-
-    The last two of the unit vectors (k + 2, 3) are the trunk's upward axis and its second axis, x where `forward`, else
-    y; within 0.06° of each other they do not determine the frame.
-    """
-    targets, axes = np.zeros((len(vectors) - 2, 3)), np.empty((3, 3))
-    z, across = vectors[-2], vectors[-1]
-    second = scaled(across - (across * z).sum() * z, 1e-3)
-    axes[2] = z
-    if forward:
-        axes[0], axes[1] = second, np.cross(z, second)
-    else:
-        axes[0], axes[1] = np.cross(second, z), second
-    for i in range(len(targets)):
-        targets[i] = (axes * vectors[i]).sum(axis=1)
-    return targets
-
-
-@kernel
-def turned_farther(before, after, angle, least):  # type: ignore[no-untyped-def]
-    """Return whether one of the first unit vectors (k, 3) turned farther than `angle` and than its own of `least`."""
-    for i in range(len(least)):
-        chord = np.sqrt(((after[i] - before[i]) ** 2).sum())
-        if 2.0 * np.arcsin(min(0.5 * chord, 1.0)) > max(angle, least[i]):
-            return True
-    return False
-
-
-@part
-def scaled(vector, shortest):  # type: ignore[no-untyped-def]
-    """Scale a vector to length one; nan where it is no longer than `shortest`."""
-    length = np.sqrt((vector * vector).sum())
-    return vector / (length if length > shortest else np.nan)

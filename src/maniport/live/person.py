@@ -15,7 +15,7 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.kernels import follow, search, trunk_directions, turned_farther, unit_vectors, updated
+from maniport.live.kernels import follow, search, updated
 from maniport.mocap import ArmFit, Recording
 from maniport.mocap.arm_path import (
     KEY_RATE,
@@ -78,6 +78,12 @@ def _share(cutoff: Array | float, elapsed: Array) -> Array:
     return np.asarray(1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * elapsed)))
 
 
+def _unit(vectors: Array, shortest: float) -> Array:
+    """Scale vectors (..., 3) to length one; nan where one is no longer than `shortest`."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > shortest, length, np.nan))
+
+
 class Person:
     """The arm of a person that was fitted to a recording, estimated in new frames of the same `points`."""
 
@@ -103,16 +109,25 @@ class Person:
 
     def vectors(self, positions: Array) -> Array:
         """Compute unit vectors (k + 2, 3) along segments, joint axes and the trunk; nan where a point is not seen."""
-        return np.asarray(unit_vectors(positions, self._linear, SHORTEST))
+        terms = self._linear[..., None] * positions
+        terms[self._linear == 0.0] = 0.0  # other points may not be seen
+        return _unit(terms.sum(axis=1), SHORTEST)
 
     def directions(self, vectors: Array) -> Array | None:
         """Compute directions (k, 3) in the trunk frame of `vectors`, nan where not seen; None without arm or trunk."""
-        targets = trunk_directions(vectors, self._forward)
+        z = vectors[-2]
+        second = _unit(vectors[-1] - (vectors[-1] @ z) * z, 1e-3)  # within 0.06° of z it does not determine the frame
+        third = np.cross(z, second)
+        axes = np.stack([second, third, z] if self._forward else [-third, second, z])
+        targets = np.asarray(vectors[:-2] @ axes.T)
         return None if np.isnan(targets[: len(self._least_jump)]).any() else targets
 
     def jumps(self, before: ArmEstimate, directions: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
-        return bool(turned_farther(before.directions, directions, MAX_SPEED * dt, self._least_jump))
+        n = len(self._least_jump)
+        chords = np.linalg.norm(directions[:n] - before.directions[:n], axis=1)
+        angles = 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
+        return bool((angles > np.maximum(MAX_SPEED * dt, self._least_jump)).any())
 
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
@@ -201,19 +216,15 @@ class LedArm:
             if np.abs(estimate.q - before.q).max() > MAX_SPEED * dt:
                 return False
         try:
-            self.demonstrated, self.target = self.target_of(estimate.q)
+            pose, demonstrated = self.person.arm.posed_ellipsoids(estimate.q, self._spec)
+            target, position = self._map(demonstrated), None
         except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
             return False
-        self.estimate, self._last_seen = estimate, now
-        return True
-
-    def target_of(self, angles: Array) -> tuple[Array, Target]:
-        """Demonstrated ellipsoid, and the target of the robot, for joint angles of the person."""
-        pose, demonstrated = self.person.arm.posed_ellipsoids(angles, self._spec)
-        target = self._map(demonstrated)
         if self._spec.kind == "force":
             target = np.asarray(np.linalg.inv(target))
-        if self._path is None:
-            return demonstrated, Target(target, None)
-        turned = self._turn @ target @ self._turn.T
-        return demonstrated, Target(0.5 * (turned + turned.T), pose[:3, 3] @ self._axes + self._origin)
+        if self._path is not None:
+            turned = self._turn @ target @ self._turn.T
+            target, position = 0.5 * (turned + turned.T), pose[:3, 3] @ self._axes + self._origin
+        self.demonstrated, self.target = demonstrated, Target(target, position)
+        self.estimate, self._last_seen = estimate, now
+        return True

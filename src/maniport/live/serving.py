@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.live.state import HOLDING, LAGGING, REACHING
+from maniport.live.state import HOLDING, LAGGING, REACHING, errors_text
 from maniport.live.transport import Datagrams, Frame, Line, Pipe, encoded, read_frame
 from maniport.version import __version__
 
@@ -46,10 +46,7 @@ class Summary:
         text += f"; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
         held, lagging = (100.0 * self.states[name] / self.states.total() for name in (HOLDING, LAGGING))
         text += f"; held {held:.1f} %, lagged {lagging:.1f} %"
-        if not self.errors:
-            return text
-        median, high, largest = 1e3 * np.quantile(self.errors, [0.5, 0.95, 1.0])
-        return f"{text}; position error: median {median:.1f} mm, 95th percentile {high:.0f} mm, max {largest:.0f} mm"
+        return f"{text}; {errors_text(self.errors)}" if self.errors else text
 
 
 class Server:

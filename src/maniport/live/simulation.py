@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.live.live import Live
-from maniport.live.state import HOLDING, REACHING, LiveState
+from maniport.live.state import HOLDING, REACHING, LiveState, errors_text
 from maniport.motion import robot_model
 from maniport.util.optional import mujoco
 from maniport.util.validation import Array
@@ -113,7 +113,4 @@ class Simulation:
     def __str__(self) -> str:
         servo = f"servo lag at most {self.lag:.3f} rad, torque at most {100 * self.robot.largest_share:.0f} %"
         text = servo if self.robot.dynamic else "robot without masses: no dynamics"
-        if not self.errors:
-            return text
-        median, high, largest = 1e3 * np.percentile(self.errors, (50, 95, 100))
-        return f"position error: median {median:.0f} mm, 95th percentile {high:.0f} mm, max {largest:.0f} mm; {text}"
+        return f"{errors_text(self.errors)}; {text}" if self.errors else text

@@ -1,6 +1,6 @@
 """A robot that follows live: the result of a step, its state machine, and the time for which it moves."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +95,12 @@ class LiveState:
 def largest(values: Iterable[float | None]) -> float | None:
     """Return the largest number, None where there is none."""
     return max((value for value in values if value is not None), default=None)
+
+
+def errors_text(errors: Sequence[float]) -> str:
+    """Return statistics of position errors [m] as text."""
+    median, high, most = 1e3 * np.quantile(errors, [0.5, 0.95, 1.0])
+    return f"position error: median {median:.1f} mm, 95th percentile {high:.0f} mm, max {most:.0f} mm"
 
 
 class FollowState:

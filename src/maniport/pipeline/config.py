@@ -11,7 +11,7 @@ import yaml
 
 from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
 from maniport.pipeline.option import option, options_of, plain
-from maniport.util.atomic_io import written_whole
+from maniport.util.atomic_io import write_text
 from maniport.util.defaults import (
     AUTO,
     BOTH,
@@ -234,34 +234,24 @@ class Config:
             if described.section == section and getattr(self, name) != getattr(Config, name)
         }
 
-    def _named(self) -> Self:
-        """Return the same with objects of Python as names, or as files that load the same arm."""
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write YAML with absolute paths; objects of Python become names, or files that load the same arm."""
         from maniport.arms import Arm
         from maniport.transfer import name_of
 
-        method, arm, options = self.method, self.robot[0] if self.robot else None, dict[str, Any]()
-        if not isinstance(method, str):
-            options["method"] = name_of(method)
+        values, content, arm = dict(vars(self)), dict[str, Any](), self.robot[0] if self.robot else None
+        if not isinstance(self.method, str):
+            values["method"] = name_of(self.method)
         if isinstance(arm, Arm):
             base = arm.chain.base if arm.chain.stand is None else None
             lock, source = dict(arm.chain.locked) or None, arm.chain.source or arm.name
-            options |= {"robot": (source,), "frame": (arm.frame,), "base": base, "lock": lock}
-        return replace(self, **options)
-
-    def as_yaml(self) -> str:
-        """Return the configuration as a file's text, with absolute paths; objects of Python become their names."""
-        named, content = self._named(), dict[str, Any]()
+            values |= {"robot": (source,), "frame": (arm.frame,), "base": base, "lock": lock}
         for name, described in OPTIONS.items():
             if described.typed:
                 part = content.setdefault(described.section, {}) if described.section else content
-                part[name] = plain(getattr(named, name), described.is_file)
+                part[name] = plain(values[name], described.is_file)
         head = f"# maniport {__version__}; SI units. Repeat: maniport {self.verb} --config {CONFIG} -o FOLDER\n"
-        return head + str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110))
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the configuration as YAML."""
-        with written_whole(path) as temporary:
-            temporary.write_text(self.as_yaml(), encoding="utf-8")
+        write_text(path, head + str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], base: "Config | None" = None, names: Collection[str] = ()) -> "Config":

@@ -64,11 +64,16 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     PERSONS[config.person]().checked_spec(config.spec)
     if len(group) > 1 and not isinstance(config.joint_weights, str | None):
         raise InvalidInputError("joint_weights must not be of single joints for several arms")
-    adapter, options = None, {"random_state": config.seed, "base_rotation": config.rotation}
-    if not isinstance(config.method, str) or as_choice(config.method, "method", (AUTO, *METHODS)) != AUTO:
-        adapter = method_of(config.method, damping=config.damping or None, **options)
+    selects = isinstance(config.method, str) and as_choice(config.method, "method", (AUTO, *METHODS)) == AUTO
+    adapter = None if selects else adapter_of(config)
     control = plan_settings(config, robot) if config.move else None
     return Settings(config, robot, control, adapter, progress or no_progress)
+
+
+def adapter_of(config: Config) -> DomainAdapter:
+    """Return the unfitted adapter of the method."""
+    options: dict[str, Any] = {"random_state": config.seed, "base_rotation": config.rotation}
+    return method_of(config.method, damping=config.damping or None, **options)
 
 
 def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> Recording:

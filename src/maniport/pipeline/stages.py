@@ -22,7 +22,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, 
 from maniport.evaluation import Capability, Evaluation, compare_capabilities, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
 from maniport.evaluation.comparison import with_feasible_set
-from maniport.mocap import ArmFit, HumanMotion, Recording, fit_arms
+from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.motion import Placement, RobotMotion
 from maniport.motion.arm_model import require_trackable
 from maniport.pipeline.config import CONSTANT, FREE, Config
@@ -107,11 +107,6 @@ class Human:
     profiles: tuple[Array, ...]
     hands: tuple[Array, ...]
 
-    @property
-    def fits(self) -> tuple[ArmFit, ...]:
-        """Fit of each arm."""
-        return self.motion.arms
-
     def subsampled(self, rate: float) -> "Human":
         """Keep at most so many frames a second [Hz], evenly spaced."""
         count = max(MIN_FRAMES, int(np.ceil(np.ptp(self.motion.time) * rate)) + 1)
@@ -194,7 +189,7 @@ def sample_robot(settings: Settings) -> SampledRobot:
 
 def fit_transfer(human: Human, robot: SampledRobot, settings: Settings) -> tuple[FittedMap, ...]:
     """Fit the map of ellipsoids for each arm, by the method of the settings or a selected one."""
-    pairs = enumerate(zip(human.fits, human.profiles, strict=True))
+    pairs = enumerate(zip(human.motion.arms, human.profiles, strict=True))
     return tuple(fit_map(fit.arm, profile, robot, settings, arm) for arm, (fit, profile) in pairs)
 
 
@@ -240,11 +235,11 @@ def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, larg
     if angle > largest_turn:
         text = f"the adapters rotate ellipsoids by up to {angle:.0f}° differently; the paths get their mean rotation"
         warnings.warn(text, ManiportWarning, stacklevel=2)
-    time, rotations, hands = human.fits[0].time, None, None
+    time, rotations, hands = human.motion.time, None, None
     if not isinstance(orientation, str):
         rotations = (along(orientation, len(time)),) * len(maps)
     elif orientation != FREE:
-        hands = tuple(hand_rotations(fit.arm, fit.joint_angles) for fit in human.fits)
+        hands = tuple(hand_rotations(fit.arm, fit.joint_angles) for fit in human.motion.arms)
         if orientation == CONSTANT:
             hands = tuple(np.broadcast_to(hand[0], hand.shape) for hand in hands)
     return MotionTargets(
@@ -268,12 +263,13 @@ def evaluate(
     baselines: bool = True,
 ) -> TransferResult:
     """Compare each map with baselines, and measure the motion and its placements."""
-    names, transfers = [str(fit.arm.side or arm.name) for fit, arm in zip(human.fits, settings.arms, strict=True)], []
+    fits, transfers = human.motion.arms, list[ArmTransfer]()
+    names = [str(fit.arm.side or arm.name) for fit, arm in zip(fits, settings.arms, strict=True)]
     if len(set(names)) < len(names):
         names = list(as_group(settings.robot).names)
     motion, placements = moved or (None, None)
     parts = measure(motion, placements, robot.planner, names, settings)
-    for i, (part, own, profile, fit) in enumerate(zip(parts, maps, human.profiles, human.fits, strict=True)):
+    for i, (part, own, profile, fit) in enumerate(zip(parts, maps, human.profiles, fits, strict=True)):
         evaluation, place, capabilities = own.evaluation, part.placement, tuple[Capability, ...]()
         if evaluation is None and baselines:
             evaluation = compare_with_baselines(
