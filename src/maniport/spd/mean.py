@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
+from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.util.jit import kernel
 from maniport.util.validation import Array, as_choice, as_count, as_finite, as_number, as_points, as_spd, require_shape
@@ -119,7 +119,7 @@ class _State(NamedTuple):
         if not spectrum[0] > 0.0:
             return None
         root = np.sqrt(spectrum)
-        values, vectors = congruence_eigh(compose(1.0 / root, frame), data)
+        values, vectors = eigh(congruence(compose(1.0 / root, frame), data))
         if not np.all(values > 0.0):
             return None
         logs = np.log(values)
