@@ -4,6 +4,7 @@ Arrays in, arrays out: the methods know nothing of arms, so that any SPD data (s
 transferred. Each method is one class that keeps the contract of `maniport.transfer.adapter.DomainAdapter`.
 """
 
+import os
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.adapter_file import load_adapter
+from maniport.transfer.adapter_file import read_adapter
 from maniport.transfer.baselines import IdentityMap, NearestNeighbor
 from maniport.transfer.icp import RiemannianICP
 from maniport.transfer.icp.correspondence import (
@@ -34,6 +35,27 @@ METHODS: dict[str, type[DomainAdapter]] = {
     "length-field": LengthField,
 }
 """The methods by the names that the command line uses, cheapest first."""
+
+
+def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
+    """Read a fitted adapter that was written by `DomainAdapter.save`.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    DomainAdapter
+        Fitted.
+
+    Raises
+    ------
+    FileFormatError
+        When the file cannot be read or holds something else.
+    """
+    adapter: DomainAdapter = read_adapter(path)
+    return adapter
 
 
 def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, is_dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from maniport.errors import FileFormatError, InvalidInputError
 from maniport.spd.regularization import Regularization
 from maniport.util.files import array_names, load_arrays, save_arrays
 from maniport.util.validation import as_choice, as_count, as_finite, as_flag, as_number, as_rotation, as_spd
-
-if TYPE_CHECKING:
-    from maniport.transfer.adapter import DomainAdapter
 
 FILE_FORMAT = "maniport-adapter-4"
 
@@ -83,23 +80,8 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     save_arrays(path, {"adapter": np.array(json.dumps(plain, sort_keys=True)), **arrays})
 
 
-def load_adapter(path: str | os.PathLike[str]) -> "DomainAdapter":
-    """Read a fitted adapter that was written by `DomainAdapter.save`.
-
-    Parameters
-    ----------
-    path : str or path
-
-    Returns
-    -------
-    DomainAdapter
-        Fitted.
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read or holds something else.
-    """
+def read_adapter(path: str | os.PathLike[str]) -> Any:
+    """Read a fitted adapter, see `maniport.transfer.load_adapter`."""
     names = array_names(path, "adapter file")
     if "adapter" not in names:
         raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {names}")
@@ -121,7 +103,7 @@ def load_adapter(path: str | os.PathLike[str]) -> "DomainAdapter":
         if unknown := {key for key in groups["fitted"] if not _is_attribute(key)}:
             raise InvalidInputError(f"unknown attributes {sorted(unknown)}")
         _require_valid(groups["fitted"], method.schema)
-        adapter: DomainAdapter = method(**groups["parameters"])
+        adapter = method(**groups["parameters"])
         Regularization(adapter.damping)  # raises where it is no number
         vars(adapter).update(groups["fitted"])
         adapter._settle()
