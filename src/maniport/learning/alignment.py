@@ -17,7 +17,7 @@ from maniport.learning.gmm import ProfileGMM, points_each
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axes
 from maniport.spd.matrix_functions import to_vector
-from maniport.spd.mean import dispersion, mean
+from maniport.spd.mean import mean
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step, counted
 from maniport.util.sampling import evenly_spaced
@@ -224,7 +224,8 @@ def agreement(
         held_out = dict(zip(PREDICTIONS, np.array(rows).T, strict=True))
         text = f"distance {np.mean(held_out['learned']):.2f} from the prediction by the others"
     step.end(text)
-    movement = float(dispersion(np.asarray(model.predict(alignment.time)), kind="rms"))
+    learned = np.asarray(model.predict(alignment.time))
+    movement = float(np.sqrt(np.mean(distance_unchecked(mean(learned), learned) ** 2)))
     before = np.stack([profile[evenly_spaced(len(profile), n)] for profile in profiles])
     squares = (distance_unchecked(own, _means(own)[None]) ** 2 for own in (before, alignment.ellipsoids))
     spread, aligned_spread = (float(np.sqrt(np.mean(own))) for own in squares)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.kernels import add_log_residual, add_residual
-from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh, roots
+from maniport.spd.kernels import compose, congruence, eigh, roots
 from maniport.spd.matrix_functions import apply, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
@@ -262,7 +262,7 @@ class Targets:
             values[singular] = 1.0
             achieved = compose(1.0 / values, vectors)
             changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
-        values, vectors = congruence_eigh(self.whitening, self.objective.damped(achieved))
+        values, vectors = eigh(congruence(self.whitening, self.objective.damped(achieved)))
         singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
         values[singular] = 1.0
         return values, vectors, singular, np.empty((0,)) if changes is None else changes

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from maniport.errors import NotSPDError
-from maniport.spd.kernels import cholesky, compose, congruence, congruence_eigh, distances, factored, roots
+from maniport.spd.kernels import cholesky, compose, congruence, distances, eigh, factored, roots
 from maniport.spd.matrix_functions import apply, bounded, logarithm, to_vector
 from maniport.util.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
@@ -118,7 +118,7 @@ def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
     step = as_symmetric(tangent, "tangent", center.shape[-1])
     require_broadcast(base=center, tangent=step)
     factor, inverse = cholesky(center)
-    logs, vectors = congruence_eigh(inverse, step)
+    logs, vectors = eigh(congruence(inverse, step))
     moved = _rounding(center, inverse) * np.maximum(1.0, np.abs(logs).max(axis=-1)) * _growth(logs, 1.0)
     return _point(factor, inverse, bounded(np.exp, "tangent")(logs), vectors, moved)
 
@@ -226,7 +226,7 @@ def nearest(queries: Array, points: Array) -> tuple[Indices, Array]:
 
 def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
     """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½; raises where they are not exact. Input unchecked."""
-    values, vectors = congruence_eigh(inverse_root, points)
+    values, vectors = eigh(congruence(inverse_root, points))
     with np.errstate(divide="ignore", over="ignore"):
         _require_exact(_rounding(points, inverse_root) / np.maximum(values[..., 0], 0.0))
     return values, vectors

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.kernels import compose, congruence, congruence_eigh, eigh
+from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.util.jit import kernel
-from maniport.util.validation import Array, as_choice, as_count, as_finite, as_number, as_points, as_spd, require_shape
+from maniport.util.validation import Array, as_count, as_finite, as_number, as_points, as_spd, require_shape
 
 
 def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10, max_iter: int = 50) -> Array:
@@ -74,8 +74,10 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     return state.center
 
 
-def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "mean") -> float:
-    """How far the points lie from their mean.
+def dispersion(points: ArrayLike, center: ArrayLike | None = None) -> float:
+    """Mean distance of the points from their mean (Reithmeir et al. 2022, eqs. 13 and 14).
+
+    It grows by the factor s when the points are dilated to P^s about the identity.
 
     Parameters
     ----------
@@ -83,21 +85,16 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
         SPD matrices.
     center : array_like, shape (d, d), optional
         Where to measure from. Default: the Fréchet mean.
-    kind : {"mean", "rms"}
-        Mean distance (Reithmeir et al. 2022, eqs. 13 and 14) or root of the mean squared distance. Both grow by the
-        factor s when the points are dilated to P^s about the identity.
 
     Returns
     -------
     float
     """
     data = as_points(points, "points", minimum=1, copy=False)
-    as_choice(kind, "kind", ("mean", "rms"))
     middle = mean(data) if center is None else as_spd(center, "center", data.shape[-1])
     if middle.ndim != 2:
         raise InvalidInputError(f"center must be one matrix, shape (d, d); found shape {middle.shape}")
-    distances = distance_unchecked(middle, data)
-    return float(np.mean(distances) if kind == "mean" else np.sqrt(np.mean(distances**2)))
+    return float(np.mean(distance_unchecked(middle, data)))
 
 
 class _State(NamedTuple):
@@ -119,7 +116,7 @@ class _State(NamedTuple):
         if not spectrum[0] > 0.0:
             return None
         root = np.sqrt(spectrum)
-        values, vectors = congruence_eigh(compose(1.0 / root, frame), data)
+        values, vectors = eigh(congruence(compose(1.0 / root, frame), data))
         if not np.all(values > 0.0):
             return None
         logs = np.log(values)

@@ -56,11 +56,6 @@ class NearestNeighbor(DomainAdapter):
         Root mean squared distance between the samples that are paired.
     keys_, values_ : ndarray, shape (n, d, d)
         The teacher's samples and the student's that are paired with them.
-
-    References
-    ----------
-    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
-    manifold-aware ICP, IROS 2022.
     """
 
     schema: ClassVar[Schema] = DomainAdapter.schema | {

@@ -76,16 +76,7 @@ class RigidAdapter(DomainAdapter):
         return orthonormal(right @ left)
 
     def compiled(self) -> Callable[..., Array]:
-        """Return the map as a callable for one ellipsoid at a time, for control loops.
-
-        It maps as `transform` does, in less than 2 µs for d = 3, and allocates nothing when it is given `out`.
-        Take it once, after `fit`; a later `fit` does not change it.
-
-        Raises
-        ------
-        NotFittedError
-            Before `fit`.
-        """
+        """Return the map as a callable; see `DomainAdapter.compiled`."""
         self._dimension()
         from maniport.transfer.control import compiled_map, map_rigidly
 
@@ -141,9 +132,6 @@ class ParallelTransport(RigidAdapter):
     ----------
     Yair, Ben-Chen and Talmon, Parallel transport on the cone manifold of SPD matrices for domain adaptation, IEEE
     Trans. Signal Process. 67, 2019.
-
-    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
-    manifold-aware ICP, IROS 2022.
     """
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:

@@ -36,11 +36,6 @@ def eigh(matrices: Array) -> tuple[Array, Array]:
     return values, vectors
 
 
-def congruence_eigh(left: Array, matrices: Array) -> tuple[Array, Array]:
-    """Results of `eigh` for L M Lᵀ, of symmetric M; shapes (..., d, d)."""
-    return eigh(congruence(left, matrices))
-
-
 def roots(points: Array) -> tuple[Array, Array]:
     """P^½ and P^-½ of SPD matrices (..., d, d)."""
     values, vectors = eigh(points)

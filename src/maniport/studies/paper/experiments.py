@@ -6,7 +6,6 @@ Tables I to III, §§ IV-B, V-A and V-B. Each row is fitted with the paper's set
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -197,7 +196,9 @@ def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS)
     title, samples, rows, lines = "Table III: human arm to Panda", 5000, paper_table("III"), list[Line]()
     arms = trajectories.human_arm(), trajectories.robot_arm()
     profiles = {name: arms[0].manipulability(path) for name, path in trajectories.human_evaluation().items()}
-    domains = {TRAJECTORIES: [_ellipsoids(arms, *_training_paths())]}
+    person = trajectories.human_training()
+    paths = np.concatenate(person), np.concatenate([trajectories.robot_path(path) for path in person])
+    domains = {TRAJECTORIES: [_ellipsoids(arms, *paths)]}
     domains[RANDOM] = [_uniform(arms, 400, seed + k) for k in range(draws)]
     parts = pieces(Step(progress, title), 1.0, 1.0)
     for settings, damping, part in zip((PAPER, OURS), (None, DAMPING), parts, strict=True):
@@ -254,13 +255,6 @@ def _draw(settings: str, domains: Domains, evaluation: Pairs, samples: int | Non
     return Draw(
         teacher, student, {name: (raised(points), raised(truth)) for name, (points, truth) in evaluation.items()}
     )
-
-
-@cache
-def _training_paths() -> Domains:
-    """Joint paths of the human arm and the Panda along their training trajectories, shapes (400, 7)."""
-    person = trajectories.human_training()
-    return np.concatenate(person), np.concatenate([trajectories.robot_path(path) for path in person])
 
 
 def _uniform(arms: tuple[Arm, Arm], samples: int, seed: int) -> Domains:

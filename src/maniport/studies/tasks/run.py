@@ -157,7 +157,8 @@ def _computed(folder: Path, robot: StudyRobot, demonstration: Demonstration, see
     task.save(folder / "task.json")
     for name, q in results:
         if name != RANDOM:
-            _write_motion(folder / f"{name.replace(', ', '-')}.csv", task, q)
+            rows = [",".join(map(repr, row)) for row in np.column_stack([task.time, q]).tolist()]
+            write_text(folder / f"{name.replace(', ', '-')}.csv", "\n".join([",".join(task.columns), *rows, ""]))
     scores = [(name, score(task, q)) for name, q in results]
     if not is_valid(scores[0][1]):
         raise InvalidInputError(f"the {POSITION_ONLY} motion leaves the path or exceeds a limit")
@@ -176,12 +177,6 @@ def rows_of(scores: Sequence[tuple[str, Scores]]) -> Iterator[Row]:
         elif own is random[0]:
             median = {key: float(np.median([other[key] for other in valid or random])) for key in own}
             yield {"method": name, "valid": bool(valid), "valid_share": len(valid) / len(random), **median}
-
-
-def _write_motion(file: Path, task: Task, q: Array) -> None:
-    """Write joint positions in the format that `read_motion` reads, without loss."""
-    lines = [",".join(map(repr, row)) for row in np.column_stack([task.time, q]).tolist()]
-    write_text(file, "\n".join([",".join(task.columns), *lines]) + "\n")
 
 
 def median_interval(values: Sequence[float] | Array, draws: int = 2000) -> dict[str, float]:

@@ -93,11 +93,6 @@ class EllipsoidCorrespondence(Correspondence):
         k in the weights w^k of the matches (the paper's best rows have 3; 0 gives equal weights).
     log_shapes : bool
         Whether to compare logarithms of condition numbers and volumes, which also separates elongated ellipsoids.
-
-    References
-    ----------
-    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
-    manifold-aware ICP, IROS 2022.
     """
 
     exponent: float = 3.0

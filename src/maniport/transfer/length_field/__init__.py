@@ -170,11 +170,7 @@ class LengthField(DomainAdapter):
         return back
 
     def compiled(self) -> Callable[..., Array]:
-        """Return the map as a callable for one ellipsoid at a time, for control loops.
-
-        It maps as `transform` does, up to rounding, in about 2 µs for d = 3, and allocates nothing when it is given
-        `out`. Take it once, after `fit`; a later `fit` does not change it.
-        """
+        """Return the map as a callable; see `DomainAdapter.compiled`."""
         d = self._dimension()
         from maniport.transfer.control import compiled_map, map_lengths
 
