@@ -29,8 +29,9 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions
 from maniport.motion.collision_limit import CollisionLimit, Limit, as_own_limits
+from maniport.motion.costs.cost import Cost
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.objective import Targets
-from maniport.motion.problem import Cost
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
@@ -139,9 +140,8 @@ class Controller:
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradient (dof,)."""
-        dof, weight = len(q), problem.reference_weight**2
-        gradient, damping = weight * (q - problem.reference), np.full(dof, weight)
-        hessian = np.zeros((dof, dof))
+        dof, posture = len(q), PostureCost(problem.reference, problem.reference_weight)
+        gradient, damping, hessian = np.zeros(dof), np.zeros(dof), np.zeros((dof, dof))
         for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
             columns = block[1]
             differentials = None if problem.differentials is None else problem.differentials[i]
@@ -156,7 +156,7 @@ class Controller:
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += position_weight * self._reaches[i] * lag
             damping[columns] += amount
-        for cost in self._costs:
+        for cost in (posture, *self._costs):
             time = np.array([problem.time])
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
