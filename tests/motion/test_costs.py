@@ -55,12 +55,12 @@ def test_smoothness_is_the_integral_of_squares():
     time = np.linspace(0.0, 1.0, 6)
     q = time[:, None] ** 3
     gradient, band = np.zeros((6, 1)), np.zeros((4, 6, 1))
-    cost = SmoothnessCost(time, 0.0, 2.0).add(q, 1.0, gradient, band)
+    cost = SmoothnessCost(time, (0.0, 2.0), (np.inf, np.inf)).add(q, 1.0, gradient, band)
     assert cost == pytest.approx(1.0 + 2.0 * 36.0 * 0.2 * 3)
     assert np.sum(gradient * q) == pytest.approx(cost - 1.0)
     velocity = np.diff(time**3) / 0.2
     excess = np.maximum(velocity / 0.5 - 1.0, 0.0)
-    limited = SmoothnessCost(time, 3.0, 0.0, velocity=0.5).add(q, 0.0, gradient, band)
+    limited = SmoothnessCost(time, (3.0, 0.0), (0.5, np.inf)).add(q, 0.0, gradient, band)
     assert limited == pytest.approx(0.2 * np.sum(3.0 * velocity**2 + 30.0 * excess**2))
 
 

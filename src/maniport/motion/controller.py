@@ -141,7 +141,8 @@ class Controller:
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradient (dof,)."""
         dof, posture = len(q), PostureCost(problem.reference, problem.reference_weight)
-        gradient, damping, hessian = np.zeros(dof), np.zeros(dof), np.zeros((dof, dof))
+        gradient, damping = posture.weight * posture.residual(q), np.full(dof, posture.weight**2)  # Jacobian: w I
+        hessian = np.zeros((dof, dof))
         for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
             columns = block[1]
             differentials = None if problem.differentials is None else problem.differentials[i]
@@ -156,7 +157,7 @@ class Controller:
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += position_weight * self._reaches[i] * lag
             damping[columns] += amount
-        for cost in (posture, *self._costs):
+        for cost in self._costs:
             time = np.array([problem.time])
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian

@@ -206,8 +206,10 @@ class Targets:
 
     def pose_residual(self, q: Array, poses: Array) -> Array:
         """Return the residuals of `pose_costs`, shape (n, r), for poses (n, 4, 4) of the end effector."""
-        return np.hstack([np.empty((len(q), 0)), *(cost.residual(q, poses=poses) for cost in self.pose_costs)])
+        parts = [np.empty((len(q), 0)), *[cost.residual(q, poses=poses) for cost in self.pose_costs]]
+        return np.concatenate(parts, axis=1)
 
     def pose_jacobian(self, q: Array, motion: tuple[Array, Array]) -> Array:
         """Return their derivatives, shape (n, r, dof), for the results of `Arm.motion`."""
-        return np.hstack([motion[1][:, :0], *(cost.jacobian(q, motion=motion) for cost in self.pose_costs)])
+        parts = [motion[1][:, :0], *[cost.jacobian(q, motion=motion) for cost in self.pose_costs]]
+        return np.concatenate(parts, axis=1)

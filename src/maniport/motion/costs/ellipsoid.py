@@ -29,7 +29,7 @@ class EllipsoidCost:
 
     def __getitem__(self, rows: Any) -> "EllipsoidCost":
         half = None if self.half is None else self.half[rows]
-        return replace(self, root=self.root[rows], whitening=self.whitening[rows], half=half)
+        return EllipsoidCost(self.arm, self.spec, self.shift, self.root[rows], self.whitening[rows], half)
 
     def residual(self, q: Array, time: Array | None = None) -> Array:
         """Return residuals, shape (n, d (d + 1) / 2), where nothing is singular."""

@@ -32,23 +32,21 @@ class OrientationCost:
     rotations: Array  # A_R, (n, 3, 3), in the base frame, or one for all
     weights: tuple[float, float, float]  # c [1/rad], not all 0
 
-    @property
-    def axes(self) -> list[int]:
-        """Axes with a weight."""
-        return [k for k, weight in enumerate(self.weights) if weight]
-
     def residual(self, q: Array, time: Array | None = None, poses: Array | None = None) -> Array:
         """Return residuals, shape (n, r), with r = 3 for each axis with a weight."""
         poses = self.arm.forward(q) if poses is None else poses
-        return np.hstack([self.weights[k] * (poses[:, :3, k] - self.rotations[:, :, k]) for k in self.axes])
+        parts = [w * (poses[:, :3, k] - self.rotations[:, :, k]) for k, w in enumerate(self.weights) if w]
+        return parts[0] if len(parts) == 1 else np.hstack(parts)
 
     def jacobian(self, q: Array, time: Array | None = None, motion: tuple[Array, Array] | None = None) -> Array:
         """Return their derivatives, shape (n, r, dof)."""
         poses, jacobian = motion or self.arm.motion(q)
         turns = jacobian[:, 3:]
-        return np.hstack([-self.weights[k] * np.cross(poses[:, :3, k, None], turns, axis=1) for k in self.axes])
+        parts = [-w * np.cross(poses[:, :3, k, None], turns, axis=1) for k, w in enumerate(self.weights) if w]
+        return parts[0] if len(parts) == 1 else np.hstack(parts)
 
     def error(self, q: Array) -> Array:
         """Largest angle between an axis with a weight and its target, shape (n,) [rad]."""
-        chords = np.linalg.norm((self.arm.forward(q)[:, :3, :3] - self.rotations)[:, :, self.axes], axis=1)
+        offsets = self.arm.forward(q)[:, :3, :3] - self.rotations
+        chords = np.linalg.norm(offsets[:, :, np.flatnonzero(self.weights)], axis=1)
         return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))

@@ -20,4 +20,4 @@ class PostureCost:
 
     def jacobian(self, q: Array, time: Array | None = None) -> Array:
         """Return their derivatives, shape (n, dof, dof)."""
-        return np.tile(self.weight * np.eye(q.shape[1]), (len(q), 1, 1))
+        return np.broadcast_to(self.weight * np.eye(q.shape[1]), (*q.shape, q.shape[1]))

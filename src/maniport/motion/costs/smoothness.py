@@ -14,15 +14,9 @@ class SmoothnessCost:
     The sums are over what exceeds the limits (dof,).
     """
 
-    def __init__(
-        self,
-        time: Array,
-        velocity_cost: float,
-        jerk_cost: float,
-        velocity: Array | float = np.inf,
-        acceleration: Array | float = np.inf,
-    ):
-        orders = ((velocity_cost, velocity), (0.0, acceleration), (jerk_cost, np.inf))
+    def __init__(self, time: Array, factors: tuple[float, float], limits: tuple[Array | float, Array | float]):
+        """Take λ_v [s²/rad²] and λ_j [s⁶/rad²], and limits (dof,) of |q̇| and |q̈|."""
+        orders = ((factors[0], limits[0]), (0.0, limits[1]), (factors[1], np.inf))
         self._derivatives = [(Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k]
 
     def add(self, q: Array, cost: float, gradient: Array, band: Array) -> float:

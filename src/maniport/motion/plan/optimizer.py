@@ -103,7 +103,8 @@ class TrajectoryCost:
     def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
-        self.smoothness = SmoothnessCost(time, terms.velocity_cost, terms.jerk_cost, terms.velocity, terms.acceleration)
+        factors, limits = (terms.velocity_cost, terms.jerk_cost), (terms.velocity, terms.acceleration)
+        self.smoothness = SmoothnessCost(time, factors, limits)
 
     def evaluate(self, q: Array) -> tuple[float, Any]:
         """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
