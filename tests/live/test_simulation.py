@@ -10,11 +10,25 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport import cli
+from maniport.errors import MissingPackageError
 from maniport.live.simulation import SimulatedRobot, Simulation
+from maniport.motion import robot_model
 
 
 def without_masses(arm):
     return type(arm)(replace(arm.chain, inertia=None))
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_the_inertia_is_that_of_the_robot(name):
+    pin = pytest.importorskip("pinocchio")
+    arm, rng = mp.load_arm(name), np.random.default_rng(0)
+    q = arm.sample(1, 0)[0]
+    robot, model = SimulatedRobot(arm, q), robot_model(arm)
+    robot._data.qvel[:] = velocity = rng.normal(size=arm.dof)
+    robot._data.qfrc_applied[:] = torque = rng.normal(size=arm.dof)
+    robot._mujoco.mj_forward(robot._model, robot._data)
+    assert_allclose(robot._data.qacc, pin.aba(model, model.createData(), q, velocity, torque), rtol=1e-3, atol=1e-3)
 
 
 def test_commands_are_followed_within_the_torque_limits():
@@ -39,6 +53,12 @@ def test_a_robot_without_masses_is_where_it_is_commanded():
     assert not robot.dynamic
 
 
+def test_a_missing_package_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    with pytest.raises(MissingPackageError, match=r"\.\[simulate\]"):
+        SimulatedRobot(mp.load_arm("panda"), np.zeros(7))
+
+
 def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monkeypatch, capfd):
     """As the library does it, and by the command, which prints the errors and ends without the extra for the view."""
     simulation = Simulation(mp.Live.of(small_result, clock=None))
@@ -49,7 +69,7 @@ def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monk
     assert_allclose(last.position_error, np.linalg.norm(last.arm.position - last.arm.target_position))
     assert 0.0 < simulation.lag < 0.05
     monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("maniport.cli.live.find_spec", lambda name: None)
     for words, code in ((["ladder", "--simulate"], 0), (["ladder", "--simulate", "--udp", "0"], 2)):
         monkeypatch.setattr("sys.argv", ["maniport", "live", *words])
         with pytest.raises(SystemExit) as stop:

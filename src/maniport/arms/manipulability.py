@@ -148,31 +148,16 @@ def weighting(
 
 
 def manipulability(rows: Array, kind: str = "velocity") -> Array:
-    """Compute the manipulability matrices (..., d, d) of weighted rows J W of Jacobians, shape (..., d, dof)."""
-    if kind != "force":
-        return squared(rows)
-    lengths, directions = principal_axes(rows, kind)
-    return squared(directions * lengths[..., None, :])
-
-
-def squared(rows: Array) -> Array:
-    """Compute X Xᵀ of X (..., d, n), exactly symmetric."""
-    product = rows @ rows.swapaxes(-1, -2)
-    # BLAS may round A[i, j] and A[j, i] differently; their average is the same number twice.
-    return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
-
-
-def principal_axes(rows: Array, kind: str = "velocity") -> tuple[Array, Array]:
-    """Compute the semi-axes of the ellipsoids from the singular values of weighted rows J W (..., d, dof).
+    """Compute the manipulability matrices (..., d, d) of weighted rows J W of Jacobians, shape (..., d, dof).
 
     An error for the force ellipsoid of a singular Jacobian, which is unbounded.
     """
+    if kind != "force":
+        return _squared(rows)
     d, dof = rows.shape[-2:]
-    left, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)
+    directions, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)
     lengths = np.zeros((*singular.shape[:-1], d))
     lengths[..., : singular.shape[-1]] = singular
-    if kind != "force":
-        return lengths[..., ::-1].copy(), left[..., ::-1].copy()
     bad = lengths[..., -1] ** 2 <= SPD_TOLERANCE * np.sum(lengths**2, axis=-1)  # the rule of `as_spd`
     if np.any(bad):
         index = tuple(np.argwhere(bad)[0].tolist())
@@ -183,7 +168,14 @@ def principal_axes(rows: Array, kind: str = "velocity") -> tuple[Array, Array]:
             f"{lengths[index][0]:.3g}{count}, so that the force ellipsoid is unbounded. "
             "Leave such configurations out, choose another part, or use kind='velocity'"
         )
-    return 1.0 / lengths, left
+    return _squared(directions * (1.0 / lengths)[..., None, :])
+
+
+def _squared(rows: Array) -> Array:
+    """Compute X Xᵀ of X (..., d, n), exactly symmetric."""
+    product = rows @ rows.swapaxes(-1, -2)
+    # BLAS may round A[i, j] and A[j, i] differently; their average is the same number twice.
+    return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
 
 
 def with_derivatives(

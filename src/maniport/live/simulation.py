@@ -1,15 +1,16 @@
-"""A simulated robot that executes the commands of `maniport.Live`, without hardware."""
+"""A robot in MuJoCo that executes the commands of `maniport.Live`, without hardware."""
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.live.live import Live
 from maniport.live.state import HOLDING, REACHING, LiveState
 from maniport.motion import robot_model
+from maniport.util.optional import mujoco
 from maniport.util.validation import Array
 
 BANDWIDTH = 60.0  # Of the simulated joint servos, critically damped [rad/s]
@@ -26,29 +27,64 @@ class SimulatedRobot:
     robot : Arm or ArmGroup
     start : ndarray, shape (dof,)
         Configuration at rest [rad or m].
+
+    Raises
+    ------
+    MissingPackageError
+        When the robot has masses and MuJoCo is not installed.
     """
 
     def __init__(self, robot: Arm | ArmGroup, start: Array):
-        self.q, self._velocity = start.copy(), np.zeros(len(start))
-        self.dynamic = all(own.chain.inertia is not None for own in as_group(robot).arms)
+        self.q, self.dynamic = start.copy(), all(own.chain.inertia is not None for own in as_group(robot).arms)
         self.largest_share = 0.0  # of the torque limits that was used
-        self._model = robot_model(robot)
-        self._model.armature[:] = 1e-6  # for links without mass
-        self._data = self._model.createData()
+        efforts = robot.effort_limits
+        self._efforts = np.full(len(start), np.inf) if efforts is None else efforts
+        if self.dynamic:
+            self._mujoco = mujoco()
+            self._model = _compiled(self._mujoco, robot_model(robot))
+            self._data = self._mujoco.MjData(self._model)
+            self._data.qpos[:] = start
+            self._mujoco.mj_forward(self._model, self._data)
 
     def move(self, q: Array, velocity: Array, duration: float) -> None:
         """Simulate for a duration [s], at the end of which position and velocity (dof,) are commanded."""
+        self.q = q.copy()
         if not self.dynamic:
-            self.q = q.copy()
             return
-        model, data, limits = self._model, self._data, self._model.effortLimit
+        data = self._data
         for left in np.arange(round(duration / PERIOD))[::-1] * PERIOD:
-            error, change = q - left * velocity - self.q, velocity - self._velocity
-            demanded = BANDWIDTH**2 * error + 2.0 * BANDWIDTH * change
-            torque = np.clip(pin.rnea(model, data, self.q, self._velocity, demanded), -limits, limits)
-            self.largest_share = max(self.largest_share, float(np.abs(torque / limits).max()))
-            self._velocity = self._velocity + PERIOD * pin.aba(model, data, self.q, self._velocity, torque)
-            self.q = self.q + PERIOD * self._velocity
+            error, change, torque = q - left * velocity - data.qpos, velocity - data.qvel, np.empty(len(q))
+            self._mujoco.mj_mulM(self._model, data, torque, BANDWIDTH**2 * error + 2.0 * BANDWIDTH * change)
+            torque = np.clip(torque + data.qfrc_bias, -self._efforts, self._efforts)
+            self.largest_share = max(self.largest_share, float(np.abs(torque / self._efforts).max()))
+            data.qfrc_applied[:] = torque
+            self._mujoco.mj_step(self._model, data)
+        self.q = data.qpos.copy()
+
+
+def _compiled(mujoco: Any, robot: Any) -> Any:
+    """Convert a Pinocchio model of rotating and sliding joints."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep, spec.option.gravity = PERIOD, robot.gravity.linear
+    spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # massless links between two joints
+    bodies = [spec.worldbody]
+    for joint, parent, place, link in zip(
+        list(robot.joints)[1:], list(robot.parents)[1:], list(robot.jointPlacements)[1:], list(robot.inertias)[1:],
+        strict=True,
+    ):  # fmt: skip
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, place.rotation.ravel())
+        body = bodies[parent].add_body(pos=place.translation, quat=quaternion)
+        about_center = link.inertia + 1e-9 * np.eye(3)
+        body.explicitinertial, body.mass, body.ipos = True, link.mass, link.lever
+        body.fullinertia = about_center[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        data = joint.createData()
+        joint.calc(data, np.zeros(joint.nq))
+        axis, slides = np.ravel(data.S), not np.any(np.ravel(data.S)[3:])
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+        body.add_joint(type=kind, axis=axis[:3] if slides else axis[3:])
+        bodies.append(body)
+    return spec.compile()
 
 
 class Simulation:

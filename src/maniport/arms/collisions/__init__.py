@@ -43,8 +43,8 @@ class Collisions(NotebookDisplay):
 
     Attributes
     ----------
-    checked, reason, obstacles : bool, str, bool
-        Whether shapes of the arm are known, so that pairs are checked; the reason if not; whether there are obstacles.
+    checked, reason : bool, str
+        Whether shapes of the arm are known, so that pairs are checked; the reason if not.
     pairs, always, never : tuple of (str, str)
         Names of checked and omitted pairs, with the names of the arms as prefixes if two robots have links of the same
         names. Meshes of `always` intersect in more than 90 % of 10 000 samples of the joint space and at rest. Pairs in
@@ -63,7 +63,6 @@ class Collisions(NotebookDisplay):
         self.arm, self.reason, self.checked = arm, reason, not reason
         self._solids, self._pairs, self._selected = solids, selected.pairs, selected
         self._surroundings = dict(surroundings or {})
-        self.obstacles = self._surroundings.get("obstacles") is not None
         self.pairs, self.always, never, self._full = (
             tuple(dict.fromkeys(self._names(pairs))) for pairs in selected[:4]
         )

@@ -50,14 +50,9 @@ def numbers(text: str | None, count: int | None, where: str, most: float = LARGE
         values = np.array([float(word) for word in (text or "").split()])
     except ValueError:
         values = np.empty(0)
-    if (
-        not len(values)
-        or len(values) != (count or len(values))
-        or not np.all((np.abs(values) <= most) & (values >= least))
-    ):
-        rule = f"{count or 'several'} number{'' if count == 1 else 's'}" + (
-            f", each below {most:g}" if most < np.inf else ""
-        )
+    expected = len(values) > 0 and len(values) == (count or len(values))
+    if not expected or not np.all((np.abs(values) <= most) & (values >= least)):
+        rule = f"{count or 'several'} number{'s' * (count != 1)}{f', each below {most:g}' * bool(most < np.inf)}"
         sign = " and not negative" if least == 0.0 else ""
         raise FileFormatError(f"{where} with {rule}{sign}; found {None if text is None else text[:80]!r}")
     return values
@@ -98,34 +93,19 @@ def parsed(path: Path) -> ElementTree.Element:
         content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
         text = _expanded(path) if path.suffix.lower() == XACRO else content
         require_at_most(text.count("<"), TAGS, "tags", path)
-        root = _root(text)
+        builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()  # prefixes need no declaration
+        parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+        parser.Parse(text, True)
+        root = builder.close()
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: not a text file: {error.reason} at byte {error.start}") from None
-    except (ElementTree.ParseError, ValueError) as error:
-        if isinstance(error, FileFormatError):
-            raise
+    except expat.ExpatError as error:
         raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
     level, depth = [root], 0
     while level:
         level, depth = [child for element in level for child in element], depth + 1
     require_at_most(depth, NESTING, "levels of elements within elements", path)
     return root
-
-
-def _root(text: str) -> ElementTree.Element:
-    """Root of an XML document; undeclared prefixes, such as Drake's, are declared."""
-    try:
-        return ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        if error.code != expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX]:
-            raise
-    used, declared = (
-        set(re.findall(pattern, text))
-        for pattern in (r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]", r"\sxmlns:([A-Za-z_][\w.-]*)\s*=")
-    )
-    names = "".join(f' xmlns:{name}="{name}"' for name in sorted(used - declared - {"xml", "xmlns"}))
-    opening = r"<[A-Za-z_][\w.-]*(?::[A-Za-z_][\w.-]*)?"
-    return ElementTree.fromstring(re.sub(opening, lambda root: root[0] + names, text, count=1))
 
 
 def _expanded(path: Path) -> str:

@@ -35,7 +35,7 @@ def read(path: Path, root: Element) -> RobotModel:
         if element.tag == "body":
             body = _body(model, document, name, element)
             model.bodies[body.name], name = body, body.name
-        for site in element.findall("site"):
+        for site in element.findall("site[@name]"):
             model.sites.setdefault(site.get("name", ""), (name, document.pose(site)))
         waiting += [(name, child) for child in reversed(element.findall("body"))]
     for joint in document.root.findall("equality/joint"):

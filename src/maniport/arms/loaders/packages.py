@@ -78,7 +78,8 @@ def find_robot(name: str) -> RobotFile | None:
     packages = {title: PACKAGES[title]} if title else PACKAGES
     for package in packages.values():
         files = package.installed()
-        stem, side = _side(robot)
+        side = next((side for side in SIDES if robot.endswith(f"_{side}_arm")), None)
+        stem = robot.removesuffix(f"_{side}_arm")
         if side is not None and stem in files and stem not in package.arms:
             return RobotFile(files[stem], name=robot, side=side)
         if robot in files:
@@ -105,12 +106,6 @@ def arm_names(name: str) -> tuple[str, ...]:
     """Return the names of the two arms of a robot in a package; none for other robots."""
     robots = {robot for package in PACKAGES.values() for robot in package.pairs}
     return tuple(f"{name}_{side}_arm" for side in sorted(SIDES)) if name.rpartition("/")[2] in robots else ()
-
-
-def _side(name: str) -> tuple[str, str | None]:
-    """Split a name such as ``talos_left_arm`` into robot and side."""
-    side = next((side for side in SIDES if name.endswith(f"_{side}_arm")), None)
-    return name.removesuffix(f"_{side}_arm"), side
 
 
 def _from_catalog(name: str, installed: bool) -> RobotFile:
