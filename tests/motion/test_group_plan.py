@@ -10,10 +10,11 @@ import maniport as mp
 from crane import two_arms
 from maniport.errors import InvalidInputError
 from maniport.motion import Planner, plan_motion
+from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Objective
-from maniport.motion.problem import MotionProblem, RelativePositionCost
+from maniport.motion.problem import MotionProblem
 from sizes import little_search
 
 TIME = np.linspace(0.0, 3.0, 10)

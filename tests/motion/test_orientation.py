@@ -9,7 +9,7 @@ from maniport.arms import load_arm
 from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError
 from maniport.motion import plan_motion, track
-from maniport.motion.objective import POINTING, WHOLE
+from maniport.motion.costs.orientation import POINTING, WHOLE
 from maniport.pipeline.config import Config
 
 TIME = np.linspace(0.0, 2.0, 12)

@@ -18,8 +18,8 @@ from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, Motion
 from maniport.live.transport import as_frame
 from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
+from maniport.motion.costs.cost import as_costs
 from maniport.motion.plan.plan_settings import require_free
-from maniport.motion.problem import as_costs
 from maniport.pipeline import Config, TransferResult
 from maniport.pipeline.settings import plan_settings
 from maniport.transfer import DomainAdapter

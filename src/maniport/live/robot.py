@@ -11,8 +11,8 @@ from maniport.live.person import Target
 from maniport.motion import Limit, MotionLimits
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
+from maniport.motion.costs.cost import Cost
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping, Objective
-from maniport.motion.problem import Cost
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array

@@ -5,6 +5,7 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 
 from maniport.motion.arm_model import robot_model
 from maniport.motion.collision_limit import Limit
+from maniport.motion.costs.cost import Cost
 from maniport.motion.exports import export_motion
 from maniport.motion.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
 from maniport.motion.motion_limits import LimitUse, MotionLimits
@@ -13,7 +14,6 @@ from maniport.motion.placement.placement import Place, Placement
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
-from maniport.motion.problem import Cost
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search import SeedBank
 from maniport.motion.tracker import track

@@ -29,8 +29,9 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions
 from maniport.motion.collision_limit import CollisionLimit, Limit, as_own_limits
+from maniport.motion.costs.cost import Cost
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.objective import Targets
-from maniport.motion.problem import Cost
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
@@ -139,8 +140,8 @@ class Controller:
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradient (dof,)."""
-        dof, weight = len(q), problem.reference_weight**2
-        gradient, damping = weight * (q - problem.reference), np.full(dof, weight)
+        dof, posture = len(q), PostureCost(problem.reference, problem.reference_weight)
+        gradient, damping = posture.weight * posture.residual(q), np.full(dof, posture.weight**2)  # Jacobian: w I
         hessian = np.zeros((dof, dof))
         for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
             columns = block[1]

@@ -168,7 +168,7 @@ class FeasibleProjector:
         if not np.all(np.isfinite(targets.distance(q))):
             raise InvalidInputError(f"the arm {arm.name!r} is singular at all starts for some points")
         self.joint_positions = q
-        changes = targets.log_changes(q)
+        changes = targets.ellipsoid.log_changes(q)
         changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
         return objective.damped(arm.ellipsoids(q, objective.spec)), changes
 

@@ -4,23 +4,25 @@ The cost of joint positions q is f(q) = |r_ellipsoid|² + |r_position|² + |r_or
 controller and planner use it.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.motion.kernels import add_log_residual, add_residual
-from maniport.spd.kernels import compose, congruence, eigh, roots
-from maniport.spd.matrix_functions import apply, to_vector
+from maniport.motion.costs.ellipsoid import EllipsoidCost
+from maniport.motion.costs.orientation import OrientationCost
+from maniport.motion.costs.position import PositionCost
+from maniport.motion.kernels import add_residual
+from maniport.spd.kernels import roots
+from maniport.spd.matrix_functions import apply
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
-from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
+from maniport.util.validation import Array, as_points, as_square
 
 Damping = float | Regularization | None  # How ellipsoids are damped before they are compared; see `as_damping`
 
@@ -33,10 +35,6 @@ steps, which use first derivatives only."""
 EXACT_WEIGHT = 1000.0
 """The same of the pointwise optimum, with a position error of less than 0.1 mm."""
 
-POINTING, WHOLE = "pointing", "whole"
-"""Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
-ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
-
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids"
 
 
@@ -48,13 +46,6 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
     if positive and own.epsilon == 0.0:
         raise InvalidInputError(f"damping must be above 0, since arms pass singular configurations; found {damping!r}")
     return own
-
-
-def axis_weights(axes: str) -> tuple[float, float, float]:
-    """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
-    if as_choice(axes, "orientation_axes", (POINTING, WHOLE)) == POINTING:
-        return 0.0, 0.0, ORIENTATION_WEIGHT
-    return (ORIENTATION_WEIGHT / math.sqrt(2.0),) * 3
 
 
 @dataclass(frozen=True)
@@ -118,7 +109,8 @@ class Objective:
         `weights` (n, m, m) are those of the directions of the ellipsoids' residuals.
         """
         half = None if weights is None else apply(weights, lambda values: np.sqrt(np.maximum(values, 0.0)))
-        return Targets(self, *roots(self.damped(ellipsoids)), positions, half, rotations)
+        cost = EllipsoidCost(self.arm, self.spec, self.shift, *roots(self.damped(ellipsoids)), half)
+        return Targets(self, cost, positions, rotations)
 
 
 class Linearization(NamedTuple):
@@ -134,28 +126,23 @@ class Linearization(NamedTuple):
 
 @dataclass(frozen=True)
 class Targets:
-    """Targets of an arm, one row for each, and their costs; make them with `Objective.targets`.
+    """Targets of an arm, one row for each; make them with `Objective.targets`.
 
-    With the target A and the achieved ellipsoid M(q), r_ellipsoid is W^½ vec(log X), X = (A + ε I)^-½ (M(q) + ε I)
-    (A + ε I)^-½. vec is the Mandel form, so that |vec(log X)| is the affine-invariant distance. r_position is the
-    weighted offset of the end effector. r_orientation has c_k (R(q) e_k − A_R e_k) for each axis k with a weight: with
-    one axis its square is that of the angle between the two, to second order, with all three and c_k = c/√2 that of the
-    rotation between them.
+    Its costs `EllipsoidCost`, `PositionCost` and `OrientationCost` are evaluated together, so that the kinematics are
+    computed once.
     """
 
     objective: Objective
-    root: Array  # (n, d, d): (A + ε I)^½ of the target ellipsoids A
-    whitening: Array  # (n, d, d): its inverse
+    ellipsoid: EllipsoidCost
     positions: Array | None = None  # (n, 3): target positions of the end effector [m]
-    half: Array | None = None  # (n, m, m): W^½, weights of the directions of the ellipsoids' residuals
-    rotations: Array | None = None  # (n, 3, 3): target rotations A_R of the end effector in the base frame
+    rotations: Array | None = None  # (n, 3, 3): target rotations of the end effector in the base frame
 
     def __getitem__(self, rows: Any) -> "Targets":
-        rest = (None if own is None else own[rows] for own in (self.positions, self.half, self.rotations))
-        return Targets(self.objective, self.root[rows], self.whitening[rows], *rest)
+        rest = (None if own is None else own[rows] for own in (self.positions, self.rotations))
+        return Targets(self.objective, self.ellipsoid[rows], *rest)
 
     def __len__(self) -> int:
-        return len(self.whitening)
+        return len(self.ellipsoid.whitening)
 
     @property
     def arm(self) -> Arm:
@@ -167,14 +154,22 @@ class Targets:
         return replace(self, objective=replace(self.objective, position_weight=position_weight))
 
     @property
-    def axes(self) -> list[int]:
-        """Axes of the end effector whose orientations have a cost."""
-        return [] if self.rotations is None else [k for k, weight in enumerate(self.objective.axis_weights) if weight]
+    def orientation(self) -> OrientationCost | None:
+        """Cost of the orientation; None without one."""
+        weights, rotations = self.objective.axis_weights, self.rotations
+        return None if rotations is None or not any(weights) else OrientationCost(self.arm, rotations, weights)
+
+    @cached_property
+    def pose_costs(self) -> list[PositionCost | OrientationCost]:
+        """Costs of the pose of the end effector."""
+        weight, positions, turned = self.objective.position_weight, self.positions, self.orientation
+        position = None if positions is None else PositionCost(self.arm, positions, weight)
+        return [cost for cost in (position, turned) if cost is not None]
 
     @property
     def ellipsoids(self) -> Array:
         """A, without damping, shape (n, d, d)."""
-        return self.objective.undamped(self.root @ self.root)
+        return self.objective.undamped(self.ellipsoid.root @ self.ellipsoid.root)
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""
@@ -184,32 +179,20 @@ class Targets:
     def linearize(self, q: Array, differentials: tuple[Array, Array, Array, Array] | None = None) -> Linearization:
         """Evaluate f and its derivatives at configurations (n, dof); `differentials` as `Objective.differentials`."""
         poses, jacobian, velocity, changes = self.objective.differentials(q) if differentials is None else differentials
-        gradient, hessian, square = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1])), np.zeros(len(q))
-        values, vectors, singular, changes = self.spectrum(velocity, changes)
-        if self.half is None:
-            add_log_residual(values, vectors, self.whitening, changes, square, gradient, hessian)
-        else:
-            residual = self._weighted_log(values, vectors)
-            rows = np.swapaxes(to_vector(self._log_changes(values, vectors, changes)), 1, 2)
-            add_residual(residual, self.half @ rows, gradient, hessian)
-            square += np.sum(residual**2, axis=1)
-        residual = self.pose_residual(poses)
-        add_residual(residual, self.pose_slopes(poses, jacobian), gradient, hessian)
-        square[singular] = np.inf
+        gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
+        square = self.ellipsoid.add(velocity, changes, gradient, hessian)
+        residual = self.pose_residual(q, poses)
+        add_residual(residual, self.pose_jacobian(q, (poses, jacobian)), gradient, hessian)
         return Linearization(square, np.sum(residual**2, axis=1), gradient, hessian, poses, jacobian)
 
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,)."""
         poses, velocity = self.arm.posed_ellipsoids(q, self.objective.spec.bounded)
-        values, vectors, singular, _ = self.spectrum(velocity)
-        rows = np.log(values) if self.half is None else self._weighted_log(values, vectors)
-        square = np.where(singular, np.inf, np.sum(rows**2, axis=1))
-        return np.asarray(square + np.sum(self.pose_residual(poses) ** 2, axis=1))
+        return np.asarray(self.ellipsoid.square(velocity) + np.sum(self.pose_residual(q, poses) ** 2, axis=1))
 
     def distance(self, q: Array) -> Array:
-        """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""
-        values, _, singular, _ = self.spectrum(self.arm.ellipsoids(q, self.objective.spec.bounded))
-        return np.where(singular, np.inf, np.sqrt(np.sum(np.log(values) ** 2, axis=1)))
+        """As `EllipsoidCost.distance`."""
+        return self.ellipsoid.distance(q)
 
     def position_error(self, q: Array) -> Array | None:
         """Position error [m], shape (n,); None without target positions."""
@@ -218,63 +201,15 @@ class Targets:
         return np.asarray(np.linalg.norm(self.arm.forward(q)[:, :3, 3] - self.positions, axis=1))
 
     def orientation_error(self, q: Array) -> Array | None:
-        """Largest angle between an axis with a weight and its target, shape (n,) [rad]; None without any."""
-        if self.rotations is None or not self.axes:
-            return None
-        chords = np.linalg.norm((self.arm.forward(q)[:, :3, :3] - self.rotations)[:, :, self.axes], axis=1)
-        return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))
+        """As `OrientationCost.error`; None without that cost."""
+        return None if (cost := self.orientation) is None else cost.error(q)
 
-    def pose_residual(self, poses: Array) -> Array:
-        """Return r_position and r_orientation, shape (n, r), for poses (n, 4, 4) of the end effector."""
-        parts, weights = [np.empty((len(poses), 0))], self.objective.axis_weights
-        if self.positions is not None:
-            parts.append(self.objective.position_weight * (poses[:, :3, 3] - self.positions))
-        if self.rotations is not None:
-            parts += [weights[k] * (poses[:, :3, k] - self.rotations[:, :, k]) for k in self.axes]
+    def pose_residual(self, q: Array, poses: Array) -> Array:
+        """Return the residuals of `pose_costs`, shape (n, r), for poses (n, 4, 4) of the end effector."""
+        parts = [np.empty((len(q), 0)), *[cost.residual(q, poses=poses) for cost in self.pose_costs]]
         return np.concatenate(parts, axis=1)
 
-    def pose_slopes(self, poses: Array, jacobian: Array) -> Array:
-        """Return their derivatives, shape (n, r, dof), for Jacobians (n, 6, dof)."""
-        parts, weights = [jacobian[:, :0]], self.objective.axis_weights
-        if self.positions is not None:
-            parts.append(self.objective.position_weight * jacobian[:, :3])
-        parts += [-weights[k] * np.cross(poses[:, :3, k, None], jacobian[:, 3:], axis=1) for k in self.axes]
+    def pose_jacobian(self, q: Array, motion: tuple[Array, Array]) -> Array:
+        """Return their derivatives, shape (n, r, dof), for the results of `Arm.motion`."""
+        parts = [motion[1][:, :0], *[cost.jacobian(q, motion=motion) for cost in self.pose_costs]]
         return np.concatenate(parts, axis=1)
-
-    def logarithms(self, q: Array) -> Array:
-        """Log X, shape (n, d, d), where nothing is singular."""
-        return apply(
-            congruence(self.whitening, self.objective.damped(self.arm.ellipsoids(q, self.objective.spec))), np.log
-        )
-
-    def log_changes(self, q: Array) -> Array:
-        """Return derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        _, _, velocity, changes = self.objective.differentials(q)
-        values, vectors, _, changes = self.spectrum(velocity, changes)
-        return self._log_changes(values, vectors, changes)
-
-    def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
-        """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
-        singular, achieved = np.zeros(len(velocity), bool), velocity
-        if self.objective.spec.kind == "force":
-            values, vectors = eigh(velocity)
-            singular = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
-            values[singular] = 1.0
-            achieved = compose(1.0 / values, vectors)
-            changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
-        values, vectors = eigh(congruence(self.whitening, self.objective.damped(achieved)))
-        singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
-        values[singular] = 1.0
-        return values, vectors, singular, np.empty((0,)) if changes is None else changes
-
-    def _weighted_log(self, values: Array, vectors: Array) -> Array:
-        assert self.half is not None
-        return np.asarray((self.half @ to_vector(compose(np.log(values), vectors))[..., None])[..., 0])
-
-    def _log_changes(self, values: Array, vectors: Array, changes: Array) -> Array:
-        """Return derivatives of log X in the base frame, with divided differences of the logarithm."""
-        ratio, frames = values[:, :, None] / values[:, None] - 1.0, np.swapaxes(vectors, -1, -2) @ self.whitening
-        near = np.abs(ratio) < 1e-8
-        slopes = np.where(near, 1.0 - 0.5 * ratio, np.log1p(ratio) / np.where(near, 1.0, ratio)) / values[:, None]
-        inner = slopes[:, None] * congruence(frames[:, None], changes)
-        return congruence(vectors[:, None], inner)

@@ -10,7 +10,6 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.motion.controller import LM_DAMPING
 from maniport.motion.objective import Damping, Objective, Targets
-from maniport.spd.matrix_functions import to_vector
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array
 
@@ -56,12 +55,12 @@ class EllipsoidTask(Task):  # type: ignore[misc]  # Pink is untyped
     def compute_error(self, configuration: Configuration) -> Array:
         """Return the error, shape (d (d + 1) / 2,)."""
         targets, q, _ = self._at(configuration)
-        return to_vector(targets.logarithms(q)[0])
+        return np.asarray(targets.ellipsoid.residual(q)[0])
 
     def compute_jacobian(self, configuration: Configuration) -> Array:
         """Return the derivatives of the error, shape (d (d + 1) / 2, nv)."""
         targets, q, columns = self._at(configuration)
-        rows = to_vector(targets.log_changes(q)[0]).T
+        rows = targets.ellipsoid.jacobian(q)[0]
         jacobian = np.zeros((len(rows), configuration.model.nv))
         jacobian[:, columns] = rows
         return jacobian

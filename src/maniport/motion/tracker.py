@@ -12,8 +12,9 @@ from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.collision_limit import Limit
 from maniport.motion.controller import Controller, ControlProblem, ControlState
-from maniport.motion.objective import FOLLOWING_WEIGHT, POINTING, Damping, axis_weights
-from maniport.motion.problem import Cost, as_costs
+from maniport.motion.costs.cost import Cost, as_costs
+from maniport.motion.costs.orientation import POINTING, axis_weights
+from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
 from maniport.motion.trajectory import Trajectory

@@ -218,9 +218,9 @@ class MovingPathCost:
         """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
         targets, dof = self.targets, q.shape[1]
         poses, jacobian, velocity, changes = targets.arm.posed_differentials(q, targets.objective.spec.bounded)
-        values, vectors, singular, changes = targets.spectrum(velocity, changes)
+        values, vectors, singular, changes = targets.ellipsoid.spectrum(velocity, changes)
         assert targets.positions is not None
-        achieved = targets.root @ compose(values, vectors) @ targets.root
+        achieved = targets.ellipsoid.root @ compose(values, vectors) @ targets.ellipsoid.root
         turned = achieved[:, None] @ self._generators - self._generators @ achieved[:, None]
         weight = targets.objective.position_weight
         error = weight * (poses[:, :3, 3] - targets.positions)
@@ -228,7 +228,7 @@ class MovingPathCost:
         n, count = len(q), dof + SIZE
         square, self.gradient, self.hessian = np.zeros(n), np.zeros((n, count)), np.zeros((n, count, count))
         changes = np.concatenate([changes, turned], axis=1)
-        add_log_residual(values, vectors, targets.whitening, changes, square, self.gradient, self.hessian)
+        add_log_residual(values, vectors, targets.ellipsoid.whitening, changes, square, self.gradient, self.hessian)
         add_residual(error, error_slopes, self.gradient, self.hessian)
         square += np.sum(error**2, axis=1)
         for demand in self._demands:

@@ -17,16 +17,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
-from scipy.sparse import diags_array
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
+from maniport.motion.costs.smoothness import SmoothnessCost
 from maniport.motion.search import LARGEST_DAMPING, LEAST_GAIN, PathCost
 from maniport.util.validation import Array
 
 CLEARANCE = 0.015  # Distance that motions keep from collisions [m]
 CLEARANCE_WEIGHT = 300.0  # w_c [1/m]
-LIMIT_WEIGHT = 30.0  # w_l [1/s]
 POSITION_WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
 """Weights of the position error, tried in turn until it is within the tolerance [1/m]."""
 
@@ -98,35 +97,14 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
     return state
 
 
-class Differences:
-    """The k-th derivative at uneven times as a banded matrix D of n − k rows."""
-
-    def __init__(self, time: Array, order: int):
-        count = len(time) - order
-        at = np.stack([time[k : count + k] for k in range(order + 1)], axis=1)
-        rows = np.tile(np.eye(order + 1), (count, 1, 1))
-        for level in range(1, order + 1):
-            gap = at[:, level:] - at[:, : at.shape[1] - level]
-            rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
-        self.rows, self.spans = rows[:, 0], (at[:, -1:] - at[:, :1]) / order
-        self.matrix = diags_array(list(self.rows.T), offsets=range(order + 1), shape=(count, len(time)), format="csr")
-
-    def add_normal(self, weights: Array, band: Array) -> None:
-        """Add lower diagonals of Dᵀ W D of each joint to (k + 1, n, dof); W is diagonal, `weights` (n − k, dof)."""
-        m, width = self.rows.shape
-        for below in range(width):
-            for k in range(width - below):
-                band[below, k : m + k] += weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
-
-
 class TrajectoryCost:
     """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `evaluate` of a `PathCost`."""
 
     def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
-        orders = ((terms.velocity_cost, terms.velocity), (0.0, terms.acceleration), (terms.jerk_cost, np.inf))
-        self.derivatives = [(Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k]
+        factors, limits = (terms.velocity_cost, terms.jerk_cost), (terms.velocity, terms.acceleration)
+        self.smoothness = SmoothnessCost(time, factors, limits)
 
     def evaluate(self, q: Array) -> tuple[float, Any]:
         """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
@@ -141,13 +119,7 @@ class TrajectoryCost:
             np.add.at(hessian, rows, slope[:, :, None] * slope[:, None, :])
         cost, gradient = float(self.weights @ square), self.weights[:, None] * gradient
         band = np.zeros((min(4, len(q)), *q.shape))  # lower diagonals of each joint
-        for difference, smoothness, limit in self.derivatives:
-            value, spans = difference.matrix @ q, difference.spans
-            share = value / limit
-            excess = np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0)
-            cost += float(np.sum(spans * (smoothness * value**2 + LIMIT_WEIGHT * excess**2)))
-            gradient += difference.matrix.T @ (spans * (smoothness * value + LIMIT_WEIGHT * excess / limit))
-            difference.add_normal(spans * (smoothness + LIMIT_WEIGHT * (excess != 0.0) / limit**2), band)
+        cost = self.smoothness.add(q, cost, gradient, band)
         return cost, (gradient, self.weights[:, None, None] * hessian, band)
 
     def trial(self, q: Array, slopes: Any, damping: float) -> tuple[Array, float]:

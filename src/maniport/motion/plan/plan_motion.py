@@ -9,12 +9,15 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.motion.costs.cost import Cost, as_costs
+from maniport.motion.costs.orientation import axis_weights
+from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import EXACT_WEIGHT, Damping, axis_weights
+from maniport.motion.objective import EXACT_WEIGHT, Damping
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner, planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
-from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
+from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
 from maniport.motion.search import STARTS, interpolated_distance, pointwise_best
@@ -67,7 +70,7 @@ def plan_motion(
         Target orientations of the end effectors in the base frame; `orientation_axes` sets which axes count. The
         pointwise optimum ignores them.
     costs : sequence of Cost, optional
-        Further costs, over all joints; see `maniport.motion.problem.Cost`. The pointwise optimum ignores them.
+        Further costs, over all joints; see `maniport.motion.Cost`. The pointwise optimum ignores them.
     hand_targets : {"placed", "relative"}
         Whether the end effectors follow their paths, or only keep the vectors from the first end effector to the
         others; the arms of the result then have no paths.

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
+from maniport.motion.costs.orientation import POINTING, axis_weights
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import POINTING, axis_weights
 from maniport.util.defaults import MARGIN, POSITION_TOLERANCE, RATE
 from maniport.util.validation import Array, as_number
 

@@ -101,7 +101,7 @@ class ArmPlanner:
             q[..., idle] = (0.5 * (self.limits.lower + self.limits.upper))[idle]
             first, own = np.arange(len(q) + 1) * q.shape[1], targets[np.repeat(np.arange(len(q)), q.shape[1])]
             q = q.reshape(-1, q.shape[-1])
-            q = turned_to_rotations(own, q) if targets.axes else q
+            q = q if targets.orientation is None else turned_to_rotations(own, q)
             nodes = Roadmap(q, own.cost(q), first)
         time = np.repeat(problem.time, np.diff(nodes.first))
         for cost in problem.costs:

@@ -138,14 +138,14 @@ class ReachabilityMap:
         more than once, the same configurations a turn away are nodes, too.
         """
         # few samples next to a position have similar orientations: more are needed where the orientation counts
-        q, cost = self._turned_samples(targets, (8 if targets.axes else 2) * count)
+        q, cost = self._turned_samples(targets, (2 if targets.orientation is None else 8) * count)
         order = np.argsort(cost, axis=1, kind="stable")
         half = count // 2
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
         chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
         possible = np.isfinite(np.take_along_axis(cost, chosen, axis=1))
         q, owner = np.take_along_axis(q, chosen[..., None], axis=1)[possible], np.nonzero(possible)[0]
-        if targets.axes:
+        if targets.orientation is not None:
             q = turned_to_rotations(targets[owner], q)
         assert targets.positions is not None
         q, error = moved_to_positions(self.arm, q, targets.positions[owner])
@@ -168,7 +168,7 @@ class ReachabilityMap:
         beyond &= ~beyond.all(axis=1, keepdims=True)  # better off the position than nothing at all
         cost[beyond] = np.inf
         first = np.clip(first, *self._first_limits)
-        if targets.axes:
+        if targets.orientation is not None:
             assert targets.rotations is not None
             weights = np.array(targets.objective.axis_weights)
             needed = self._idle_turns @ (weights > 0.0)

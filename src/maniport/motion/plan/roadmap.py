@@ -106,8 +106,8 @@ def turned_to_rotations(targets: Targets, q: Array) -> Array:
     """Turn end effectors at q (n, dof) toward their target rotations, and bring them near their positions."""
     arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
     for _ in range(NEWTON_STEPS):
-        poses, jacobian = arm.motion(q)
-        residual, slope = targets.pose_residual(poses), targets.pose_slopes(poses, jacobian)
+        motion = arm.motion(q)
+        residual, slope = targets.pose_residual(q, motion[0]), targets.pose_jacobian(q, motion)
         square = np.swapaxes(slope, 1, 2) @ slope + np.eye(arm.dof)  # a little weight on joint motion
         change = np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ residual[..., None])
         q = _stepped(arm, q, -change[..., 0])

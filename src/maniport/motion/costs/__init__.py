@@ -1,0 +1,1 @@
+"""Costs of configurations: each has residuals, whose squares are summed, and their derivatives."""

@@ -1,0 +1,52 @@
+"""Cost of the orientation of an end effector."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from maniport.arms import Arm
+from maniport.util.validation import Array, as_choice
+
+POINTING, WHOLE = "pointing", "whole"
+"""Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
+ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
+
+
+def axis_weights(axes: str) -> tuple[float, float, float]:
+    """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
+    if as_choice(axes, "orientation_axes", (POINTING, WHOLE)) == POINTING:
+        return 0.0, 0.0, ORIENTATION_WEIGHT
+    return (ORIENTATION_WEIGHT / math.sqrt(2.0),) * 3
+
+
+@dataclass(frozen=True, eq=False)
+class OrientationCost:
+    """Cost c_k (R(q) e_k − A_R e_k) of the axes k of an end effector.
+
+    With one axis the square is that of the angle between the two, to second order, with all three and c_k = c/√2 that
+    of the rotation between them.
+    """
+
+    arm: Arm
+    rotations: Array  # A_R, (n, 3, 3), in the base frame, or one for all
+    weights: tuple[float, float, float]  # c [1/rad], not all 0
+
+    def residual(self, q: Array, time: Array | None = None, poses: Array | None = None) -> Array:
+        """Return residuals, shape (n, r), with r = 3 for each axis with a weight."""
+        poses = self.arm.forward(q) if poses is None else poses
+        parts = [w * (poses[:, :3, k] - self.rotations[:, :, k]) for k, w in enumerate(self.weights) if w]
+        return parts[0] if len(parts) == 1 else np.hstack(parts)
+
+    def jacobian(self, q: Array, time: Array | None = None, motion: tuple[Array, Array] | None = None) -> Array:
+        """Return their derivatives, shape (n, r, dof)."""
+        poses, jacobian = motion or self.arm.motion(q)
+        turns = jacobian[:, 3:]
+        parts = [-w * np.cross(poses[:, :3, k, None], turns, axis=1) for k, w in enumerate(self.weights) if w]
+        return parts[0] if len(parts) == 1 else np.hstack(parts)
+
+    def error(self, q: Array) -> Array:
+        """Largest angle between an axis with a weight and its target, shape (n,) [rad]."""
+        offsets = self.arm.forward(q)[:, :3, :3] - self.rotations
+        chords = np.linalg.norm(offsets[:, :, np.flatnonzero(self.weights)], axis=1)
+        return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))
