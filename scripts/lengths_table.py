@@ -107,9 +107,9 @@ def cases(names: list[str]) -> Iterator[Case]:
     for name in names:
         file, options = ROBOTS[name]
         arm = load_arm(file if file == "panda" else FILES / file, **options)
-        persons = {"rHuMan": [one for one in every if one.name.startswith("H-Eval")]}
+        persons = {"rHuMan": [motion for motion in every if motion.name.startswith("H-Eval")]}
         if name in ALL_PERSONS:
-            persons |= {one.name: [one] for one in every if not one.name.startswith("H-Eval")}
+            persons |= {motion.name: [motion] for motion in every if not motion.name.startswith("H-Eval")}
         for person, own in persons.items():
             yield Case(name, person, arm, tuple(own))
 
@@ -153,12 +153,12 @@ def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tupl
     field = adapter._field()
     squeezed = least_singular(field.slopes(*field.base(adapter.teacher_side(fresh))))
     sure, worst = squeezed >= INVERTIBLE, 0.0
-    for one, image in zip(fresh[sure][:50], images[sure][:50], strict=True):
+    for point, image in zip(fresh[sure][:50], images[sure][:50], strict=True):
         try:
             back = adapter.inverse_transform(image)
         except NotInvertibleError:
             return float(squeezed.min()), float(np.mean(squeezed <= NEAR_SINGULAR)), np.nan
-        worst = max(worst, float(np.abs(back - one).max() / np.abs(one).max()))
+        worst = max(worst, float(np.abs(back - point).max() / np.abs(point).max()))
     return float(squeezed.min()), float(np.mean(squeezed <= NEAR_SINGULAR)), worst
 
 
@@ -171,24 +171,24 @@ def main() -> None:
     parser.add_argument("--rigid", action="store_true", help="parallel transport instead")
     parser.add_argument("--samples", action="store_true", help="let the field know the robot's samples only")
     parser.add_argument("--full", action="store_true", help="6×6 ellipsoids, of translation and rotation")
-    given = parser.parse_args()
-    spec = EllipsoidSpec(part="full") if given.full else VELOCITY
+    parsed = parser.parse_args()
+    spec = EllipsoidSpec(part="full") if parsed.full else VELOCITY
     print(f"{'robot, person':28s} {' '.join(f'{head:>14s}' for head in HEADS)}")
-    for case in cases(given.robots):
-        if given.persons and case.person not in given.persons:
+    for case in cases(parsed.robots):
+        if parsed.persons and case.person not in parsed.persons:
             continue
-        projector = None if given.samples else FeasibleProjector(case.arm, spec)
+        projector = None if parsed.samples else FeasibleProjector(case.arm, spec)
         rows = []
-        for draw in range(given.draws):
+        for draw in range(parsed.draws):
             options = {"damping": DAMPING, "base_rotation": np.eye(3)}
-            adapter = ParallelTransport(**options) if given.rigid else LengthField(**options, projector=projector)
+            adapter = ParallelTransport(**options) if parsed.rigid else LengthField(**options, projector=projector)
             rows.append(measured(adapter, case, 100 + draw, spec))
-            print(told(f"  draw {draw}", rows[-1]), flush=True)
+            print(described(f"  draw {draw}", rows[-1]), flush=True)
         worst = [choose(column) for choose, column in zip(WORST, zip(*rows, strict=True), strict=True)]
-        print(told(f"{case.robot}, {case.person}", worst), flush=True)
+        print(described(f"{case.robot}, {case.person}", worst), flush=True)
 
 
-def told(name: str, row: list[float]) -> str:
+def described(name: str, row: list[float]) -> str:
     """One line."""
     return f"{name:28s} {' '.join(f'{value:14.3g}' for value in row)}"
 

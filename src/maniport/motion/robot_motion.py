@@ -53,7 +53,7 @@ class ArmMotion(Trajectory):
     status : tuple of str
         The worst since the previous waypoint, one of `maniport.motion.status.STATUSES`.
     held : ndarray of bool, shape (m,)
-        Control steps at which the quadratic program failed and the arm was brought to rest.
+        Control steps at which not all limits could be satisfied, or the arm braked before a collision.
     velocity_limits : ndarray, shape (dof,)
         Infinite where none is available.
     demonstrated_time : ndarray, shape (n,), or None

@@ -168,7 +168,8 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         measure(section, "major_axis_angle", angle, time)
     unchecked = _add_heights(section, motion, time, result)
     if motion.held.any():
-        text = f"the solver failed at {motion.held.sum()} control steps, where the robot was held"
+        count = motion.held.sum()
+        text = f"at {count} control steps not all limits were satisfied, or the robot braked before a collision"
         section.warn("held", text, severity=ERROR)
     pairs = zip(motion.joint_names, motion.velocity_limits, strict=True)
     if free := [name for name, limit in pairs if np.isinf(limit)]:
