@@ -149,6 +149,7 @@ FAULTS = {
     "'j' has the limits 1 to -1": jointed("revolute", CLOSED),
     "must have one root link; found 2: 'a', 'b'": ROBOT.format(""), "has no movable joint": jointed("fixed"),
     "type 'hinge'; allowed are revolute": jointed("hinge"), "is revolute and has no <limit>": jointed("revolute"),
+    "'i' has type 'Hinge'; allowed are hinge": world(HINGE.replace("/>{", ' type="Hinge"/>{').format("")),
     "names 'c' as child link": jointed("revolute", LIMIT).replace('child link="b"', 'child link="c"'),
     "prismatic joint 'j' has no limits": jointed("prismatic", LIMIT.replace("1", "0")),
     "follows 'k' which is no joint": jointed("revolute", LIMIT + '<mimic joint="k"/>'),
