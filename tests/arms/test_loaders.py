@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from maniport.arms import load_arm, myoarm, rhuman
+from maniport.arms.loaders import robot_limbs
 from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
@@ -148,6 +149,7 @@ FAULTS = {
     "'j' has the limits 1 to -1": jointed("revolute", CLOSED),
     "must have one root link; found 2: 'a', 'b'": ROBOT.format(""), "has no movable joint": jointed("fixed"),
     "type 'hinge'; allowed are revolute": jointed("hinge"), "is revolute and has no <limit>": jointed("revolute"),
+    "'i' has type 'Hinge'; allowed are hinge": world(HINGE.replace("/>{", ' type="Hinge"/>{').format("")),
     "names 'c' as child link": jointed("revolute", LIMIT).replace('child link="b"', 'child link="c"'),
     "prismatic joint 'j' has no limits": jointed("prismatic", LIMIT.replace("1", "0")),
     "follows 'k' which is no joint": jointed("revolute", LIMIT + '<mimic joint="k"/>'),
@@ -165,6 +167,12 @@ def test_unusable_files_are_named_with_their_fault(tmp_path, message):
     with pytest.raises((FileFormatError, InvalidInputError), match=message) as caught:
         load_arm(path)
     assert str(path) in str(caught.value)
+
+
+def test_limbs_of_a_file_without_movable_joints_are_refused(write):
+    for path in (write(jointed("fixed")), write(world(HINGE.replace("/>{", ' type="ball"/>{').format("")), "r.xml")):
+        with pytest.raises(InvalidInputError, match="has no movable joint"):
+            robot_limbs(path)
 
 
 @pytest.mark.parametrize("build", [myoarm, rhuman])

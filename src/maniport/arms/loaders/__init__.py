@@ -180,6 +180,8 @@ def robot_limbs(name_or_path: Robot) -> tuple[list[Limb], Limb | None]:
     if file is None or READERS[file.path.suffix.lower()] is not _read_xml:
         return [], None
     limbs = Limbs(read_model(file.path)).all()
+    if not limbs:
+        raise InvalidInputError(f"{file.path}: has no movable joint")
     if file.side is not None:
         return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
     alone = len(limbs) == 1 or len(limbs[0].joints) > len(limbs[1].joints)

@@ -16,6 +16,8 @@ from maniport.arms.meshes.mesh_files import scaled
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
+KINDS = ("hinge", "slide", "ball", "free")
+"""Types of joints."""
 SIZES = {
     "sphere": (1.0,), "ellipsoid": (1.0, 1.0, 1.0), "box": (2.0, 2.0, 2.0), "cylinder": (1.0, 2.0),
     "capsule": (1.0, 2.0),
@@ -51,6 +53,9 @@ def _body(model: RobotModel, document: Document, parent: str, element: Element) 
     """Return a body with the joints that move it."""
     placement, joints, inertia = document.pose(element), list[Joint](), _inertia(document, element)
     kinds = {joint: document.attribute(joint, "type") or "hinge" for joint in element.findall("joint")}
+    for joint, kind in kinds.items():
+        fault = f"<joint> {joint.get('name', '')!r} has type {kind!r}; allowed are {', '.join(KINDS)}"
+        require(kind in KINDS, document.path, fault)
     if "ball" in kinds.values():
         return RobotBody(element.get("name", ""), parent, placement, blocked="ball", inertia=inertia)
     for joint, kind in kinds.items():
