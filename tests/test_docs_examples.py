@@ -72,7 +72,7 @@ def short_work():
         with (
             little_search(),
             mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),
-            mock.patch("maniport.batch.run.cores", return_value=1),
+            mock.patch("maniport.batch.run.cpu_count", return_value=1),
             mock.patch("maniport.pipeline.transfer_recording", quick),
             mock.patch.object(maniport, "transfer_recording", quick, create=True),
         ):
