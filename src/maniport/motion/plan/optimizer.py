@@ -41,6 +41,7 @@ class TrajectoryTerms:
     acceleration: Array | float = np.inf  # limits (dof,)
     collisions: Collisions | None = None
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another step
+    clearance: float | Array = CLEARANCE  # c, or c at each waypoint (n,) [m]
 
 
 def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float) -> Array:
@@ -103,6 +104,8 @@ class TrajectoryCost:
     def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
+        self.clearance = np.broadcast_to(terms.clearance, len(time))
+        self.stiffness = CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)  # contact costs the same for every c
         factors, limits = (terms.velocity_cost, terms.jerk_cost), (terms.velocity, terms.acceleration)
         self.smoothness = SmoothnessCost(time, factors, limits)
 
@@ -111,9 +114,9 @@ class TrajectoryCost:
         length, gradient, hessian = self.waypoints.evaluate(q)
         square = length**2
         if self.terms.collisions is not None:
-            rows, distance, slope = self.terms.collisions.gradient(q, CLEARANCE, scaled=True)
-            lacking = CLEARANCE_WEIGHT * (CLEARANCE - distance)
-            slope = CLEARANCE_WEIGHT * slope
+            rows, distance, slope = self.terms.collisions.gradient(q, float(self.clearance.max()), scaled=True)
+            lacking = self.stiffness[rows] * np.maximum(self.clearance[rows] - distance, 0.0)
+            slope = (self.stiffness[rows] * (lacking > 0.0))[:, None] * slope
             np.add.at(square, rows, lacking**2)
             np.add.at(gradient, rows, -lacking[:, None] * slope)
             np.add.at(hessian, rows, slope[:, :, None] * slope[:, None, :])

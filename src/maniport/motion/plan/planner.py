@@ -27,10 +27,10 @@ from maniport.motion.plan.optimizer import (
     TrajectoryTerms,
     optimize,
     optimize_to_tolerance,
-    time_weights,
 )
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
+from maniport.motion.plan.relaxation import SPEED_SHARE, time_parameterized
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, stages_of, turned_to_rotations
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
@@ -43,7 +43,6 @@ PLANNING_TIME_SCALE = 4.0
 SMOOTHNESS = 0.04
 """Factor of the smoothness costs [1/√s], which grow with the root of the demonstrated duration. Less smoothness is more
 accurate, but the limits then slow the trajectory down: by about the same share, more seconds for a long recording."""
-SPEED_SHARE = 0.9  # Share of the limits of velocity and acceleration that the optimizer uses
 
 
 def planning_time_scale(settings: PlanSettings) -> float:
@@ -114,26 +113,6 @@ class ArmPlanner:
         largest = np.array([{"rad": 0.6, "m": 0.2}[unit] for unit in self.limits.arm.joint_units])
         largest = np.minimum(SPEED_SHARE * self.limits.velocity * gaps, largest)
         return shortest_path(nodes, time, largest, joint_motion_weight)
-
-
-def time_parameterized(
-    problem: MotionProblem, q: Array, settings: PlanSettings, tolerance: float
-) -> tuple[Array, Trajectory]:
-    """Time a trajectory, optimize it with the smoothness that its time demands, and time it again."""
-    earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])
-    limits = problem.limits
-    at = retime(limits, earliest, q, rate=settings.rate).time
-    terms = TrajectoryTerms(
-        3e-3,
-        1e-6,
-        time_weights(earliest) * (at[-1] - at[0]) / (earliest[-1] - earliest[0]),
-        SPEED_SHARE * limits.velocity,
-        SPEED_SHARE * limits.acceleration,
-        problem.collisions,
-        settings.budget.rel_tol,
-    )
-    q = optimize_to_tolerance(problem, at, q, terms, tolerance)
-    return q, retime(limits, earliest, q, rate=settings.rate)
 
 
 @dataclass(frozen=True)
