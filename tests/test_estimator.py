@@ -45,7 +45,7 @@ def test_parameters_are_set_by_name():
         one.set_params(counts=1)
 
 
-def test_scikit_learn_is_told_what_it_asks():
+def test_scikit_learn_gets_the_tags_that_it_reads():
     tags = get_tags(mp.ParallelTransport())
     assert (tags.estimator_type, tags.transformer_tags is None, tags.target_tags.required) == (None, False, False)
     assert get_tags(mp.ProfileGMM()).transformer_tags is None

@@ -53,7 +53,7 @@ def test_two_arms_are_named_by_their_side():
     assert set(tips[2:]) == {"left_ankle_roll_link", "right_ankle_roll_link"}
 
 
-def test_unknown_robots_are_told_how_to_get(monkeypatch):
+def test_errors_of_unknown_robots_contain_the_installation(monkeypatch):
     for package in PACKAGES.values():
         monkeypatch.setattr(type(package), "installed", lambda self: {})
     with pytest.raises(

@@ -319,6 +319,8 @@ def test_digests_tell_contents_apart(tmp_path):
         (tmp_path / name).write_text("same")
     assert digest(tmp_path / "1") == digest(tmp_path / "2") != digest(tmp_path)
     assert digest({"a": 1, "b": {2, 3}}) == digest({"b": {3, 2}, "a": 1})
+    first, second = (np.array([float(text) for text in ("1.5", "2.5")], dtype=object) for _ in range(2))
+    assert digest(first) == digest(second)  # their bytes are addresses
     things = [1, 1.0, "1", True, [1], {"1": 1}, {1}, np.array([1]), np.array([1.0]), [[1]], b"1", None]
     assert len({digest(thing) for thing in things}) == len(things)
 

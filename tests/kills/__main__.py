@@ -100,7 +100,7 @@ def forked(work: Command, which: int, log: Path) -> int:
 
 
 def ended(child: int, patience: float = 60.0) -> int | None:
-    """Return the exit code of a child; None of one that goes on [s], which is ended."""
+    """Return the exit code of a child; end a child that runs longer [s], and return None."""
     for _ in range(int(patience / 0.002)):
         done, status = os.waitpid(child, os.WNOHANG)
         if done:

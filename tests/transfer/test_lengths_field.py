@@ -120,7 +120,7 @@ class Searching:
         return bounded(points), np.broadcast_to(ways, (len(points), *np.shape(ways)))
 
 
-def test_a_projector_that_searches_is_told_the_damping_and_asked_for_ways(domains):
+def test_a_searching_projector_gets_the_damping_and_returns_derivatives(domains):
     searching = Searching()
     adapter = mp.LengthField(damping=0.01, projector=searching).fit(*domains[3])
     assert set(searching.epsilons) == {adapter.student_damping_}

@@ -283,8 +283,8 @@ class Arm(JointSpace):
     def skeleton(self, q: ArrayLike) -> Array:
         """Compute the polyline from the base through the joints to the end effector, shape (..., k, 3) [m]."""
         points, joints, end_frame = self.link_poses(q)[..., :3, 3], self.chain.joints, self.chain.frames[self.frame]
-        if self.chain.stand is not None:
-            points[..., 0, :] = self.chain.stand[:3, 3]
+        if self.chain.base_pose is not None:
+            points[..., 0, :] = self.chain.base_pose[:3, 3]
         apart = [0, *(i for i, j in enumerate(joints, 1) if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC)]
         points = points[..., apart, :]
         if np.any(end_frame.placement[:3, 3]) or len(apart) == 1:

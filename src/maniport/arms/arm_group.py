@@ -97,6 +97,13 @@ class ArmGroup(JointSpace):
     def __reduce__(self) -> tuple[Any, tuple[Arm, ...]]:
         return partial(type(self), names=self.names), self.arms
 
+    @property
+    def base_positions(self) -> Array:
+        """Origin of the base of each arm in the robot's frame, shape (n_arms, 3) [m]."""
+        return np.array(
+            [np.zeros(3) if arm.chain.base_pose is None else arm.chain.base_pose[:3, 3] for arm in self.arms]
+        )
+
     @cached_property
     def kinematics(self) -> Kinematics:
         """Links of all arms as one tree."""
@@ -212,7 +219,8 @@ def _shared_joints(
         )  # fmt: skip
         count = next(differences, len(pairs))
         if count in (len(first.joints), len(second.joints)):
-            where = "" if first.stand is None else f", which stand in one place; place them with {placing_options()}"
+            advice = f", which stand in one place; place them with {placing_options()}"
+            where = "" if first.base_pose is None else advice
             raise InvalidInputError(
                 f"frames: {first.frame!r} and {second.frame!r} must end two limbs; found both on one chain of "
                 f"{first.name!r}{where}"

@@ -113,7 +113,7 @@ class Chain:
     shapes: Callable[..., Iterable[Shape]] | None = None  # reads shapes of links by name; `mesh_folders` is optional
     others: Mapping[str, Body] | None = None  # bodies off the chain; None if the chain is the whole robot
     base: str | None = None  # reference frame of all results if not the first frame of the file
-    stand: Array | None = None  # pose (4, 4) of the robot's base in that frame if it differs
+    base_pose: Array | None = None  # pose (4, 4) of the robot's base in that frame if it differs
     locked: Mapping[str, float] = field(default_factory=dict)  # positions of locked coordinates [rad] or [m]
     unlimited: tuple[str, ...] = ()  # revolute joints without limits, limited to one turn
     source: str = ""  # argument of `load_arm`

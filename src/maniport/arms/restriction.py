@@ -134,7 +134,7 @@ def standing(chain: Chain, where: Array) -> Chain:
     """Express a chain in a world, with its z axis up, in which its base has the pose `where`, shape (4, 4)."""
     return replace(
         _expressed_in(chain, where, "world"),
-        stand=where if chain.stand is None else where @ chain.stand,
+        base_pose=where if chain.base_pose is None else where @ chain.base_pose,
         gravity=Chain.gravity,
     )
 
@@ -189,7 +189,7 @@ def mirrored(chain: Chain) -> Chain:
         others=chain.others and {
             name: replace(body, placements=moved(body.placements)) for name, body in chain.others.items()
         },
-        stand=None if chain.stand is None else moved(chain.stand),
+        base_pose=None if chain.base_pose is None else moved(chain.base_pose),
         shapes=None if chain.shapes is None else partial(_mirrored_shapes, chain.shapes),
     )  # fmt: skip
 

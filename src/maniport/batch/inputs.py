@@ -175,7 +175,8 @@ def _described(thing: Any) -> Any:
     if isinstance(thing, Path):
         return "file", _of_file(thing)
     if isinstance(thing, np.ndarray):
-        return "array", thing.dtype.str, thing.shape, hashlib.sha256(thing.tobytes()).hexdigest()
+        content = _described(thing.tolist()) if thing.dtype.hasobject else hashlib.sha256(thing.tobytes()).hexdigest()
+        return "array", thing.dtype.str, thing.shape, content
     if isinstance(thing, np.generic):
         return _described(thing.item())
     if thing is None or isinstance(thing, bool | int | float | complex | str | bytes):

@@ -13,6 +13,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from maniport.arms import as_group
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
 from maniport.batch.inputs import Robot, Source, digest
@@ -128,7 +129,7 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
 def _human(pair: Pair, humans: dict[Any, tuple[Human, Warnings]]) -> tuple[Human, Warnings]:
     """Fit the person, or take the fit for another robot with the same side and bases; other options are the batch's."""
     job = pair.robot.job
-    key = job.config.side, *(tuple(stand) for stand in job.stands if len(job.arms) > 1)
+    key = job.config.side, *map(tuple, as_group(job.robot).base_positions if len(job.arms) > 1 else ())
     if key not in humans:
         recording = read_part(pair.source.path, job.config)
         if content_of(pair.source) != pair.content:

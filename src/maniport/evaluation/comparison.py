@@ -142,13 +142,13 @@ def evaluate(
         search = {"spec": spec, "bank": bank, "n_starts": n_starts, "damping": adapter.student_regularization}
         measured = _with_gaps(measured, images, robot, len(demonstrated), **search)
     step.end(f"{len(methods) - 1} baselines")
-    held_out = "of the teacher's domain" if person is None else "held out of the fit"
+    origin = "of the given domain" if person is None else "new, by the arm of the teacher"
     gaps = "" if robot is None else f", feasibility gaps at {min(len(demonstrated), GAP_POINTS)}"
     settings = {
         "profile": f"{len(demonstrated)} ellipsoids{gaps}",
         "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
         "regularization": str(Regularization(adapter.damping)),
-        "further samples": f"{len(probes)}, {held_out}",
+        "samples of the domain": f"{len(probes)}, {origin}",
         "seed": random_state if isinstance(random_state, int) else "none",
     }
     return Evaluation(tuple(measured), settings)

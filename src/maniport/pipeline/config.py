@@ -243,7 +243,7 @@ class Config:
         if not isinstance(self.method, str):
             values["method"] = name_of(self.method)
         if isinstance(arm, Arm):
-            base = arm.chain.base if arm.chain.stand is None else None
+            base = arm.chain.base if arm.chain.base_pose is None else None
             lock, source = dict(arm.chain.locked) or None, arm.chain.source or arm.name
             values |= {"robot": (source,), "frame": (arm.frame,), "base": base, "lock": lock}
         for name, described in OPTIONS.items():

@@ -20,7 +20,7 @@ from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.input_limits import SETTINGS_BYTES, read_whole
 from maniport.util.progress import Progress, no_progress
-from maniport.util.validation import Array, as_choice
+from maniport.util.validation import as_choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,6 @@ class Settings:
     def arms(self) -> tuple[Arm, ...]:
         """All arms of the robot."""
         return as_group(self.robot).arms
-
-    @property
-    def stands(self) -> list[Array]:
-        """Origin of the base of each arm in the robot's frame [m]."""
-        return [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in self.arms]
 
     @property
     def specs(self) -> tuple[EllipsoidSpec, ...]:

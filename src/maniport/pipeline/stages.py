@@ -156,8 +156,8 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
     if own > count:
         raise InvalidInputError(f"the profile is of {own} arms, and the robot has {count}")
     if own < count:  # each robot arm moves in front of its own base
-        stands = np.array(settings.stands)
-        bases = stands - stands.mean(axis=0)
+        origins = as_group(settings.robot).base_positions
+        bases = origins - origins.mean(axis=0)
         motion, profiles = HumanMotion(motion.arms * count, bases), profiles * count
         hands = [hands[0] + base for base in bases]
     return Human(recording, motion, tuple(profiles), tuple(hands))

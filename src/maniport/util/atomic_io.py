@@ -25,7 +25,7 @@ _last: Path | None = None
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary path next to `path`; when the block ends well it takes the place of `path`."""
-    with _writable_target(as_path(path)) as target, temporary_beside(target) as temporary:
+    with _writable_target(as_path(path)) as target, temporary_sibling(target) as temporary:
         yield temporary
         place(temporary, target)
 
@@ -47,7 +47,7 @@ def folder_written_whole(
     path = as_path(folder, "folder")
     with _writable_target(path, folder=True) as target:
         _require_own(path, own, overwrite)
-        with temporary_beside(target, folder=True) as staging:
+        with temporary_sibling(target, folder=True) as staging:
             yield staging
             _require_own(path, own, overwrite)  # files that others wrote there in the meantime stay as well
             place(staging, target)
@@ -76,7 +76,7 @@ def claim(folder: Path, marker: str, content: dict[str, Any], same: Collection[s
 
 def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
     """Raise `OutputError` unless a file or folder can be written at `path`; called before any long work starts."""
-    with _writable_target(as_path(path), folder) as target, temporary_beside(target, folder):
+    with _writable_target(as_path(path), folder) as target, temporary_sibling(target, folder):
         pass
 
 
@@ -87,7 +87,7 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
 
 
 @contextmanager
-def temporary_beside(target: Path, folder: bool = False) -> Iterator[Path]:
+def temporary_sibling(target: Path, folder: bool = False) -> Iterator[Path]:
     """Give a new empty file or folder in the folder of `target`; when the block ends it is removed."""
     path = target.with_name(f".{target.stem[:50]}-{secrets.token_hex(4)}{target.suffix}")
     _targets[path] = target  # registered first, so that an interruption finds it

@@ -120,9 +120,9 @@ class Scene:
         models = " and ".join(dict.fromkeys(arm.name for arm in persons))
         scene.add_label("/person/name", f"person: {models}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
         self._base = scene.add_frame("/robot", axes_length=0.15, axes_radius=0.006, position=place)
-        stands = [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in robot.arms]
-        for i, (x, y, z) in enumerate({tuple((place + stand).tolist()) for stand in stands}):  # columns below the bases
-            scene.add_cylinder(f"/stand/{i}", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z))
+        columns = {tuple(base.tolist()) for base in place + robot.base_positions}  # below the bases
+        for i, (x, y, z) in enumerate(columns):
+            scene.add_cylinder(f"/column/{i}", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z))
         above = place + np.array([0.0, 0.0, 1.25])
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
         names = [""] if len(persons) == 1 else [f"/{k}" for k in range(len(persons))]

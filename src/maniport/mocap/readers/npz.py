@@ -62,18 +62,18 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
     if positions.ndim != 3 or positions.shape[-1] != 3 or positions.dtype.kind not in "fiu":
         raise ValueError(f"positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}")
     require_size(*positions.shape[:2])
-    count, beside = positions.shape[1], file.with_suffix(".names.txt")
+    count, names_file = positions.shape[1], file.with_suffix(".names.txt")
     unit, notes = next(map(str, arrays.get("unit", np.array("")).flat), ""), []
     names = arrays["names"].tolist() if "names" in arrays else None
-    if names is None and beside.exists():
-        names = list(filter(None, map(str.strip, decoded(read_whole(beside, (), SETTINGS_BYTES)).splitlines())))
+    if names is None and names_file.exists():
+        names = list(filter(None, map(str.strip, decoded(read_whole(names_file, (), SETTINGS_BYTES)).splitlines())))
     if names is None:
         skeletons: dict[str, list[str]] = load_names("joint_orders.yaml")["skeletons"]
         fits = [name for name, own in skeletons.items() if len(own) == count and arm_error(own, positions) < 1.0]
         if len(fits) != 1:
             listed = ", ".join(f"{len(joints)} ({name})" for name, joints in skeletons.items())
             cause = f"{' and '.join(fits)} both fit" if fits else f"recognized by their number are {listed}"
-            advice = f"write one name per line into '{beside.name}' next to it"
+            advice = f"write one name per line into '{names_file.name}' next to it"
             raise ValueError(f"{count} joints without names; {advice} ({cause})")
         names = skeletons[fits[0]]
         notes = [f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"]

@@ -27,9 +27,10 @@ Projector = Callable[[Array], Any]
 An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be turned. An
 attribute `damping`, relative to the mean eigenvalue of a domain, is the field's default.
 
-A projector that also knows where the student can move is faster, and its fit is better: `projector.search(damping)`
-begins a search among ellipsoids that carry this damping ε [unit of M], and `search.nearest(points, neighbors)` returns
-the nearest ellipsoids (n, d, d) and how the way there changes with each joint, (n, k, d, d).
+A projector that also returns derivatives along the student's joints is faster, and its fit is better:
+`projector.search(damping)` begins a search among ellipsoids that carry this damping ε [unit of M], and
+`search.nearest(points, neighbors)` returns the nearest ellipsoids M (n, d, d) to points A, and the derivatives of
+log(A^-½ M A^-½), (n, k, d, d).
 """
 
 TIE = 1e-6
@@ -63,15 +64,15 @@ class Samples:
                 self._neighbors = np.asarray(cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1], np.intp)
 
     def projected(self, images: Array) -> tuple[Array, Array | None]:
-        """Return the nearest ellipsoids (n, d, d) to the images, and the ways there (n, k, d, d) where known."""
+        """Return the ellipsoids (n, d, d) nearest to the images, and derivatives (n, k, d, d) or None."""
         result: Any
         if self._search is None:
-            result, ways = self._projector(images.copy()), None
+            result, changes = self._projector(images.copy()), None
         else:
             name = "the second of projector.search(damping).nearest(points)"
-            result, ways = self._search.nearest(images, self._neighbors)
-            ways = symmetrize(as_finite(ways, name))
-            require_shape(ways, name, (len(images), "k", *images.shape[1:]))
+            result, changes = self._search.nearest(images, self._neighbors)
+            changes = symmetrize(as_finite(changes, name))
+            require_shape(changes, name, (len(images), "k", *images.shape[1:]))
         array = as_finite(result, "projector(points)")
         require_shape(array, "projector(points)", images.shape, ", as the points")
         nearest = as_points(array, "projector(points)", minimum=1)
@@ -80,7 +81,7 @@ class Samples:
             raise InvalidInputError(
                 f"projector(points) is the same ellipsoid for all {len(images)} points; it must be the nearest to each"
             )
-        return nearest, ways
+        return nearest, changes
 
 
 def _all_equal(points: Array) -> bool:
@@ -93,18 +94,18 @@ def fitted(base: LengthsMap, samples: Samples, ridge: float, rounds: int) -> tup
     near, among = field.kernel(samples.x), field.kernel(field.centers)
     for number in range(rounds + 1):
         images = field.apply(samples.points)
-        nearest, ways = samples.projected(images)
+        nearest, changes = samples.projected(images)
         history.append(float(np.mean(distance_unchecked(images, nearest))))
         if number < rounds:
             whitening = apply(images, lambda values: 1.0 / np.sqrt(values))
             error = congruence(np.swapaxes(samples.vectors, -1, -2), logarithm(congruence(whitening, nearest)))
-            lengths = _lengths(field.lengths, samples, near, among, error, None if number == 0 else ways, ridge)
+            lengths = _lengths(field.lengths, samples, near, among, error, None if number == 0 else changes, ridge)
             field = replace(field, lengths=lengths)
     return field, history
 
 
 def _lengths(
-    lengths: Array, samples: Samples, near: Array, among: Array, error: Array, ways: Array | None, ridge: float
+    lengths: Array, samples: Samples, near: Array, among: Array, error: Array, changes: Array | None, ridge: float
 ) -> Array:
     """Coefficients (m, 3) that rescale toward the nearest ellipsoids, by weighted ridge regression; (39) and (40).
 
@@ -115,8 +116,8 @@ def _lengths(
     m, rank = near.shape[1], t.shape[2]
     wanted = axiswise(near @ lengths, t) + vector[:, :d]
     weights, pull = np.broadcast_to(np.eye(d), (n, d, d)), wanted
-    if ways is not None:
-        moves = np.swapaxes(to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], ways)), 1, 2)
+    if changes is not None:
+        moves = np.swapaxes(to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], changes)), 1, 2)
         residual = _unreachable(moves)
         weights = residual[:, :d, :d] + 0.1 * np.eye(d)  # α, the cost of an error that motion of the joints removes
         pull = (weights @ wanted[..., None])[..., 0] + (residual[:, :d, d:] @ vector[:, d:, None])[..., 0]
