@@ -231,7 +231,9 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(live, frames):
     points, time = frames
     states = played(live, points, time / 6.0)
     states += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 150)]
-    errors = {name: [state.position_error for state in states if state.state == name] for name in ("following", "lagging")}
+    errors = {
+        name: [state.position_error for state in states if state.state == name] for name in ("following", "lagging")
+    }
     assert max(errors["following"]) <= FAR
     assert max(errors["lagging"]) > FAR
     assert min(errors["lagging"]) > NEAR

@@ -31,8 +31,6 @@ from maniport.transfer import DomainAdapter, method_of
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array
 
-POSITION_ONLY, RANDOM, DIRECT_FORCE, DIRECT_SPEED = "position-only", "random", "direct-force", "direct-speed"
-
 SPECS = {"velocity": EllipsoidSpec(), "force": EllipsoidSpec(FORCE, joint_weights=JOINT_LIMITS)}
 
 Rows = NDArray[np.intp]
@@ -92,11 +90,11 @@ def _samples(robot: str, seed: int) -> Array:
 
 def motions(problem: Problem, random_motions: int = 20) -> Iterator[tuple[str, Array]]:
     """Yield the motion (n, dof) of each method by name, random ones several times."""
-    yield POSITION_ONLY, follow(problem, np.array(problem.robot.ready))
+    yield "position-only", follow(problem, np.array(problem.robot.ready))
     rows, owners, nodes = problem.stages
     starts = nodes[owners == rows[0]]
     for i in np.random.default_rng(problem.seed).choice(len(starts), random_motions, replace=False):
-        yield RANDOM, follow(problem, starts[i])
+        yield "random", follow(problem, starts[i])
     for name, cost in costs(problem).items():
         yield name, minimize(problem, cost)
 
@@ -107,8 +105,8 @@ def costs(problem: Problem) -> Mapping[str, Cost]:
     result: dict[str, Cost] = {
         "elbow": elbow_cost(problem),
         "yoshikawa": lambda rows, q: -np.linalg.slogdet(arm.ellipsoids(q))[1],
-        DIRECT_FORCE: extent_cost(task, FORCE, task.force_directions),
-        DIRECT_SPEED: extent_cost(task, VELOCITY, task.speed_directions),
+        "direct-force": extent_cost(task, FORCE, task.force_directions),
+        "direct-speed": extent_cost(task, VELOCITY, task.speed_directions),
     }
     for kind, spec in SPECS.items():
         result[f"direct-profile, {kind}"] = profile_cost(problem, kind)
