@@ -35,7 +35,6 @@ RATIOS = {
 """Scores that are compared by ratios, and the direct optimization that they are compared with."""
 
 CORRELATIONS = "resemblance_force", "resemblance_speed"
-MAIN = {"push": "length-field, force", "speed": "length-field, velocity"}
 """Methods of the summary."""
 
 CAPTION = (
@@ -228,7 +227,7 @@ def _summary(units: Sequence[Unit]) -> Section:
             own = [unit for unit in units if unit.robot == robot and unit.held_out == held_out]
             if not own:
                 continue
-            force, speed = (statistics(own, method) for method in MAIN.values())
+            force, speed = (statistics(own, method) for method in ("length-field, force", "length-field, velocity"))
             r = (values["median"] for values in (force["resemblance_force"], speed["resemblance_speed"]))
             gains = ((_interval(gain), f"{gain['of_direct']:.2f}") for gain in (force["push"], speed["speed"]))
             label = f"{robot}, held out" if held_out else robot
