@@ -14,8 +14,9 @@ from maniport.motion.costs.orientation import axis_weights
 from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import EXACT_WEIGHT, Damping
+from maniport.motion.plan.group_planner import Planner
 from maniport.motion.plan.plan_settings import PlanSettings
-from maniport.motion.plan.planner import Planner, planning_time_scale
+from maniport.motion.plan.planner import planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
