@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.motion.arm_model import InverseDynamics
-from maniport.motion.schedule import require_rows
 from maniport.util.defaults import MARGIN
 from maniport.util.files import read_settings, require_mapping
-from maniport.util.validation import Array, as_finite, as_number, as_times
+from maniport.util.validation import Array, as_finite, as_number, as_times, require_shape
 
 DERIVATIVES = ("velocity", "acceleration", "jerk")
 TORQUES = ("torque", "torque rate")
-QUANTITIES = ("position", *DERIVATIVES, *TORQUES)
 LIMITS = (*DERIVATIVES, "effort", "effort_rate")  # keys of limits of a joint
 ASSUMED = "assumed: "  # beginning of such sources
 PANDA = {
@@ -138,16 +136,6 @@ class MotionLimits:
         theirs = {name: getattr(self, name)[columns] for name in LIMITS}
         return MotionLimits(arm, sources=self.sources, assumed=assumed, **theirs)
 
-    @property
-    def lower(self) -> Array:
-        """Smallest positions with the margin, shape (dof,) [rad or m]."""
-        return np.asarray(self.arm.lower)
-
-    @property
-    def upper(self) -> Array:
-        """Largest positions with the margin, shape (dof,) [rad or m]."""
-        return np.asarray(self.arm.upper)
-
     @cached_property
     def dynamics(self) -> InverseDynamics | None:
         """Inverse dynamics; None where the description of an arm has no masses."""
@@ -185,67 +173,39 @@ class MotionLimits:
         ends = np.concatenate([positions[:1], positions, positions[-1:]])
         return self.dynamics.torques(positions, 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0))
 
-    def use(self, time: ArrayLike, q: ArrayLike) -> "LimitUse":
+    def use(self, time: ArrayLike, q: ArrayLike) -> dict[str, tuple[str, float, float]]:
         """Largest share of each limit that a motion uses, with times (m,) at a constant rate [s] and q (m, dof).
 
-        Velocity, acceleration and jerk are first, second and third differences of neighboring samples, at the middle
-        of these samples; shares of torques and their rates are zero where limits or masses are unknown.
+        By quantity: the joint that uses most, the share, and when [s]. That of a position is measured from the middle
+        of the joint's range. Velocity, acceleration and jerk are first, second and third differences of
+        neighboring samples, at the middle of these samples. Torques are left out where limits or masses are unknown.
         """
         times, values = as_times(time, fewest=2), as_finite(q, "q")
-        require_rows(len(times), q=(values, (self.arm.dof,)))
+        require_shape(values, "q", (len(times), self.arm.dof), ", one row for each time")
         step, steps = (times[-1] - times[0]) / (len(times) - 1), np.diff(times)
         if np.ptp(steps) > 1e-3 * step:
             raise InvalidInputError(
                 f"time must have a constant rate; found steps of {steps.min():g} to {steps.max():g} s"
             )
-        middle, half = 0.5 * (self.lower + self.upper), np.maximum(0.5 * (self.upper - self.lower), 1e-12)
-        series = [(np.abs(values - middle) / half, 0.0)]
+        lower, upper = self.arm.lower, self.arm.upper
+        middle, half = 0.5 * (lower + upper), np.maximum(0.5 * (upper - lower), 1e-12)
+        shares = {"position": np.abs(values - middle) / half}
         derivative = values
-        for order, quantity in enumerate(DERIVATIVES, 1):
+        for quantity in DERIVATIVES:
             derivative = np.diff(derivative, axis=0) / step
-            series.append((np.abs(derivative) / getattr(self, quantity), 0.5 * order * step))
+            shares[quantity] = np.abs(derivative) / getattr(self, quantity)
         if self.dynamics is not None:
             torques = self.torques(values, 1.0 / step)
-            series.append((np.abs(torques) / self.effort, 0.0))
-            series.append((np.abs(np.diff(torques, axis=0)) / step / self.effort_rate, 0.5 * step))
-        shares, at = np.zeros((len(QUANTITIES), self.arm.dof)), np.full((len(QUANTITIES), self.arm.dof), times[0])
-        for row, (share, offset) in enumerate(series):
+            series = np.abs(torques) / self.effort, np.abs(np.diff(torques, axis=0)) / step / self.effort_rate
+            shares |= {name: own for name, own in zip(TORQUES, series, strict=True) if own.max(initial=0.0) > 0.0}
+        result = {}
+        for quantity, share in shares.items():
             if len(share):
-                shares[row], at[row] = share.max(axis=0), times[share.argmax(axis=0)] + offset
-        return LimitUse(self.arm.joint_names, shares, at)
-
-
-@dataclass(frozen=True, eq=False)
-class LimitUse:
-    """Largest shares of limits that a motion uses, by rows of `QUANTITIES`; 1 is the limit.
-
-    A share of a position is measured from the middle of the joint's range.
-
-    Attributes
-    ----------
-    joint_names : tuple of str
-    shares, times : ndarray, shape (6, dof)
-        Largest shares, and when [s].
-    """
-
-    joint_names: tuple[str, ...]
-    shares: Array
-    times: Array
-
-    @property
-    def largest(self) -> dict[str, tuple[str, float, float]]:
-        """For each of `QUANTITIES` the joint that uses most, the share, and when [s]; torques only where known."""
-        joint = self.shares.argmax(axis=1)
-        return {
-            quantity: (self.joint_names[j], float(self.shares[i, j]), float(self.times[i, j]))
-            for i, (quantity, j) in enumerate(zip(QUANTITIES, joint, strict=True))
-            if quantity not in TORQUES or self.shares[i, j] > 0.0
-        }
-
-    @property
-    def within(self) -> bool:
-        """Whether nothing exceeds its limit."""
-        return bool(self.shares.max() <= 1.0 + 1e-9)
+                joint = int(share.max(axis=0).argmax())
+                row = int(share[:, joint].argmax())
+                at = times[row] + 0.5 * step * (len(times) - len(share))
+                result[quantity] = self.arm.joint_names[joint], float(share[row, joint]), float(at)
+        return result
 
 
 def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:

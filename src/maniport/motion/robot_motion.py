@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.motion.motion_limits import LimitUse, MotionLimits
+from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.status import ENOUGH_METRES, statuses_of
@@ -254,8 +254,8 @@ class RobotMotion(NotebookDisplay):
         return self.trajectory.limits
 
     @property
-    def limit_use(self) -> LimitUse | None:
-        """Largest shares of these limits."""
+    def limit_use(self) -> dict[str, tuple[str, float, float]] | None:
+        """As `Trajectory.limit_use`."""
         return self.trajectory.limit_use
 
     @property

@@ -20,12 +20,12 @@ from maniport.motion.plan.planner import planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
+from maniport.motion.schedule import of_each, require_few, schedules_of
 from maniport.motion.search import STARTS, interpolated_distance, pointwise_best
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_finite, as_generator
+from maniport.util.validation import Array, as_choice, as_finite, as_generator, require_shape
 
 PLACED, RELATIVE = "placed", "relative"
 
@@ -102,7 +102,7 @@ def plan_motion(
             as_finite(best, "pointwise_bests").copy() for best in of_each(pointwise_bests, "pointwise_bests", arms)
         ]
         for best in bests:
-            require_rows(len(schedules[0]), pointwise_bests=(best, ()))
+            require_shape(best, "pointwise_bests", (len(schedules[0]),), ", one row for each time")
     relative = as_choice(hand_targets, "hand_targets", (PLACED, RELATIVE)) == RELATIVE
     if relative and (paths is None or len(schedules) < 2):
         raise InvalidInputError(

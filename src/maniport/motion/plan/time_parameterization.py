@@ -49,7 +49,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     The result goes from rest at 0 s to rest and passes the waypoints at its ``time``. First, second and third
     differences of its samples, `rate` per second, are within the limits, and so are the positions.
     """
-    path = JointPath.through(np.asarray(time), np.asarray(q, dtype=float), limits.lower, limits.upper)
+    path = JointPath.through(np.asarray(time), np.asarray(q, dtype=float), limits.arm.lower, limits.arm.upper)
     require_few(path.grid[-1] * rate)
     own, (limits, rows) = limits, _constraints(limits, path)
     speed = _fastest(limits, path, rows)
@@ -219,7 +219,7 @@ def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -
         return np.asarray(average[:, widest - half : values.shape[1] - widest + half])
 
     def smoothed(half: int) -> Array:
-        return np.clip(averaged(held, half).T, limits.lower, limits.upper)
+        return np.clip(averaged(held, half).T, limits.arm.lower, limits.arm.upper)
 
     def suffices(half: int) -> bool:
         rates = np.abs(np.diff(averaged(held_torques, half))).max(initial=0.0) * rate
