@@ -48,7 +48,7 @@ def planned(panda, planner, targets):
 def require_laws(plan, speed_scale=1.0):
     """Whatever `retime` keeps is tested with it: limits, and rest at either end."""
     (arm,) = plan.arms
-    assert max(share for _, share, _ in plan.limit_use.values()) <= 1.0 + 1e-9
+    assert max(share for _, share, _ in plan.trajectory.limit_use.values()) <= 1.0 + 1e-9
     assert (np.diff(arm.time) >= np.diff(arm.demonstrated_time) / speed_scale * (1.0 - 1e-9)).all()
     assert (arm.pointwise_best >= 0.0).all()
     return arm
@@ -115,7 +115,7 @@ def test_speed_scale_is_the_largest_speed(panda, planner):
     slow, fast = (plan_motion(panda, **options, speed_scale=scale) for scale in (0.5, 20.0))
     assert 2.4 <= require_laws(slow, 0.5).control_time[-1] < 2.6
     assert require_laws(fast, 20.0).control_time[-1] < 1.0
-    assert max(share for name, (_, share, _) in fast.limit_use.items() if name != "position") > 0.95
+    assert max(share for name, (_, share, _) in fast.trajectory.limit_use.items() if name != "position") > 0.95
 
 
 def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, targets, planned):

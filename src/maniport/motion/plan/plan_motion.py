@@ -21,7 +21,7 @@ from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import of_each, require_few, schedules_of
-from maniport.motion.search import STARTS, interpolated_distance, pointwise_best
+from maniport.motion.search import interpolated_distance, pointwise_best
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced
@@ -152,11 +152,11 @@ def _pointwise_bests(
     planner: Planner, problem: MotionProblem, vectors: tuple[Cost, ...], q: Array, most: int = 250
 ) -> list[Array]:
     """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
-    rows = evenly_spaced(len(q), most)
+    rows, count = evenly_spaced(len(q), most), PlanSettings.budget.pointwise_starts
     targets, columns = tuple(replace(own[rows], rotations=None) for own in problem.targets), planner.group.columns
-    banks = [own.bank.starts_for(part, STARTS) for own, part in zip(planner.arms, targets, strict=True)]
+    banks = [own.bank.starts_for(part, count) for own, part in zip(planner.arms, targets, strict=True)]
     if vectors:
-        starts = np.empty((len(rows), STARTS, q.shape[1]))
+        starts = np.empty((len(rows), count, q.shape[1]))
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
         best = pointwise_best(replace(problem[rows], targets=targets, costs=vectors), starts, q[rows])
