@@ -33,7 +33,7 @@ def test_what_nobody_knows_is_assumed_and_said(crane):
     assert_allclose(limits.velocity, [1.0, 0.25])
     assert_allclose(limits.acceleration, [4.0, 1.0])
     assert_allclose(limits.jerk, [100.0, 25.0])
-    assert limits.sources["velocity"] == "assumed: 1 rad/s (joint1); assumed: 0.25 m/s (joint2)"
+    assert limits.sources["velocity"] == "assumed: 1 rad/s; assumed: 0.25 m/s"
     assert limits.sources["jerk"] == "assumed: acceleration limit reached in 0.04 s"
     assert np.all(np.isinf([limits.effort, limits.effort_rate]))
     assert "effort" not in limits.sources
@@ -53,7 +53,7 @@ def test_a_file_goes_before_everything_else(panda, tmp_path):
     assert limits.arm.lower[0] == -1.0
     assert limits.arm.upper[0] < panda.upper[0]
     assert limits.sources["velocity"] == f"{file} (default)"
-    assert limits.sources["jerk"].startswith(f"{file} (panda_joint1); Franka")
+    assert limits.sources["jerk"].startswith(f"{file}; Franka")
 
 
 @pytest.mark.parametrize(("given", "message"), [

@@ -118,14 +118,12 @@ class MotionLimits:
                     lower = {key: magnitudes[i] for key, magnitudes in limits.items()}
                     candidates.append(_assumed(quantity, arm.joint_units[i], lower))
                 values[i], chosen[i] = next((pair for pair in candidates if pair[0] is not None), (np.inf, ""))
-            named = list(zip(arm.joint_names, chosen, strict=True))
-            if quantity in DERIVATIVES:
-                assumed[quantity] = tuple(name for name, source in named if source.startswith(ASSUMED))
-            if texts := list(dict.fromkeys(filter(None, chosen))):
-                joints_of = {text: ", ".join(name for name, source in named if source == text) for text in texts}
-                listed = (f"{text} ({joints_of[text]})" for text in texts)
-                sources[quantity] = "; ".join(listed) if len(texts) > 1 else texts[0]
             limits[quantity] = values
+            if quantity in DERIVATIVES:
+                named = zip(arm.joint_names, chosen, strict=True)
+                assumed[quantity] = tuple(name for name, text in named if text.startswith(ASSUMED))
+            if any(chosen):
+                sources[quantity] = "; ".join(filter(None, dict.fromkeys(chosen)))
         return cls(arm.narrowed(*ends), sources=sources, assumed=assumed, **limits)
 
     def of_joints(self, arm: Arm, columns: NDArray[np.integer]) -> "MotionLimits":
@@ -165,10 +163,7 @@ class MotionLimits:
         )
 
     def torques(self, positions: Array, rate: float) -> Array:
-        """Torques [N m or N] of positions (m, dof) at a constant rate [Hz], at rest before and after, shape (m, dof).
-
-        With central differences. Requires `dynamics`.
-        """
+        """Torques (m, dof) [N m or N] of positions (m, dof) at a constant rate [Hz], at rest before and after."""
         assert self.dynamics is not None
         ends = np.concatenate([positions[:1], positions, positions[-1:]])
         return self.dynamics.torques(positions, 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0))
@@ -235,14 +230,11 @@ def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, d
 
 
 def _assumed(quantity: str, unit: str, lower: Mapping[str, float]) -> tuple[float, str]:
-    """Limit of a joint of which nothing is known, by its limits of lower derivatives, and its source.
-
-    Without a number for them, accelerations reach the velocity limit, and jerks that acceleration, in certain times: on
-    the safe side of makers who publish theirs. The Panda takes 0.13 to 0.29 s and 0.002 s, the xArm7 0.16 s and 0.04 s.
-    """
+    """Limit of a joint of which nothing is known, by its limits of lower derivatives, and its source."""
     if quantity == "velocity":
         speed = {"rad": 1.0, "m": 0.25}[unit]  # slow enough for any arm
         return speed, f"{ASSUMED}{speed:g} {unit}/s"
+    # on the safe side of makers: the Panda takes 0.13 to 0.29 s and 0.002 s, the xArm7 0.16 s and 0.04 s
     if quantity == "acceleration":
         return lower["velocity"] / 0.25, f"{ASSUMED}velocity limit reached in 0.25 s"
     return lower["acceleration"] / 0.04, f"{ASSUMED}acceleration limit reached in 0.04 s"
