@@ -72,11 +72,7 @@ class SeedBank:
         return f"SeedBank({self.arm.name!r}, n={len(self)}, {self.spec}, damping {self.damping.epsilon:.3g})"
 
     def starts_for(self, targets: Targets, k: int) -> Array:
-        """Return the k configurations with the most similar ellipsoids and positions, shape (n, k, dof).
-
-        The nearest come first, by the logarithms of the ellipsoids relative to the bank's mean; a smaller bank returns
-        all it has.
-        """
+        """Return the k configurations with the most similar ellipsoids and positions, nearest first, (n, k, dof)."""
         vectors, tree = self._log_vectors(apply(targets.ellipsoids, lambda values: np.maximum(values, 0.0))), self._tree
         if targets.positions is not None:
             vectors, tree = np.hstack([vectors, POSITION_WEIGHT * targets.positions]), self._positioned_tree

@@ -146,10 +146,7 @@ class Planner:
     def _prioritized(
         self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
     ) -> list[Array]:
-        """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others.
-
-        An arm moves through a roadmap whose nodes cost more near the other arms, which keep their motions.
-        """
+        """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others."""
         group, collisions, motions = self.group, problem.collisions, []
         assert collisions is not None
         time, _, joint_motion_weight = coarse_terms(problem, settings)
@@ -165,7 +162,7 @@ class Planner:
                 for part, columns in zip(own, group.columns, strict=True):
                     q[:, columns] = np.repeat(part[rows], np.diff(nodes.first), axis=0)
                 q[:, group.columns[i]] = nodes.q
-                cost = nodes.cost.copy()
+                cost = nodes.cost.copy()  # more near the other arms, which keep their motions
                 near, distance, _ = collisions.between.gradient(q, CLEARANCE)
                 np.add.at(cost, near, (CLEARANCE_WEIGHT * (CLEARANCE - distance)) ** 2)
                 path = arm.search(replace(nodes, cost=cost), time[rows], joint_motion_weight)

@@ -54,10 +54,7 @@ def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, p
 
 
 def optimize_to_tolerance(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float) -> Array:
-    """Raise the position weight until the 95th percentile of the position error is within the tolerance.
-
-    Where the largest weight is not enough, the trajectory is smoothed less.
-    """
+    """Raise the position weight, then smooth less, until the 95th percentile of the error is within the tolerance."""
     less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
     needed = 0.0
     for weight, own in (*((weight, terms) for weight in POSITION_WEIGHTS), (POSITION_WEIGHTS[-1], less)):
@@ -74,11 +71,7 @@ def optimize_to_tolerance(targets: PathCost, time: Array, q: Array, terms: Traje
 def relaxed(
     problem: MotionProblem, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float, rounds: int = 6
 ) -> Array:
-    """Optimize again with half the clearance and 1.5 times the duration around large errors, as long as that helps.
-
-    Where a path leads through a narrow passage, or from one branch of configurations to another, clearance and duration
-    alone cause large position errors.
-    """
+    """Optimize again with half the clearance and 1.5 times the duration around large errors, as long as that helps."""
 
     def largest_error(q: Array) -> Array:
         error = problem.position_error(q)

@@ -134,11 +134,7 @@ Rows = tuple[Array, Array, Array, Array]  # a, b, low and high of constraints lo
 
 
 def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, list[Rows]]:
-    """Constraints of accelerations and torques at the grid points, and at the middles between them.
-
-    Where gravity alone exceeds a torque limit, the returned limits allow 5 % more than gravity; with a payload it is an
-    error, since less payload helps.
-    """
+    """Constraints of accelerations and torques at the grid points and between them; torque limits leave gravity 5 %."""
     # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
     allowed, middles = np.minimum(limits.acceleration, 0.1 * limits.jerk), 0.5 * (path.grid[1:] + path.grid[:-1])
     points = [(path.grid, path.first, path.second), (middles, path.spline(middles, 1), path.spline(middles, 2))]
@@ -190,10 +186,7 @@ def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows]) -> Arr
 
 
 def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -> tuple[Array, int, Array]:
-    """Return samples with limited jerk, the number of samples at rest, and the largest share of each limit.
-
-    The last two shares are those of what gravity leaves of the torques, and of torque rates.
-    """
+    """Return samples with limited jerk, the number of samples at rest, and the shares of `_largest_shares`."""
     passed = path.passed(speed)
     require_few(passed[-1] * rate)
     clock = np.minimum(np.arange(int(np.ceil(passed[-1] * rate)) + 1) / rate, passed[-1])
