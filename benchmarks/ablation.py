@@ -26,7 +26,7 @@ from maniport.arms import VELOCITY, Arm
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner
 from maniport.motion.placement import search
-from maniport.motion.plan import planner, relaxation
+from maniport.motion.plan import planner
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.pipeline import follow_profile
 
@@ -43,7 +43,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
 }
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
-    "no relaxation": (relaxation, "relaxed", lambda problem, time, q, terms, tolerance: q),
+    "no relaxation": (planner, "relaxed", lambda problem, time, q, terms, tolerance: q),
     "no joint descent of the placement": (search.PlacementTrajectoryCost, "improved", lambda problem, state: state),
     "1 planned placement": (search, "PLANNED", 1),
     "planning time scale 2": (planner, "PLANNING_TIME_SCALE", 2.0),

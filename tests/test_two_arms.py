@@ -60,7 +60,7 @@ def test_both_arms_share_one_safe_motion(two_arm_result, arms):
     for result in two_arm_result.arms:
         np.testing.assert_array_equal(result.motion.time, motion.trajectory.time)
         assert np.percentile(result.motion.position_error, 95) < 12e-3
-    assert max(share for _, share, _ in motion.limit_use.largest.values()) <= 1.0 + 1e-9
+    assert max(share for _, share, _ in motion.trajectory.limit_use.values()) <= 1.0 + 1e-9
     assert motion.clearance.checked
     assert motion.clearance.share == 0.0
 

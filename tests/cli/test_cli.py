@@ -253,7 +253,7 @@ def test_units_of_the_command_line_are_converted(track):
     np.testing.assert_allclose(asked.home, np.radians([float(word) for word in home.split(",")]))
     lower = panda.lower + 0.05 * (panda.upper - panda.lower)
     control = plan_settings(asked, panda)
-    np.testing.assert_allclose(control.motion_limits.lower, lower, atol=1e-12)
+    np.testing.assert_allclose(control.motion_limits.arm.lower, lower, atol=1e-12)
     assert "table" in np.array(control.collisions.pairs)
 
 

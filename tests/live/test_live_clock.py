@@ -26,7 +26,7 @@ def led(small_result, second):
     limits = small_result.arm.motion.limits
 
     def make(clock):
-        return mp.Live.of(small_result, clock=clock, start=0.5 * (limits.lower + limits.upper))
+        return mp.Live.of(small_result, clock=clock, start=0.5 * (limits.arm.lower + limits.arm.upper))
 
     shown = second.select(make(None).points)
     time, flat = np.linspace(shown.time[0], shown.time[-1], 300), shown.positions.reshape(len(shown.time), -1)

@@ -71,7 +71,7 @@ class FakeClock:
 def require_limits(limits, time, q, velocity_tolerance=1e-6, acceleration_tolerance=1e-4):
     """Positions, velocities and accelerations of commands are within the limits; at equal times they are equal."""
     time, q = np.asarray(time), np.asarray(q)
-    assert ((q >= limits.lower) & (q <= limits.upper)).all()
+    assert ((q >= limits.arm.lower) & (q <= limits.arm.upper)).all()
     same = np.diff(time) == 0.0
     assert (np.diff(q, axis=0)[same] == 0.0).all()
     time, q = time[np.append(True, ~same)], q[np.append(True, ~same)]

@@ -121,7 +121,7 @@ class Live:
         assert not isinstance(own_collisions, bool)
         strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
         damping = strongest if strongest.epsilon > 0.0 and spec.kind != "force" else DAMPING
-        q = np.clip(require_free(start, "start", bounds, own_collisions), bounds.lower, bounds.upper)
+        q = np.clip(require_free(start, "start", bounds, own_collisions), self.robot.lower, self.robot.upper)
         near = None if reference is None else bounds.arm.require_within_limits(reference, "reference")
         if near is not None:
             require_shape(near, "reference", ("n", bounds.arm.dof), " with n ≥ 1")

@@ -8,12 +8,12 @@ from maniport.motion.collision_limit import Limit
 from maniport.motion.costs.cost import Cost
 from maniport.motion.exports import export_motion
 from maniport.motion.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
-from maniport.motion.motion_limits import LimitUse, MotionLimits
+from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.placement.place_path import place_path
 from maniport.motion.placement.placement import Place, Placement
+from maniport.motion.plan.group_planner import Planner
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.plan_settings import PlanSettings
-from maniport.motion.plan.planner import Planner
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search import SeedBank
 from maniport.motion.tracker import track
@@ -26,7 +26,6 @@ __all__ = [
     "FeasibleEllipsoids",
     "FeasibleProjector",
     "Limit",
-    "LimitUse",
     "MotionLimits",
     "Place",
     "Placement",

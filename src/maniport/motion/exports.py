@@ -11,7 +11,6 @@ import yaml
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError
-from maniport.motion.arm_model import model_prefixes
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.trajectory import Trajectory
 from maniport.util.atomic_io import written_whole
@@ -71,11 +70,7 @@ def _write_mcap(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) ->
 
 
 def _write_mujoco(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    held: dict[str, float] = {}
-    if robot is not None:
-        group = as_group(robot)
-        for prefix, arm in zip(model_prefixes(group), group.arms, strict=True):
-            held |= {prefix + name: value for name, value in arm.chain.locked.items()}
+    held = {} if robot is None else robot.locked
     with open(path, "wb") as stream:
         np.savez_compressed(
             stream,

@@ -12,7 +12,7 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion.arm_model import Axis
 from maniport.motion.objective import HINT, Damping, Objective
-from maniport.motion.search import SeedBank, search_from_starts
+from maniport.motion.search import SeedBank, bank_for, search_from_starts
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -75,7 +75,7 @@ def nearest_feasible(
         end_positions = as_metres(positions, "positions")
         require_shape(end_positions, "positions", (len(undamped), 3), ", one for each ellipsoid")
     targets = objective.targets(undamped, end_positions)
-    bank = SeedBank.given_or_built(bank, arm, spec, random_state)
+    bank = bank_for(arm, spec, bank, random_state)
     step = Step(progress, "Search feasible ellipsoids")
     q = search_from_starts(targets, bank.starts_for(targets, count), block=128, progress=step)
     distance = targets.distance(q)
@@ -115,7 +115,7 @@ class FeasibleProjector:
         random_state: Any = 0,
     ):
         self.objective = Objective.of(arm, spec, damping, positive=True)
-        self.bank = SeedBank.given_or_built(bank, arm, spec, random_state)
+        self.bank = bank_for(arm, spec, bank, random_state)
         self.joint_positions: Array | None = None  # (n, dof), where the last search ended
 
     @property

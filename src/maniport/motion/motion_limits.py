@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.motion.arm_model import InverseDynamics
-from maniport.motion.schedule import require_rows
 from maniport.util.defaults import MARGIN
 from maniport.util.files import read_settings, require_mapping
-from maniport.util.validation import Array, as_finite, as_number, as_times
+from maniport.util.validation import Array, as_finite, as_number, as_times, require_shape
 
 DERIVATIVES = ("velocity", "acceleration", "jerk")
 TORQUES = ("torque", "torque rate")
-QUANTITIES = ("position", *DERIVATIVES, *TORQUES)
 LIMITS = (*DERIVATIVES, "effort", "effort_rate")  # keys of limits of a joint
 ASSUMED = "assumed: "  # beginning of such sources
 PANDA = {
@@ -120,14 +118,12 @@ class MotionLimits:
                     lower = {key: magnitudes[i] for key, magnitudes in limits.items()}
                     candidates.append(_assumed(quantity, arm.joint_units[i], lower))
                 values[i], chosen[i] = next((pair for pair in candidates if pair[0] is not None), (np.inf, ""))
-            named = list(zip(arm.joint_names, chosen, strict=True))
-            if quantity in DERIVATIVES:
-                assumed[quantity] = tuple(name for name, source in named if source.startswith(ASSUMED))
-            if texts := list(dict.fromkeys(filter(None, chosen))):
-                joints_of = {text: ", ".join(name for name, source in named if source == text) for text in texts}
-                listed = (f"{text} ({joints_of[text]})" for text in texts)
-                sources[quantity] = "; ".join(listed) if len(texts) > 1 else texts[0]
             limits[quantity] = values
+            if quantity in DERIVATIVES:
+                named = zip(arm.joint_names, chosen, strict=True)
+                assumed[quantity] = tuple(name for name, text in named if text.startswith(ASSUMED))
+            if any(chosen):
+                sources[quantity] = "; ".join(filter(None, dict.fromkeys(chosen)))
         return cls(arm.narrowed(*ends), sources=sources, assumed=assumed, **limits)
 
     def of_joints(self, arm: Arm, columns: NDArray[np.integer]) -> "MotionLimits":
@@ -137,16 +133,6 @@ class MotionLimits:
         assumed = {quantity: tuple(own[n] for n in joints if n in own) for quantity, joints in self.assumed.items()}
         theirs = {name: getattr(self, name)[columns] for name in LIMITS}
         return MotionLimits(arm, sources=self.sources, assumed=assumed, **theirs)
-
-    @property
-    def lower(self) -> Array:
-        """Smallest positions with the margin, shape (dof,) [rad or m]."""
-        return np.asarray(self.arm.lower)
-
-    @property
-    def upper(self) -> Array:
-        """Largest positions with the margin, shape (dof,) [rad or m]."""
-        return np.asarray(self.arm.upper)
 
     @cached_property
     def dynamics(self) -> InverseDynamics | None:
@@ -177,75 +163,44 @@ class MotionLimits:
         )
 
     def torques(self, positions: Array, rate: float) -> Array:
-        """Torques [N m or N] of positions (m, dof) at a constant rate [Hz], at rest before and after, shape (m, dof).
-
-        With central differences. Requires `dynamics`.
-        """
+        """Torques (m, dof) [N m or N] of positions (m, dof) at a constant rate [Hz], at rest before and after."""
         assert self.dynamics is not None
         ends = np.concatenate([positions[:1], positions, positions[-1:]])
         return self.dynamics.torques(positions, 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0))
 
-    def use(self, time: ArrayLike, q: ArrayLike) -> "LimitUse":
+    def use(self, time: ArrayLike, q: ArrayLike) -> dict[str, tuple[str, float, float]]:
         """Largest share of each limit that a motion uses, with times (m,) at a constant rate [s] and q (m, dof).
 
-        Velocity, acceleration and jerk are first, second and third differences of neighboring samples, at the middle
-        of these samples; shares of torques and their rates are zero where limits or masses are unknown.
+        By quantity: the joint that uses most, the share, and when [s]. That of a position is measured from the middle
+        of the joint's range. Velocity, acceleration and jerk are first, second and third differences of
+        neighboring samples, at the middle of these samples. Torques are left out where limits or masses are unknown.
         """
         times, values = as_times(time, fewest=2), as_finite(q, "q")
-        require_rows(len(times), q=(values, (self.arm.dof,)))
+        require_shape(values, "q", (len(times), self.arm.dof), ", one row for each time")
         step, steps = (times[-1] - times[0]) / (len(times) - 1), np.diff(times)
         if np.ptp(steps) > 1e-3 * step:
             raise InvalidInputError(
                 f"time must have a constant rate; found steps of {steps.min():g} to {steps.max():g} s"
             )
-        middle, half = 0.5 * (self.lower + self.upper), np.maximum(0.5 * (self.upper - self.lower), 1e-12)
-        series = [(np.abs(values - middle) / half, 0.0)]
+        lower, upper = self.arm.lower, self.arm.upper
+        middle, half = 0.5 * (lower + upper), np.maximum(0.5 * (upper - lower), 1e-12)
+        shares = {"position": np.abs(values - middle) / half}
         derivative = values
-        for order, quantity in enumerate(DERIVATIVES, 1):
+        for quantity in DERIVATIVES:
             derivative = np.diff(derivative, axis=0) / step
-            series.append((np.abs(derivative) / getattr(self, quantity), 0.5 * order * step))
+            shares[quantity] = np.abs(derivative) / getattr(self, quantity)
         if self.dynamics is not None:
             torques = self.torques(values, 1.0 / step)
-            series.append((np.abs(torques) / self.effort, 0.0))
-            series.append((np.abs(np.diff(torques, axis=0)) / step / self.effort_rate, 0.5 * step))
-        shares, at = np.zeros((len(QUANTITIES), self.arm.dof)), np.full((len(QUANTITIES), self.arm.dof), times[0])
-        for row, (share, offset) in enumerate(series):
+            series = np.abs(torques) / self.effort, np.abs(np.diff(torques, axis=0)) / step / self.effort_rate
+            shares |= {name: own for name, own in zip(TORQUES, series, strict=True) if own.max(initial=0.0) > 0.0}
+        result = {}
+        for quantity, share in shares.items():
             if len(share):
-                shares[row], at[row] = share.max(axis=0), times[share.argmax(axis=0)] + offset
-        return LimitUse(self.arm.joint_names, shares, at)
-
-
-@dataclass(frozen=True, eq=False)
-class LimitUse:
-    """Largest shares of limits that a motion uses, by rows of `QUANTITIES`; 1 is the limit.
-
-    A share of a position is measured from the middle of the joint's range.
-
-    Attributes
-    ----------
-    joint_names : tuple of str
-    shares, times : ndarray, shape (6, dof)
-        Largest shares, and when [s].
-    """
-
-    joint_names: tuple[str, ...]
-    shares: Array
-    times: Array
-
-    @property
-    def largest(self) -> dict[str, tuple[str, float, float]]:
-        """For each of `QUANTITIES` the joint that uses most, the share, and when [s]; torques only where known."""
-        joint = self.shares.argmax(axis=1)
-        return {
-            quantity: (self.joint_names[j], float(self.shares[i, j]), float(self.times[i, j]))
-            for i, (quantity, j) in enumerate(zip(QUANTITIES, joint, strict=True))
-            if quantity not in TORQUES or self.shares[i, j] > 0.0
-        }
-
-    @property
-    def within(self) -> bool:
-        """Whether nothing exceeds its limit."""
-        return bool(self.shares.max() <= 1.0 + 1e-9)
+                joint = int(share.max(axis=0).argmax())
+                row = int(share[:, joint].argmax())
+                at = times[row] + 0.5 * step * (len(times) - len(share))
+                result[quantity] = self.arm.joint_names[joint], float(share[row, joint]), float(at)
+        return result
 
 
 def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
@@ -275,14 +230,11 @@ def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, d
 
 
 def _assumed(quantity: str, unit: str, lower: Mapping[str, float]) -> tuple[float, str]:
-    """Limit of a joint of which nothing is known, by its limits of lower derivatives, and its source.
-
-    Without a number for them, accelerations reach the velocity limit, and jerks that acceleration, in certain times: on
-    the safe side of makers who publish theirs. The Panda takes 0.13 to 0.29 s and 0.002 s, the xArm7 0.16 s and 0.04 s.
-    """
+    """Limit of a joint of which nothing is known, by its limits of lower derivatives, and its source."""
     if quantity == "velocity":
         speed = {"rad": 1.0, "m": 0.25}[unit]  # slow enough for any arm
         return speed, f"{ASSUMED}{speed:g} {unit}/s"
+    # on the safe side of makers: the Panda takes 0.13 to 0.29 s and 0.002 s, the xArm7 0.16 s and 0.04 s
     if quantity == "acceleration":
         return lower["velocity"] / 0.25, f"{ASSUMED}velocity limit reached in 0.25 s"
     return lower["acceleration"] / 0.04, f"{ASSUMED}acceleration limit reached in 0.04 s"

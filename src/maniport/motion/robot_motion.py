@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.status import ENOUGH_METRES, statuses_of
@@ -247,16 +246,6 @@ class RobotMotion(NotebookDisplay):
 
     def __repr__(self) -> str:
         return f"RobotMotion({', '.join(map(repr, self.arms))})"
-
-    @property
-    def limits(self) -> MotionLimits | None:
-        """Limits of all joints; None for a motion of the controller."""
-        return self.trajectory.limits
-
-    @property
-    def limit_use(self) -> LimitUse | None:
-        """Largest shares of these limits."""
-        return self.trajectory.limit_use
 
     @property
     def clearance(self) -> Clearance:

@@ -17,7 +17,15 @@ from maniport.motion.objective import Damping, Objective, Targets
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.kernels import congruence, roots, symmetrize
 from maniport.spd.matrix_functions import apply
-from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
+from maniport.util.validation import (
+    Array,
+    as_metres,
+    as_positive_semidefinite,
+    as_rotation,
+    as_square,
+    as_times,
+    require_shape,
+)
 
 
 @dataclass(frozen=True)
@@ -115,7 +123,9 @@ def schedules_of(
             "rotations": (None if rotations is None else _as_rotations(rotations), (3, 3)),
             "reference": (None if reference is None else reference[..., joints], (arm.dof,)),
         }
-        require_rows(len(times), **values)
+        for name, (array, shape) in values.items():
+            if array is not None:
+                require_shape(array, name, (len(times), *shape), ", one row for each time")
         # copies: results keep them, and later changes of the caller's arrays must not change them
         targets, *rest = (None if array is None else array.copy() for array, _ in values.values())
         assert targets is not None
@@ -135,16 +145,6 @@ def require_few(samples: float, most: int = 3_000_000) -> None:
             f"the motion takes {samples:.3g} samples, allowed are {most}: give a lower rate, or a path that the limits "
             "let pass sooner"
         )
-
-
-def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> None:
-    """Require one row of the given shape for each of `count` times, of all arrays that are not None."""
-    for name, (array, shape) in arrays.items():
-        if array is not None and array.shape != (count, *shape):
-            raise InvalidInputError(
-                f"{name} must have shape {(count, *shape)}, one row for each of the {count} times; "
-                f"found shape {array.shape}"
-            )
 
 
 def of_each(value: Any, name: str, arms: Arm | ArmGroup | Sequence[Arm]) -> Sequence[Any]:

@@ -25,7 +25,6 @@ from maniport.util.validation import Array, as_count
 
 TOLERANCE = 1e-6
 LARGEST_DAMPING = 1e8
-STARTS = 32  # Samples that a search for the pointwise optimum starts from
 LEAST_GAIN = 1e-4  # Share of the expected decrease of the cost that a step must bring to be taken
 POSITION_WEIGHT = 6.0
 """Weight of a distance between positions [1/m]: less than in a search, since samples lie decimetres apart."""
@@ -66,14 +65,6 @@ class SeedBank:
         self._whitening = roots(apply(logs.mean(axis=0), np.exp))[1]
         self._vectors = self._log_vectors(ellipsoids)
 
-    @classmethod
-    def given_or_built(cls, bank: "SeedBank | None", arm: Arm, spec: EllipsoidSpec, random_state: Any) -> "SeedBank":
-        """Return `bank`, which must fit, or build one where it is None."""
-        if bank is None:
-            return cls(arm, random_state=random_state, spec=spec)
-        bank.require_fits(arm, spec)
-        return bank
-
     def __len__(self) -> int:
         return len(self.joint_positions)
 
@@ -81,11 +72,7 @@ class SeedBank:
         return f"SeedBank({self.arm.name!r}, n={len(self)}, {self.spec}, damping {self.damping.epsilon:.3g})"
 
     def starts_for(self, targets: Targets, k: int) -> Array:
-        """Return the k configurations with the most similar ellipsoids and positions, shape (n, k, dof).
-
-        The nearest come first, by the logarithms of the ellipsoids relative to the bank's mean; a smaller bank returns
-        all it has.
-        """
+        """Return the k configurations with the most similar ellipsoids and positions, nearest first, (n, k, dof)."""
         vectors, tree = self._log_vectors(apply(targets.ellipsoids, lambda values: np.maximum(values, 0.0))), self._tree
         if targets.positions is not None:
             vectors, tree = np.hstack([vectors, POSITION_WEIGHT * targets.positions]), self._positioned_tree
@@ -101,12 +88,16 @@ class SeedBank:
         positions = self.arm.forward(self.joint_positions)[:, :3, 3]
         return cKDTree(np.hstack([self._vectors, POSITION_WEIGHT * positions]))
 
-    def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
-        """Raise InvalidInputError unless this bank is of the same arm, whatever its limits, and ellipsoids."""
-        require_compatible("the seed bank was built for", (self.arm, arm), (self.spec, spec))
-
     def _log_vectors(self, ellipsoids: Array) -> Array:
         return to_vector(apply(congruence(self._whitening, ellipsoids + self._shift), np.log))
+
+
+def bank_for(arm: Arm, spec: EllipsoidSpec, bank: SeedBank | None, random_state: Any) -> SeedBank:
+    """Return a bank after checking that it is of the arm, whatever its limits, or build one where there is none."""
+    if bank is None:
+        return SeedBank(arm, random_state=random_state, spec=spec)
+    require_compatible("the seed bank was built for", (bank.arm, arm), (bank.spec, spec))
+    return bank
 
 
 def search_from_starts(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from maniport.arms import Arm
 from maniport.arms.collisions import Collisions
 from maniport.arms.joint_space import JointSpace
-from maniport.motion.motion_limits import LimitUse, MotionLimits
+from maniport.motion.motion_limits import MotionLimits
 from maniport.util.atomic_io import written_whole
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.sampling import evenly_spaced
@@ -71,8 +71,8 @@ class Trajectory(NotebookDisplay):
         return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)
 
     @cached_property
-    def limit_use(self) -> LimitUse | None:
-        """Largest shares of the limits; None without limits."""
+    def limit_use(self) -> dict[str, tuple[str, float, float]] | None:
+        """As `MotionLimits.use`; None without limits."""
         return None if self.limits is None else self.limits.use(self.control_time, self.control_positions)
 
     @cached_property

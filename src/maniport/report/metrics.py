@@ -218,7 +218,7 @@ def _add_trajectory(
         measure(section, "duration", robot=robot, person=person)
     if trajectory.limits is None or trajectory.limit_use is None:
         return
-    largest, sources_of = trajectory.limit_use.largest, trajectory.limits.sources
+    largest, sources_of = trajectory.limit_use, trajectory.limits.sources
     for key, is_torque in (("limits", False), ("torques", True)):
         sources = {name: text for name, text in sources_of.items() if (name not in DERIVATIVES) == is_torque}
         used: dict[str, dict[str, Any]] = {

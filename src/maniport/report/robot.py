@@ -69,7 +69,7 @@ def warn_of_limits(section: Section, limits: MotionLimits) -> None:
         joints_of: dict[str, list[str]] = {}
         for name in limits.assumed[quantity]:
             i = arm.joint_names.index(name)
-            value = (f"{limits.lower[i]:.3g} to {limits.upper[i]:.3g}" if quantity == "position"
+            value = (f"{arm.lower[i]:.3g} to {arm.upper[i]:.3g}" if quantity == "position"
                      else f"{getattr(limits, quantity)[i]:.4g}")  # fmt: skip
             joints_of.setdefault(f"{value} {arm.joint_units[i]}{suffix}", []).append(name)
         texts = [f"{text} for {listed(joints) if len(joints) < arm.dof else 'all joints'}"

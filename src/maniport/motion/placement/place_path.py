@@ -28,7 +28,7 @@ from maniport.motion.placement.search import WEIGHT, best_placements
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
-from maniport.motion.search import SeedBank, pointwise_best
+from maniport.motion.search import bank_for, pointwise_best
 from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
@@ -134,7 +134,7 @@ def place_path(
     fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "Place path")
-    banks = [SeedBank.given_or_built(own, arms[i], spec, generator) for i, own in enumerate(banks)]
+    banks = [bank_for(arms[i], spec, own, generator) for i, own in enumerate(banks)]
     maps = [
         ReachabilityMap(own, spec, random_state=generator, collisions=model) if samples is None else samples
         for own, model, samples in zip(arms, models, maps, strict=True)

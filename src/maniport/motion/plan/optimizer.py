@@ -17,11 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
+from scipy.ndimage import maximum_filter1d
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
 from maniport.motion.costs.smoothness import SmoothnessCost
+from maniport.motion.problem import MotionProblem
 from maniport.motion.search import LARGEST_DAMPING, LEAST_GAIN, PathCost
+from maniport.motion.status import FAR
 from maniport.util.validation import Array
 
 CLEARANCE = 0.015  # Distance that motions keep from collisions [m]
@@ -51,10 +54,7 @@ def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, p
 
 
 def optimize_to_tolerance(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float) -> Array:
-    """Raise the position weight until the 95th percentile of the position error is within the tolerance.
-
-    Where the largest weight is not enough, the trajectory is smoothed less.
-    """
+    """Raise the position weight, then smooth less, until the 95th percentile of the error is within the tolerance."""
     less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
     needed = 0.0
     for weight, own in (*((weight, terms) for weight in POSITION_WEIGHTS), (POSITION_WEIGHTS[-1], less)):
@@ -65,6 +65,34 @@ def optimize_to_tolerance(targets: PathCost, time: Array, q: Array, terms: Traje
         if error is None or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance:
             break
         needed = 0.7 * weight * np.sqrt(reached / tolerance)  # the error falls with the square of the weight
+    return q
+
+
+def relaxed(
+    problem: MotionProblem, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float, rounds: int = 6
+) -> Array:
+    """Optimize again with half the clearance and 1.5 times the duration around large errors, as long as that helps."""
+
+    def largest_error(q: Array) -> Array:
+        error = problem.position_error(q)
+        return np.zeros(len(q)) if error is None else np.asarray(error.max(axis=1))
+
+    clearance, error = np.full(len(time), CLEARANCE), largest_error(q)
+    for _ in range(rounds):
+        far = maximum_filter1d(error > FAR * tolerance, 5)
+        if not far.any():
+            break
+        clearance = np.where(far, np.maximum(0.5 * clearance, 0.003), clearance)
+        time = np.append(time[0], time[0] + np.cumsum(np.where(far[1:] & far[:-1], 1.5, 1.0) * np.diff(time)))
+        # few waypoints are a small share of the cost
+        changed = replace(terms, clearance=clearance, rel_tol=0.1 * terms.rel_tol)
+        trial = optimize(problem, time, q, changed, POSITION_WEIGHTS[-1])
+        if terms.collisions is not None and terms.collisions.collides(trial[far]).any():
+            break
+        trial_error = largest_error(trial)
+        if trial_error[far].max() > 0.95 * error[far].max():
+            break
+        q, error = trial, trial_error
     return q
 
 

@@ -14,17 +14,18 @@ from maniport.motion.costs.orientation import axis_weights
 from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import EXACT_WEIGHT, Damping
+from maniport.motion.plan.group_planner import Planner
 from maniport.motion.plan.plan_settings import PlanSettings
-from maniport.motion.plan.planner import Planner, planning_time_scale
+from maniport.motion.plan.planner import planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
-from maniport.motion.search import STARTS, interpolated_distance, pointwise_best
+from maniport.motion.schedule import of_each, require_few, schedules_of
+from maniport.motion.search import interpolated_distance, pointwise_best
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_finite, as_generator
+from maniport.util.validation import Array, as_choice, as_finite, as_generator, require_shape
 
 
 def plan_motion(
@@ -99,7 +100,7 @@ def plan_motion(
             as_finite(best, "pointwise_bests").copy() for best in of_each(pointwise_bests, "pointwise_bests", arms)
         ]
         for best in bests:
-            require_rows(len(schedules[0]), pointwise_bests=(best, ()))
+            require_shape(best, "pointwise_bests", (len(schedules[0]),), ", one row for each time")
     relative = as_choice(hand_targets, "hand_targets", ("placed", "relative")) == "relative"
     if relative and (paths is None or len(schedules) < 2):
         raise InvalidInputError(
@@ -149,11 +150,11 @@ def _pointwise_bests(
     planner: Planner, problem: MotionProblem, vectors: tuple[Cost, ...], q: Array, most: int = 250
 ) -> list[Array]:
     """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
-    rows = evenly_spaced(len(q), most)
+    rows, count = evenly_spaced(len(q), most), PlanSettings.budget.pointwise_starts
     targets, columns = tuple(replace(own[rows], rotations=None) for own in problem.targets), planner.group.columns
-    banks = [own.bank.starts_for(part, STARTS) for own, part in zip(planner.arms, targets, strict=True)]
+    banks = [own.bank.starts_for(part, count) for own, part in zip(planner.arms, targets, strict=True)]
     if vectors:
-        starts = np.empty((len(rows), STARTS, q.shape[1]))
+        starts = np.empty((len(rows), count, q.shape[1]))
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
         best = pointwise_best(replace(problem[rows], targets=targets, costs=vectors), starts, q[rows])

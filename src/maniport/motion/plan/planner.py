@@ -1,45 +1,35 @@
-"""The planner: reachability map, roadmap, graph search, optimizer, time parameterization.
+"""The planner of one arm: reachability map, roadmap, graph search, optimizer, time parameterization.
 
-Each arm is planned by itself in these five steps, then all arms together where they interact. Trajectories are
-optimized as if they took `PLANNING_TIME_SCALE` times the demonstrated time, then timed, optimized with the smoothness
-that this time demands, and timed again.
+Trajectories are optimized as if they took `PLANNING_TIME_SCALE` times the demonstrated time, then timed, optimized with
+the smoothness that this time demands, relaxed around large position errors, and timed again.
 """
 
-from collections.abc import Iterator, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
-from maniport.arms.collisions import Collisions, as_collisions
-from maniport.errors import InvalidInputError
-from maniport.motion.arm_model import require_compatible, require_trackable
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import Targets
 from maniport.motion.plan.optimizer import (
-    CLEARANCE,
-    CLEARANCE_WEIGHT,
     POSITION_WEIGHTS,
-    TrajectoryCost,
     TrajectoryTerms,
     optimize,
     optimize_to_tolerance,
+    relaxed,
+    time_weights,
 )
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.plan.relaxation import SPEED_SHARE, time_parameterized
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, stages_of, turned_to_rotations
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
 from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
-from maniport.util.progress import Part, ignore_fraction, pieces
-from maniport.util.validation import Array, as_generator
+from maniport.util.progress import Part, ignore_fraction
+from maniport.util.validation import Array
 
 PLANNING_TIME_SCALE = 4.0
+SPEED_SHARE = 0.9  # Share of the limits of velocity and acceleration that the optimizer uses
 SMOOTHNESS = 0.04
 """Factor of the smoothness costs [1/√s], which grow with the root of the demonstrated duration. Less smoothness is more
 accurate, but the limits then slow the trajectory down: by about the same share, more seconds for a long recording."""
@@ -97,7 +87,7 @@ class ArmPlanner:
             nodes = self.reachability_map.nodes(targets, count, random)
         else:  # joints that do not change the ellipsoid are in their middle
             q, idle = self.bank.starts_for(targets, count), self.reachability_map.idle
-            q[..., idle] = (0.5 * (self.limits.lower + self.limits.upper))[idle]
+            q[..., idle] = (0.5 * (self.limits.arm.lower + self.limits.arm.upper))[idle]
             first, own = np.arange(len(q) + 1) * q.shape[1], targets[np.repeat(np.arange(len(q)), q.shape[1])]
             q = q.reshape(-1, q.shape[-1])
             q = q if targets.orientation is None else turned_to_rotations(own, q)
@@ -115,149 +105,28 @@ class ArmPlanner:
         return shortest_path(nodes, time, largest, joint_motion_weight)
 
 
-@dataclass(frozen=True)
-class Planner:
-    """An arm or a group of arms with limits, samples and collision model, for any number of plans.
-
-    Attributes
-    ----------
-    limits : MotionLimits
-        ``limits.arm`` has the margin of the limits.
-    spec : EllipsoidSpec
-        Which ellipsoids, of each arm.
-    arms : tuple of ArmPlanner
-        Each arm with all joints that move it: ``limits``, ``reachability_map`` and ``bank``.
-    collisions : Collisions, optional
-        Of all arms with themselves, with each other and with obstacles.
-    """
-
-    limits: MotionLimits
-    spec: EllipsoidSpec
-    arms: tuple[ArmPlanner, ...]
-    collisions: Collisions | None = None
-
-    @classmethod
-    def of(
-        cls, limits: MotionLimits, spec: EllipsoidSpec, collisions: Collisions | bool = True, random_state: Any = 0
-    ) -> "Planner":
-        """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions."""
-        group, model = as_group(limits.arm), as_collisions(collisions, limits.arm)
-        alone = (None,) * len(group) if model is None else model.of_arms
-        generators, arms = _copies(as_generator(random_state), len(group)), []
-        for arm, columns, own, around, random in zip(
-            group.arms, group.columns, group.specs(spec), alone, generators, strict=True
-        ):
-            require_trackable(arm, own)
-            samples = ReachabilityMap(arm, own, random_state=random, collisions=around)
-            bank = SeedBank(arm, random_state=random, spec=own)
-            arms.append(ArmPlanner(limits.of_joints(arm, columns), samples, bank))
-        return cls(limits, spec, tuple(arms), model)
-
-    @property
-    def group(self) -> ArmGroup:
-        """All arms, with the margin of their limits."""
-        return as_group(self.limits.arm)
-
-    def require_fits(self, arm: Arm | ArmGroup, spec: EllipsoidSpec) -> None:
-        """Raise InvalidInputError unless this plans for such arms, within limits of their own, and `spec`."""
-        own, other = self.group.arms, as_group(arm).arms
-        if len(own) != len(other):
-            raise InvalidInputError(f"the planner was made for {len(own)} arms; found {len(other)}")
-        for pair in zip(own, other, strict=True):
-            require_compatible("the planner was made for", pair, (self.spec, spec))
-
-    def solve(
-        self,
-        problem: MotionProblem,
-        settings: PlanSettings,
-        random_state: Any = 0,
-        progress: Part = ignore_fraction,
-        separate: Sequence[Targets] | None = None,
-    ) -> tuple[Trajectory, bool]:
-        """Return a motion, as fast as limits and demonstration allow, and whether arms were optimized together.
-
-        `separate` are targets of each arm while it is planned by itself; default: those of the problem.
-        """
-        count, random = len(self.arms), as_generator(random_state)
-        parts, shares = [], zip(self.arms, separate or problem.targets, _copies(random, count), strict=True)
-        for (arm, targets, own), part in zip(shares, pieces(progress, *count * [1.0]), strict=True):
-            costs, around = problem.costs if count == 1 else (), arm.reachability_map.collisions
-            alone = replace(problem, targets=(targets,), limits=arm.limits, collisions=around, costs=costs)
-            q, timed = arm.solve(alone, settings, own, part)
-            parts.append(q)
-        return (timed, False) if count == 1 else self._joined(problem, parts, settings, random)
-
-    def _joined(
-        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
-    ) -> tuple[Trajectory, bool]:
-        """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact.
-
-        Where the result collides, motions of prioritized planning are further starts, then tolerances are larger.
-        """
-        group, collisions = self.group, problem.collisions
-        values = np.full((len(parts), len(parts[0]), group.dof), np.nan)
-        for part, columns, own in zip(parts, group.columns, values, strict=True):
-            own[:, columns] = part
-        mean = np.nanmean(values, axis=0)  # shared joints are the mean of all arms, or those of one arm
-        starts = [mean, *(np.where(np.isnan(own), mean, own) for own in values)] if group.shared else [mean]
-        near = collisions is not None and collisions.between.checked
-        near = near and bool(np.any(collisions.between.clearance(mean) < CLEARANCE))  # type: ignore[union-attr]
-        if not (group.shared or problem.costs or near):
-            earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])
-            return retime(problem.limits, earliest, mean, rate=settings.rate), False
-        time, terms, _ = coarse_terms(problem, settings)
-        optimized, cost = list[Array](), TrajectoryCost(problem.arm, problem, time, terms)
-
-        def attempts() -> Iterator[tuple[float, list[Array]]]:
-            """Factors of the position tolerance, and further starts."""
-            yield 1.0, starts
-            has_paths = all(own.positions is not None for own in problem.targets)
-            if has_paths and not group.shared and collisions is not None:
-                yield 1.0, self._prioritized(problem, parts, settings, random)
-            yield 3.0, []
-            yield np.inf, []
-
-        for factor, more in attempts():
-            tolerance = factor * settings.position_tolerance
-            optimized += [optimize(problem, time, q, terms, POSITION_WEIGHTS[0]) for q in more]
-            best = min(optimized, key=lambda q: cost.evaluate(q)[0])
-            q = optimize_to_tolerance(problem, time, best, terms, tolerance)
-            timed = time_parameterized(problem, q, settings, tolerance)[1]
-            if collisions is None or not collisions.collides(timed.control_positions).any():
-                break
-        return timed, True
-
-    def _prioritized(
-        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
-    ) -> list[Array]:
-        """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others.
-
-        An arm moves through a roadmap whose nodes cost more near the other arms, which keep their motions.
-        """
-        group, collisions, motions = self.group, problem.collisions, []
-        assert collisions is not None
-        time, _, joint_motion_weight = coarse_terms(problem, settings)
-        rows = stages_of(time, settings.budget.stage)
-        for first in reversed(range(len(parts))):
-            own = list(parts)
-            for i in (first, *(k for k in range(len(parts)) if k != first)):
-                arm = self.arms[i]
-                targets, around = (problem.targets[i][rows],), arm.reachability_map.collisions
-                alone = replace(problem[rows], targets=targets, costs=(), collisions=around)
-                nodes = arm.roadmap(alone, 150, random)
-                q = np.empty((len(nodes.q), group.dof))
-                for part, columns in zip(own, group.columns, strict=True):
-                    q[:, columns] = np.repeat(part[rows], np.diff(nodes.first), axis=0)
-                q[:, group.columns[i]] = nodes.q
-                cost = nodes.cost.copy()
-                near, distance, _ = collisions.between.gradient(q, CLEARANCE)
-                np.add.at(cost, near, (CLEARANCE_WEIGHT * (CLEARANCE - distance)) ** 2)
-                path = arm.search(replace(nodes, cost=cost), time[rows], joint_motion_weight)
-                own[i] = interpolated(time[rows], nodes.q[path], time)
-            motions.append(group.joined(*own))
-        return motions
+def as_early_as_possible(problem: MotionProblem, q: Array, settings: PlanSettings) -> Trajectory:
+    """Time a trajectory (n, dof) within the limits, no faster than the speed scale allows."""
+    earliest = (problem.time - problem.time[0]) / settings.speed_scale
+    return retime(problem.limits, earliest, q, rate=settings.rate)
 
 
-def _copies(generator: np.random.Generator, count: int) -> list[np.random.Generator]:
-    """Return a generator for each arm, all in the same state; the last is the original."""
-    return [*(deepcopy(generator) for _ in range(count - 1)), generator]
+def time_parameterized(
+    problem: MotionProblem, q: Array, settings: PlanSettings, tolerance: float
+) -> tuple[Array, Trajectory]:
+    """Time a trajectory, optimize it with the smoothness that this time demands, relax it, and time it again."""
+    time, limits, collisions = as_early_as_possible(problem, q, settings).time, problem.limits, problem.collisions
+    weights = time_weights(problem.time) * np.ptp(time) / np.ptp(problem.time)
+    speeds, accelerations = SPEED_SHARE * limits.velocity, SPEED_SHARE * limits.acceleration
+    terms = TrajectoryTerms(3e-3, 1e-6, weights, speeds, accelerations, collisions, settings.budget.rel_tol)
+    q = optimize_to_tolerance(problem, time, q, terms, tolerance)
+    timed = as_early_as_possible(problem, q, settings)
+    other = relaxed(problem, time, q, terms, tolerance)
+    if other is q:
+        return q, timed
+    other_timed = as_early_as_possible(problem, other, settings)
+    if collisions is not None:
+        before, after = (collisions.collides(motion.control_positions).mean() for motion in (timed, other_timed))
+        if after > before:
+            return q, timed
+    return other, other_timed

@@ -51,8 +51,8 @@ class Problem:
     @cached_property
     def arm(self) -> Arm:
         """The robot arm, with a margin at its joint limits."""
-        limits = MotionLimits.of(self.task.arm)
-        return self.task.arm.narrowed(limits.lower, limits.upper)
+        arm: Arm = MotionLimits.of(self.task.arm).arm
+        return arm
 
     @cached_property
     def collisions(self) -> Collisions:
