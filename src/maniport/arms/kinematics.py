@@ -59,6 +59,7 @@ class Kinematics:
         self.placements = np.array([joint.placement for joint in joints], dtype=np.float64).reshape(count, 4, 4)
         self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
         self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
+        self.armature = np.array([joint.armature for joint in joints])
         self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
         self._inertia, self._up = chains[0].inertia, -np.array(chains[0].gravity)
         self.moves = np.zeros((count + 1, count), dtype=np.bool_)  # which joints move each link
@@ -124,7 +125,7 @@ class Kinematics:
         composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(axis=1)[:, ::-1]
         momenta = np.einsum("nkab,nkb->nka", composite, s)  # I_k s_k
         inertia = np.triu(s @ np.swapaxes(momenta, -1, -2))
-        inertia += np.swapaxes(np.triu(inertia, 1), -1, -2)
+        inertia += np.swapaxes(np.triu(inertia, 1), -1, -2) + np.diag(self.armature)
         c, gravity_changes, inertia_changes = self.coupling, np.empty((0, 0, 0)), np.empty((0, 0, 0, 0))
         if changes:
             lower = -np.tril(momenta[..., :3] @ np.swapaxes(np.cross(turning, self._up), -1, -2))
