@@ -49,7 +49,8 @@ def test_the_embedded_panda_weighs_what_its_urdf_does():
 
 
 BOX = '<inertial pos="0.1 0.02 0" quat="1 0.2 0 0.1" mass="{}" diaginertia="0.03 0.02 0.04"/>'
-BENCH = f"""<mujoco><compiler angle="degree"/><default><joint armature="0.02"/></default><worldbody><body name="a" pos="0 0 1">{BOX.format(9)}
+BENCH = f"""<mujoco><compiler angle="degree"/><default><joint armature="0.02"/></default>
+  <worldbody><body name="a" pos="0 0 1">{BOX.format(9)}
   <body name="b" pos="0 0.1 0" euler="10 20 30">{BOX.format(2)}<joint name="yaw" axis="0 0 1" ref="-30"/>
   <joint name="pitch" axis="0 1 0" pos="0.1 0 0" ref="10" armature="0.3"/><body name="c" pos="0.5 0 0">{BOX.format(1)}
   <joint name="push" type="slide" axis="1 1 0" range="-0.2 0.3"/><geom size="0.1"/>
@@ -99,5 +100,7 @@ TWO = """<robot name="r"><link name="a"/><link name="b"><inertial>{}</inertial><
 def test_impossible_masses_are_named_with_their_link(tmp_path, name, text, change):
     path = tmp_path / name
     path.write_text(text.replace(*change))
-    with pytest.raises(FileFormatError, match=r"link '[abc]'|<inertial> needs mass|'pitch' needs armature .* not negative; found '-1'"):
+    with pytest.raises(
+        FileFormatError, match=r"link '[abc]'|<inertial> needs mass|'pitch' needs armature .* not negative; found '-1'"
+    ):
         load_arm(path)

@@ -74,7 +74,12 @@ class Document:
         return None
 
     def numbers(
-        self, element: Element, name: str, count: int | None, default: str | None = None, most: float = LARGEST,
+        self,
+        element: Element,
+        name: str,
+        count: int | None,
+        default: str | None = None,
+        most: float = LARGEST,
         least: float = -np.inf,
     ) -> Array:
         """Numbers of an attribute, its own or that of a class."""
