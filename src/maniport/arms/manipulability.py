@@ -118,8 +118,9 @@ def weighting(
     W (n or 1, dof, dof) is None for the identity; derivatives (n, k, dof, dof) are None without `changes` and where W
     is constant. `limits` (dof,) are those of the joints where these are the weights. Accelerations need masses.
     """
-    accelerated, gravity = spec.kind == "acceleration", limits is not None and spec.kind != "velocity"
-    terms = kinematics.dynamics(q, changes) if accelerated or gravity else None
+    accelerated = spec.kind == "acceleration"
+    gravity = limits is not None and spec.kind != "velocity" and kinematics.has_weight
+    terms = kinematics.dynamics(q, changes, inertia=accelerated) if accelerated or gravity else None
     if limits is None and spec.joint_weights is None and not accelerated:
         return None, None
     weights: Any = 1.0 if spec.joint_weights is None else spec.joint_weights if limits is None else limits
@@ -137,11 +138,12 @@ def weighting(
             return weight, None
         return weight, np.einsum("njk,jl->nkjl", -2.0 * slopes / scale[..., None] ** 3, np.eye(q.shape[1]))
     assert terms is not None  # of an arm with masses
-    weight = np.asarray(np.linalg.solve(terms.inertia, scale[..., None] * np.eye(q.shape[1])), dtype=np.float64)
+    inverse = np.linalg.inv(terms.inertia)
+    weight = np.asarray(inverse * np.atleast_2d(scale)[:, None], dtype=np.float64)
     if not changes:
         return weight, None
     product = weight @ np.swapaxes(weight, -1, -2)
-    half = -np.linalg.solve(terms.inertia[:, None], terms.inertia_changes) @ product[:, None]
+    half = -(inverse[:, None] @ terms.inertia_changes) @ product[:, None]
     if slopes is not None:
         half += np.einsum("nij,njk,nlj->nkil", weight, slopes / scale[..., None], weight, optimize=True)
     return weight, half + np.swapaxes(half, -1, -2)
