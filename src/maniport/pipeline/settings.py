@@ -105,8 +105,8 @@ def load_robot(config: Config, both: bool | None = None, side: str | None = None
             raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
         return arm
     group, masses = as_group(arm), payload if len(payload) > 1 else payload[0]
-    masses = as_numbers(masses, f"{argument('payload')} of {arm.name!r}", len(group), broadcast=True)
-    loaded = group.with_payload(masses, config.payload_center)
+    checked = as_numbers(masses, f"{argument('payload')} of {arm.name!r}", len(group), broadcast=True)
+    loaded = group.with_payload(checked, config.payload_center)
     return loaded if isinstance(arm, ArmGroup) else loaded.arms[0]
 
 
