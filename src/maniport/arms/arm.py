@@ -215,7 +215,7 @@ class Arm(JointSpace):
         `InvalidInputError` for an arm without masses.
         """
         array = self.configurations(q)
-        terms = self._kinematics.dynamics(array.reshape(-1, self.dof))
+        terms = self._kinematics.dynamics(array.reshape(-1, self.dof), inertia=False)
         if terms is None:
             raise InvalidInputError(f"the description of {self.name!r} has no masses")
         return terms.gravity.reshape(array.shape)

@@ -115,8 +115,8 @@ def weighting(
 ) -> tuple[Array | None, Array | None]:
     """Weights W of ellipsoids M = J W Wᵀ Jᵀ (of force: M⁻¹) at configurations (n, dof), and ∂(W Wᵀ)/∂q_k.
 
-    W (n or 1, dof, dof) is None for the identity; derivatives (n, k, dof, dof) are None without `changes` and where W
-    is constant. `limits` (dof,) are those of the joints where these are the weights. Accelerations need masses.
+    W (n or 1, dof, dof) is None for the identity; derivatives (n, k, dof, dof), or (n, k, 1, dof) of diagonals, are None
+    without `changes` and where W is constant. `limits` (dof,) are those of the joints where these are the weights. Accelerations need masses.
     """
     accelerated = spec.kind == "acceleration"
     gravity = limits is not None and spec.kind != "velocity" and kinematics.has_weight
@@ -136,7 +136,7 @@ def weighting(
         weight: Array = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)[..., None] * np.eye(q.shape[1])
         if slopes is None:
             return weight, None
-        return weight, np.einsum("njk,jl->nkjl", -2.0 * slopes / scale[..., None] ** 3, np.eye(q.shape[1]))
+        return weight, np.swapaxes(-2.0 * slopes / scale[..., None] ** 3, 1, 2)[:, :, None]
     assert terms is not None  # of an arm with masses
     inverse = np.linalg.inv(terms.inertia)
     weight = np.asarray(inverse * np.atleast_2d(scale)[:, None], dtype=np.float64)
@@ -198,7 +198,8 @@ def with_derivatives(
     arrays = (np.ascontiguousarray(array) for array in (of_joints, rows, coupling, weighted))
     fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, results)
     if change is not None:
-        half = 0.5 * plain[:, None] @ change @ np.swapaxes(plain, -1, -2)[:, None]
+        half = 0.5 * plain[:, None]
+        half = (half * change if change.shape[2] == 1 else half @ change) @ np.swapaxes(plain, -1, -2)[:, None]
         results += half + np.swapaxes(half, -1, -2)
     if spec.kind != "force":
         return ellipsoids, results
