@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 
-from maniport.arms import as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.plan.joint_path import JointPath, fill_speeds
@@ -32,7 +31,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     the limits of velocity, acceleration and torque (Pham & Pham, see `joint_path`). A moving average over the samples,
     of at most 0.2 s, then limits the jerk and the torque rate. Where samples exceed a limit between the points of the
     search grid, the whole motion is slowed down. A joint that gravity alone overloads along the path exceeds its torque
-    limit in the result, by at most 5 % more; with a payload that is an error.
+    limit in the result, by at most 5 % more.
 
     The result goes from rest at 0 s to rest and passes the waypoints at its ``time``. First, second and third
     differences of its samples, `rate` per second, are within the limits, and so are the positions.
@@ -73,8 +72,7 @@ Rows = tuple[Array, Array, Array, Array]  # a, b, low and high of constraints lo
 def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, list[Rows]]:
     """Constraints of accelerations and torques at the grid points, and at the middles between them.
 
-    Where gravity alone exceeds a torque limit, the returned limits allow 5 % more than gravity; with a payload it is an
-    error, since less payload helps.
+    Where gravity alone exceeds a torque limit, the returned limits allow 5 % more than gravity.
     """
     # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
     allowed, middles = np.minimum(limits.acceleration, 0.1 * limits.jerk), 0.5 * (path.grid[1:] + path.grid[:-1])
@@ -85,11 +83,6 @@ def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, l
     terms = [limits.dynamics.along(path.spline(at), first, second) for at, first, second in points]
     held = np.abs(np.concatenate([gravity for *_, gravity in terms]))
     if np.any(held >= limits.effort):
-        if any(arm.chain.payload for arm in as_group(limits.arm).arms):
-            i, j = np.unravel_index((held / limits.effort).argmax(), held.shape)
-            fault = limits.held_fault(int(j), held[i, j])
-            time = np.append(path.grid, middles)[i]
-            raise InvalidInputError(f"q cannot be held against gravity {time:.2f} s after its start: {fault}")
         most = held.max(axis=0)
         limits = replace(limits, effort=np.where(most >= limits.effort, 1.05 * most, limits.effort))
     finite = np.isfinite(limits.effort)
