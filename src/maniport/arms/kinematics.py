@@ -115,28 +115,28 @@ class Kinematics:
         """
         if self._inertia is None:
             return None
-        rotations, origins = (part[:, 1:] for part in self.link_poses(q))
+        from maniport.arms.kernels import fill_gravity
+
+        n, count, c, (rotations, origins) = len(q), len(self.axes), self.coupling, self.link_poses(q)
+        torques, slopes = np.empty((n, count)), np.empty((n if changes else 0, count, count))
+        bodies = self._inertia[:, 0, 0].copy(), self._inertia[:, [5, 3, 4], [1, 2, 0]]  # masses and first moments
+        fill_gravity(rotations, origins, self.axes, self.slides, *bodies, self._up, torques, slopes)
+        torques, slopes = self.coupled(torques), slopes if self.trivial else c.T @ slopes @ c
+        if not inertia:
+            return DynamicsTerms(torques, np.empty((0, 0, 0)), slopes, np.empty((0, 0, 0, 0)))
+        rotations, origins = rotations[:, 1:], origins[:, 1:]
         turning = np.einsum("njab,jb->nja", rotations, self.axes)
         moving = np.where(self.slides[:, None], turning, np.cross(origins, turning))
         turning = np.where(self.slides[:, None], 0.0, turning)
-        masses, moments = self._inertia[1:, 0, :1], self._inertia[1:, [5, 3, 4], [1, 2, 0]]
-        moments = (rotations @ moments[..., None])[..., 0] + masses * origins  # about the base's origin
-        masses, moments = masses[::-1].cumsum(axis=0)[::-1], moments[:, ::-1].cumsum(axis=1)[:, ::-1]
-        linear = masses * moving + np.cross(turning, moments)  # first half of I_k s_k
-        c, h, gravity_changes, h_changes = self.coupling, *(np.empty((0,) * k) for k in (3, 3, 4))
-        if inertia:
-            s = np.concatenate([moving, turning], axis=-1)
-            forces = np.zeros((*s.shape[:2], 6, 6))  # transforms of spatial forces from the links to the base
-            forces[..., :3, :3] = forces[..., 3:, 3:] = rotations
-            forces[..., 3:, :3] = np.cross(origins[..., None], rotations, axis=-2)
-            composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(axis=1)[:, ::-1]
-            momenta = np.einsum("nkab,nkb->nka", composite, s)  # I_k s_k
-            h = np.triu(s @ np.swapaxes(momenta, -1, -2))
-            h = c.T @ (h + np.swapaxes(np.triu(h, 1), -1, -2) + np.diag(self.armature)) @ c
+        s = np.concatenate([moving, turning], axis=-1)
+        forces = np.zeros((*s.shape[:2], 6, 6))  # transforms of spatial forces from the links to the base
+        forces[..., :3, :3] = forces[..., 3:, 3:] = rotations
+        forces[..., 3:, :3] = np.cross(origins[..., None], rotations, axis=-2)
+        composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(axis=1)[:, ::-1]
+        momenta, h_changes = np.einsum("nkab,nkb->nka", composite, s), np.empty((0, 0, 0, 0))  # I_k s_k
+        h = np.triu(s @ np.swapaxes(momenta, -1, -2))
+        h = c.T @ (h + np.swapaxes(np.triu(h, 1), -1, -2) + np.diag(self.armature)) @ c
         if changes:
-            lower = -np.tril(linear @ np.swapaxes(np.cross(turning, self._up), -1, -2))
-            gravity_changes = c.T @ (lower + np.swapaxes(np.tril(lower, -1), -1, -2)) @ c
-        if changes and inertia:
             ours, theirs = (slice(None), slice(None), None), (slice(None), None)  # of joints k and i
             crosses = np.concatenate([
                 np.cross(turning[ours], moving[theirs]) + np.cross(moving[ours], turning[theirs]),
@@ -147,7 +147,7 @@ class Kinematics:
             half = np.where(before[:, None], beyond, crosses @ np.swapaxes(momenta[:, None], -1, -2))
             half = np.where(before[..., None], half, 0.0)
             h_changes = np.einsum("nmij,mk->nkij", -c.T @ (half + np.swapaxes(half, -1, -2)) @ c, c)
-        return DynamicsTerms(linear @ self._up @ c, h, gravity_changes, h_changes)
+        return DynamicsTerms(torques, h, slopes, h_changes)
 
 
 class PointKinematics:
