@@ -55,9 +55,6 @@ INERTIA = {
 [m] and share of the body mass in de Leva's table 4; center of mass, and radii of gyration across (mean of two) and
 along the segment, as fractions of the length."""
 
-BODY_MASS = 73.0  # mean of de Leva's men [kg]
-GIRDLE_INERTIA = 2e-3  # about the axis of `elv_angle` [kg m²]; accelerations of a hanging arm stay finite by it
-
 LONGEST_SEGMENT = 1.0  # limit of segment lengths [m]; larger values are probably in another unit
 
 BREADTH = 0.17  # distance of a shoulder from the middle of the trunk [m]
@@ -126,8 +123,11 @@ def _scaled(name: str, *segments: float | None) -> Arm:
     return _with_masses(Arm(replace(chain, joints=tuple(joints), frames=frames)))
 
 
-def _with_masses(arm: Arm) -> Arm:
-    """Add the masses of upper arm, forearm and hand; without gravity."""
+def _with_masses(arm: Arm, body_mass: float = 73.0, girdle: float = 2e-3) -> Arm:
+    """Add the masses of the segments of de Leva's mean man [kg], without gravity.
+
+    The girdle adds inertia about the axis of `elv_angle` [kg m²], so that accelerations of a hanging arm stay finite.
+    """
     chain, zero = arm.chain, np.zeros(arm.dof)
     points, poses = arm.point_positions(zero, ("shoulder", "elbow", "wrist", "hand")), arm.link_poses(zero)
     names, inertia = [joint.name for joint in chain.joints], np.zeros((len(poses), 6, 6))
@@ -137,13 +137,12 @@ def _with_masses(arm: Arm) -> Arm:
     ):
         span = multiple * (points[i + 1] - points[i])
         size = float(np.linalg.norm(span))
-        axis, mass = np.outer(span, span) / size**2, BODY_MASS * share * (size / length) ** 2
+        axis, mass = np.outer(span, span) / size**2, body_mass * share * (size / length) ** 2
         own = point_mass(mass, points[i] + center * span)
         own[3:, 3:] += mass * size**2 * (across**2 * (np.eye(3) - axis) + along**2 * axis)
         inertia[link] = moved_inertia(own, np.linalg.inv(poses[link]))
     first = names.index("elv_angle")  # which moves nothing where the arm hangs
-    girdle = replace(chain.joints[first], armature=GIRDLE_INERTIA)
-    joints = (*chain.joints[:first], girdle, *chain.joints[first + 1 :])
+    joints = (*chain.joints[:first], replace(chain.joints[first], armature=girdle), *chain.joints[first + 1 :])
     return Arm(replace(chain, joints=joints, inertia=inertia, gravity=(0.0, 0.0, 0.0)))
 
 
