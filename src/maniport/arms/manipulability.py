@@ -115,9 +115,9 @@ def weighting(
 ) -> tuple[Array | None, Array | None]:
     """Weights W of ellipsoids M = J W Wᵀ Jᵀ (of force: M⁻¹) at configurations (n, dof), and ∂(W Wᵀ)/∂q_k.
 
-    W, (n, dof, dof) or a diagonal (n or 1, 1, dof), is None for the identity. Derivatives, (n, k, dof, dof) or diagonals
-    (n, k, 1, dof), are None without `changes` and where W is constant. `limits` (dof,) are those of the joints where
-    these are the weights. Accelerations need masses.
+    W, (n, dof, dof) or a diagonal (n or 1, 1, dof), is None for the identity. Derivatives, (n, k, dof, dof) or
+    diagonals (n, k, 1, dof), are None without `changes` and where W is constant. `limits` (dof,) are those of the
+    joints where these are the weights. Accelerations need masses.
     """
     accelerated = spec.kind == "acceleration"
     gravity = limits is not None and spec.kind != "velocity" and kinematics.has_weight
