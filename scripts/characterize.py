@@ -17,6 +17,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -138,15 +139,17 @@ def capability(whole: bool) -> Iterator[Row]:
     for name in LIMITED_ARMS:
         arm, row = mp.load_arm(name), dict[str, float]()
         q = arm.sample(5000 if whole else 500, random_state=0)
-        for kind in ("force", "velocity"):
-            polytope = line_extent(arm, q, u, kind)
+        light = mp.Arm(replace(arm.chain, inertia=None))
+        for key, own in (("force", arm), ("force_without_gravity", light), ("velocity", arm)):
+            kind = key.partition("_")[0]
+            polytope = line_extent(own, q, u, kind)
             usable = polytope.min(axis=1) > 0.0
             polytope = polytope[usable]
             for weights, suffix in (("joint-limits", ""), (None, "_unit")):
-                ellipsoid = ellipsoid_extent(arm.manipulability(q[usable], kind, joint_weights=weights), u)
-                row[f"{kind}{suffix}"] = float(np.corrcoef(np.log(polytope.ravel()), np.log(ellipsoid.ravel()))[0, 1])
-                row[f"{kind}{suffix}_directions"] = resemblance(ellipsoid, polytope)
-            if kind == "force":
+                ellipsoid = ellipsoid_extent(own.manipulability(q[usable], kind, joint_weights=weights), u)
+                row[f"{key}{suffix}"] = float(np.corrcoef(np.log(polytope.ravel()), np.log(ellipsoid.ravel()))[0, 1])
+                row[f"{key}{suffix}_directions"] = resemblance(ellipsoid, polytope)
+            if key == "force":
                 row["holds_itself"] = float(usable.mean())
         yield name, row
 

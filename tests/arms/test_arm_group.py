@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import maniport as mp
-from maniport.arms.chain import Frame, pose
+from maniport.arms.chain import Frame, point_mass, pose
+from maniport.arms.restriction import carried_inertia
 from maniport.errors import InvalidInputError, on_the_command_line
+from maniport.motion.arm_model import InverseDynamics
 
 BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
 
@@ -52,6 +54,27 @@ def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
         expected = arm.link_poses(part)
         np.testing.assert_allclose(rotations[:, links], expected[..., :3, :3], atol=1e-12)
         np.testing.assert_allclose(origins[:, links], expected[..., :3, 3], atol=1e-12)
+
+
+def test_payloads_of_a_group_pull_its_end_effectors_down(crane):
+    """Also on shared joints, of the group and of each arm, which has the other arm's payload in its resting pose."""
+    inertia = np.array([point_mass(1.0, np.array([0.1, 0.0, 0.1])) + 0.1 * np.diag([0, 0, 0, 1, 1, 1])] * 7)
+    chains = [replace(arm.chain, inertia=inertia.copy()) for arm in crane.arms]
+    for chain, other in zip(chains, chains[::-1], strict=True):  # two joints are shared
+        chain.inertia[2] += carried_inertia(other, 2)
+    arms = map(mp.Arm, chains)
+    group, center, masses = mp.ArmGroup(*arms, names=crane.names), np.array([0.0, 0.05, 0.1]), np.array([2.0, 0.5])
+    loaded, q = group.with_payload(masses, center), group.sample(4, 0)
+    q[0] = np.clip(0.0, group.lower, group.upper)
+    turns, jacobians = group.forward(q)[..., :3, :3], group.jacobian(q)
+    linear = jacobians[..., :3, :] + np.cross(jacobians[..., 3:, :], (turns @ center)[..., None], axis=-2)
+    pulled = 9.81 * np.einsum("a,naj->nj", masses, linear[..., 2, :])
+    torques = (InverseDynamics(own).gravity(q) for own in (loaded, group))
+    np.testing.assert_allclose(np.subtract(*torques), pulled, atol=1e-9)
+    for arm, own, part, columns in zip(loaded.arms, group.arms, loaded.split(q[:1]), group.columns, strict=True):
+        added = arm.gravity_torques(part) - own.gravity_torques(part)
+        np.testing.assert_allclose(added[0], pulled[0, columns], atol=1e-9)
+    assert np.abs(pulled[0]).max() > 1.0
 
 
 def test_a_single_arm_is_a_group_of_one():

@@ -10,6 +10,7 @@ from maniport.arms import load_arm
 from maniport.arms.loaders import read_model
 from maniport.arms.loaders.packages import find_robot
 from maniport.errors import FileFormatError
+from maniport.motion.arm_model import InverseDynamics
 from real_robots import NEEDS_ROBOTS
 
 
@@ -48,9 +49,10 @@ def test_the_embedded_panda_weighs_what_its_urdf_does():
 
 
 BOX = '<inertial pos="0.1 0.02 0" quat="1 0.2 0 0.1" mass="{}" diaginertia="0.03 0.02 0.04"/>'
-BENCH = f"""<mujoco><compiler angle="degree"/><worldbody><body name="a" pos="0 0 1">{BOX.format(9)}
+BENCH = f"""<mujoco><compiler angle="degree"/><default><joint armature="0.02"/></default>
+  <worldbody><body name="a" pos="0 0 1">{BOX.format(9)}
   <body name="b" pos="0 0.1 0" euler="10 20 30">{BOX.format(2)}<joint name="yaw" axis="0 0 1" ref="-30"/>
-  <joint name="pitch" axis="0 1 0" pos="0.1 0 0" ref="10"/><body name="c" pos="0.5 0 0">{BOX.format(1)}
+  <joint name="pitch" axis="0 1 0" pos="0.1 0 0" ref="10" armature="0.3"/><body name="c" pos="0.5 0 0">{BOX.format(1)}
   <joint name="push" type="slide" axis="1 1 0" range="-0.2 0.3"/><geom size="0.1"/>
   <body name="finger">{BOX.format(0.2)}<joint name="close" axis="1 0 0" range="20 30"/></body></body></body></body>
   </worldbody></mujoco>"""
@@ -61,13 +63,15 @@ def test_dynamics_of_an_mjcf_are_mujocos(tmp_path):
     path.write_text(BENCH)
     arm, model = load_arm(path, frame="c"), mujoco.MjModel.from_xml_string(BENCH)
     data, matrix, positions = mujoco.MjData(model), np.zeros((4, 4)), arm.sample(3, random_state=0)
-    terms = arm._kinematics.dynamics(positions)
+    terms, inverse = arm._kinematics.dynamics(positions), InverseDynamics(arm)
     for q, gravity, inertia in zip(positions, terms.gravity, terms.inertia, strict=True):
         data.qpos[:] = [*q, np.radians(20)]
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, matrix)
         assert_allclose(gravity, data.qfrc_bias[:3], atol=1e-9)
         assert_allclose(inertia, matrix[:3, :3], atol=1e-9)
+        still, torques = np.zeros((1, 3)), gravity + matrix[:3, :3] @ (1.0, 2.0, 3.0)
+        assert_allclose(inverse.torques(q[None], still, np.array([[1.0, 2.0, 3.0]]))[0], torques, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -90,10 +94,13 @@ TWO = """<robot name="r"><link name="a"/><link name="b"><inertial>{}</inertial><
         ('ixx="1"', 'ixx="-1"'), ('ixy="0"', 'ixy="2"'), ('iyz="0"', 'iyz="inf"'), (' iyz="0"', ""),
         ("<mass", '<origin xyz="nan 0 0"/><mass'), ('<mass value="1"/>', ""))),
     *(("r.xml", BENCH, change) for change in (
-        ('mass="2"', 'mass="-2"'), ("0.03 0.02", "0.03 -0.02"), ('mass="2"', 'mass="nan"'))),
+        ('mass="2"', 'mass="-2"'), ("0.03 0.02", "0.03 -0.02"), ('mass="2"', 'mass="nan"'),
+        ('armature="0.3"', 'armature="-1"'))),
 ])  # fmt: skip
 def test_impossible_masses_are_named_with_their_link(tmp_path, name, text, change):
     path = tmp_path / name
     path.write_text(text.replace(*change))
-    with pytest.raises(FileFormatError, match=r"link '[abc]'|<inertial> needs mass"):
+    with pytest.raises(
+        FileFormatError, match=r"link '[abc]'|<inertial> needs mass|'pitch' needs armature .* not negative; found '-1'"
+    ):
         load_arm(path)

@@ -8,11 +8,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 
 from maniport import motion
-from maniport.arms import EllipsoidSpec
+from maniport.arms import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
+from maniport.motion import MotionLimits, Planner
+from maniport.motion.objective import Objective
+from maniport.motion.problem import MotionProblem
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_numbers, report_of
+from sizes import little_search
 
 TIME = 3.0 + np.linspace(0.0, 1.2, 13)
 
@@ -170,6 +174,30 @@ def test_the_lowest_point_is_below_all_links(panda, planned):
 def test_bad_arguments_are_named(panda, targets, change, error, words):
     with pytest.raises(error, match=words):
         plan_motion(panda, **{"collisions": False} | targets | change)
+
+
+def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(panda):
+    """Nodes hold it where they can; where the arm must stretch, the error names joint, torque and time."""
+    robot = panda.with_payload(1.0)
+    limits = MotionLimits.of(robot, {"joints": {"panda_joint2": {"effort": 25.0}}})
+    ends = np.array([[0.0, -0.6, 0.0, -2.6, 0.0, 2.0, 0.0], [0.0, 1.1, 0.0, -0.6, 0.0, 1.7, 0.0]])
+    q = ends[0] + np.linspace(0.0, 1.0, len(TIME))[:, None] * (ends[1] - ends[0])
+    targets = {"profiles": robot.manipulability(q), "paths": robot.forward(q)[:, :3, 3], "time": TIME}
+    with little_search():
+        loaded = Planner.of(limits, VELOCITY, collisions=False)
+        with pytest.raises(
+            InvalidInputError, match=r"on the path [01]\.\d+ s after the start; at best panda_joint2 needs .* is 25 N m"
+        ):
+            motion.plan_motion(robot, **targets, planner=loaded)
+    objective = Objective.of(loaded.limits.arm)
+    part = objective.targets(targets["profiles"][:4], targets["paths"][:4])
+    problem = MotionProblem(TIME[:4], (part,), loaded.limits)
+    nodes = loaded.arms[0].roadmap(problem, 100, np.random.default_rng(0))
+    torques = np.abs(loaded.limits.arm.gravity_torques(nodes.q))
+    assert np.all(torques < loaded.limits.effort)
+    light = replace(loaded.arms[0].limits, arm=panda.narrowed(loaded.limits.lower, loaded.limits.upper))
+    free = replace(loaded.arms[0], limits=light).roadmap(problem, 100, np.random.default_rng(0))
+    assert len(free.q) > len(nodes.q)
 
 
 def test_a_planner_of_another_arm_is_refused(crane, planner, targets):

@@ -54,7 +54,7 @@ def test_torques_of_samples_keep_their_limits(payload, share):
     assert timed.limit_use["torque"][1] == pytest.approx(np.max(np.abs(torques) / limits.effort))
 
 
-def test_a_joint_that_gravity_overloads_is_reported_or_refused():
+def test_a_joint_that_gravity_overloads_is_reported():
     arm, q = load_arm("panda"), [[0.0, 0.5, 0.0, -1.5, 0.0, 1.5, 0.0], [0.2, 0.6, 0.0, -1.3, 0.0, 1.5, 0.0]]
     weak = {"joints": {"panda_joint2": {"effort": 20.0}}}
     limits = MotionLimits.of(arm, weak)
@@ -65,8 +65,8 @@ def test_a_joint_that_gravity_overloads_is_reported_or_refused():
     assert 1.2 < gravity <= share < 1.06 * gravity
     assert 0.0 <= at <= timed.control_time[-1]
     assert max(share for name, (_, share, _) in timed.limit_use.items() if name != "torque") <= 1.0
-    with pytest.raises(InvalidInputError, match=r"panda_joint2 needs .* N m, its limit is 20 N m; reduce the payload"):
-        retime(MotionLimits.of(arm.with_payload(1.0), weak), [0.0, 1.0], q)
+    loaded = retime(MotionLimits.of(arm.with_payload(1.0), weak), [0.0, 1.0], q)
+    assert loaded.limit_use["torque"][1] > share
 
 
 @pytest.mark.parametrize("arm", [CRANE, SIX, PLANAR], ids=lambda arm: arm.name)

@@ -22,11 +22,12 @@ def test_force_ellipsoids_have_torque_limits_by_default(options, weights):
 
 @pytest.mark.parametrize(("options", "text"), [
     ({"ellipsoids": "velocity", "joint_weights": "joint-limits"}, "'myoarm' has no velocity limits"),
-    ({"ellipsoids": "acceleration"}, "'myoarm' has none"), ({"payload": -1.0}, "payload"),
+    ({"payload": -1.0}, "payload"),
     ({"payload_center": (0.0, 0.0, 0.1)}, "payload_center= needs payload="),
     ({"payload": 1e30}, r"panda_joint\d needs .* N m, its limit is"),
     ({"payload": 20.0}, r"cannot hold itself .*panda_joint6 needs .* its limit is 12 N m"),
-    ({"robot": "both", "payload": 1.0}, "is for one arm"),
+    ({"robot": "both", "payload": (1.0, 2.0, 3.0)}, r"payload= of 'panda' must be one number or 2 numbers; found .*3"),
+    ({"robot": "both", "payload": (1.0, 20.0)}, r"cannot hold itself .*right_panda_joint6 needs .* is 12 N m"),
 ])  # fmt: skip
 def test_missing_limits_and_masses_are_named_before_the_recording_is_read(options, text):
     if options.get("robot") == "both":
@@ -50,6 +51,18 @@ def test_forces_without_gravity_are_said_to_be_so():
     settings = replace(settings_of(Config().changed(ellipsoids="force", n_student=8, move=False)), robot=weightless)
     with pytest.warns(ManiportWarning, match="forces are without gravity: .* has no masses"):
         sample_robot(settings)
+
+
+@pytest.mark.parametrize(("payload", "masses"), [(2.0, (2.0, 2.0)), ((2.0, 0.5), (2.0, 0.5))])
+def test_payloads_of_several_arms_are_those_of_each(payload, masses):
+    poses = [(0.0, 0.3, 0.0, 0.0), (0.0, -0.3, 0.0, 0.0)]
+    group = settings_of(Config(robot="panda", pose=poses, payload=payload)).robot
+    assert tuple(arm.chain.payload for arm in group.arms) == masses
+    q = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
+    for arm, mass in zip(group.arms, masses, strict=True):
+        np.testing.assert_allclose(
+            arm.gravity_torques(q), load_arm("panda").with_payload(mass).gravity_torques(q), atol=1e-12
+        )
 
 
 def test_payloads_and_limits_of_a_file_reach_the_robot(tmp_path):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, point_mass, pose
 from maniport.arms.joint_space import JointSpace
 from maniport.arms.kinematics import Kinematics, PointKinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, weighting, with_derivatives
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, times, weighting, with_derivatives
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
@@ -194,7 +194,7 @@ class Arm(JointSpace):
         poses, jacobians, _ = self._motions(q)
         weight = self._weights(q, spec)[0]
         rows = jacobians.reshape(-1, 6, self.dof)[:, spec.rows]
-        rows = rows if weight is None else rows @ weight
+        rows = rows if weight is None else times(rows, weight)
         return poses, manipulability(rows.reshape(*poses.shape[:-2], *rows.shape[1:]), spec.kind)
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
@@ -215,7 +215,7 @@ class Arm(JointSpace):
         `InvalidInputError` for an arm without masses.
         """
         array = self.configurations(q)
-        terms = self._kinematics.dynamics(array.reshape(-1, self.dof))
+        terms = self._kinematics.dynamics(array.reshape(-1, self.dof), inertia=False)
         if terms is None:
             raise InvalidInputError(f"the description of {self.name!r} has no masses")
         return terms.gravity.reshape(array.shape)

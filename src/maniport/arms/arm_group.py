@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from maniport.arms.chain import Chain
 from maniport.arms.joint_space import JointSpace
 from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
+from maniport.arms.restriction import carried_inertia
 from maniport.errors import InvalidInputError, typed
 from maniport.util.validation import Array, as_choice, as_numbers
 
@@ -143,6 +144,18 @@ class ArmGroup(JointSpace):
         low, high = as_numbers(lower, "lower", self.dof), as_numbers(upper, "upper", self.dof)
         arms = (arm.narrowed(low[c], high[c]) for arm, c in zip(self.arms, self.columns, strict=True))
         return ArmGroup(*arms, names=self.names)
+
+    def with_payload(self, mass: ArrayLike, center: ArrayLike = (0.0, 0.0, 0.0)) -> "ArmGroup":
+        """Return the group with payloads [kg], one for all arms or one for each; see `Arm.with_payload`."""
+        masses = as_numbers(mass, "mass", len(self), broadcast=True)
+        arms = [arm.with_payload(float(own), center) for arm, own in zip(self.arms, masses, strict=True)]
+        chains = [arm.chain for arm in arms]
+        for i, j in permutations(range(len(self)), 2):
+            if fork := int(self.common[i, j]):  # this link of arm i has the masses of arm j, at rest
+                inertia = np.array(chains[i].inertia)
+                inertia[fork] += carried_inertia(arms[j].chain, fork) - carried_inertia(self.arms[j].chain, fork)
+                chains[i] = replace(chains[i], inertia=inertia)
+        return ArmGroup(*map(Arm, chains), names=self.names)
 
     def forward(self, q: ArrayLike) -> Array:
         """Compute the poses of all end effectors, shape (..., n_arms, 4, 4) [m]."""

@@ -38,6 +38,7 @@ class Joint:
     kind: str  # "revolute" or "prismatic"
     axis: Array  # unit vector (3,) in the joint's own frame
     placement: Array  # pose (4, 4) of its frame in that of the joint before it, or the base, at position zero
+    armature: float = 0.0  # inertia of its rotor, in the joint's own coordinate [kg m²] or [kg]
 
     def __post_init__(self) -> None:
         if not abs(float(np.linalg.norm(self.axis)) - 1.0) < UNIT:

@@ -114,6 +114,38 @@ def place_links(positions, parents, placements, axes, slides, rotations, origins
 
 
 @kernel
+def fill_gravity(rotations, origins, axes, slides, masses, moments, up, torques, changes):  # type: ignore[no-untyped-def]
+    """Fill gravity torques (n, joints), and derivatives (n, joints, joints) unless of length 0.
+
+    Links have masses and first moments (links, 3) about their origins; −`up` is gravity.
+    """
+    joints = len(axes)
+    turning, momenta, moment = np.empty((joints, 3)), np.empty((joints, 3)), np.empty(3)
+    for n in range(len(torques)):
+        mass, moment[:] = 0.0, 0.0  # of all links outward, about the base's origin
+        for k in range(joints - 1, -1, -1):
+            mass += masses[k + 1]
+            for i in range(3):
+                turning[k, i], moment[i] = 0.0, moment[i] + masses[k + 1] * origins[n, k + 1, i]
+                for m in range(3):
+                    turning[k, i] += rotations[n, k + 1, i, m] * axes[k, m]
+                    moment[i] += rotations[n, k + 1, i, m] * moments[k + 1, m]
+            torques[n, k] = 0.0
+            for i in range(3):
+                p, q = (i + 1) % 3, (i + 2) % 3
+                at_p, at_q = moment[p] - mass * origins[n, k + 1, p], moment[q] - mass * origins[n, k + 1, q]
+                momenta[k, i] = mass * turning[k, i] if slides[k] else turning[k, p] * at_q - turning[k, q] * at_p
+                torques[n, k] += momenta[k, i] * up[i]
+        for k in range(joints if len(changes) > 0 else 0):
+            for j in range(k + 1):
+                total = 0.0
+                for i in range(0 if slides[j] else 3):
+                    p, q = (i + 1) % 3, (i + 2) % 3
+                    total -= momenta[k, i] * (turning[j, p] * up[q] - turning[j, q] * up[p])
+                changes[n, k, j] = changes[n, j, k] = total
+
+
+@kernel
 def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, results):  # type: ignore[no-untyped-def]
     """Fill ellipsoids M (n, d, d) and derivatives (n, dof, d, d) from Jacobians (n, 6, joints).
 

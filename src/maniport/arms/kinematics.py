@@ -16,7 +16,7 @@ Attachment = tuple[int, Array]  # number of joints before it, and a vector (3,) 
 
 
 class DynamicsTerms(NamedTuple):
-    """Terms of the equation of motion at n configurations; derivatives have length 0 where they were not computed."""
+    """Terms of the equation of motion at n configurations; terms that were not computed have length 0."""
 
     gravity: Array  # (n, dof): torques g that hold the arm [N m] or [N]
     inertia: Array  # (n, dof, dof): joint-space inertia H
@@ -59,8 +59,10 @@ class Kinematics:
         self.placements = np.array([joint.placement for joint in joints], dtype=np.float64).reshape(count, 4, 4)
         self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
         self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
+        self.armature = np.array([joint.armature for joint in joints])
         self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
         self._inertia, self._up = chains[0].inertia, -np.array(chains[0].gravity)
+        self.has_weight = self._inertia is not None and bool(self._up.any())
         self.moves = np.zeros((count + 1, count), dtype=np.bool_)  # which joints move each link
         for joint, parent in enumerate(parents):
             self.moves[joint + 1] = self.moves[parent]
@@ -96,8 +98,8 @@ class Kinematics:
         fill_link_poses(positions, self.parents, self.placements, self.axes, self.slides, rotations, origins)
         return rotations, origins
 
-    def dynamics(self, q: Array, changes: bool = False) -> DynamicsTerms | None:
-        """Terms of one chain at configurations (n, dof), `changes` with derivatives; None without masses.
+    def dynamics(self, q: Array, changes: bool = False, inertia: bool = True) -> DynamicsTerms | None:
+        """Terms of one chain at configurations (n, dof), perhaps with derivatives; None without masses.
 
         With the axis s_k of joint k as a spatial motion vector and the composite inertia I_k of all links outward from
         it (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 6), all in the base frame,
@@ -113,7 +115,16 @@ class Kinematics:
         """
         if self._inertia is None:
             return None
-        rotations, origins = (part[:, 1:] for part in self.link_poses(q))
+        from maniport.arms.kernels import fill_gravity
+
+        n, count, c, (rotations, origins) = len(q), len(self.axes), self.coupling, self.link_poses(q)
+        torques, slopes = np.empty((n, count)), np.empty((n if changes else 0, count, count))
+        bodies = self._inertia[:, 0, 0].copy(), self._inertia[:, [5, 3, 4], [1, 2, 0]]  # masses and first moments
+        fill_gravity(rotations, origins, self.axes, self.slides, *bodies, self._up, torques, slopes)
+        torques, slopes = self.coupled(torques), slopes if self.trivial else c.T @ slopes @ c
+        if not inertia:
+            return DynamicsTerms(torques, np.empty((0, 0, 0)), slopes, np.empty((0, 0, 0, 0)))
+        rotations, origins = rotations[:, 1:], origins[:, 1:]
         turning = np.einsum("njab,jb->nja", rotations, self.axes)
         moving = np.where(self.slides[:, None], turning, np.cross(origins, turning))
         turning = np.where(self.slides[:, None], 0.0, turning)
@@ -122,13 +133,10 @@ class Kinematics:
         forces[..., :3, :3] = forces[..., 3:, 3:] = rotations
         forces[..., 3:, :3] = np.cross(origins[..., None], rotations, axis=-2)
         composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(axis=1)[:, ::-1]
-        momenta = np.einsum("nkab,nkb->nka", composite, s)  # I_k s_k
-        inertia = np.triu(s @ np.swapaxes(momenta, -1, -2))
-        inertia += np.swapaxes(np.triu(inertia, 1), -1, -2)
-        c, gravity_changes, inertia_changes = self.coupling, np.empty((0, 0, 0)), np.empty((0, 0, 0, 0))
+        momenta, h_changes = np.einsum("nkab,nkb->nka", composite, s), np.empty((0, 0, 0, 0))  # I_k s_k
+        h = np.triu(s @ np.swapaxes(momenta, -1, -2))
+        h = c.T @ (h + np.swapaxes(np.triu(h, 1), -1, -2) + np.diag(self.armature)) @ c
         if changes:
-            lower = -np.tril(momenta[..., :3] @ np.swapaxes(np.cross(turning, self._up), -1, -2))
-            gravity_changes = c.T @ (lower + np.swapaxes(np.tril(lower, -1), -1, -2)) @ c
             ours, theirs = (slice(None), slice(None), None), (slice(None), None)  # of joints k and i
             crosses = np.concatenate([
                 np.cross(turning[ours], moving[theirs]) + np.cross(moving[ours], turning[theirs]),
@@ -138,8 +146,8 @@ class Kinematics:
             beyond = crosses @ np.swapaxes(s[:, None] @ composite, -1, -2)
             half = np.where(before[:, None], beyond, crosses @ np.swapaxes(momenta[:, None], -1, -2))
             half = np.where(before[..., None], half, 0.0)
-            inertia_changes = np.einsum("nmij,mk->nkij", -c.T @ (half + np.swapaxes(half, -1, -2)) @ c, c)
-        return DynamicsTerms(momenta[..., :3] @ self._up @ c, c.T @ inertia @ c, gravity_changes, inertia_changes)
+            h_changes = np.einsum("nmij,mk->nkij", -c.T @ (half + np.swapaxes(half, -1, -2)) @ c, c)
+        return DynamicsTerms(torques, h, slopes, h_changes)
 
 
 class PointKinematics:

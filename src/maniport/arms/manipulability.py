@@ -115,11 +115,13 @@ def weighting(
 ) -> tuple[Array | None, Array | None]:
     """Weights W of ellipsoids M = J W Wᵀ Jᵀ (of force: M⁻¹) at configurations (n, dof), and ∂(W Wᵀ)/∂q_k.
 
-    W (n or 1, dof, dof) is None for the identity; derivatives (n, k, dof, dof) are None without `changes` and where W
-    is constant. `limits` (dof,) are those of the joints where these are the weights. Accelerations need masses.
+    W, (n, dof, dof) or a diagonal (n or 1, 1, dof), is None for the identity. Derivatives, (n, k, dof, dof) or
+    diagonals (n, k, 1, dof), are None without `changes` and where W is constant. `limits` (dof,) are those of the
+    joints where these are the weights. Accelerations need masses.
     """
-    accelerated, gravity = spec.kind == "acceleration", limits is not None and spec.kind != "velocity"
-    terms = kinematics.dynamics(q, changes) if accelerated or gravity else None
+    accelerated = spec.kind == "acceleration"
+    gravity = limits is not None and spec.kind != "velocity" and kinematics.has_weight
+    terms = kinematics.dynamics(q, changes, inertia=accelerated) if accelerated or gravity else None
     if limits is None and spec.joint_weights is None and not accelerated:
         return None, None
     weights: Any = 1.0 if spec.joint_weights is None else spec.joint_weights if limits is None else limits
@@ -132,16 +134,17 @@ def weighting(
             slopes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
             slopes[scale > held] = 0.0
     if not accelerated:
-        weight: Array = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)[..., None] * np.eye(q.shape[1])
+        weight: Array = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)[:, None]
         if slopes is None:
             return weight, None
-        return weight, np.einsum("njk,jl->nkjl", -2.0 * slopes / scale[..., None] ** 3, np.eye(q.shape[1]))
+        return weight, np.swapaxes(-2.0 * slopes / scale[..., None] ** 3, 1, 2)[:, :, None]
     assert terms is not None  # of an arm with masses
-    weight = np.asarray(np.linalg.solve(terms.inertia, scale[..., None] * np.eye(q.shape[1])), dtype=np.float64)
+    inverse = np.linalg.inv(terms.inertia)
+    weight = np.asarray(inverse * np.atleast_2d(scale)[:, None], dtype=np.float64)
     if not changes:
         return weight, None
     product = weight @ np.swapaxes(weight, -1, -2)
-    half = -np.linalg.solve(terms.inertia[:, None], terms.inertia_changes) @ product[:, None]
+    half = -(inverse[:, None] @ terms.inertia_changes) @ product[:, None]
     if slopes is not None:
         half += np.einsum("nij,njk,nlj->nkil", weight, slopes / scale[..., None], weight, optimize=True)
     return weight, half + np.swapaxes(half, -1, -2)
@@ -178,6 +181,11 @@ def _squared(rows: Array) -> Array:
     return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
 
 
+def times(rows: Array, weight: Array) -> Array:
+    """Multiply rows (..., d, dof) with matrices (..., dof, dof), or with diagonals (..., 1, dof)."""
+    return np.asarray(rows * weight if weight.shape[-2] == 1 else rows @ weight)
+
+
 def with_derivatives(
     jacobian: Array, of_joints: Array, coupling: Array, spec: EllipsoidSpec, weight: Array | None, change: Array | None
 ) -> tuple[Array, Array]:
@@ -188,16 +196,18 @@ def with_derivatives(
     from maniport.arms.kernels import fill_derivatives  # here: Numba takes its time
 
     plain = jacobian[..., spec.rows, :]
-    rows = plain if weight is None else plain @ weight
-    weighted = rows if weight is None else rows @ np.swapaxes(weight, -1, -2)
+    rows = weighted = plain
+    if weight is not None:
+        rows = times(plain, weight)
+        weighted = times(rows, weight if weight.shape[1] == 1 else np.swapaxes(weight, -1, -2))
     n, d, dof = rows.shape
     ellipsoids, results = np.empty((n, d, d)), np.empty((n, dof, d, d))
     # Numba compiles once more for arrays that are not contiguous
     arrays = (np.ascontiguousarray(array) for array in (of_joints, rows, coupling, weighted))
     fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, results)
     if change is not None:
-        half = 0.5 * plain[:, None] @ change @ np.swapaxes(plain, -1, -2)[:, None]
-        results += half + np.swapaxes(half, -1, -2)
+        moved = times(plain[:, None], change).reshape(n, -1, dof) @ np.swapaxes(plain, -1, -2)
+        results += moved.reshape(results.shape)
     if spec.kind != "force":
         return ellipsoids, results
     force = manipulability(rows, spec.kind)

@@ -71,6 +71,7 @@ def _add_arm(model: pin.Model, arm: Arm, prefix: str, shared: Sequence[Place]) -
         if factor != 0.0:
             name = prefix + joint.name
             parent, place = model.addJoint(parent, kind(factor * joint.axis), place, name), pin.SE3.Identity()
+            model.armature[-1] = joint.armature
         parents.append((parent, place))
     for name, frame in chain.frames.items():
         parent, place = parents[frame.joint]

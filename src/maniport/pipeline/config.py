@@ -86,7 +86,10 @@ class Config:
         (), "Base pose of each of several robots [m, m, m, deg]; repeatable", "m,m,m,deg", metavar="X,Y,Z,YAW", count=4,
         repeated=True, unchecked=True,
     )  # fmt: skip
-    payload: float = _robot(0.0, "Mass that the end effector carries", "kg", minimum=0.0, common=True)
+    payload: tuple[float, ...] = _robot(
+        (), "Mass that the end effector carries, one for all arms or one for each", "kg", metavar="M1,M2", minimum=0.0,
+        common=True,
+    )  # fmt: skip
     payload_center: tuple[float, ...] = _robot(
         (0.0,) * 3, "Center of the payload in the end-effector frame", "m", count=3
     )

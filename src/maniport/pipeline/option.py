@@ -7,6 +7,8 @@ from math import pi
 from types import NoneType, UnionType
 from typing import Any, get_args
 
+import numpy as np
+
 from maniport.errors import InvalidInputError
 from maniport.util.validation import Bounds, as_choice, as_count, as_flag, as_number, as_numbers
 
@@ -69,7 +71,8 @@ class Option:
             bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
             return as_number(value, label, **Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
         if self.kind is not str:
-            return tuple(as_numbers(value, label, self.count).tolist())
+            numbers = as_numbers(value, label, self.count, broadcast=self.count is None, **self.bounds)
+            return tuple(np.atleast_1d(numbers).tolist())
         if not isinstance(value, str):
             raise InvalidInputError(f"{label} must be text; found {value!r}")
         return value

@@ -19,7 +19,7 @@ from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.input_limits import SETTINGS_BYTES, read_whole
 from maniport.util.progress import Progress, no_progress
-from maniport.util.validation import as_choice
+from maniport.util.validation import as_choice, as_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +98,15 @@ def marker_roles(config: Config) -> Mapping[str, Any] | None:
 
 def load_robot(config: Config, both: bool | None = None, side: str | None = None) -> Arm | ArmGroup:
     """Load the arm with its payload, of a person that of `side`, or a group where the options name several arms."""
-    arm = _loaded(config, config.side == BOTH if both is None else both, side)
-    if any(config.payload_center) and not config.payload:
-        raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
-    if not config.payload:
+    arm, payload = _loaded(config, config.side == BOTH if both is None else both, side), config.payload
+    if not any(payload):
+        if any(config.payload_center):
+            raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
         return arm
-    if isinstance(arm, ArmGroup):
-        raise InvalidInputError(f"{argument('payload')} is for one arm; found {len(arm)}: {arm.name}")
-    return arm.with_payload(config.payload, config.payload_center)
+    group, masses = as_group(arm), payload if len(payload) > 1 else payload[0]
+    checked = as_numbers(masses, f"{argument('payload')} of {arm.name!r}", len(group), broadcast=True)
+    loaded = group.with_payload(checked, config.payload_center)
+    return loaded if isinstance(arm, ArmGroup) else loaded.arms[0]
 
 
 def load_single_arm(config: Config, side: str = AUTO) -> Arm:

@@ -1,6 +1,7 @@
 """MJCF: bodies, joints, joint equalities, masses and shapes."""
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -66,9 +67,10 @@ def _body(model: RobotModel, document: Document, parent: str, element: Element) 
             moving = model.joint(
                 name, PRISMATIC if kind == "slide" else REVOLUTE, axis, placement @ at, (float(low), float(high)),
                 effort=document.effort_limit(joint),
+                armature=float(document.numbers(joint, "armature", 1, "0", least=0.0)[0]),
             )  # fmt: skip
             rest = moving.motion(-document.rest(name))
-            joints.append(Joint(name, moving.kind, moving.axis, moving.placement @ rest))
+            joints.append(replace(moving, placement=moving.placement @ rest))
             placement = np.asarray(np.linalg.inv(at), dtype=np.float64)
     return RobotBody(element.get("name", ""), parent, placement, tuple(joints), inertia=inertia)
 

@@ -74,12 +74,18 @@ class Document:
         return None
 
     def numbers(
-        self, element: Element, name: str, count: int | None, default: str | None = None, most: float = LARGEST
+        self,
+        element: Element,
+        name: str,
+        count: int | None,
+        default: str | None = None,
+        most: float = LARGEST,
+        least: float = -np.inf,
     ) -> Array:
         """Numbers of an attribute, its own or that of a class."""
         text, title = self.attribute(element, name), element.get("name", element.get("joint"))
         where = f"{self.path}: <{element.tag}>{'' if title is None else f' {title!r}'} needs {name}"
-        return numbers(default if text is None else text, count, where, most)
+        return numbers(default if text is None else text, count, where, most, least)
 
     def pose(self, element: Element) -> Array:
         """Pose (4, 4) of an element in the frame of its body."""

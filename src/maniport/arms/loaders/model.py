@@ -62,6 +62,7 @@ class RobotModel:
         bounds: tuple[float, float],
         speed: float = np.inf,
         effort: float = np.inf,
+        armature: float = 0.0,
     ) -> Joint:
         """Make a joint with one axis and note its limits."""
         huge = 100.0 if kind == PRISMATIC else 20 * np.pi  # what is larger means "no limit" [m or rad]
@@ -73,7 +74,7 @@ class RobotModel:
         self.bounds[name] = bounds
         self.speeds[name], self.efforts[name] = (limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # `Joint` checks the axis
-            return Joint(name, kind, axis / np.linalg.norm(axis), placement)
+            return Joint(name, kind, axis / np.linalg.norm(axis), placement, armature)
 
     def line(self, body: str) -> list[str]:
         """Return a body and all bodies that carry it, the nearest first."""

@@ -1,6 +1,7 @@
 """Serial chains in robot models: joints and frames, couplings, masses and bodies off the chain."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -79,7 +80,7 @@ def _mounted(model: RobotModel, end: str) -> tuple[list[Joint], Mounts]:
         if body.parent is None or (body.parent in mounts and (body.name in path or not (body.joints or body.blocked))):
             count, pose = (0, np.eye(4)) if body.parent is None else mounts[body.parent]
             for joint in body.joints:
-                joints.append(Joint(joint.name, joint.kind, joint.axis, pose @ joint.placement))
+                joints.append(replace(joint, placement=pose @ joint.placement))
                 count, pose = count + 1, np.eye(4)
             mounts[body.name] = count, pose @ body.placement
     return joints, mounts

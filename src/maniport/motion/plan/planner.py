@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.optimizer import (
     POSITION_WEIGHTS,
@@ -95,7 +96,25 @@ class ArmPlanner:
         time = np.repeat(problem.time, np.diff(nodes.first))
         for cost in problem.costs:
             nodes = replace(nodes, cost=nodes.cost + np.sum(cost.residual(nodes.q, time) ** 2, axis=1))
+        nodes = self._held(nodes, problem.time) if self.limits.arm.chain.payload else nodes
         return nodes if problem.collisions is None else nodes.without(problem.collisions.collides(nodes.q))
+
+    def _held(self, nodes: Roadmap, time: Array) -> Roadmap:
+        """Drop nodes at which a joint cannot hold the payload; an error where a stage has no others."""
+        dynamics, limits = self.limits.dynamics, self.limits
+        assert dynamics is not None  # with a payload
+        torques = np.abs(dynamics.gravity(nodes.q))
+        shares = (torques / limits.effort).max(axis=1)
+        least = np.minimum.reduceat(shares, nodes.first[:-1])
+        if least.max() >= 1.0:
+            stage = int(least.argmax())
+            node = int(nodes.first[stage] + shares[nodes.first[stage] : nodes.first[stage + 1]].argmin())
+            joint = int((torques[node] / limits.effort).argmax())
+            raise InvalidInputError(
+                f"{limits.arm.name!r} cannot hold its payload on the path {time[stage] - time[0]:.2f} s after the "
+                f"start; at best {limits.held_fault(joint, float(torques[node, joint]))}"
+            )
+        return nodes.without(shares >= 1.0)
 
     def search(self, nodes: Roadmap, time: Array, joint_motion_weight: float) -> NDArray[np.intp]:
         """Choose a node for each stage; larger changes from stage to stage than these are jumps."""

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, CubicHermiteSpline, PchipInterpolator, make_interp_spline
 from scipy.ndimage import uniform_filter1d
 
-from maniport.arms import as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.schedule import require_few
@@ -44,7 +43,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     the limits of velocity, acceleration and torque. A moving average over the samples, of at most 0.2 s, then limits
     the jerk and the torque rate. Where samples exceed a limit between the points of the search grid, the whole motion
     is slowed down. A joint that gravity alone overloads along the path exceeds its torque limit in the result, by at
-    most 5 % more; with a payload that is an error.
+    most 5 % more.
 
     The result goes from rest at 0 s to rest and passes the waypoints at its ``time``. First, second and third
     differences of its samples, `rate` per second, are within the limits, and so are the positions.
@@ -144,11 +143,6 @@ def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, l
     terms = [limits.dynamics.along(path.spline(at), first, second) for at, first, second in points]
     held = np.abs(np.concatenate([gravity for *_, gravity in terms]))
     if np.any(held >= limits.effort):
-        if any(arm.chain.payload for arm in as_group(limits.arm).arms):
-            i, j = np.unravel_index((held / limits.effort).argmax(), held.shape)
-            fault = limits.held_fault(int(j), held[i, j])
-            time = np.append(path.grid, middles)[i]
-            raise InvalidInputError(f"q cannot be held against gravity {time:.2f} s after its start: {fault}")
         most = held.max(axis=0)
         limits = replace(limits, effort=np.where(most >= limits.effort, 1.05 * most, limits.effort))
     finite = np.isfinite(limits.effort)
