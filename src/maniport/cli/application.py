@@ -81,6 +81,7 @@ class _Command(TyperCommand):
             files = [Path(name) for names in typed for name in (names if isinstance(names, list) else [names or ""])]
             lacking = [f"{file}: there is no such file. " for file in files if file.suffix and not glob(str(file))]
             raise UsageError("".join(lacking) + error.format_message(), ctx) from None
+
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the options; those that are not common with ``--help-all`` only."""
         groups: dict[str, list[tuple[str, str]]] = {}
