@@ -8,7 +8,6 @@ All Python and ``console`` blocks of a page run in their order in one folder. Wh
 
 import re
 import shlex
-import sys
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,6 @@ import pytest
 from typer.testing import CliRunner
 
 import maniport
-import ros_stand_in
 from maniport.batch.inputs import digest
 from maniport.errors import ManiportError
 from maniport.pipeline import transfer_recording
@@ -46,8 +44,6 @@ def page(request, tmp_path, monkeypatch):
     text = (DOCS / request.param).read_text(encoding="utf-8")
     for name, content in SAVED.findall(text):
         (tmp_path / name).write_text(content)
-    for name, stand_in in ros_stand_in.MODULES.items():
-        monkeypatch.setitem(sys.modules, name, stand_in)
     monkeypatch.chdir(tmp_path)
     return text
 

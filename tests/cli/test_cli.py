@@ -172,6 +172,8 @@ def test_track_and_place(run, tmp_path):
     (("domain", "panda", "-n", "0", "-o", "x.npz"), "n must"),
     (("domain", "panda", "--part", "whole", "-o", "x.npz"), "translation"),
     (("fit", "a.npz", "b.npz", "-o", "c.npz"), "a.npz"),
+    (("transfer", "a.bvh"), "a.bvh: there is no such file. Missing option '--output'"),
+    (("transfer", "tail.bvh"), "maniport: Missing option '--output'"),
     (("transfer", "ladder", "-o", "out", "--markers", "list.json"), "list.json"),
     (("transfer", "ladder", "-o", "out", "--markers", "half.json"), "half.json"),
     (("transfer", "ladder", "-o", "out", "--markers", "deep.json"), "deep.json"),

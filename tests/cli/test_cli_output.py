@@ -23,7 +23,8 @@ LIGHT = {
 HEAVY = {
     "demo": "demo --n-teacher 64 --n-student 128 -o {tmp}/demo --overwrite",
     "figures": "figures {tmp}/demo -o {tmp}/figures",
-    "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 -o {tmp}/learned --overwrite",
+    "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 --robot panda --method identity "
+    "--no-move -o {tmp}/learned --overwrite",
 }
 TESTED_ELSEWHERE = {"batch", "live", "place", "reproduce", "track", "transfer", "view"}
 MISTAKE = "info pnda"

@@ -45,6 +45,9 @@ def require_states(motion, seconds, states):
         assert_allclose(actual, values[rows], atol=1e-5)
 
 
+FIELDS = ("positions", "velocities", "accelerations")
+
+
 def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
     export_motion(tmp_path / "m.yaml", motion, "ros2")
     message = yaml.safe_load((tmp_path / "m.yaml").read_text())
@@ -52,8 +55,10 @@ def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
     assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     assert tuple(message["joint_names"]) == NAMES
     starts = [point["time_from_start"] for point in message["points"]]
-    states = ([p[key] for p in message["points"]] for key in ("positions", "velocities", "accelerations"))
+    states = ([p[key] for p in message["points"]] for key in FIELDS)
     require_states(motion, [start["sec"] + 1e-9 * start["nanosec"] for start in starts], states)
+    assert {tuple(point) for point in message["points"]} == {(*FIELDS, "time_from_start")}  # no effort
+    assert not any(message["points"][-1]["velocities"])  # joint_trajectory_controller requires it
 
 
 def test_mcap_gets_messages(motion, tmp_path):

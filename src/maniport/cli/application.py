@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import wraps
+from glob import glob
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any
@@ -70,6 +71,16 @@ def _root(
 
 class _Command(TyperCommand):
     """A command whose help page has the options in groups."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse arguments; the error of a missing option also names input files that do not exist."""
+        try:
+            return super().parse_args(ctx, args)
+        except UsageError as error:
+            typed = [ctx.params.get(p.name) for p in self.get_params(ctx) if p.param_type_name == "argument"]
+            files = [Path(name) for names in typed for name in (names if isinstance(names, list) else [names or ""])]
+            lacking = [f"{file}: there is no such file. " for file in files if file.suffix and not glob(str(file))]
+            raise UsageError("".join(lacking) + error.format_message(), ctx) from None
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the options; those that are not common with ``--help-all`` only."""

@@ -95,7 +95,7 @@ def _simulate(console: Console, live: Any, person: Any, recording: Any) -> None:
         from maniport.viewer.server import Onlooker
 
         page = Onlooker(person, live.robot)
-        console.print(f"{page.url}  (Ctrl-C ends it)")
+        _print(console, {"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
     stop, begin, pause = threading.Event(), monotonic(), 1.0
     try:
         with ending_in_order(stop.set):
@@ -106,13 +106,18 @@ def _simulate(console: Console, live: Any, person: Any, recording: Any) -> None:
                     state = simulation.step(points, begin + t)
                     if page is not None:
                         page.show(state)
-                console.print(str(simulation))
+                _print(console, {"errors": str(simulation)}, str(simulation))
                 if page is None or stop.wait(pause):
                     return
                 begin += frames.duration + pause
     finally:
         if page is not None:
             page.stop()
+
+
+def _print(console: Console, values: dict[str, Any], text: str) -> None:
+    console.finish(values, text, always=True)
+    sys.stdout.flush()  # a reader of a pipe waits for it
 
 
 def _opened(udp: int | None, host: str, send: int | None) -> Any:
@@ -159,8 +164,7 @@ def view(
     stop = threading.Event()
     try:
         with ending_in_order(stop.set):  # by Ctrl-C or a termination signal; a second one ends at once
-            console.finish({"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
-            sys.stdout.flush()  # a reader of a pipe waits for it
+            _print(console, {"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
             page.run(stop)
     finally:
         page.stop()

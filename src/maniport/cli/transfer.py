@@ -107,7 +107,7 @@ def batch(
 
 
 @command(
-    "recording", "human", "robot", "transfer", "motion", "learning", "seed", without=("move",), defaults=NO_ROBOT,
+    "recording", "human", "robot", "transfer", "motion", "learning", "seed", defaults=NO_ROBOT,
     example="maniport learn jumps.bvh --segments auto -o learned",
 )  # fmt: skip
 def learn(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:

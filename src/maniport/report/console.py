@@ -66,12 +66,12 @@ class Console:
             width = min(self._out.width, 80) if self._out.is_terminal else 80
             self._out.print(as_terminal(report, output, width, table_only=self.quiet), markup=False)
 
-    def finish(self, values: dict[str, Any], text: str, markdown: bool = False) -> None:
-        """Print the result: `values` as JSON, or `text`; a terminal gets Markdown laid out."""
+    def finish(self, values: dict[str, Any], text: str, markdown: bool = False, always: bool = False) -> None:
+        """Print the result: `values` as JSON, or `text`, if `quiet` only with `always`; a terminal renders Markdown."""
         if self.as_json:
             utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
             print(json.dumps(plain(values), ensure_ascii=not utf8, allow_nan=False, default=str))
-        elif self.quiet or not text:
+        elif (self.quiet and not always) or not text:
             return
         elif markdown and self._out.is_terminal:
             from rich.markdown import Markdown  # slow to load

@@ -1,0 +1,79 @@
+"""A ROS 2 node for live control: markers of a person in, joint positions of a robot out.
+
+It publishes to a `forward_command_controller` whose `joints` are those of the robot in their order, when the robot is
+near the start configuration. Without markers, and at Ctrl-C, the robot brakes.
+
+    python ros2_node.py RECORDING [ROBOT]
+"""
+
+import signal
+import sys
+import time
+
+import rclpy
+from mocap4r2_msgs.msg import Markers
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+import maniport as mp
+
+COMMANDS = "/forward_position_controller/commands"
+PERIOD, NEAR = 0.005, 0.05  # time between commands [s]; largest distance of a joint from its start [rad or m]
+
+
+class Follow(Node):
+    """Lets a robot follow a person."""
+
+    def __init__(self, live):
+        super().__init__("maniport_live")
+        self.live, self.ready, self.state, self.stepped, self.stop = live, False, None, 0.0, rclpy.Future()
+        self.publisher = self.create_publisher(Float64MultiArray, COMMANDS, 1)
+        self.create_subscription(JointState, "/joint_states", self.on_joints, qos_profile_sensor_data)
+        self.create_subscription(Markers, "/markers", self.on_markers, qos_profile_sensor_data)
+        self.create_timer(PERIOD, self.on_timer)
+
+    def on_joints(self, message):
+        """Wait until the robot is near the start configuration."""
+        position, names = dict(zip(message.name, message.position, strict=True)), self.live.robot.joint_names
+        start = dict(zip(names, self.live.joint_positions.tolist(), strict=True))
+        self.ready = self.ready or all(abs(position.get(name, 9.0) - q) < NEAR for name, q in start.items())
+        if not self.ready:
+            self.get_logger().info(f"Waiting for the start configuration: {start}", throttle_duration_sec=5.0)
+
+    def on_markers(self, message):
+        """Follow new markers."""
+        positions = {marker.marker_name: marker.translation for marker in message.markers}
+        points = {name: (p.x, p.y, p.z) for name, p in positions.items() if name in self.live.points}
+        self.move(points, message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+
+    def on_timer(self):
+        """Move on between markers, or brake without them."""
+        if time.monotonic() > self.stepped + 0.5 * PERIOD:
+            self.move()
+
+    def move(self, points=None, stamp=None):
+        """Send joint positions."""
+        if self.ready:
+            try:
+                self.state, self.stepped = self.live.step(points, stamp), time.monotonic()
+                self.publisher.publish(Float64MultiArray(data=self.state.joint_positions.tolist()))
+            except ValueError as error:  # wrong points; the timer goes on
+                self.get_logger().error(str(error), throttle_duration_sec=1.0)
+
+
+def run(node):
+    """Spin until Ctrl-C or `node.stop`, then bring the robot to rest."""
+    signal.signal(signal.SIGINT, lambda *_: node.stop.set_result(None))
+    rclpy.spin_until_future_complete(node, node.stop)
+    while node.state is not None and node.state.joint_velocities.any():
+        time.sleep(PERIOD)
+        node.move()
+
+
+if __name__ == "__main__":
+    result = mp.transfer_recording(sys.argv[1], robot=sys.argv[2] if sys.argv[2:] else "panda", real_time=True)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # commands can be sent after Ctrl-C
+    run(Follow(mp.Live.of(result)))
