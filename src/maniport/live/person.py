@@ -114,13 +114,16 @@ class Person:
         return _unit(terms.sum(axis=1), SHORTEST)
 
     def directions(self, vectors: Array) -> Array | None:
-        """Compute directions (k, 3) in the trunk frame of `vectors`, nan where not seen; None without arm or trunk."""
+        """Compute directions (k, 3) in the trunk frame of `vectors`, nan where not seen.
+
+        None without trunk, upper arm or forearm. A hand that is not seen comes to rest.
+        """
         z = vectors[-2]
         second = _unit(vectors[-1] - (vectors[-1] @ z) * z, 1e-3)  # within 0.06° of z it does not determine the frame
         third = np.cross(z, second)
         axes = np.stack([second, third, z] if self._forward else [-third, second, z])
         targets = np.asarray(vectors[:-2] @ axes.T)
-        return None if np.isnan(targets[: len(self._least_jump)]).any() else targets
+        return None if np.isnan(targets[:2]).any() else targets
 
     def jumps(self, before: ArmEstimate, directions: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
@@ -178,16 +181,16 @@ class HiddenPoints:
 
     def fill(self, points: Array, now: float) -> Array:
         """Return points (n, 3) at a time [s], filled where possible."""
-        hidden = np.isnan(points[:, 0])
-        seen = np.flatnonzero(~hidden & ~np.isnan(self._points[:, 0]))
+        hidden, remembered = np.isnan(points[:, 0]), ~np.isnan(self._points[:, 0])
+        seen = np.flatnonzero(~hidden & remembered)
         longest = np.where(self._together[:, seen].any(axis=1), self._longest[1], self._longest[0])
         filled = points.copy()
-        for i in np.flatnonzero(hidden & (now - self._times <= longest) & (len(seen) > 0)):
+        for i in np.flatnonzero(hidden & remembered & (now - self._times <= longest) & (len(seen) > 0)):
             distance = np.linalg.norm(self._points[seen] - self._points[i], axis=1)
             nearest = seen[distance.argmin()]
-            weights = (distance.min() / np.maximum(distance, 1e-9))**4
+            weights = (distance.min() / np.maximum(distance, 1e-9)) ** 4
             before, after = self._points[seen] - self._points[nearest], points[seen] - points[nearest]
-            left, singular, right = np.linalg.svd((weights * before.T) @ after + 1e-9 * distance.min()**2 * np.eye(3))
+            left, _, right = np.linalg.svd((weights * before.T) @ after + 1e-9 * distance.min() ** 2 * np.eye(3))
             turn = left * [1.0, 1.0, np.linalg.det(left @ right)] @ right
             filled[i] = points[nearest] + (self._points[i] - self._points[nearest]) @ turn
         return filled
