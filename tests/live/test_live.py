@@ -107,7 +107,7 @@ def test_both_arms_lead_two_robots(two_arm_result):
     ]
     points = np.reshape(np.transpose(columns), (len(slow), -1, 3))
     hidden = points[-1].copy()
-    hidden[live.points.index(result.arms[1].fit.roles["elbow"][0])] = np.nan
+    hidden[[live.points.index(name) for name in result.arms[1].fit.roles["elbow"]]] = np.nan
     times = 0.02 * np.arange(260)
     states = played(live, [*points, *[points[-1]] * 60, *[hidden] * 40, *[points[-1]] * 60], times)
     followed, held, last = states[159], states[199], states[-1]

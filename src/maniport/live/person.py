@@ -114,13 +114,16 @@ class Person:
         return _unit(terms.sum(axis=1), SHORTEST)
 
     def directions(self, vectors: Array) -> Array | None:
-        """Compute directions (k, 3) in the trunk frame of `vectors`, nan where not seen; None without arm or trunk."""
+        """Compute directions (k, 3) in the trunk frame of `vectors`, nan where not seen.
+
+        None without trunk, upper arm or forearm. A hand that is not seen comes to rest.
+        """
         z = vectors[-2]
         second = _unit(vectors[-1] - (vectors[-1] @ z) * z, 1e-3)  # within 0.06° of z it does not determine the frame
         third = np.cross(z, second)
         axes = np.stack([second, third, z] if self._forward else [-third, second, z])
         targets = np.asarray(vectors[:-2] @ axes.T)
-        return None if np.isnan(targets[: len(self._least_jump)]).any() else targets
+        return None if np.isnan(targets[:2]).any() else targets
 
     def jumps(self, before: ArmEstimate, directions: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
@@ -164,6 +167,40 @@ class Person:
         return ArmEstimate(q, velocity, covariance, targets, since_search)
 
 
+class HiddenPoints:
+    """Fills hidden points, which move with the points near them as a rigid body, as long as these show them well.
+
+    A role of several points, such as two markers of the elbow, is shown by one of them for 2 s; other points move
+    differently soon, and are filled for 0.1 s.
+    """
+
+    def __init__(self, linear: Array, together: float = 2.0, alone: float = 0.1):
+        signs = np.sign(linear) * (np.abs(linear) < 1.0)  # the mean of a role has smaller coefficients
+        self._together, self._longest = (signs[:, :, None] * signs[:, None] > 0.0).any(axis=0), (alone, together)
+        self._points, self._times = np.full((linear.shape[1], 3), np.nan), np.full(linear.shape[1], -np.inf)
+
+    def fill(self, points: Array, now: float) -> Array:
+        """Return points (n, 3) at a time [s], filled where possible."""
+        hidden, remembered = np.isnan(points[:, 0]), ~np.isnan(self._points[:, 0])
+        seen = np.flatnonzero(~hidden & remembered)
+        longest = np.where(self._together[:, seen].any(axis=1), self._longest[1], self._longest[0])
+        filled = points.copy()
+        for i in np.flatnonzero(hidden & remembered & (now - self._times <= longest) & (len(seen) > 0)):
+            distance = np.linalg.norm(self._points[seen] - self._points[i], axis=1)
+            nearest = seen[distance.argmin()]
+            weights = (distance.min() / np.maximum(distance, 1e-9)) ** 4
+            before, after = self._points[seen] - self._points[nearest], points[seen] - points[nearest]
+            left, _, right = np.linalg.svd((weights * before.T) @ after + 1e-9 * distance.min() ** 2 * np.eye(3))
+            turn = left * [1.0, 1.0, np.linalg.det(left @ right)] @ right
+            filled[i] = points[nearest] + (self._points[i] - self._points[nearest]) @ turn
+        return filled
+
+    def remember(self, points: Array, filled: Array, now: float) -> None:
+        """Take a frame as the last one in which the points were where they are."""
+        self._points = filled
+        self._times[~np.isnan(points[:, 0])] = now
+
+
 class Target(NamedTuple):
     """The target of an arm in the base frame."""
 
@@ -195,13 +232,16 @@ class LedArm:
         """Forget all frames."""
         self._last_seen = -np.inf
         self._filter = OneEuroFilter(self.person.count) if self.person.is_noisy else None
+        self._hidden = HiddenPoints(self.person._linear)
         self.estimate: ArmEstimate | None = None
         self.target: Target | None = None
         self.demonstrated: Array | None = None  # (d, d)
 
     def update(self, positions: Array, now: float, hold_after: float, resting: bool) -> bool:
         """Update estimate and target with a frame; False where the arm is not seen in it, or jumps."""
-        vectors, before = self.person.vectors(positions[self._rows]), self.estimate
+        points, before = positions[self._rows], self.estimate
+        filled = self._hidden.fill(points, now)
+        vectors = self.person.vectors(filled)
         directions, dt = self.person.directions(vectors), now - self._last_seen
         if directions is None or (before is not None and self.person.jumps(before, directions, dt)):
             return False
@@ -227,4 +267,5 @@ class LedArm:
             target, position = 0.5 * (turned + turned.T), pose[:3, 3] @ self._axes + self._origin
         self.demonstrated, self.target = demonstrated, Target(target, position)
         self.estimate, self._last_seen = estimate, now
+        self._hidden.remember(points, filled, now)
         return True
