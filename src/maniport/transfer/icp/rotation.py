@@ -5,7 +5,6 @@ Hessian; `docs/method/icp.md` has the equations, (13) to (15).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,18 +15,6 @@ from maniport.util.jit import kernel
 from maniport.util.validation import Array
 
 NEAR = 1e-5  # Relative gap of two eigenvalues up to which a divided difference is taken for the derivative between them
-
-
-@dataclass(frozen=True)
-class RotationStep:
-    """Result of the optimization of a rotation; `converged` where the gradient norm fell below the tolerance."""
-
-    rotation: Array
-    start_cost: float  # F at the start
-    cost: float  # F at `rotation`
-    gradient_norm: float
-    n_iter: int
-    converged: bool
 
 
 class RotationProblem:
@@ -50,11 +37,11 @@ class RotationProblem:
         gradient, hessian = np.zeros(m), np.zeros((m, m))
         return float(_add_derivatives(rotation[None], *self._pairs, self._planes, gradient, hessian)), gradient, hessian
 
-    def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4) -> RotationStep:
+    def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4) -> Array:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
         rotation, steps = start, 0
         cost, gradient, hessian = self.derivatives(start)
-        start_cost, norm = cost, float(np.linalg.norm(gradient))
+        norm = float(np.linalg.norm(gradient))
         while norm > tol and steps < max_iter:
             direction, length = _saddle_free_direction(gradient, hessian), 1.0
             slope = float(gradient @ direction)
@@ -72,7 +59,7 @@ class RotationProblem:
             rotation, steps = moved, steps + 1
             cost, gradient, hessian = following if length == 1.0 else self.derivatives(moved)
             norm = float(np.linalg.norm(gradient))
-        return RotationStep(orthonormal(rotation), start_cost, cost, norm, steps, norm <= tol)
+        return orthonormal(rotation)
 
 
 def _saddle_free_direction(gradient: Array, hessian: Array, max_step: float = 1.0) -> Array:
