@@ -40,7 +40,7 @@ def _rotation_step(n: int, bound: float, seconds: float) -> Row:
         PymanoptRotation(student, teacher, weights),
     )
     norms = [
-        max(float(np.linalg.norm(ours.derivatives(getattr(end, "rotation", end))[1])) for end in ends)
+        max(float(np.linalg.norm(ours.derivatives(end)[1])) for end in ends)
         for ends in ([problem.minimize(start) for start in starts] for problem in (ours, peer))
     ]
     times = compare(

@@ -128,10 +128,8 @@ def best_for_copies(adapter: mp.RiemannianICP, teacher: Array, student: Array) -
     moved = recenter(sides[0], adapter.teacher_mean_, adapter.dispersion_ratio_)
     fixed = recenter(sides[1], adapter.student_mean_)
     problem = RotationProblem(cholesky(fixed), moved, np.full(len(fixed), 1.0 / len(fixed)))
-    return min(
-        (problem.minimize(start) for start in special_ortho_group.rvs(3, 24, np.random.default_rng(0))),
-        key=lambda end: end.cost,
-    ).rotation
+    starts = special_ortho_group.rvs(3, 24, np.random.default_rng(0))
+    return min((problem.minimize(start) for start in starts), key=problem.cost)
 
 
 def clouds(setting: Setting, seed: int) -> tuple[Array, Array, tuple[Array, Array] | None]:

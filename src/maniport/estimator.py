@@ -24,28 +24,18 @@ class Estimator:
         return {name: parameters[name].default for name in sorted(parameters)}
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the parameters by name; `deep`: also those of parameters, as ``name__inner``."""
-        values = {}
-        for name in self._parameters():
-            value = getattr(self, name)
-            if deep and hasattr(value, "get_params") and not isinstance(value, type):
-                values.update({f"{name}__{inner}": item for inner, item in value.get_params().items()})
-            values[name] = value
-        return values
+        """Return the parameters by name; scikit-learn passes `deep`."""
+        return {name: getattr(self, name) for name in self._parameters()}
 
     def set_params(self, **parameters: Any) -> Self:
-        """Set parameters by name, those of a parameter as ``name__inner``; they are checked when it is fitted."""
+        """Set parameters by name; they are checked when it is fitted."""
         own = self._parameters()
-        for path, value in parameters.items():
-            name, _, inner = path.partition("__")
+        for name, value in parameters.items():
             if name not in own:
                 raise InvalidInputError(
                     f"{type(self).__name__} has no parameter {name!r}; it has {', '.join(own) or 'none'}"
                 )
-            if inner:
-                getattr(self, name).set_params(**{inner: value})
-            else:
-                setattr(self, name, value)
+            setattr(self, name, value)
         return self
 
     def __repr__(self) -> str:
@@ -63,15 +53,5 @@ class Estimator:
 
 def clone(estimator: E) -> E:
     """Return another estimator with the same parameters that has learned nothing, as `sklearn.base.clone` does."""
-    parameters = estimator.get_params(deep=False)  # type: ignore[attr-defined]
-    return type(estimator)(**{name: _copied(value) for name, value in parameters.items()})
-
-
-def _copied(value: Any) -> Any:
-    if hasattr(value, "get_params") and not isinstance(value, type):
-        return clone(value)
-    if type(value) in (list, tuple, set, frozenset):
-        return type(value)(_copied(item) for item in value)
-    if type(value) is dict:
-        return {name: _copied(item) for name, item in value.items()}
-    return copy.deepcopy(value)
+    parameters = estimator.get_params()  # type: ignore[attr-defined]
+    return type(estimator)(**copy.deepcopy(parameters))

@@ -188,7 +188,7 @@ def _check_regularization(case: _Case, identity: bool) -> None:
 
 def _check_parameters_and_failed_fits(case: _Case) -> None:
     """`__init__` only stores, unfitted adapters raise NotFittedError, and a failed fit changes nothing."""
-    parameters: dict[str, Any] = {name: object() for name in case.prototype.get_params(deep=False)}
+    parameters: dict[str, Any] = {name: object() for name in case.prototype.get_params()}
     assert set(parameters) >= {"damping", "base_rotation"}, "damping and base_rotation are parameters of every method"
     stored = type(case.prototype)(**parameters)
     assert all(getattr(stored, name) is value for name, value in parameters.items()), "__init__ must only store"

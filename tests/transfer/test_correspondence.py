@@ -60,7 +60,7 @@ def test_geodesic_search_never_raises_its_cost(random_spd):
     assert adapter.n_iter_ > 1
 
 
-def scores(teacher, student, ratios=False):
+def scores(teacher, student):
     """All scores, shape (n, m), from eigenvalues and -vectors."""
     (values_t, axes_t), (values_s, axes_s) = (np.linalg.eigh(points) for points in (teacher, student))
     directions = sum(np.abs(axes_t[:, :, k] @ axes_s[:, :, k].T) for k in (0, -1))
@@ -68,20 +68,19 @@ def scores(teacher, student, ratios=False):
         [values[:, -1] / values[:, 0], np.sqrt(np.linalg.det(points))]
         for values, points in ((values_t, teacher), (values_s, student))
     ]
-    shapes = [np.log(shape) if ratios else np.array(shape) for shape in shapes]
+    shapes = [np.array(shape) for shape in shapes]
     return directions + np.exp(-np.abs(shapes[0][:, :, None] - shapes[1][:, None, :])).sum(axis=0)
 
 
-@pytest.mark.parametrize("ratios", [False, True])
 @pytest.mark.parametrize("d", [2, 3, 6])
 @pytest.mark.parametrize("condition", [1.5, 30.0, 1e4])
 @pytest.mark.parametrize("exponent", [0.0, 3.0])
-def test_partner_has_the_largest_score(ratios, d, condition, exponent, random_spd, random_rotation):
+def test_partner_has_the_largest_score(d, condition, exponent, random_spd, random_rotation):
     rng = np.random.default_rng(d)
     teacher, student = random_spd(rng, 40, d, condition), random_spd(rng, 300, d, condition)
     turn = random_rotation(rng, d)
-    every = scores(turn @ teacher @ turn.T, student, ratios)
-    matches = EllipsoidCorrespondence(exponent, ratios).between(teacher, student)(turn)
+    every = scores(turn @ teacher @ turn.T, student)
+    matches = EllipsoidCorrespondence(exponent).between(teacher, student)(turn)
     best = every.max(axis=1)
     assert_allclose(every[np.arange(40), matches.student], best, rtol=1e-6)
     assert_allclose(matches.weight, best**exponent / np.sum(best**exponent), rtol=1e-5)

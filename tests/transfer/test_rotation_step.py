@@ -61,15 +61,15 @@ def test_derivatives(d, kind, random_spd, random_rotation):
 def test_descent_converges_from_anywhere(d, kind, condition, runs, random_spd, random_rotation):
     """From random starts with 100 pairs at least 99 % reach a gradient below 1e-9 within a few dozen steps."""
     rng = np.random.default_rng(0)
-    ends = []
+    norms = []
     for _ in range(runs):
         problem = make_problem(rng, 100, d, random_spd, random_rotation, kind, condition)
         start = random_rotation(rng, d)
-        end = problem.minimize(start)
-        assert end.cost <= problem.cost(start)
-        assert_allclose(end.rotation @ end.rotation.T, np.eye(d), atol=1e-12)
-        ends.append(end)
-    assert np.mean([end.converged for end in ends]) >= 0.99
-    assert max(end.gradient_norm for end in ends) < 1e-6
-    assert np.median([end.n_iter for end in ends]) <= 25
-    assert max(end.n_iter for end in ends) <= 60
+        ends = [problem.minimize(start, max_iter=steps) for steps in (25, 60)]
+        assert problem.cost(ends[1]) <= problem.cost(start)
+        assert_allclose(ends[1] @ ends[1].T, np.eye(d), atol=1e-12)
+        norms.append([np.linalg.norm(problem.derivatives(end)[1]) for end in ends])
+    half, most = np.median(norms, axis=0)[0], np.transpose(norms)[1]
+    assert half < 1e-9
+    assert np.mean(most < 1e-9) >= 0.99
+    assert most.max() < 1e-6

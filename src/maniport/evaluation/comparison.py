@@ -33,7 +33,7 @@ def with_feasible_set(
     random_state: Any = 0,
 ) -> DomainAdapter:
     """Return an adapter that uses the feasible set of a robot, where its method does and none is set."""
-    parameters = adapter.get_params(deep=False)
+    parameters = adapter.get_params()
     if robot is None or parameters.get("projector", robot) is not None or getattr(adapter, "from_samples_", False):
         return adapter
     projector = FeasibleProjector(robot, spec, bank=bank, random_state=random_state)
@@ -43,11 +43,11 @@ def with_feasible_set(
 
 def baselines_for(adapter: DomainAdapter, rows: Sequence[str | DomainAdapter] = BASELINES) -> dict[str, DomainAdapter]:
     """Make unfitted baselines with the adapter's regularization and base_rotation, without the adapter's own method."""
-    parameters = adapter.get_params(deep=False)
+    parameters = adapter.get_params()
     baselines = {}
     for row in rows:
         baseline = method_of(row, damping=parameters["damping"], base_rotation=parameters["base_rotation"])
-        if baseline.get_params(deep=False)["damping"] != parameters["damping"]:
+        if baseline.get_params()["damping"] != parameters["damping"]:
             raise InvalidInputError(f"rows must have the adapter's damping; found {row!r}")
         if not isinstance(baseline, type(adapter)):
             baselines[name_of(baseline)] = baseline

@@ -17,7 +17,7 @@ def adapter_section(adapter: DomainAdapter) -> Section:
     """Describe the fit of an adapter."""
     section = Section("Adapter", key="adapter", folded=True)
     # base_rotation and damping have metrics of their own
-    parameters = listed(f"{name} {value}" for name, value in adapter.get_params(deep=False).items()
+    parameters = listed(f"{name} {value}" for name, value in adapter.get_params().items()
                         if name not in ("base_rotation", "damping") and value is not None)  # fmt: skip
     section.add("Method", "method", type(adapter).__name__, about=f"{parameters}." if parameters else "")
     if not is_fitted(adapter):

@@ -11,10 +11,10 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.util.jit import kernel
-from maniport.util.validation import Array, as_count, as_finite, as_number, as_points, as_spd, require_shape
+from maniport.util.validation import Array, as_finite, as_number, as_points, as_spd, require_shape
 
 
-def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10, max_iter: int = 50) -> Array:
+def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10) -> Array:
     """Fréchet (Karcher, geometric) mean: the point with the least weighted sum of squared distances.
 
     Riemannian Newton with line search, started from the log-Euclidean mean. The cost is geodesically convex and
@@ -29,8 +29,6 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     tol : float
         Stopping rule: the norm of the Riemannian gradient, ‖Σ w_i log(P^-½ X_i P^-½)‖_F, is at most `tol`, or as
         small as rounding allows: about machine precision times the condition number of the points.
-    max_iter : int
-        Largest number of Newton steps.
 
     Returns
     -------
@@ -39,7 +37,7 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     Warns
     -----
     ConvergenceWarning
-        When the gradient norm is still above that after `max_iter` steps; the warning states the norm reached.
+        When the gradient norm is still above that after 50 steps; the warning states the norm reached.
 
     Raises
     ------
@@ -54,20 +52,17 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     data = as_points(points, "points", minimum=1, copy=False)
     w = as_weights(weights, len(data))
     tol = as_number(tol, "tol", above=0.0)
-    limit = as_count(max_iter, "max_iter")
     state = _State.at(apply(np.einsum("n,nij->ij", w, apply(data, np.log)), np.exp), data, w)  # log-Euclidean mean
     if state is None:
         raise NotSPDError("points are too ill-conditioned for their mean: rounding makes them indefinite about it")
-    steps = 0
-    while state.norm > tol:
-        following = _line_search(state, data, w) if steps < limit else None
+    for _ in range(50):
+        following = _line_search(state, data, w) if state.norm > tol else None
         if following is None:
             break
-        state, steps = following, steps + 1
+        state = following
     if state.norm > max(tol, state.rounding):
-        reason = f"after {limit} steps" if steps == limit else "because rounding allows no further progress"
         warnings.warn(
-            f"the mean of {len(data)} matrices stopped {reason} at gradient norm {state.norm:.3g}; wanted {tol:.3g}",
+            f"the mean of {len(data)} matrices stopped at gradient norm {state.norm:.3g}; wanted {tol:.3g}",
             ConvergenceWarning,
             stacklevel=2,
         )

@@ -79,7 +79,7 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     """
     if isinstance(method, str):
         kind = METHODS[as_choice(method, "method", tuple(METHODS))]
-        names = kind().get_params(deep=False)
+        names = kind().get_params()
         return kind(**{name: value for name, value in shared.items() if name in names})
     if not isinstance(method, DomainAdapter):
         raise InvalidInputError(

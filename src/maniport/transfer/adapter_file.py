@@ -65,7 +65,7 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     _require_valid(fitted, adapter.schema)
     arrays: dict[str, Any] = {}
     plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(adapter).__name__, "parameters": {}, "fitted": {}}
-    for group, values in (("parameters", adapter.get_params(deep=False)), ("fitted", fitted)):
+    for group, values in (("parameters", adapter.get_params()), ("fitted", fitted)):
         for key, value in values.items():
             if isinstance(value, list | tuple | np.ndarray):
                 arrays[f"{group}.{key}"] = np.asarray(value)

@@ -25,10 +25,10 @@ class RiemannianICP(RigidAdapter):
     ----------
     damping, base_rotation
         As in `ParallelTransport`. With a `base_rotation` there is one initial rotation only.
-    correspondence : {"ellipsoid", "log-ellipsoid", "geodesic"} or Correspondence
-        How ellipsoids are matched: the largest score of direction and shape (the paper's), the same with shapes
-        compared by ratio, or the nearest ellipsoid on the manifold. A name means the defaults; an object, such as
-        ``EllipsoidCorrespondence(exponent=0)``, has its own options and is not saved with the adapter.
+    correspondence : {"ellipsoid", "geodesic"} or Correspondence
+        How ellipsoids are matched: the largest score of direction and shape (the paper's), or the nearest ellipsoid
+        on the manifold. A name means the defaults; an object, such as ``EllipsoidCorrespondence(exponent=0)``, has its
+        own options and is not saved with the adapter.
     start : {"parallel-transport", "identity"}
         First rotation of recentered ellipsoids.
     n_starts : int

@@ -58,20 +58,18 @@ class ICP:
         for iteration in range(max_iter + 1):
             problem = self.problem(rotation)
             rotations.append(rotation)
-            if iteration == max_iter:  # the last rotation is measured, not improved
-                history.append(float(np.sqrt(problem.cost(rotation))))
-                break
-            step = problem.minimize(rotation, gradient_tol)
-            history.append(float(np.sqrt(step.start_cost)))
+            history.append(float(np.sqrt(problem.cost(rotation))))
             best = int(np.argmin(history))
+            if iteration == max_iter:
+                break
             if iteration - best >= patience:
                 reason = f"no lower cost in {patience} iterations; iteration {best} is kept"
                 break
-            if rotation_angle(step.rotation, rotation) <= self._tol:
+            following = problem.minimize(rotation, gradient_tol)
+            if rotation_angle(following, rotation) <= self._tol:
                 reason, converged = "matches and rotation converged", True
                 break
-            rotation = step.rotation
-        best = int(np.argmin(history))
+            rotation = following
         return Registration(start, rotations[best], history[best], history, reason, converged)
 
 

@@ -14,7 +14,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import Indices, NeighborIndex
 from maniport.spd.kernels import congruence, eigh
 from maniport.util.jit import kernel
-from maniport.util.validation import Array, as_choice, as_flag, as_number
+from maniport.util.validation import Array, as_choice, as_number
 
 EQUAL_EIGENVALUES = 1e-6  # Relative difference below which an eigenvector is undefined and must not decide a match
 
@@ -91,21 +91,17 @@ class EllipsoidCorrespondence(Correspondence):
     ----------
     exponent : float
         k in the weights w^k of the matches (the paper's best rows have 3; 0 gives equal weights).
-    log_shapes : bool
-        Whether to compare logarithms of condition numbers and volumes, which also separates elongated ellipsoids.
     """
 
     exponent: float = 3.0
-    log_shapes: bool = False
 
     def __post_init__(self) -> None:
         as_number(self.exponent, "exponent", minimum=0.0)
-        as_flag(self.log_shapes, "log_shapes")
 
     def between(self, teacher: Array, student: Array) -> Matching:
         """Match by score."""
         seeking, sought = sorted((teacher, student), key=len)
-        (directions, shapes), (others, other_shapes) = (_features(x, self.log_shapes) for x in (seeking, sought))
+        (directions, shapes), (others, other_shapes) = map(_features, (seeking, sought))
         order = np.argsort(other_shapes[:, 0], kind="stable")
         positions = np.searchsorted(other_shapes[order, 0], shapes[:, 0])
         others, other_shapes = (np.ascontiguousarray(x[order].T) for x in (others.swapaxes(1, 2), other_shapes))
@@ -119,9 +115,8 @@ class EllipsoidCorrespondence(Correspondence):
         return _between(partners, seeking is teacher)
 
 
-CORRESPONDENCES: dict[str, Callable[[], Correspondence]] = {
+CORRESPONDENCES: dict[str, type[Correspondence]] = {
     "ellipsoid": EllipsoidCorrespondence,
-    "log-ellipsoid": lambda: EllipsoidCorrespondence(log_shapes=True),
     "geodesic": GeodesicCorrespondence,
 }
 """The correspondences by the names that `RiemannianICP` takes."""
@@ -138,14 +133,14 @@ def correspondence_of(value: str | Correspondence) -> Correspondence:
     )
 
 
-def _features(points: Array, ratios: bool) -> tuple[Array, Array]:
+def _features(points: Array) -> tuple[Array, Array]:
     """Return shortest and longest axes (n, 2, d), zero where undefined, and condition numbers and volumes (n, 2)."""
     values, vectors = eigh(points)
     gaps = np.stack([values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]], axis=1) / values[:, [1, -1]]
     directions = np.stack([vectors[:, :, 0], vectors[:, :, -1]], axis=1)
     directions *= (gaps > EQUAL_EIGENVALUES)[:, :, None]
     shapes = np.stack([values[:, -1] / values[:, 0], np.sqrt(np.prod(values, axis=-1))], axis=1)
-    return directions, np.log(shapes) if ratios else shapes
+    return directions, shapes
 
 
 @kernel

@@ -5,29 +5,15 @@ Hessian; `docs/method/icp.md` has the equations, (13) to (15).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from maniport.spd.kernels.loops import congruence_loop, eigh_loop
-from maniport.spd.kernels.single import multiply
 from maniport.transfer.rotation_group import orthonormal, rotation_from_vector, rotation_planes
-from maniport.util.jit import kernel
+from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
 NEAR = 1e-5  # Relative gap of two eigenvalues up to which a divided difference is taken for the derivative between them
-
-
-@dataclass(frozen=True)
-class RotationStep:
-    """Result of the optimization of a rotation; `converged` where the gradient norm fell below the tolerance."""
-
-    rotation: Array
-    start_cost: float  # F at the start
-    cost: float  # F at `rotation`
-    gradient_norm: float
-    n_iter: int
-    converged: bool
 
 
 class RotationProblem:
@@ -50,11 +36,11 @@ class RotationProblem:
         gradient, hessian = np.zeros(m), np.zeros((m, m))
         return float(_add_derivatives(rotation[None], *self._pairs, self._planes, gradient, hessian)), gradient, hessian
 
-    def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4) -> RotationStep:
+    def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4) -> Array:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
         rotation, steps = start, 0
         cost, gradient, hessian = self.derivatives(start)
-        start_cost, norm = cost, float(np.linalg.norm(gradient))
+        norm = float(np.linalg.norm(gradient))
         while norm > tol and steps < max_iter:
             direction, length = _saddle_free_direction(gradient, hessian), 1.0
             slope = float(gradient @ direction)
@@ -72,7 +58,7 @@ class RotationProblem:
             rotation, steps = moved, steps + 1
             cost, gradient, hessian = following if length == 1.0 else self.derivatives(moved)
             norm = float(np.linalg.norm(gradient))
-        return RotationStep(orthonormal(rotation), start_cost, cost, norm, steps, norm <= tol)
+        return orthonormal(rotation)
 
 
 def _saddle_free_direction(gradient: Array, hessian: Array, max_step: float = 1.0) -> Array:
@@ -108,8 +94,8 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
         return cost
     left, right, moves = np.empty((d, d)), np.empty((d, d)), np.empty((m, d, d))
     for pair in range(count):
-        multiply(vectors[pair].T, inverse[pair], left)
-        multiply(factor[pair], vectors[pair], right)
+        _multiply(vectors[pair].T, inverse[pair], left)
+        _multiply(factor[pair], vectors[pair], right)
         for k in range(m):
             i, j = planes[k]
             for x in range(d):
@@ -133,3 +119,15 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
                     for j in range(m):
                         hessian[j, k] += moves[j, x, y] * change
     return cost
+
+
+@part
+def _multiply(left, v, b):  # type: ignore[no-untyped-def]
+    """B ← L V."""
+    n = len(v)
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for k in range(n):
+                total += left[i, k] * v[k, j]
+            b[i, j] = total
