@@ -15,14 +15,13 @@ from maniport.arms.collisions import Lowest
 from maniport.errors import on_the_command_line
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.config import Config
-from maniport.pipeline.results import ArmResult
+from maniport.pipeline.results import RESULT_FILES, ArmResult
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.report.console import Console
 from maniport.report.metrics import measure, rounded_sum
 from maniport.report.page import as_html as as_page
 from maniport.report.page.animation import animation_of
 from maniport.report.values import Metric, Report, Section
-from maniport.report.write import EXECUTION_FILES, RUN_FILES
 
 
 @pytest.fixture(scope="module")
@@ -135,9 +134,9 @@ def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
     small_result.save(tmp_path / "data")
     saved = {entry.name for entry in (tmp_path / "data").iterdir()}
     assert {name.split(".")[-1] for name in saved} == {"csv", "npz"}
-    assert saved < set(RUN_FILES)
+    assert saved < RESULT_FILES
     alone.save(tmp_path / "motion")
-    assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
+    assert {entry.name for entry in (tmp_path / "motion").iterdir()} < RESULT_FILES
     report, motion = mp.write_results(alone, tmp_path / "motion", overwrite=True), alone.arm.motion
     summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
     assert summary["status"] == report.status

@@ -22,10 +22,11 @@ from maniport.errors import ManiportError, collected_warnings, on_the_command_li
 from maniport.pipeline import stages
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.following import SampledRobot, move
+from maniport.pipeline.results import RESULT_FILES
 from maniport.pipeline.settings import read_part
 from maniport.pipeline.stages import FittedMap, Human
 from maniport.report.values import report_of
-from maniport.report.write import RUN_FILES, export_files, write_run
+from maniport.report.write import export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, write_text
 
@@ -164,13 +165,15 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
             own = replace(sampled, random=copy.deepcopy(sampled.random))
             moved = move(targets, own, job)
         result = stages.evaluate(human, sampled, maps, moved, job, baselines=selects)
-    result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion))))
+    config = replace(job.config, recording=(str(pair.source.path),), verb="batch")
+    texts = tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion)))
+    result = replace(result, config=config, warnings=texts)
     report, arms = report_of(result), [arm.name for arm in result.arms]
     row = row_of(report, *pair.names, pair.folder.relative_to(pair.output).as_posix(), arms if len(arms) > 1 else ())
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
-    with folder_written_whole(pair.folder, {*RUN_FILES, *result.data_files, PAIR}, True) as staging:
+    with folder_written_whole(pair.folder, {*RESULT_FILES, PAIR}, True) as staging:
         write_run(result, report, export_files(job.config.export), staging, job.config.pages)
-        replace(job.config, recording=(str(pair.source.path),), verb="batch").save(staging / CONFIG)
+        config.save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": pair.settings, "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")

@@ -12,7 +12,6 @@ from maniport.report.metrics import METRICS as MOTION_METRICS
 from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
 from maniport.report.values import SUFFIXES, Report
-from maniport.report.write import SUMMARIES
 from maniport.util.atomic_io import write_text, written_whole
 from maniport.util.optional import parquet_writer, pyarrow
 
@@ -147,7 +146,7 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
         failed=len(rows) - len(done),
         count=count,
         tables=tables,
-        file=REPORT if pages else SUMMARIES[0],
+        file=REPORT if pages else "summary.md",
         metrics=PAGE_METRICS,
         failures=failures(rows),
         warnings=sorted(warned.items(), key=lambda item: -len(item[1])),

@@ -214,7 +214,7 @@ def learned_report(learned: LearnedProfile) -> Report:
     mirrored = listed(part.name for part in parts if part.motion.names != names)
     section.note(*[f"mirrored to the {names[0]} arm: {mirrored}"] * bool(mirrored))
     section.note(f"all ellipsoids are those of {' and '.join(names)} arm of mean lengths")
-    section.metrics += tuple(software(learned.random_state))
+    section.metrics += tuple(software(learned.config.seed))
     values = [
         {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),
          "frames": len(part.motion), "side": listed(part.motion.names), "from_others": float(agreement.alone[i]),

@@ -104,7 +104,8 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     rotation = None
     if isinstance(result, TransferResult):
         placement = result.arms[0].placement
-        rotation = result.base_rotation if placement is None else placement.rotation @ result.base_rotation
+        rotation = result.config.rotation
+        rotation = rotation if placement is None else placement.rotation @ rotation
     return Stage(result.robot.name, tuple(bodies), rotation)
 
 
