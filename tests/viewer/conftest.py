@@ -4,13 +4,14 @@ from concurrent.futures import Future
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
 from maniport.arms import VELOCITY
 from maniport.domain import sample_domain
 from maniport.motion import Placement, SeedBank
-from maniport.viewer.state import Maps, Playback, Side, ViewState
+from maniport.viewer.state import Maps, Side, ViewState
 
 
 @pytest.fixture(scope="session")
@@ -47,7 +48,7 @@ def make_state(arms, domains, place):
         playback = None
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
-            playback = Playback(np.linspace(0.0, 2.0, 5), path)
+            playback = make_interp_spline(np.linspace(0.0, 2.0, 5), path, k=1)
         if maps is None:
             maps = Maps(*domains)
             maps.fits |= first.fits
