@@ -25,7 +25,7 @@ from maniport.pipeline.following import SampledRobot, move
 from maniport.pipeline.results import RESULT_FILES
 from maniport.pipeline.settings import read_part
 from maniport.pipeline.stages import FittedMap, Human
-from maniport.report.values import report_of
+from maniport.report.values import listed, report_of
 from maniport.report.write import export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, write_text
@@ -61,7 +61,7 @@ class Pair:
 
     @property
     def settings(self) -> dict[str, str]:
-        """All that determines the result, as text by name: robot, recording, options and version."""
+        """Digests of all that determines the result: robot, recording, options and version."""
         return {**self.robot.settings, "recording": self.content}
 
     def kept_row(self) -> dict[str, Any] | None:
@@ -73,26 +73,21 @@ class Pair:
         folder = self.folder.relative_to(self.output).as_posix()
         return {**saved["row"], "recording": recording, "robot": robot, "folder": folder}
 
-    def difference(self, most: int = 3, width: int = 60) -> str:
-        """Return in which settings, the first ones by name, the folder holds another result."""
-        saved = self._saved()
-        if saved is None:
+    def difference(self) -> str:
+        """Return in which settings the folder holds another result; empty where it holds none."""
+        if (saved := self._saved()) is None:
             return f"{PAIR} was changed" if (self.folder / PAIR).exists() else ""
-        texts = []
-        for name in {**self.settings, **saved["settings"]}:
-            earlier, now = (values.get(name, "not set") for values in (saved["settings"], self.settings))
-            if earlier != now:
-                earlier, now = (text if len(text) <= width else f"{text[:width]}…" for text in (earlier, now))
-                texts.append(f"{name} {earlier}, now {now}")
-        return "made with " + "; ".join(texts[:most]) + (f"; and {len(texts) - most} more" if texts[most:] else "")
+        names = {**self.settings, **saved["settings"]}
+        return "made with another " + listed(
+            name for name in names if self.settings.get(name) != saved["settings"].get(name)
+        )
 
     def _saved(self) -> dict[str, Any] | None:
         """Read the file of the pair; None where it is missing or was changed."""
         try:
             saved: dict[str, Any] = json.loads((self.folder / PAIR).read_text(encoding="utf-8"))
-            texts = all(isinstance(value, str) for value in saved["settings"].values())
-            return saved if texts and is_row(saved["row"]) else None
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return saved if isinstance(saved["settings"], dict) and is_row(saved["row"]) else None
+        except (OSError, ValueError, KeyError, TypeError):
             return None
 
 
