@@ -20,7 +20,6 @@ from maniport.util.input_limits import as_path
 EARLIER = ".earlier"  # suffix of the former target where two folders cannot be exchanged in one operation
 
 _targets: dict[Path, Path] = {}  # targets that this process is writing, by temporary path
-_last: Path | None = None
 
 
 @contextmanager
@@ -110,20 +109,12 @@ def place(temporary: Path, target: Path) -> None:
     elif not _exchange(temporary, target):
         os.rename(target, temporary.with_name(temporary.name + EARLIER))
         os.rename(temporary, target)
-    global _last
-    if not any(other in target.parents for other in _targets):  # a part of a larger result does not count
-        _last = target
 
 
 def discard() -> None:
     """Remove whatever this process is writing; it must not write afterwards."""
     for path, target in _targets.items():
         _remove(path, target)
-
-
-def last_result() -> Path | None:
-    """Path of the result that this process completed last."""
-    return _last
 
 
 @contextmanager
