@@ -32,7 +32,7 @@ METRICS = (
                                     "duration_s.robot", "duration_s.person")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "base_orientation.tilt_deg", "base_orientation.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
-    *(f"adapter.{name}" for name in ("cost", "iterations", "converged", "dispersion_ratio")),
+    *(f"adapter.{name}" for name in ("cost", "iterations", "converged")),
     *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "rank_correlation", "near_singular")),
     "person.frames",
     *(f"person.segment_lengths_m.{part}" for part in PARTS),

@@ -84,14 +84,13 @@ def apply(
     adapter: Adapter,
     profile: Annotated[Path, typer.Argument(help="Ellipsoids, .npz.")],
     output: EllipsoidFile,
-    inverse: Annotated[bool, typer.Option("--inverse", help="Map from student to teacher.")] = False,
 ) -> None:
     """Map ellipsoids with a fitted adapter."""
     require_suffix(output, ".npz")
     fitted = maniport.load_adapter(adapter)
     points, time = load_ellipsoids(profile)
     with console.progress():  # prints warnings
-        mapped = fitted.inverse_transform(points) if inverse else fitted.transform(points)
+        mapped = fitted.transform(points)
     save_ellipsoids(output, mapped, time)
     console.finish({"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}")
 

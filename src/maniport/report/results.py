@@ -120,10 +120,6 @@ def _settings(result: Result) -> Section:
         value = {"name": arm.robot.name, "joints": arm.robot.dof, **{metric.key: metric.value for metric in chain}}
         key = "robot" if len(result.arms) == 1 else f"{arm.name}_robot"
         section.add("Robot", key, value, text, f"Fixed joints: {fixed}" if fixed else "")
-    motion = result.arms[0].motion
-    if motion is not None:
-        rate = float((len(motion.control_time) - 1) / np.ptp(motion.control_time))
-        section.numbers(control_rate_hz=rate, damping=motion.damping.epsilon)
     section.metrics += tuple(software(result.config.seed))
     return section
 
