@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import Arm, ArmGroup
-from maniport.errors import InvalidInputError, as_text
+from maniport.errors import InvalidInputError, printable
 from maniport.mocap import Recording, shipped_recording
 from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import OPTIONS, Config
@@ -105,7 +105,7 @@ def _name(path: Path, folder: Path | None = None) -> str:
     """Return a path below a folder, or its last part; it never leads upwards."""
     absolute = Path(os.path.abspath(path))
     top = absolute.parent if folder is None else Path(os.path.abspath(folder))
-    return as_text((absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix())
+    return printable((absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix())
 
 
 def _unique(sources: dict[Path, str]) -> dict[Path, str]:
@@ -115,7 +115,7 @@ def _unique(sources: dict[Path, str]) -> dict[Path, str]:
     if max(names.values()) == 1 and folders.isdisjoint(names):
         return sources
     common = os.path.commonpath([path.parent for path in sources])
-    return {path: as_text(path.relative_to(common).as_posix()) for path in sources}
+    return {path: printable(path.relative_to(common).as_posix()) for path in sources}
 
 
 def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Collection[str]) -> list[Robot]:

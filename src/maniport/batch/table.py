@@ -7,7 +7,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from maniport.errors import MissingPackageError, as_text
+from maniport.errors import MissingPackageError, printable
 from maniport.report.metrics import STATISTICS
 from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
@@ -61,7 +61,7 @@ def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequen
 
 def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
     """Return the row of a pair that failed."""
-    names = {"recording": recording, "robot": robot, "state": "failed", "reason": as_text(reason)}
+    names = {"recording": recording, "robot": robot, "state": "failed", "reason": printable(reason)}
     return dict.fromkeys(COLUMNS) | dict.fromkeys(TEXTS, "") | names
 
 
