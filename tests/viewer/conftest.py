@@ -11,6 +11,7 @@ from maniport import load_arm
 from maniport.arms import VELOCITY
 from maniport.domain import sample_domain
 from maniport.motion import Placement, SeedBank
+from maniport.transfer import METHODS
 from maniport.viewer.state import Maps, Side, ViewState
 
 
@@ -38,7 +39,7 @@ def place():
 @pytest.fixture(scope="session")
 def make_state(arms, domains, place):
     first = Maps(*domains)
-    for name in first.names:
+    for name in METHODS:
         first.get(name, np.eye(3))
     for fit in first.fits.values():
         fit.result(60.0)

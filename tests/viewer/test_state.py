@@ -11,6 +11,7 @@ from maniport.errors import ManiportError
 from maniport.motion import SeedBank
 from maniport.pipeline.config import Config
 from maniport.report.page.animation import surfaces_of
+from maniport.transfer import METHODS
 from maniport.util.process import in_background
 from maniport.viewer import state as states
 from maniport.viewer.state import Command, Maps, Side, ViewState, prepare
@@ -31,7 +32,7 @@ def advance(state, method="icp", joints=POSE, seconds=STEP, base_rotation=None, 
 
 def test_every_method_can_be_chosen(make_state):
     state, targets = make_state(), {}
-    for name in state.methods:
+    for name in METHODS:
         frame = advance(state, name)
         targets[name] = frame.target.ellipsoid
         assert state.robot.within_limits(frame.joints)

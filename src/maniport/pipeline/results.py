@@ -160,11 +160,6 @@ class MotionResult(SavedResult):
             raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
         return self.arms[0]
 
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """Files of the profile and the path, where the run has them."""
-        return tuple(file for file in (self.config.profile, self.config.path) if file is not None)
-
     def write_data(self, folder: Path) -> None:
         """Write the data files into an existing folder; with several arms a folder for each arm."""
         if len(self.arms) == 1:

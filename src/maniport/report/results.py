@@ -46,7 +46,7 @@ def result_report(result: TransferResult | MotionResult) -> Report:
         assert result.motion is not None
         time = result.motion.trajectory.control_time
         lead = f"{len(result.motion.trajectory.time)} target ellipsoids, followed by {robot} in {np.ptp(time):.1f} s."
-        title = f"{Path(result.sources[0]).stem} → {robot}" if result.sources else f"The motion of {robot}"
+        title = f"{Path(result.config.profile).stem} → {robot}" if result.config.profile else f"The motion of {robot}"
     for arm in reversed(result.arms):
         own = _arm_sections(arm, alone=not several)
         motions = {arm.name: {metric.key: metric for metric in own[0].metrics if not metric.is_warning}} | motions
@@ -112,7 +112,7 @@ def _settings(result: Result) -> Section:
         rotation = result.config.rotation.round(6).tolist()
         section.numbers(method=[arm.method for arm in result.arms], base_rotation=rotation)
     else:
-        section.add("Files", "sources", list(result.sources))
+        section.add("Files", "sources", [file for file in (result.config.profile, result.config.path) if file])
     for arm in result.arms:
         chain = chain_metrics(arm.robot)
         base, _, fixed = (metric.text for metric in chain)

@@ -18,6 +18,7 @@ from maniport.errors import InvalidInputError
 from maniport.live import LiveState
 from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.report.values import in_axes
+from maniport.transfer import METHODS
 from maniport.util.optional import viser
 from maniport.util.process import LOOPBACK, LOOPBACK_NAMES, bound
 from maniport.util.validation import Array
@@ -125,7 +126,7 @@ class Panel:
         moved = "The recording moves" if player is not None else "Move the sliders of"
         gui.add_markdown(f"{moved} the person's arm; the robot follows. Drag to rotate the view.")
         self._head = gui.add_html("")
-        self._method = gui.add_dropdown("Method", state.methods, initial_value="length-field")
+        self._method = gui.add_dropdown("Method", tuple(METHODS), initial_value="length-field")
         self._follows = gui.add_checkbox("End effector follows", player is not None)
         button = gui.add_button("Find a better configuration", hint="The robot jumps to the best configuration found")
         button.on_click(lambda _: setattr(state, "jump", True))
@@ -169,11 +170,9 @@ class Panel:
         lines, notes = [], []
         for name, frame in zip(self._names, frames, strict=True):
             error = "" if frame.position_error is None else f"; position error {1e3 * frame.position_error:.1f} mm"
-            joints = ", ".join(map(readable, frame.at_limit))
             lines += [
                 f'<div style="font-size: 2.2em; line-height: 1.1">{frame.distance:.2f}</div>',
                 f"<div>{name}ellipsoid distance: {in_axes(frame.distance)}{error}</div>",
-                f'<div style="font-weight: bold">saturated: {joints}</div>' if joints else "",
             ]
             notes += [f"*{name}{note}*\n" for note in frame.target.notes]
         self._head.content = f'<div style="padding: 0 0.6em">{"".join(lines)}<div>{LEGEND}</div></div>'

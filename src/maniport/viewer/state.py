@@ -30,7 +30,7 @@ from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
 from maniport.pipeline.config import Config
 from maniport.pipeline.settings import load_robot
-from maniport.transfer import METHODS, method_of
+from maniport.transfer import method_of
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.defaults import AUTO, BOTH, DAMPING
 from maniport.util.process import in_background
@@ -64,7 +64,7 @@ class Maps:
         robot: Arm | None = None,
         bank: SeedBank | None = None,
     ):
-        self._domains, self._robot, self.names = (teacher, student), (robot, VELOCITY, bank), tuple(METHODS)
+        self._domains, self._robot = (teacher, student), (robot, VELOCITY, bank)
         self.fits: dict[tuple[str, bytes], Future[LiveMap]] = {}
         self._last: LiveMap | None = None
 
@@ -91,7 +91,7 @@ class Command:
     """The values of the controls."""
 
     joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
-    method: str  # One of the names of `Maps`
+    method: str
     base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     follow_hand: bool = False  # Whether the robot's end effector follows the person's hand, too
 
@@ -116,7 +116,6 @@ class Frame:
     achieved: Array  # Ellipsoid, shape (3, 3)
     distance: float  # Affine-invariant distance of target and achieved ellipsoid, both with the damping
     position_error: float | None = None  # Of the robot's end effector [m]
-    at_limit: tuple[str, ...] = ()  # Names of the robot's joints that are at a limit
 
 
 class Side:
@@ -147,13 +146,12 @@ class Side:
         positions = None if target.position is None else np.broadcast_to(target.position, (len(time), 3))
         return Schedule(self.objective, time, shapes, positions)
 
-    def frame(self, target: Target, q: Array, near_limit: float = 5e-3) -> Frame:
-        """Compare a configuration (dof,) with a target; joints within a share of their range of a limit are at it."""
-        arm, own = self.student, self.schedule(target, np.zeros(1)).targets()
+    def frame(self, target: Target, q: Array) -> Frame:
+        """Compare a configuration (dof,) with a target."""
+        own = self.schedule(target, np.zeros(1)).targets()
         distance, error = own.distance(q[None]), own.position_error(q[None])
-        at_limit = np.minimum(q - arm.lower, arm.upper - q) <= near_limit * (arm.upper - arm.lower)
-        names = tuple(np.array(arm.joint_names)[at_limit].tolist())
-        return Frame(target, q, arm.manipulability(q), float(distance[0]), None if error is None else error[0], names)
+        position_error = None if error is None else error[0]
+        return Frame(target, q, self.student.manipulability(q), float(distance[0]), position_error)
 
 
 class ViewState:
@@ -164,7 +162,6 @@ class ViewState:
 
     def __init__(self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: BSpline | None = None):
         self.robot, self.sides, self.playback = as_group(robot), tuple(sides), playback
-        self.methods = self.sides[0].maps.names
         self._controller = Controller(robot, speed_limits(robot, None), np.full(robot.dof, np.inf))
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
         self.places: Future[list[Placement]] | None = None  # of the hands' paths, of each side
