@@ -36,7 +36,7 @@ def motion_alone(result):
     """Return the motion of a transfer as a result without a person."""
     names = ("name", "robot", "placement", "motion", "gap", "collisions")
     arm = ArmResult(**{name: getattr(result.arm, name) for name in names})
-    return MotionResult(robot=result.robot, arms=(arm,), motion=result.motion)
+    return MotionResult(robot=result.robot, arms=(arm,), config=result.config, motion=result.motion)
 
 
 def panda_profile(count=11):

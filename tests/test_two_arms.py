@@ -115,7 +115,7 @@ def test_a_folder_holds_the_motion_of_all_and_the_data_of_each(two_arm_result, t
     with pytest.raises(OutputError, match="holds an earlier result"):  # figures are part of it
         mp.write_results(two_arm_result, folder)
     (folder / "left" / "mine.txt").write_text("mine")
-    with pytest.raises(OutputError, match=r"'mine\.txt'"):
+    with pytest.raises(OutputError, match=r"'left/mine\.txt'"):
         mp.write_results(two_arm_result, folder, overwrite=True)
 
 

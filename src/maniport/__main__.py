@@ -73,15 +73,12 @@ def _occupy_closed_descriptors() -> None:
 
 def _interrupt(signum: int, frame: Any) -> None:
     """Exit with code 130 and no partial result; an exception could be lost in an import or compiled code."""
-    done = None
     atomic_io: Any = sys.modules.get("maniport.util.atomic_io")
-    if hasattr(atomic_io, "last_result"):  # loaded; before that, nothing was written
+    if hasattr(atomic_io, "discard"):  # loaded; before that, nothing is written
         atomic_io.discard()
-        done = atomic_io.last_result()
-    text = "interrupted; nothing was written" if done is None else f"interrupted; {str(done)!r} was written before"
-    cursor = "\r\x1b[2K\x1b[?25h" if os.isatty(2) else ""  # a progress bar hides it
+    cursor = b"\r\x1b[2K\x1b[?25h" if os.isatty(2) else b""  # a progress bar hides it
     with suppress(OSError):
-        os.write(2, f"{cursor}maniport: {text}\n".encode())
+        os.write(2, cursor + b"maniport: interrupted\n")
     os._exit(130)
 
 

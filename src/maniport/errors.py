@@ -118,11 +118,6 @@ def unknown_name(what: str, name: object, available: Iterable[str], where: str =
     )
 
 
-def as_text(path: str) -> str:
-    """Make a path, or a text with one, printable: file systems accept bytes that are no characters."""
-    return path.encode("utf-8", "backslashreplace").decode("utf-8")
-
-
 @contextmanager
 def on_the_command_line() -> Iterator[None]:
     """Let `argument` speak to people who type commands, as long as it lasts."""

@@ -106,9 +106,9 @@ def test_finished_pairs_are_not_repeated(whole, recordings, tmp_path):
     shutil.rmtree(folder / "rhuman" / "ben")
     assert small([recordings], folder).kept == len(whole.table) - 2
     assert tree(folder) == tree(whole.folder)
-    with pytest.raises(OutputError, match=r"damping 0\.01, now 0\.02.*overwrite="):
+    with pytest.raises(OutputError, match="another damping; give overwrite="):
         small([recordings], folder, damping=0.02)
-    with pytest.raises(OutputError, match=r"stop 1\.5, now 1\.75; profile_rate 10\.0, now 5\.0;"):
+    with pytest.raises(OutputError, match="another stop, profile_rate; give"):
         small([recordings], folder, stop=1.75, profile_rate=5)
     assert tree(folder) == tree(whole.folder)
     (folder / "panda" / "anna" / "1.c3d" / "pair.json").write_text('{"key": 1, "row": {}}')
@@ -278,9 +278,9 @@ def test_names_of_recordings(tmp_path, monkeypatch, whole):
     a, b, c, d = (tmp_path / name for name in "abcd")
     assert names(a, b) == names(f"{tmp_path}/**/*.bvh") == ["a/walk.bvh", "b/walk.bvh"]
     assert names(a, tmp_path / "b" / "table.csv") == ["table.csv", "walk.bvh"]
-    assert names(a, b, d / "1.c3d") == ["1.c3d", "a/walk.bvh", "b/walk.bvh"]  # only what clashes is renamed
+    assert names(a, b, d / "1.c3d") == ["a/walk.bvh", "b/walk.bvh", "d/1.c3d"]
     assert names(f"{tmp_path}/[ab]/*", without=a) == ["b/table.csv", "b/walk.bvh"]
-    assert names(f"{d}/*", c) == ["3\\udcff.c3d", "c/1.c3d/2.c3d", "d/1.c3d"]
+    assert names(f"{d}/*", c) == ["c/1.c3d/2.c3d", "c/3\\udcff.c3d", "d/1.c3d"]
     monkeypatch.chdir(d / "1.c3d")
     for given in (["."], ["../../c/*/../../d/1.c3d"], [d / "1.c3d", "*.json"]):
         assert names(*given) == ["1.c3d"]

@@ -33,15 +33,15 @@ def small_search():
 
 
 def test_each_step_on_its_own(run, domains):
-    """Domain, fit, apply and back: the ellipsoids return; info describes every file; evaluate writes the page."""
+    """Domain, fit and apply; info describes every file; evaluate writes the page."""
     person, panda, adapter = (domains / f"{name}.npz" for name in ("myoarm", "panda", "a"))
     code, out, _ = run("fit", person, panda, "-o", adapter, "--json")
     assert (code, json.loads(out)["adapter"]["damping"]) == (0, 0.01)
     assert run("fit", person, panda, "-o", adapter, "--quiet") == (0, "", "")
     assert run("apply", adapter, person, "-o", domains / "adapted.npz")[0] == 0
-    assert run("apply", adapter, domains / "adapted.npz", "--inverse", "-o", domains / "back.npz")[0] == 0
     original, _ = load_ellipsoids(person)
-    np.testing.assert_allclose(load_ellipsoids(domains / "back.npz")[0], original, atol=1e-9 * original.max())
+    mapped = maniport.load_adapter(adapter).transform(original)
+    np.testing.assert_allclose(load_ellipsoids(domains / "adapted.npz")[0], mapped, rtol=1e-12)
     for what, word in ((adapter, "RiemannianICP"), (person, "128 of 3 × 3"), ("panda", "panda_joint7")):
         code, out, _ = run("info", what)
         assert (code, word in out) == (0, True)
@@ -210,7 +210,7 @@ def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, com
     words = {"demo": (), "place": ("no.npz", "--path", "no.npz"), **one_file}[command]
     code, _, err = run(command, *words, "-o", tmp_path)
     assert code == 2
-    assert f"holds an earlier result ('{own}'); give --overwrite" in err
+    assert "holds an earlier result; give --overwrite" in err
     assert (tmp_path / own).read_text() == "earlier"
     (tmp_path / "notes.txt").write_text("mine")
     code, _, err = run(command, *words, "-o", tmp_path, "--overwrite")

@@ -136,7 +136,7 @@ def test_force_ellipsoids_are_followed_within_limits(second, frames):
     assert states[-1].state == "following"
     assert np.median([state.position_error for state in states[100:]]) < 1e-3
     last = states[-1].arm
-    forces = result.arm.adapter.transform(live._arms[0].person.arm.ellipsoids(last.person, result.spec)[None])[0]
+    forces = result.arm.adapter.transform(live._arms[0].person.arm.ellipsoids(last.person, result.config.spec)[None])[0]
     turn = result.arm.placement.rotation
     assert_allclose(last.target @ turn @ forces @ turn.T, np.eye(3), atol=1e-6)
 

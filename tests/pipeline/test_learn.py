@@ -6,16 +6,17 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport.arms import VELOCITY
-from maniport.arms.chain import SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
 from maniport.learning.alignment import axis_deviations
 from maniport.mocap import Recording, shipped_recording, synthetic_recording
-from maniport.report.renderings import as_numbers, files_of
+from maniport.pipeline.results import RESULT_FILES
+from maniport.report.renderings import as_numbers
 from maniport.report.values import report_of
-from maniport.report.write import LEARNED_FILES
 from maniport.util.files import load_ellipsoids, load_path
 from sizes import SMALL, little_search
+
+REPORTS = "report.html", "summary.md", "summary.json"
 
 REACHES = [(1.4, 2.1), (2.5, 3.2), (6.8, 7.7)]
 """Times at which the person of the shipped recording reaches out to the right."""
@@ -106,10 +107,9 @@ def test_a_robot_follows_what_was_learned(people):
 def test_files_are_whole_and_can_be_read(people, tmp_path):
     """What is written is what was learned; data alone are written by `save`."""
     mp.write_results(people, tmp_path / "all")
-    sides = {f"{what}-{side}.npz" for what in ("profile", "path") for side in SIDES}
-    absent = {*files_of("learned"), "run.yaml", *sides}
-    assert {file.name for file in (tmp_path / "all").iterdir()} == set(LEARNED_FILES) - absent
-    assert {file.name for file in mp.write_figures(tmp_path / "all")} == set(files_of("learned"))
+    files = {file.name for file in (tmp_path / "all").iterdir()}
+    assert files == {"profile.npz", "path.npz", "model.npz", "demonstrations.npz", "run.yaml", *REPORTS} <= RESULT_FILES
+    assert {file.name for file in mp.write_figures(tmp_path / "all")} == {"learned.png", "learned.svg"}
     ellipsoids, time = load_ellipsoids(tmp_path / "all" / "profile.npz")
     path, path_time = load_path(tmp_path / "all" / "path.npz")
     assert_allclose(ellipsoids, people.profile)

@@ -11,8 +11,8 @@ import pytest
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError, UnknownNameError
 from maniport.pipeline import follow_profile, transfer_recording
+from maniport.pipeline.results import RESULT_FILES
 from maniport.report import as_numbers, report_of
-from maniport.report.write import EXECUTION_FILES, RUN_FILES
 from maniport.util.files import load_ellipsoids, load_path
 
 SMALL = {"n_teacher": 64, "n_student": 128}
@@ -120,9 +120,9 @@ def test_a_result_is_written_whole_and_can_be_read_back(result, tmp_path):
     with pytest.raises(dataclasses.FrozenInstanceError):
         result.arm.method = "icp"
     result.save(folder)
-    assert {entry.name for entry in folder.iterdir()} < set(RUN_FILES)
+    assert {entry.name for entry in folder.iterdir()} < RESULT_FILES
     mp.write_results(result, folder, overwrite=True)
-    assert {"report.html", "summary.md", "joints.csv"} <= {entry.name for entry in folder.iterdir()} <= set(RUN_FILES)
+    assert {"report.html", "summary.md", "joints.csv"} <= {entry.name for entry in folder.iterdir()} <= RESULT_FILES
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     rows = list(csv.reader((folder / "person.csv").open()))
     assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.arm.fit.joint_names)]
@@ -150,7 +150,8 @@ def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
         result.save(folder, overwrite=True)
     assert (folder / "person.csv").read_bytes() == before
     (folder / "thesis.tex").write_text("precious")
-    for run in (result, mp.pipeline.MotionResult(robot=result.arm.robot, arms=result.arms, motion=result.motion)):
+    alone = mp.pipeline.MotionResult(robot=result.robot, arms=result.arms, config=result.config, motion=result.motion)
+    for run in (result, alone):
         with pytest.raises(OutputError, match=r"thesis\.tex"):
             mp.write_results(run, folder, overwrite=True)
     for thing in (3, None, "results"):
@@ -191,7 +192,7 @@ def test_the_robot_repeats_its_own_motion(own, tmp_path):
     assert np.percentile(motion.position_error, 95) < motion.position_tolerance
     assert execution.arm.placement is None
     mp.write_results(execution, tmp_path / "out")
-    assert {"report.html", "summary.md"} <= {file.name for file in (tmp_path / "out").iterdir()} <= set(EXECUTION_FILES)
+    assert {"report.html", "summary.md"} <= {file.name for file in (tmp_path / "out").iterdir()} <= RESULT_FILES
     rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
     assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
     np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:8], motion.control_positions, atol=1e-8)

@@ -9,7 +9,7 @@ def test_objects_are_displayed(small_result):
     arm = small_result.arm
     for thing, word in (
         (arm.robot, "panda_joint7"), (small_result.recording, "Frames: "), (arm.fit, "Segments: "),
-        (arm.adapter, "Dispersion: "), (arm.placement, "Path: scale"), (arm.motion, "Ellipsoid distance"),
+        (arm.adapter, "Rotation: "), (arm.placement, "Path: scale"), (arm.motion, "Ellipsoid distance"),
         (motion_alone(small_result), "Settings"), (small_result, "Position error [mm]"),
         (arm.evaluation, "Comparison with baselines"),
     ):  # fmt: skip

@@ -15,14 +15,13 @@ from maniport.arms.collisions import Lowest
 from maniport.errors import on_the_command_line
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.config import Config
-from maniport.pipeline.results import ArmResult
+from maniport.pipeline.results import RESULT_FILES, ArmResult
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.report.console import Console
-from maniport.report.metrics import measure, rounded_sum
+from maniport.report.metrics import add_statistics
 from maniport.report.page import as_html as as_page
 from maniport.report.page.animation import animation_of
 from maniport.report.values import Metric, Report, Section
-from maniport.report.write import EXECUTION_FILES, RUN_FILES
 
 
 @pytest.fixture(scope="module")
@@ -135,9 +134,9 @@ def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
     small_result.save(tmp_path / "data")
     saved = {entry.name for entry in (tmp_path / "data").iterdir()}
     assert {name.split(".")[-1] for name in saved} == {"csv", "npz"}
-    assert saved < set(RUN_FILES)
+    assert saved < RESULT_FILES
     alone.save(tmp_path / "motion")
-    assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
+    assert {entry.name for entry in (tmp_path / "motion").iterdir()} < RESULT_FILES
     report, motion = mp.write_results(alone, tmp_path / "motion", overwrite=True), alone.arm.motion
     summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
     assert summary["status"] == report.status
@@ -150,7 +149,7 @@ def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
 
 def test_statistics_are_median_percentile_and_maximum():
     section = Section("")
-    measure(section, "orientation_error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5])
+    add_statistics(section, "orientation_error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5])
     (metric,) = section.metrics
     assert metric.text == "median 2.50, 95th percentile 3.85, max 4.00 at 0.5 s"
     assert metric.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
@@ -190,7 +189,4 @@ def test_all_arms_are_reported(result, several, count):
 def test_parts_of_the_mean_distance_add_up(result):
     text = next(metric.text for metric in report_of(result).metrics if metric.key == "mean_distance")
     mean, *parts = [round(1000 * float(number)) for number in re.findall(r"-?\d+\.\d+", text)]
-    assert mean == sum(parts) == round(1000 * result.arm.motion.distance.mean())
-    for values in ([0.0024, 0.3334, 0.0444], [0.0005, 0.0005, 0.0005], [0.2, -0.0104, 0.1206]):
-        total, printed = rounded_sum(values)
-        assert float(total) == pytest.approx(sum(map(float, printed)))
+    assert mean == sum(parts) == pytest.approx(1000 * result.arm.motion.distance.mean(), abs=1.5)

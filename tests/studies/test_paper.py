@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport.errors import InvalidInputError, OutputError
-from maniport.report import as_numbers, report_of
+from maniport.report import as_numbers
 from maniport.studies.paper import run, trajectories
 from maniport.studies.paper.experiments import OURS, PAPER, SAME, Experiment, paper_table
 from maniport.studies.paper.run import compare
@@ -16,7 +16,8 @@ from maniport.studies.paper.run import compare
 
 def lines_of(result):
     """Lines of the table of an experiment, with columns as attributes."""
-    return [SimpleNamespace(**line) for line in result.lines]
+    lines = result.lines if isinstance(result, Experiment) else result.tables[0].value
+    return [SimpleNamespace(**line) for line in lines]
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def reproduction(folder):
 
 @pytest.fixture(scope="module")
 def outcomes(reproduction):
-    return {experiment.name: lines_of(experiment) for experiment in reproduction.experiments}
+    return {section.key: lines_of(section) for section in reproduction.sections if section.key in run.EXPERIMENTS}
 
 
 @pytest.mark.parametrize(("name", "number"), [("toy", "I"), ("two-dof", "II"), ("human-robot", "III")])
@@ -55,14 +56,14 @@ def test_exact_images_are_recovered(outcomes):
 def test_files_agree(folder, reproduction, outcomes):
     assert {path.name for path in folder.iterdir()} == {"paper.md", "paper.json", "report.html"}
     summary = json.loads((folder / "paper.json").read_text(encoding="utf-8"))
-    assert summary == as_numbers(report_of(reproduction))
+    assert summary == as_numbers(reproduction)
     for name, expected in outcomes.items():
         assert [row["per_dispersion"] for row in summary[name]["rows"]] == [line.per_dispersion for line in expected]
 
 
 def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
     again = run.reproduce("toy", tmp_path / "toy", seed=3, draws=1)
-    assert [x.undivided for x in lines_of(again.experiments[0])] == [x.undivided for x in outcomes["toy"]]
+    assert [x.undivided for x in lines_of(again.sections[0])] == [x.undivided for x in outcomes["toy"]]
     with pytest.raises(OutputError, match="earlier result"):
         run.reproduce("toy", tmp_path / "toy", seed=4, draws=1)
     run.reproduce("toy", tmp_path / "toy", seed=4, draws=1, overwrite=True)

@@ -99,7 +99,7 @@ def test_an_error_keeps_the_earlier_result(tmp_path, write, error):
 def test_an_earlier_folder_is_replaced_only_when_allowed(tmp_path):
     folder = tmp_path / "out"
     write_folder(folder, 1)
-    with pytest.raises(OutputError, match=r"earlier result \('a.json', 'b.json'\); give overwrite="):
+    with pytest.raises(OutputError, match=r"earlier result; give overwrite="):
         folder_written_whole(folder, NAMES).__enter__()
     with pytest.raises(OutputError, match="holds other things"), folder_written_whole(folder, NAMES, overwrite=True):
         (folder / "thesis.tex").touch()

@@ -4,13 +4,15 @@ from concurrent.futures import Future
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
 from maniport.arms import VELOCITY
 from maniport.domain import sample_domain
 from maniport.motion import Placement, SeedBank
-from maniport.viewer.state import Maps, Playback, Side, ViewState
+from maniport.transfer import METHODS
+from maniport.viewer.state import Maps, Side, ViewState
 
 
 @pytest.fixture(scope="session")
@@ -37,7 +39,7 @@ def place():
 @pytest.fixture(scope="session")
 def make_state(arms, domains, place):
     first = Maps(*domains)
-    for name in first.names:
+    for name in METHODS:
         first.get(name, np.eye(3))
     for fit in first.fits.values():
         fit.result(60.0)
@@ -47,7 +49,7 @@ def make_state(arms, domains, place):
         playback = None
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
-            playback = Playback(np.linspace(0.0, 2.0, 5), path)
+            playback = make_interp_spline(np.linspace(0.0, 2.0, 5), path, k=1)
         if maps is None:
             maps = Maps(*domains)
             maps.fits |= first.fits

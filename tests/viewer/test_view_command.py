@@ -62,7 +62,7 @@ def test_it_starts_and_ends_with_ctrl_c(tmp_path):
     (["--person", "nobody"], "unknown person"), (["--side", "both"], "--pose"), (["--pose", "0,0,0,0"], "--pose"),
     (["--side", "both", "--hand-targets", "relative"], "--hand-targets"),
     (["--robot", "nothing"], "unknown robot 'nothing'"), (["--port", "99999"], "[0, 65535]"),
-    (["--adapter", "missing.npz"], "missing.npz"), (["--recording", "missing.bvh"], "missing.bvh"),
+    (["--recording", "missing.bvh"], "missing.bvh"),
 ])  # fmt: skip
 def test_invalid_options_end_with_one_sentence(run, words, message):
     code, out, err = run("view", *words)

@@ -52,7 +52,7 @@ def make_view(make_state):
     with contextlib.ExitStack() as stack:
 
         def make(**options):
-            view = LiveView(make_state(**options), "parallel-transport", np.eye(3))
+            view = LiveView(make_state(**options), np.eye(3))
             stack.callback(view.stop)
             return view
 
@@ -69,10 +69,10 @@ def test_the_page_is_served_on_this_machine_only(make_view, make_state, capsys, 
     assert capsys.readouterr().out == ""
     for port in (view._server.get_port(), -1, 70000):
         with pytest.raises(InvalidInputError):
-            LiveView(make_state(), "icp", np.eye(3), port)
+            LiveView(make_state(), np.eye(3), port)
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(MissingPackageError, match=r"\.\[view\]"):
-        LiveView(make_state(), "icp", np.eye(3))
+        LiveView(make_state(), np.eye(3))
 
 
 def test_other_pages_of_the_browser_cannot_connect(make_view):
@@ -108,7 +108,7 @@ def test_controls_become_commands(make_view):
         panel._preset.value = name
         assert pytest.approx(base) == panel.read(0.0).base_rotation.T @ [0, 0, 1]
     own = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
-    np.testing.assert_array_equal(Panel(view._server.gui, view.state, "identity", own).read(0.0).base_rotation, own)
+    np.testing.assert_array_equal(Panel(view._server.gui, view.state, own).read(0.0).base_rotation, own)
 
 
 @pytest.mark.parametrize("error", [FileFormatError("a mesh is missing: 'hand.dae'"), KeyboardInterrupt()])
@@ -122,9 +122,9 @@ def test_errors_before_the_page_is_complete(make_state, monkeypatch, error):
         port = probe.getsockname()[1]
     if isinstance(error, KeyboardInterrupt):
         with pytest.raises(KeyboardInterrupt):
-            LiveView(make_state(), "icp", np.eye(3), port=port)
+            LiveView(make_state(), np.eye(3), port=port)
     else:
-        view = LiveView(make_state(), "parallel-transport", np.eye(3), port=port)
+        view = LiveView(make_state(), np.eye(3), port=port)
         view.stop()
         assert view.no_surface == "a mesh is missing: 'hand.dae'"
     require_free(port)

@@ -4,7 +4,6 @@ import glob
 import hashlib
 import inspect
 import itertools
-import json
 import os
 import pickle
 from collections import Counter
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import Arm, ArmGroup
-from maniport.errors import InvalidInputError, as_text
+from maniport.errors import InvalidInputError, printable
 from maniport.mocap import Recording, shipped_recording
 from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import OPTIONS, Config
@@ -46,7 +45,7 @@ class Robot:
     key: str  # digest of the settings
     name: str = field(compare=False)  # of its folder
     job: Settings = field(compare=False)
-    settings: Mapping[str, str] = field(compare=False)  # options as text by name
+    settings: Mapping[str, str] = field(compare=False)  # digests of options by name
 
 
 def find_recordings(patterns: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
@@ -106,26 +105,17 @@ def _name(path: Path, folder: Path | None = None) -> str:
     """Return a path below a folder, or its last part; it never leads upwards."""
     absolute = Path(os.path.abspath(path))
     top = absolute.parent if folder is None else Path(os.path.abspath(folder))
-    return as_text((absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix())
+    return printable((absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix())
 
 
 def _unique(sources: dict[Path, str]) -> dict[Path, str]:
-    """Put folders before names where one is another's, or a folder of another's."""
-    longer = set[Path]()
-    while not (clashing := _clashing(sources)) <= longer:
-        longer |= clashing
-        common = os.path.commonpath([path.parent for path in longer])
-        sources = sources | {path: as_text(path.relative_to(common).as_posix()) for path in longer}
-    return sources
-
-
-def _clashing(sources: dict[Path, str]) -> set[Path]:
-    """Return the recordings whose name is another's, or a folder of another's, or is in such a folder."""
-    counts = Counter(sources.values())
-    parents = {name: {str(parent) for parent in PurePosixPath(name).parents} for name in counts}
-    folders = set[str]().union(*parents.values())
-    bad = {name for name in counts if counts[name] > 1 or name in folders or not parents[name].isdisjoint(counts)}
-    return {path for path, name in sources.items() if name in bad}
+    """Name recordings below the folder that all share where a name is another's, or a folder of another's."""
+    names = Counter(sources.values())
+    folders = {str(parent) for name in names for parent in PurePosixPath(name).parents}
+    if max(names.values()) == 1 and folders.isdisjoint(names):
+        return sources
+    common = os.path.commonpath([path.parent for path in sources])
+    return {path: printable(path.relative_to(common).as_posix()) for path in sources}
 
 
 def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Collection[str]) -> list[Robot]:
@@ -139,9 +129,9 @@ def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Colle
         values |= {"maniport": __version__, "robot": job.robot, "markers": marker_roles(job.config)}
         if job.control is not None:  # contents replace files
             values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
-        texts = {name: as_setting(value) for name, value in values.items()}
-        if (key := digest(texts)) not in distinct:
-            distinct[key] = Robot(key, _as_folder(job.robot.name, names), job, texts)
+        settings = {name: digest(value) for name, value in values.items()}
+        if (key := digest(settings)) not in distinct:
+            distinct[key] = Robot(key, _as_folder(job.robot.name, names), job, settings)
     return list(distinct.values())
 
 
@@ -158,16 +148,6 @@ def _as_folder(name: str, taken: set[str]) -> str:
 def digest(*things: Any) -> str:
     """Return 128 bits of SHA-256 of values, arrays, arms and settings, and, of a `Path`, of the file's content."""
     return hashlib.sha256(repr([_described(thing) for thing in things]).encode()).hexdigest()[:32]
-
-
-def as_setting(value: Any, longest: int = 200) -> str:
-    """Return a setting as text, equal for equal settings only: its value, or a name and a digest where that is long."""
-    try:
-        text = json.dumps(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
-    except (TypeError, ValueError):  # another object, or one that contains itself
-        text = ""
-    label = getattr(value, "name", None) or type(value).__name__
-    return text if 0 < len(text) <= longest else f"{label} {digest(value)}"
 
 
 def _described(thing: Any) -> Any:

@@ -22,10 +22,11 @@ from maniport.errors import ManiportError, collected_warnings, on_the_command_li
 from maniport.pipeline import stages
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.following import SampledRobot, move
+from maniport.pipeline.results import RESULT_FILES
 from maniport.pipeline.settings import read_part
 from maniport.pipeline.stages import FittedMap, Human
-from maniport.report.values import report_of
-from maniport.report.write import RUN_FILES, export_files, write_run
+from maniport.report.values import listed, report_of
+from maniport.report.write import export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, write_text
 
@@ -60,7 +61,7 @@ class Pair:
 
     @property
     def settings(self) -> dict[str, str]:
-        """All that determines the result, as text by name: robot, recording, options and version."""
+        """Digests of all that determines the result: robot, recording, options and version."""
         return {**self.robot.settings, "recording": self.content}
 
     def kept_row(self) -> dict[str, Any] | None:
@@ -72,26 +73,21 @@ class Pair:
         folder = self.folder.relative_to(self.output).as_posix()
         return {**saved["row"], "recording": recording, "robot": robot, "folder": folder}
 
-    def difference(self, most: int = 3, width: int = 60) -> str:
-        """Return in which settings, the first ones by name, the folder holds another result."""
-        saved = self._saved()
-        if saved is None:
+    def difference(self) -> str:
+        """Return in which settings the folder holds another result; empty where it holds none."""
+        if (saved := self._saved()) is None:
             return f"{PAIR} was changed" if (self.folder / PAIR).exists() else ""
-        texts = []
-        for name in {**self.settings, **saved["settings"]}:
-            earlier, now = (values.get(name, "not set") for values in (saved["settings"], self.settings))
-            if earlier != now:
-                earlier, now = (text if len(text) <= width else f"{text[:width]}…" for text in (earlier, now))
-                texts.append(f"{name} {earlier}, now {now}")
-        return "made with " + "; ".join(texts[:most]) + (f"; and {len(texts) - most} more" if texts[most:] else "")
+        names = {**self.settings, **saved["settings"]}
+        return "made with another " + listed(
+            name for name in names if self.settings.get(name) != saved["settings"].get(name)
+        )
 
     def _saved(self) -> dict[str, Any] | None:
         """Read the file of the pair; None where it is missing or was changed."""
         try:
             saved: dict[str, Any] = json.loads((self.folder / PAIR).read_text(encoding="utf-8"))
-            texts = all(isinstance(value, str) for value in saved["settings"].values())
-            return saved if texts and is_row(saved["row"]) else None
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return saved if isinstance(saved["settings"], dict) and is_row(saved["row"]) else None
+        except (OSError, ValueError, KeyError, TypeError):
             return None
 
 
@@ -164,13 +160,15 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
             own = replace(sampled, random=copy.deepcopy(sampled.random))
             moved = move(targets, own, job)
         result = stages.evaluate(human, sampled, maps, moved, job, baselines=selects)
-    result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion))))
+    config = replace(job.config, recording=(str(pair.source.path),), verb="batch")
+    texts = tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion)))
+    result = replace(result, config=config, warnings=texts)
     report, arms = report_of(result), [arm.name for arm in result.arms]
     row = row_of(report, *pair.names, pair.folder.relative_to(pair.output).as_posix(), arms if len(arms) > 1 else ())
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
-    with folder_written_whole(pair.folder, {*RUN_FILES, *result.data_files, PAIR}, True) as staging:
+    with folder_written_whole(pair.folder, {*RESULT_FILES, PAIR}, True) as staging:
         write_run(result, report, export_files(job.config.export), staging, job.config.pages)
-        replace(job.config, recording=(str(pair.source.path),), verb="batch").save(staging / CONFIG)
+        config.save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": pair.settings, "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")

@@ -7,12 +7,11 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from maniport.errors import MissingPackageError, as_text
-from maniport.report.metrics import METRICS as MOTION_METRICS
+from maniport.errors import MissingPackageError, printable
+from maniport.report.metrics import STATISTICS
 from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
 from maniport.report.values import SUFFIXES, Report
-from maniport.report.write import SUMMARIES
 from maniport.util.atomic_io import write_text, written_whole
 from maniport.util.optional import parquet_writer, pyarrow
 
@@ -20,11 +19,12 @@ Row = Mapping[str, Any]
 
 TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
 COMPUTING = "computing_s"  # Processor time of a pair [s], the one column in which two runs of the same batch differ
-STATISTICS, PARTS = ("median", "p95", "max"), ("upper arm", "forearm", "hand")
+NUMBERS = {"median": "median", "p95": "95th percentile", "max": "max"}  # Of statistics
+PARTS = "upper arm", "forearm", "hand"
 
 METRICS = (
-    *(f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}" for key, metric in MOTION_METRICS.items()
-      if not metric.text and key != "relative_position_error" for value in STATISTICS),
+    *(f"motion.{key}{SUFFIXES.get(unit, '')}.{value}" for key, (_, unit, _) in STATISTICS.items()
+      if key != "relative_position_error" for value in NUMBERS),
     *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
@@ -32,11 +32,11 @@ METRICS = (
                                     "duration_s.robot", "duration_s.person")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "base_orientation.tilt_deg", "base_orientation.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
-    *(f"adapter.{name}" for name in ("cost", "iterations", "converged", "dispersion_ratio")),
+    *(f"adapter.{name}" for name in ("cost", "iterations", "converged")),
     *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "rank_correlation", "near_singular")),
     "person.frames",
     *(f"person.segment_lengths_m.{part}" for part in PARTS),
-    *(f"person.residual_deg.{part}.{value}" for part in PARTS for value in STATISTICS),
+    *(f"person.residual_deg.{part}.{value}" for part in PARTS for value in NUMBERS),
     "recording.frames", "recording.duration_s", "recording.rate_hz",
 )  # fmt: skip
 """Numbers of a summary by their path in it. The list is fixed, so that all batches have the same columns; numbers by
@@ -61,7 +61,7 @@ def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequen
 
 def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
     """Return the row of a pair that failed."""
-    names = {"recording": recording, "robot": robot, "state": "failed", "reason": as_text(reason)}
+    names = {"recording": recording, "robot": robot, "state": "failed", "reason": printable(reason)}
     return dict.fromkeys(COLUMNS) | dict.fromkeys(TEXTS, "") | names
 
 
@@ -115,12 +115,10 @@ def _cell(value: Any) -> Any:
 
 
 PAGE_METRICS = (
-    *((f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}",
-       f"{metric.label}, {name}{f' [{metric.unit}]' if metric.unit else ''}", 1 if metric.unit else 2)
-      for key, metric in MOTION_METRICS.items()
-      for value, name in (("median", "median"), ("p95", "95th percentile"), ("max", "max"))
-      if key in ("distance", "position_error") or (key, value) == ("feasibility_gap", "median")),
-    ("motion.duration_s.robot", f"{MOTION_METRICS['duration'].label} [s]", 1),
+    *((f"motion.distance.{value}", f"Ellipsoid distance, {name}", 2) for value, name in NUMBERS.items()),
+    *((f"motion.position_error_mm.{value}", f"Position error, {name} [mm]", 1) for value, name in NUMBERS.items()),
+    ("motion.feasibility_gap.median", "Distance to the feasible set, median", 2),
+    ("motion.duration_s.robot", "Duration [s]", 1),
     (COMPUTING, "Computing time [s]", 1),
 )  # fmt: skip
 """Metrics that the page shows: column, name, and decimals."""
@@ -147,7 +145,7 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
         failed=len(rows) - len(done),
         count=count,
         tables=tables,
-        file=REPORT if pages else SUMMARIES[0],
+        file=REPORT if pages else "summary.md",
         metrics=PAGE_METRICS,
         failures=failures(rows),
         warnings=sorted(warned.items(), key=lambda item: -len(item[1])),

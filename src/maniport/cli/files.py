@@ -4,7 +4,7 @@ import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -17,7 +17,7 @@ from maniport.report.console import Console
 from maniport.report.renderings import SUMMARY, as_numbers, write_report
 from maniport.report.values import Report, Section, report_of
 from maniport.util.defaults import AUTO, RECORDINGS
-from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, save_ellipsoids
+from maniport.util.files import array_names, load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
@@ -84,14 +84,13 @@ def apply(
     adapter: Adapter,
     profile: Annotated[Path, typer.Argument(help="Ellipsoids, .npz.")],
     output: EllipsoidFile,
-    inverse: Annotated[bool, typer.Option("--inverse", help="Map from student to teacher.")] = False,
 ) -> None:
     """Map ellipsoids with a fitted adapter."""
     require_suffix(output, ".npz")
     fitted = maniport.load_adapter(adapter)
     points, time = load_ellipsoids(profile)
     with console.progress():  # prints warnings
-        mapped = fitted.inverse_transform(points) if inverse else fitted.transform(points)
+        mapped = fitted.transform(points)
     save_ellipsoids(output, mapped, time)
     console.finish({"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}")
 
@@ -151,8 +150,8 @@ def reproduce(
 
         output = output or Path("maniport-paper")
         with console.progress() as progress:
-            result = reproduce(which, output, config.seed, progress, overwrite=overwrite)
-        console.print_report(report_of(result), output=str(output))
+            report = reproduce(which, output, config.seed, progress, overwrite=overwrite)
+        console.print_report(report, output=str(output))
         return
     if overwrite:
         raise InvalidInputError("tasks takes no --overwrite")
@@ -166,8 +165,8 @@ def reproduce(
     output = output or Path("maniport-tasks")
     names = [name.strip() for name in robots.split(",")] if robots else ()
     with console.progress() as progress:
-        study = study_tasks(output, config.seed, progress, quick=quick, robots=names, recordings=recordings)
-    console.print_report(report_of(study), output=str(output))
+        report = study_tasks(output, config.seed, progress, quick=quick, robots=names, recordings=recordings)
+    console.print_report(report, output=str(output))
 
 
 @command(
@@ -285,9 +284,6 @@ def _of_arrays(path: str) -> Report:
     values, time = (load_path if is_path else load_ellipsoids)(path)
     n, d = values.shape[:2]
     section = Section("", key="path" if is_path else "ellipsoids")
-    if "joint_names" in names:
-        joints: list[Any] = load_arrays(path, "file", ("joint_names",))["joint_names"].tolist()
-        section.add("Robot motion", "joints", joints)
     if is_path:
         section.add("Path", "count", n, f"{n} positions")
     else:

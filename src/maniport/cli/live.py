@@ -147,7 +147,6 @@ def view(
     config: Config,
     console: Console,
     recording: Annotated[Path | None, typer.Option(help=OPTIONS["recording"].help)] = None,
-    adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter, .npz.")] = None,
     port: Annotated[int, typer.Option(help="Port of this machine; 0: any free port.")] = 0,
 ) -> None:
     """Open an interactive 3D view in the browser; Ctrl-C ends it."""
@@ -158,7 +157,7 @@ def view(
     viser()  # a missing package is reported before any long work
     require_free(port)
     with console.progress() as progress:
-        page = LiveView(*prepare(config, recording, adapter, progress), port)
+        page = LiveView(prepare(config, recording, progress), config.rotation, port)
     if page.no_surface:
         console.warn(f"the robot is drawn as a skeleton: {page.no_surface}")
     stop = threading.Event()

@@ -15,7 +15,6 @@ from maniport.report.console import Console
 from maniport.report.renderings import as_numbers
 from maniport.report.values import report_of
 from maniport.util.atomic_io import folder_written_whole, require_free
-from maniport.util.defaults import BOTH
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.process import ending_in_order, interrupt
 from maniport.util.validation import as_times
@@ -44,9 +43,10 @@ def demo(
 )  # fmt: skip
 def transfer(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
     """Transfer a recorded arm motion to a robot."""
-    from maniport.report.write import export_files, require_free_results, write_results
+    from maniport.pipeline.results import RESULT_FILES
+    from maniport.report.write import export_files, write_results
 
-    require_free_results(output, ("left", "right") if config.side == BOTH else (), overwrite)
+    require_free(output, RESULT_FILES, overwrite)
     export_files(config.export)  # raises where a package is missing
     with console.progress() as progress:
         recording = only_recording(config, console)
@@ -115,16 +115,17 @@ def learn(config: Config, console: Console, output: Output, overwrite: Overwrite
 
     With --robot, a robot follows the profile (folder OUTPUT-robot).
     """
-    from maniport.report.write import LEARNED_FILES, RUN_FILES, export_files, write_results
+    from maniport.pipeline.results import RESULT_FILES
+    from maniport.report.write import export_files, write_results
 
-    require_free(output, LEARNED_FILES, overwrite)
+    require_free(output, RESULT_FILES, overwrite)
     folder, followed = Path(f"{output}-robot"), None
     if names_robot(config):  # its options are checked before the long work
-        require_free(folder, RUN_FILES, overwrite)
+        require_free(folder, RESULT_FILES, overwrite)
         export_files(config.export)
         pipeline.settings_of(config)
     with console.progress() as progress:
-        learned = replace(pipeline.learn(config.recording, config=config, progress=progress), config=config)
+        learned = pipeline.learn(config.recording, config, progress=progress)
         report = write_results(learned, output, progress, overwrite=overwrite)
         if config.robot:
             result = pipeline.transfer_recording(learned, config, progress=progress)
@@ -143,11 +144,11 @@ def learn(config: Config, console: Console, output: Output, overwrite: Overwrite
 def place(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
-    from maniport.motion.placement.placement import DATA_FILES
     from maniport.pipeline.following import bounded_profiles
+    from maniport.pipeline.results import RESULT_FILES
     from maniport.pipeline.settings import plan_settings
 
-    require_free(output, files := (*DATA_FILES, CONFIG), overwrite)
+    require_free(output, RESULT_FILES, overwrite)
     target, positions, time = _targets(config)
     if positions is None:
         raise InvalidInputError("--path is needed: a file of positions of the hand")
@@ -159,9 +160,10 @@ def place(config: Config, console: Console, output: Output, overwrite: Overwrite
             rank=config.rank, spec=spec.bounded, damping=config.damping or 0.0, collisions=control.collisions,
             random_state=config.seed, progress=progress,
         )  # fmt: skip
-    with folder_written_whole(output, files, overwrite) as staging:
+    with folder_written_whole(output, RESULT_FILES, overwrite) as staging:
         placed.write_data(staging, time)
-        save_ellipsoids(staging / DATA_FILES[0], bounded_profiles([placed.profile], spec)[0], time)  # of that kind
+        (profile,) = bounded_profiles([placed.profile], spec)  # of the kind of the options
+        save_ellipsoids(staging / "placed_profile.npz", profile, time)
         config.save(staging / CONFIG)
     console.print_report(report_of(placed), output=str(output))
 
@@ -173,9 +175,10 @@ def place(config: Config, console: Console, output: Output, overwrite: Overwrite
 )  # fmt: skip
 def track(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
     """Plan a robot motion that follows a target profile and path."""
-    from maniport.report.write import EXECUTION_FILES, export_files, write_results
+    from maniport.pipeline.results import RESULT_FILES
+    from maniport.report.write import export_files, write_results
 
-    require_free(output, EXECUTION_FILES, overwrite)
+    require_free(output, RESULT_FILES, overwrite)
     export_files(config.export)
     target, positions, time = _targets(config)
     arm, paths = pipeline.load_single_arm(config), None if positions is None else [positions]

@@ -20,7 +20,7 @@ from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
 from maniport.motion.costs.cost import as_costs
 from maniport.motion.plan.plan_settings import require_free
-from maniport.pipeline import Config, TransferResult
+from maniport.pipeline import TransferResult
 from maniport.pipeline.settings import plan_settings
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
@@ -171,11 +171,11 @@ class Live:
         robot = result.robot if len(result.arms) > 1 else result.arm.robot
         if result.motion is None:
             raise InvalidInputError("result has no motion; transfer the recording with move=True")
-        control = plan_settings(result.config or Config(), robot)
+        control = plan_settings(result.config, robot)
         paths = [arm.placement for arm in result.arms if arm.placement is not None]
         joints = result.motion.trajectory.joint_positions
         defaults: dict[str, Any] = {"motion_limits": control.motion_limits, "collisions": control.collisions}
-        defaults |= {"spec": result.spec, "path": paths or None, "start": joints[0], "reference": joints}
+        defaults |= {"spec": result.config.spec, "path": paths or None, "start": joints[0], "reference": joints}
         return cls(person, [arm.adapter for arm in result.arms], robot, **{**defaults, **options})
 
     def __repr__(self) -> str:

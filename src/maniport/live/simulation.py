@@ -41,7 +41,7 @@ class SimulatedRobot:
         self._efforts = np.full(len(start), np.inf) if efforts is None else efforts
         if self.dynamic:
             self._mujoco = mujoco()
-            self._model = _compiled(self._mujoco, robot_model(robot))
+            self._model = model_spec(robot).compile()
             self._data = self._mujoco.MjData(self._model)
             self._data.qpos[:] = start
             self._mujoco.mj_forward(self._model, self._data)
@@ -62,9 +62,10 @@ class SimulatedRobot:
         self.q = data.qpos.copy()
 
 
-def _compiled(mujoco: Any, robot: Any) -> Any:
-    """Convert a Pinocchio model of rotating and sliding joints."""
-    spec = mujoco.MjSpec()
+def model_spec(arm: Arm | ArmGroup) -> Any:
+    """Return an arm or a group as a specification of MuJoCo, without shapes."""
+    package, robot = mujoco(), robot_model(arm)
+    spec = package.MjSpec()
     spec.option.timestep, spec.option.gravity = PERIOD, robot.gravity.linear
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # massless links between two joints
     bodies = [spec.worldbody]
@@ -73,7 +74,7 @@ def _compiled(mujoco: Any, robot: Any) -> Any:
         strict=True,
     ):  # fmt: skip
         quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, place.rotation.ravel())
+        package.mju_mat2Quat(quaternion, place.rotation.ravel())
         body = bodies[parent].add_body(pos=place.translation, quat=quaternion)
         about_center = link.inertia + 1e-9 * np.eye(3)
         body.explicitinertial, body.mass, body.ipos = True, link.mass, link.lever
@@ -81,10 +82,10 @@ def _compiled(mujoco: Any, robot: Any) -> Any:
         data = joint.createData()
         joint.calc(data, np.zeros(joint.nq))
         axis, slides = np.ravel(data.S), not np.any(np.ravel(data.S)[3:])
-        kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+        kind = package.mjtJoint.mjJNT_SLIDE if slides else package.mjtJoint.mjJNT_HINGE
         body.add_joint(type=kind, axis=axis[:3] if slides else axis[3:])
         bodies.append(body)
-    return spec.compile()
+    return spec
 
 
 class Simulation:

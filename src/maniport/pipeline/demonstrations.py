@@ -1,5 +1,6 @@
 """Several people's recordings, or several times of one, become one profile."""
 
+import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
 from maniport.arms import Arm, EllipsoidSpec
-from maniport.arms.chain import LEFT, RIGHT, SIDES
+from maniport.arms.chain import SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, argument
 from maniport.learning import Alignment, ProfileGMM, align
@@ -28,11 +29,6 @@ from maniport.util.progress import Progress, Step, counted
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_numbers
 
-DATA_FILES = (
-    *("profile.npz", "path.npz", "model.npz", "demonstrations.npz"),
-    *(f"{content}-{side}.npz" for side in (LEFT, RIGHT) for content in ("profile", "path")),
-)
-"""The files that `LearnedProfile.save` may write."""
 MIN_FRAMES = 10  # Fewest frames of a demonstration
 RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
 MAX_COMPONENTS = 32  # Gaussians, without a number of the caller
@@ -63,7 +59,6 @@ class LearnedProfile(SavedResult):
         The human arms with the mean lengths of all, in whose base frames the ellipsoids are.
     bases : ndarray, shape (a, 3)
         Origins of these base frames in the common frame of the arms [m], see `maniport.mocap.HumanMotion`.
-    spec : EllipsoidSpec
     regularization : Regularization
         Regularization of the compared ellipsoids; it is part of the profile.
     alignment : Alignment
@@ -81,15 +76,13 @@ class LearnedProfile(SavedResult):
         Mean of the hands, smoothed over time [m].
     agreement : Agreement
         Agreement of the demonstrations.
-    random_state : int
+    config : Config
+        Options of the run, with files of recordings only.
     """
-
-    data_files = DATA_FILES
 
     demonstrations: tuple[Demonstration, ...]
     arms: tuple[Arm, ...]
     bases: Array
-    spec: EllipsoidSpec
     regularization: Regularization
     alignment: Alignment
     paths: Array
@@ -99,14 +92,18 @@ class LearnedProfile(SavedResult):
     covariance: Array
     path: Array
     agreement: Agreement
-    random_state: int
-    config: Config | None = None  # How the profile was requested
+    config: Config
 
     def __repr__(self) -> str:
         return (
             f"LearnedProfile({len(self.demonstrations)} demonstrations, {len(self.time)} ellipsoids, "
             f"{self.model.n_components_} Gaussians, spread {self.agreement.after:.2f})"
         )
+
+    @property
+    def spec(self) -> EllipsoidSpec:
+        """Kind and part of the ellipsoids."""
+        return self.config.spec
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,7 +140,7 @@ class LearnedProfile(SavedResult):
         return tuple(parts)
 
     def write_data(self, folder: Path) -> None:
-        """Write `DATA_FILES` into an existing folder.
+        """Write the data files into an existing folder.
 
         ``profile.npz`` and ``path.npz`` are input of ``maniport track``, for both arms ``profile-left.npz`` and so on;
         ``model.npz`` has the attributes of `ProfileGMM`; ``demonstrations.npz`` has ``names``, ``time`` (m,),
@@ -154,9 +151,9 @@ class LearnedProfile(SavedResult):
             save_ellipsoids(folder / f"profile{side}.npz", part.profile, self.time)
             save_path(folder / f"path{side}.npz", part.path, self.time)
         names = "weights_", "input_means_", "means_", "covariances_"
-        save_arrays(folder / DATA_FILES[2], {name.strip("_"): getattr(self.model, name) for name in names})
+        save_arrays(folder / "model.npz", {name.strip("_"): getattr(self.model, name) for name in names})
         aligned = {"time": self.alignment.time, "ellipsoids": self.alignment.ellipsoids, "paths": self.paths}
-        save_arrays(folder / DATA_FILES[3], {"names": np.array(self.names), **aligned})
+        save_arrays(folder / "demonstrations.npz", {"names": np.array(self.names), **aligned})
 
 
 def learn(
@@ -192,10 +189,11 @@ def learn(
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
     config = (config or Config()).changed(allowed=("human", "transfer", "learning"), **options)
-    spec, person = config.spec, config.person
     demonstrations = _demonstrations(recordings, _intervals(recordings, config.segments), config, progress)
+    files = tuple(os.fspath(source) for source in recordings if not isinstance(source, Recording))
+    config, spec = replace(config, recording=files, verb="learn"), config.spec
     motions = [demonstration.motion for demonstration in demonstrations]
-    arms, bases = _mean_arms(person, motions), np.mean([motion.bases for motion in motions], axis=0)
+    arms, bases = _mean_arms(config.person, motions), np.mean([motion.bases for motion in motions], axis=0)
     times, ellipsoids, hands = [], [], []
     for motion in motions:
         number = np.ceil(np.ptp(motion.time) * RATE) + 1
@@ -220,8 +218,8 @@ def learn(
     strength = 1.0 / (float(np.median(np.diff(alignment.time))) * (2.0 * np.pi * CUTOFF) ** 4)
     path = [make_smoothing_spline(alignment.time, axis, lam=strength)(time) for axis in warped.mean(axis=0).T]
     return LearnedProfile(
-        demonstrations, tuple(arms), bases, spec, regularization, alignment, warped, model, time, np.asarray(profile),
-        covariance, np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config.seed,
+        demonstrations, tuple(arms), bases, regularization, alignment, warped, model, time, np.asarray(profile),
+        covariance, np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config,
     )  # fmt: skip
 
 

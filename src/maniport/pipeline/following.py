@@ -241,4 +241,4 @@ def follow_profile(
     motion, placements = move(targets, sampled, settings, placed=config.place and paths is not None)
     names = group.names if len(group) > 1 else (group.arms[0].name,)
     arms = measure(motion, placements, sampled.planner, names, settings)
-    return MotionResult(robot=group, arms=arms, motion=motion, random_state=config.seed, config=config)
+    return MotionResult(robot=group, arms=arms, motion=motion, config=config)

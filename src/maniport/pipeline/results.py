@@ -4,7 +4,6 @@ import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
@@ -15,24 +14,29 @@ from maniport.errors import InvalidInputError
 from maniport.evaluation import Capability, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
+from maniport.motion.exports import FORMATS
 from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
-from maniport.pipeline.config import Config
+from maniport.pipeline.config import CONFIG, Config
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 
-JOINT_FILES = "joints.csv", "joints.npz"
-MOTION_FILES = (*PLACED_FILES, *JOINT_FILES)
-TRANSFER_FILES = ("person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *MOTION_FILES)
-"""Files of the motion of one arm, and of the transfer to it."""
+RESULT_FILES = frozenset({
+    "person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *PLACED_FILES,
+    "joints.csv", "joints.npz", *(exporter.file for exporter in FORMATS.values()),
+    "model.npz", "demonstrations.npz", *(f"{content}{side}.npz" for content in ("profile", "path")
+                                         for side in ("", "-left", "-right")),
+    "summary.md", "summary.json", "report.html", CONFIG,
+    *(f"{figure}.{ending}" for figure in ("arms", "ellipsoids", "curves", "motion", "learned")
+      for ending in ("png", "svg")),
+})  # fmt: skip
+"""Files of results, their reports and figures. A folder with other files is not replaced."""
 
 
 class SavedResult(NotebookDisplay):
     """Base of results that are saved as a folder of data files."""
-
-    data_files: tuple[str, ...]  # names of the files and folders that `save` may write
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the data to a folder, whole or not at all; `maniport.write_results` adds a report.
@@ -40,9 +44,9 @@ class SavedResult(NotebookDisplay):
         Raises
         ------
         OutputError
-            When the folder holds earlier data and `overwrite` is false, or other files, or cannot be written.
+            When the folder holds a result and `overwrite` is false, or other files, or cannot be written.
         """
-        with folder_written_whole(folder, self.data_files, overwrite) as staging:
+        with folder_written_whole(folder, RESULT_FILES, overwrite) as staging:
             self.write_data(staging)
 
     def write_data(self, folder: Path) -> None:
@@ -61,8 +65,6 @@ class ArmResult(NotebookDisplay):
     motion: ArmMotion | None = None  # None where the robot was not moved; a warning has the reason
     gap: Array | None = None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
     collisions: Collisions | None = None
-
-    files: ClassVar[tuple[str, ...]] = MOTION_FILES
 
     def __repr__(self) -> str:
         moved = "not moved" if self.motion is None else f"d = {np.median(self.motion.distance):.2f} (median)"
@@ -97,8 +99,8 @@ class ArmResult(NotebookDisplay):
         save_ellipsoids(folder / PLACED_FILES[0], target, motion.time)
         if motion.path is not None:
             save_path(folder / PLACED_FILES[1], motion.path, motion.time)
-        motion.save_joints_csv(folder / JOINT_FILES[0])
-        motion.save_joints(folder / JOINT_FILES[1])
+        motion.save_joints_csv(folder / "joints.csv")
+        motion.save_joints(folder / "joints.npz")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -116,8 +118,6 @@ class ArmTransfer(ArmResult):
     teacher_domain: Array  # (N, d, d), sampled domain of the person's arm
     student_domain: Array  # (M, d, d), of the robot's
     capabilities: tuple[Capability, ...] = ()  # force and speed of the motion, where limits are known
-
-    files: ClassVar[tuple[str, ...]] = TRANSFER_FILES
 
     def write_data(self, folder: Path) -> None:
         """Write the files of the transfer, and those of the motion if there is one, into an existing folder."""
@@ -143,16 +143,14 @@ class MotionResult(SavedResult):
         Robot, placement, motion, feasibility gap and collision model of each arm.
     motion : RobotMotion or None
         Joint trajectory of all arms, with one time; None where the robot was not moved.
-    random_state : int
-    config : Config or None
-        Options that the result was requested with.
+    config : Config
+        Options of the run.
     """
 
     robot: ArmGroup
     arms: tuple[ArmResult, ...]
+    config: Config
     motion: RobotMotion | None = None
-    random_state: int = 0
-    config: Config | None = None
 
     @property
     def arm(self) -> ArmResult:
@@ -162,19 +160,8 @@ class MotionResult(SavedResult):
             raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
         return self.arms[0]
 
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """Files of the profile and the path, where it was requested with files."""
-        files = () if self.config is None else (self.config.profile, self.config.path)
-        return tuple(file for file in files if file is not None)
-
-    @property
-    def data_files(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of the files that `save` may write; with several arms a folder for each arm."""
-        return self.arms[0].files if len(self.arms) == 1 else (*(arm.name for arm in self.arms), *JOINT_FILES)
-
     def write_data(self, folder: Path) -> None:
-        """Write the data files into an existing folder."""
+        """Write the data files into an existing folder; with several arms a folder for each arm."""
         if len(self.arms) == 1:
             self.arms[0].write_data(folder)
             return
@@ -182,8 +169,8 @@ class MotionResult(SavedResult):
             (folder / arm.name).mkdir(exist_ok=True)
             arm.write_data(folder / arm.name)
         if self.motion is not None:
-            self.motion.trajectory.save_joints_csv(folder / JOINT_FILES[0])
-            self.motion.save_joints(folder / JOINT_FILES[1])
+            self.motion.trajectory.save_joints_csv(folder / "joints.csv")
+            self.motion.save_joints(folder / "joints.npz")
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(map(repr, self.arms))})"
@@ -195,23 +182,17 @@ class TransferResult(MotionResult):
 
     Attributes
     ----------
-    robot, motion, random_state, config
+    robot, config, motion
         As in `MotionResult`.
     arms : tuple of ArmTransfer
         As in `MotionResult`, with arm fit, adapter, profiles and domains; for two arms of a person left first.
     recording : Recording
-    spec : EllipsoidSpec
-        Which ellipsoids were transferred; joint weights are for all joints of the robot.
-    base_rotation : ndarray, shape (3, 3)
-        Rotation from the person's trunk frame to the robot's base frame.
     warnings : tuple of str
         Warnings of all stages, each once.
     """
 
     arms: tuple[ArmTransfer, ...]
     recording: Recording
-    spec: EllipsoidSpec
-    base_rotation: Array
     warnings: tuple[str, ...] = ()
 
     @property

@@ -85,7 +85,7 @@ def transfer_recording(
         maps = fit_transfer(human, robot, settings)
         moved = None if robot.planner is None else move(targets_of(human, maps, settings), robot, settings)
         result = evaluate(human, robot, maps, moved, settings)
-    return replace(result, warnings=tuple(texts), config=settings.config)
+    return replace(result, warnings=tuple(texts))
 
 
 def _with_source(config: Config, recording: Recording | LearnedProfile | str | Path) -> Config:
@@ -288,6 +288,6 @@ def evaluate(
             capabilities=capabilities,
         ))  # fmt: skip
     return TransferResult(
-        robot=as_group(settings.robot), arms=tuple(transfers), motion=motion, random_state=settings.config.seed,
-        recording=human.recording, spec=settings.config.spec, base_rotation=settings.config.rotation,
+        robot=as_group(settings.robot), arms=tuple(transfers), config=settings.config, motion=motion,
+        recording=human.recording,
     )  # fmt: skip

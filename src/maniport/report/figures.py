@@ -20,7 +20,7 @@ from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.report.page import content
 from maniport.report.page.animation import semi_axis_panels
 from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Line, Panel
-from maniport.report.renderings import ENDINGS, LEARNED, PAGE
+from maniport.report.renderings import ENDINGS, PAGE
 from maniport.spd.ellipsoid import axes
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
@@ -102,7 +102,7 @@ def write_figures(result: str | os.PathLike[str], folder: str | os.PathLike[str]
     target = Path(result if folder is None else folder)
     data = _motion(Path(result) / PAGE)
     figure = None if data["stages"] else panel_figure(data["time"], _panels(data, data["panels"]))
-    drawn = _figures(data) if figure is None else {LEARNED: figure}
+    drawn = _figures(data) if figure is None else {"learned": figure}
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -204,17 +204,15 @@ def learned_report(learned: LearnedProfile) -> Report:
         text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in means.items())
         section.add("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)
     section.add("Gaussians", "gaussians", learned.model.n_components_)
-    spec, damping = learned.spec, learned.regularization.epsilon
+    spec = learned.spec
     kind, about = {"kind": spec.kind, "part": spec.part}, "Trunk frame (x forward, y left, z up)."
     section.add("Ellipsoids", "ellipsoids", kind, f"{len(learned.time)}, {spec.kind}, {spec.part}", about)
-    about = "Added to all eigenvalues before ellipsoids are compared."
-    section.add("Damping", "damping", damping, str(damping and round(damping, 6)), about)
     section.numbers(duration_s=round(seconds, 3), reference=learned.alignment.reference, outlier=agreement.outlier)
     names = tuple(str(arm.side) for arm in learned.arms)
     mirrored = listed(part.name for part in parts if part.motion.names != names)
     section.note(*[f"mirrored to the {names[0]} arm: {mirrored}"] * bool(mirrored))
     section.note(f"all ellipsoids are those of {' and '.join(names)} arm of mean lengths")
-    section.metrics += tuple(software(learned.random_state))
+    section.metrics += tuple(software(learned.config.seed))
     values = [
         {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),
          "frames": len(part.motion), "side": listed(part.motion.names), "from_others": float(agreement.alone[i]),

@@ -18,10 +18,6 @@ from maniport.util.atomic_io import written_whole
 SUMMARY, PAGE = "summary.json", "report.html"
 """Files of a run: its report as numbers, and the page. A folder with both holds results."""
 
-LEARNED = "learned"
-FIGURES = ("arms", "ellipsoids", "curves", "motion", LEARNED)
-"""Names of the figures of a result, which `maniport figures` adds."""
-
 ENDINGS = (".png", ".svg")  # Formats of the files of a figure
 
 # Begins HTML tags, entities, links, headings and quotations in Markdown, and escapes of such signs.
@@ -31,11 +27,6 @@ _MARKUP = re.compile(r"\\(?=[!-/:-@[-`{-~])|<(?=[A-Za-z/!?])|&(?=#?\w+;)|\](?=[(
 def escaped(text: str) -> str:
     r"""Return text, such as a name from a file, that Markdown shows as it is: without HTML, links and headings."""
     return _MARKUP.sub(r"\\\g<0>", printable(text))
-
-
-def files_of(*names: str) -> tuple[str, ...]:
-    """Return names of the files of figures that are saved without an ending."""
-    return tuple(f"{name}{ending}" for name in names for ending in ENDINGS)
 
 
 def as_markdown(report: Report, details: bool = False) -> str:

@@ -33,7 +33,7 @@ def result_report(result: TransferResult | MotionResult) -> Report:
     sections, motions = [_settings(result)], dict[str, Metrics]()
     if isinstance(result, TransferResult):
         sections.insert(0, recording_section(result.recording))
-        source, spec, count = Path(result.recording.source).stem or "A recording", result.spec, len(result.time)
+        source, spec, count = Path(result.recording.source).stem or "A recording", result.config.spec, len(result.time)
         person = " and ".join(str(arm.fit.arm.side) for arm in result.arms)
         methods = " and ".join(dict.fromkeys(label(arm.method) for arm in result.arms))
         lead = (
@@ -46,7 +46,7 @@ def result_report(result: TransferResult | MotionResult) -> Report:
         assert result.motion is not None
         time = result.motion.trajectory.control_time
         lead = f"{len(result.motion.trajectory.time)} target ellipsoids, followed by {robot} in {np.ptp(time):.1f} s."
-        title = f"{Path(result.sources[0]).stem} → {robot}" if result.sources else f"The motion of {robot}"
+        title = f"{Path(result.config.profile).stem} → {robot}" if result.config.profile else f"The motion of {robot}"
     for arm in reversed(result.arms):
         own = _arm_sections(arm, alone=not several)
         motions = {arm.name: {metric.key: metric for metric in own[0].metrics if not metric.is_warning}} | motions
@@ -104,15 +104,15 @@ def _settings(result: Result) -> Section:
     """Describe the robot and the settings of a run."""
     section = Section("Settings", key="run", folded=True)
     if isinstance(result, TransferResult):
-        spec, count = result.spec, len(result.time)
+        spec, count = result.config.spec, len(result.time)
         value = {"kind": spec.kind, "part": spec.part, "count": count}
         about = "Human: trunk frame (x forward, y left, z up); robot: base frame."
         section.warn("step", *result.warnings)
         section.add("Ellipsoids", "ellipsoids", value, f"{count}, {spec.kind}, {spec.part}", about)
-        rotation = result.base_rotation.round(6).tolist()
+        rotation = result.config.rotation.round(6).tolist()
         section.numbers(method=[arm.method for arm in result.arms], base_rotation=rotation)
     else:
-        section.add("Files", "sources", list(result.sources))
+        section.add("Files", "sources", [file for file in (result.config.profile, result.config.path) if file])
     for arm in result.arms:
         chain = chain_metrics(arm.robot)
         base, _, fixed = (metric.text for metric in chain)
@@ -120,11 +120,7 @@ def _settings(result: Result) -> Section:
         value = {"name": arm.robot.name, "joints": arm.robot.dof, **{metric.key: metric.value for metric in chain}}
         key = "robot" if len(result.arms) == 1 else f"{arm.name}_robot"
         section.add("Robot", key, value, text, f"Fixed joints: {fixed}" if fixed else "")
-    motion = result.arms[0].motion
-    if motion is not None:
-        rate = float((len(motion.control_time) - 1) / np.ptp(motion.control_time))
-        section.numbers(control_rate_hz=rate, damping=motion.damping.epsilon)
-    section.metrics += tuple(software(result.random_state))
+    section.metrics += tuple(software(result.config.seed))
     return section
 
 
@@ -149,7 +145,7 @@ def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]
 
 def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> tuple[str, str]:
     """Advise what improves the result most, with its command; of several arms the first with an advice decides."""
-    slower = _repeated(result, "slower", speed_scale=0.5 * (result.config.speed_scale if result.config else 1.0))
+    slower = _repeated(result, "slower", speed_scale=0.5 * result.config.speed_scale)
     if report.status == "red":
         exceeded = "limits-exceeded" in report.warning_keys
         return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
@@ -168,8 +164,7 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         parts = arm.mean_distance
         if motion.path is not None and parts["path"] >= max(parts["infeasible"], parts["motion"]):
             free = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG} --orientation free"
-            alone = result.config is not None and len(result.arms) == 1
-            command = f"{free} --no-place -o {{folder}}-no-path" if alone else ""
+            command = f"{free} --no-place -o {{folder}}-no-path" if len(result.arms) == 1 else ""
             return "The path constraint dominates the distance: try without it.", command
         if parts["motion"] > parts["infeasible"]:
             text = "Limits dominate the distance: use the whole range of the joints."
@@ -180,15 +175,15 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
             if better and better != evaluation.adapter.name:
                 text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
                 return text, _repeated(result, better, method=better)
-        command = "" if result.config is None else f"maniport view --config {{folder}}/{CONFIG}"
-        return "The targets are infeasible: try other methods and base rotations.", command
+        text = "The targets are infeasible: try other methods and base rotations."
+        return text, f"maniport view --config {{folder}}/{CONFIG}"
     return "", ""
 
 
 def _repeated(result: Result, suffix: str, **options: Any) -> str:
     """Return the command that repeats a run of the command line with other options, into another folder."""
     config = result.config
-    if config is None or not (config.profile or len(config.recording) == 1):
+    if not (config.profile or len(config.recording) == 1):
         return ""
     command = f"maniport {'track' if config.profile else 'transfer'} --config {{folder}}/{CONFIG}"
     words = [word for name, value in options.items() for word in OPTIONS[name].words(value)]

@@ -16,9 +16,8 @@ from maniport.transfer.rotation_group import rotation_angle
 def adapter_section(adapter: DomainAdapter) -> Section:
     """Describe the fit of an adapter."""
     section = Section("Adapter", key="adapter", folded=True)
-    # base_rotation and damping have metrics of their own
     parameters = listed(f"{name} {value}" for name, value in adapter.get_params().items()
-                        if name not in ("base_rotation", "damping") and value is not None)  # fmt: skip
+                        if name != "base_rotation" and value is not None)  # fmt: skip
     section.add("Method", "method", type(adapter).__name__, about=f"{parameters}." if parameters else "")
     if not is_fitted(adapter):
         section.add("State", "", None, "not fitted; call fit(teacher, student)")
@@ -34,17 +33,10 @@ def adapter_section(adapter: DomainAdapter) -> Section:
     section.add("Base rotation", "base_rotation", matrix, text, "From the teacher's base frame to the student's.")
     text = f"{np.degrees(rotation_angle(np.eye(len(turn)), turn)):.1f}° with the base rotation"
     section.add("Rotation", "rotation", np.asarray(adapter.rotation_).round(6).tolist(), text)
-    teacher, student = float(adapter.teacher_dispersion_), float(adapter.student_dispersion_)
-    text = f"teacher {teacher:.4g}, student {student:.4g}, ratio {adapter.dispersion_ratio_:.4g}"
-    about = "Mean distance of the ellipsoids from their mean."
-    section.add("Dispersion", "dispersion_ratio", float(adapter.dispersion_ratio_), text, about)
-    if adapter.damping is not None:
-        text = f"{adapter.teacher_damping_:.3g} of the teacher, {adapter.student_damping_:.3g} of the student"
-        section.add("Damping", "damping", adapter.damping, text, "Added to the eigenvalues of ellipsoids.")
     text = f"{adapter.n_iter_} iterations, cost {adapter.history_[0]:.4f} → {adapter.cost_:.4f}; {adapter.stop_reason_}"
     converged = bool(adapter.converged_)
     section.add("Fit", "iterations", int(adapter.n_iter_), f"{text} ({'' if converged else 'not '}converged)")
-    section.numbers(converged=converged, cost=float(adapter.cost_))
+    section.numbers(converged=converged, cost=float(adapter.cost_), damping=adapter.damping)
     if hasattr(adapter, "report_"):
         section.add("Held-out samples", "report", asdict(adapter.report_), adapter.report_.in_words())
     return section
@@ -66,10 +58,6 @@ COLUMNS = {
              "distance to the truth: undivided / divided by the mean distance"),
     "feasibility gap": ("feasibility_gap", ("mean", "p95", "largest"),
                         "distance from the targets to the feasible set, an upper bound: mean / 95 % / max"),
-    "gap of the domain": ("domain_feasibility_gap", ("mean", "p95"),
-                          "the same for samples of the teacher's domain: mean / 95 %"),
-    "successive distance": ("smoothness", ("largest_ratio", "median_ratio"),
-                            "relative to the teacher's: largest / median"),
     "rank correlation": ("preservation", ("rank_correlation",), "of pairwise distances"),
 }  # fmt: skip
 """Columns of the comparison by name: measure of a row, its attributes and their meaning; JSON has all."""

@@ -1,28 +1,22 @@
 """Results written to a folder: data, summaries and the page, whole or not at all."""
 
 import os
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from maniport.errors import InvalidInputError
 from maniport.motion.exports import FORMATS, SCENE, export_motion
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.demonstrations import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.demonstrations import LearnedProfile
-from maniport.pipeline.results import JOINT_FILES, MOTION_FILES, TRANSFER_FILES, MotionResult, TransferResult
-from maniport.report.renderings import FIGURES, LEARNED, PAGE, SUMMARY, files_of, write_report
+from maniport.pipeline.results import RESULT_FILES, MotionResult, TransferResult
+from maniport.report.renderings import PAGE, SUMMARY, write_report
 from maniport.report.values import Report, report_of
 from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
 
-SUMMARIES = ("summary.md", SUMMARY, PAGE, CONFIG)
-REPORT_FILES = (*SUMMARIES, *(exporter.file for exporter in FORMATS.values()), *files_of(*FIGURES))
-RUN_FILES = (*TRANSFER_FILES, *REPORT_FILES)
-"""Files of a transfer to one arm. A folder with other files is not replaced."""
-EXECUTION_FILES = (*MOTION_FILES, *REPORT_FILES)
-LEARNED_FILES = (*LEARNED_DATA, *SUMMARIES, *files_of(LEARNED))
+SUMMARIES = "summary.md", SUMMARY
 
 
 def write_results(
@@ -67,17 +61,14 @@ def write_results(
     if not isinstance(result, kinds):
         names = ", ".join(kind.__name__ for kind in kinds)
         raise InvalidInputError(f"result must be one of {names}; found {type(result).__name__}")
-    formats, own = export_files(exports), LEARNED_FILES
+    formats = export_files(exports)
     if formats and getattr(result, "motion", None) is None:
         raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(formats)}")
-    if not isinstance(result, LearnedProfile):
-        own = (*result.data_files, *REPORT_FILES)
-        require_free_results(Path(folder), [arm.name for arm in result.arms], overwrite, own)
+    require_free(Path(folder), RESULT_FILES, overwrite)
     step, report = Step(progress, "Write results"), report_of(result)
-    with folder_written_whole(folder, own, overwrite) as staging:
+    with folder_written_whole(folder, RESULT_FILES, overwrite) as staging:
         write_run(result, report, formats, staging)
-        if result.config is not None:
-            result.config.save(staging / CONFIG)
+        result.config.save(staging / CONFIG)
     step.end()
     return report
 
@@ -85,7 +76,7 @@ def write_results(
 def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: Path, pages: bool = True) -> None:
     """Write data, summaries, exports and the page of a result to a folder that exists."""
     result.write_data(folder)
-    for name in SUMMARIES[:2]:
+    for name in SUMMARIES:
         write_report(folder / name, report)
     for name, file in formats.items():
         if name != SCENE:
@@ -100,17 +91,6 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
             write_page(folder / PAGE, report, animation)
         if SCENE in formats:
             write_scene(folder / FORMATS[SCENE].file, animation)
-
-
-def require_free_results(
-    folder: Path, arms: Sequence[str], overwrite: bool, own: Collection[str] | None = None
-) -> None:
-    """Raise `OutputError` unless results of arms may replace what is in a folder, `own` files by default."""
-    several = (*arms, *JOINT_FILES, *REPORT_FILES)
-    require_free(folder, own or (several if len(arms) > 1 else RUN_FILES), overwrite)
-    for name in arms if len(arms) > 1 else ():
-        if (folder / name).exists():
-            require_free(folder / name, RUN_FILES, overwrite)
 
 
 def export_files(formats: str | Iterable[str]) -> dict[str, str]:

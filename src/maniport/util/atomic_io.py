@@ -10,6 +10,7 @@ import secrets
 import shutil
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,6 @@ from maniport.util.input_limits import as_path
 EARLIER = ".earlier"  # suffix of the former target where two folders cannot be exchanged in one operation
 
 _targets: dict[Path, Path] = {}  # targets that this process is writing, by temporary path
-_last: Path | None = None
 
 
 @contextmanager
@@ -42,7 +42,7 @@ def folder_written_whole(
 ) -> Iterator[Path]:
     """Give a temporary folder; when the block ends well it takes the place of `folder`, else it is removed.
 
-    An existing folder is replaced only with `overwrite`, and only if it holds no other entries than `own`.
+    An existing folder is replaced only with `overwrite`, and only if all files below it have names of `own`.
     """
     path = as_path(folder, "folder")
     with _writable_target(path, folder=True) as target:
@@ -109,20 +109,12 @@ def place(temporary: Path, target: Path) -> None:
     elif not _exchange(temporary, target):
         os.rename(target, temporary.with_name(temporary.name + EARLIER))
         os.rename(temporary, target)
-    global _last
-    if not any(other in target.parents for other in _targets):  # a part of a larger result does not count
-        _last = target
 
 
 def discard() -> None:
     """Remove whatever this process is writing; it must not write afterwards."""
     for path, target in _targets.items():
         _remove(path, target)
-
-
-def last_result() -> Path | None:
-    """Path of the result that this process completed last."""
-    return _last
 
 
 @contextmanager
@@ -154,15 +146,13 @@ def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
         return
     if not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
-    held = sorted(entry.name for entry in folder.iterdir())
-    others = [name for name in held if name not in own]
-    names = others or held
-    listed = ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-    if others:
-        raise OutputError(f"{str(folder)!r} holds other things ({listed}); give a new folder with -o")
-    if held and not overwrite:
+    entries = (entry for entry in folder.rglob("*") if not (entry.is_dir() and any(entry.iterdir())))
+    others = (entry.relative_to(folder).as_posix() for entry in entries if entry.name not in own)
+    if names := ", ".join(map(repr, islice(others, 5))):
+        raise OutputError(f"{str(folder)!r} holds other things ({names}); give a new folder with {argument('output')}")
+    if not overwrite and any(folder.iterdir()):
         advice = f"give {argument('overwrite')} to replace it, or a new folder"
-        raise OutputError(f"{str(folder)!r} holds an earlier result ({listed}); {advice}")
+        raise OutputError(f"{str(folder)!r} holds an earlier result; {advice}")
     if not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write {str(folder)!r}: permission denied")
 

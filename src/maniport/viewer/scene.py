@@ -68,24 +68,16 @@ class Skeleton:
 
 
 class Shell:
-    """An ellipsoid at a hand; with rings along its principal sections it is visible around another one, too."""
+    """An ellipsoid at a hand; as a wireframe it is visible around another one, too."""
 
-    def __init__(self, scene: Any, name: str, color: Color, opacity: float, ringed: bool = False):
-        look = {"subdivisions": 4, "opacity": opacity, "cast_shadow": False, "receive_shadow": False}
-        self._parts = [scene.add_icosphere(name, 1.0, color, **look)]
-        if ringed:
-            angle = np.linspace(0.0, 2.0 * np.pi, 65)
-            # a trace larger than the ball, in whose flat facets the lines would sink
-            circle = 1.004 * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-            rings = np.concatenate([_edges(np.roll(circle, shift, axis=1)) for shift in range(3)])
-            lines = scene.add_line_segments(f"{name}_rings", rings, color, thickness=2.5, thickness_units="screen")
-            self._parts.append(lines)
+    def __init__(self, scene: Any, name: str, color: Color, opacity: float, wireframe: bool = False):
+        look = {"subdivisions": 2 if wireframe else 4, "wireframe": wireframe, "opacity": opacity}
+        radius = 1.015 if wireframe else 1.0  # the middles of its edges are outside of a ball
+        self._ball = scene.add_icosphere(name, radius, color, **look, cast_shadow=False, receive_shadow=False)
 
     def draw(self, ellipsoid: Array, position: Array) -> None:
         """Take the shape of an ellipsoid (3, 3) about a position (3,) [m]."""
-        scale, turn = shell(ellipsoid)
-        for part in self._parts:
-            part.scale, part.wxyz, part.position = scale, turn, position
+        (self._ball.scale, self._ball.wxyz), self._ball.position = shell(ellipsoid), position
 
 
 class Scene:
@@ -161,7 +153,7 @@ class DrawnSide:
         self._demonstrated = Shell(scene, f"{home}/ellipsoid", PERSON.rgb, 0.4)
         # the achieved one first: browsers draw nothing behind the first of two translucent shells at one place
         self._achieved = Shell(scene, f"{place}/achieved", ACHIEVED.rgb, 0.35)
-        self._target = Shell(scene, f"{place}/target", TARGET.rgb, 0.12, ringed=True)
+        self._target = Shell(scene, f"{place}/target", TARGET.rgb, 0.6, wireframe=True)
         self._position = scene.add_icosphere(f"{place}/target_position", 0.02, TARGET.rgb, subdivisions=2)
 
     def draw(self, frame: Frame) -> None:

@@ -18,6 +18,7 @@ from maniport.errors import InvalidInputError
 from maniport.live import LiveState
 from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.report.values import in_axes
+from maniport.transfer import METHODS
 from maniport.util.optional import viser
 from maniport.util.process import LOOPBACK, LOOPBACK_NAMES, bound
 from maniport.util.validation import Array
@@ -119,19 +120,19 @@ def _own_pages_only() -> Iterator[None]:
 class Panel:
     """Controls and numbers of the live view; the loop reads the controls, which call nothing."""
 
-    def __init__(self, gui: Any, state: ViewState, method: str, base_rotation: Array):
+    def __init__(self, gui: Any, state: ViewState, base_rotation: Array):
         self._state, player, several = state, state.playback, len(state.sides) > 1
         self._names = [f"{side.teacher.side}: " if several else "" for side in state.sides]
         moved = "The recording moves" if player is not None else "Move the sliders of"
         gui.add_markdown(f"{moved} the person's arm; the robot follows. Drag to rotate the view.")
         self._head = gui.add_html("")
-        self._method = gui.add_dropdown("Method", state.methods, initial_value=method)
+        self._method = gui.add_dropdown("Method", tuple(METHODS), initial_value="length-field")
         self._follows = gui.add_checkbox("End effector follows", player is not None)
         button = gui.add_button("Find a better configuration", hint="The robot jumps to the best configuration found")
         button.on_click(lambda _: setattr(state, "jump", True))
         self._sliders: list[Any] = []
         if player is not None:
-            self._plays, self._duration = gui.add_checkbox("Play", True), float(player.time[-1])
+            self._plays, self._duration = gui.add_checkbox("Play", True), float(player.t[-1])
             self._time = gui.add_slider("Time [s]", 0.0, float(np.ceil(100 * self._duration) / 100), 0.01, 0.0)
             self._speed, self._position = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0), 0.0
             self._written = 0.0  # position in the slider
@@ -161,7 +162,7 @@ class Panel:
                 self._written, self._position = self._time.value, min(self._time.value, self._duration)
             elif self._plays.value:
                 self._position = (self._position + self._speed.value * seconds) % self._duration
-            joints = player.joints(self._position)
+            joints = player(self._position)
         return Command(joints, self._method.value, self._rotations[self._preset.value], self._follows.value)
 
     def write(self, frames: Sequence[Frame]) -> None:
@@ -169,11 +170,9 @@ class Panel:
         lines, notes = [], []
         for name, frame in zip(self._names, frames, strict=True):
             error = "" if frame.position_error is None else f"; position error {1e3 * frame.position_error:.1f} mm"
-            joints = ", ".join(map(readable, frame.at_limit))
             lines += [
                 f'<div style="font-size: 2.2em; line-height: 1.1">{frame.distance:.2f}</div>',
                 f"<div>{name}ellipsoid distance: {in_axes(frame.distance)}{error}</div>",
-                f'<div style="font-weight: bold">saturated: {joints}</div>' if joints else "",
             ]
             notes += [f"*{name}{note}*\n" for note in frame.target.notes]
         self._head.content = f'<div style="padding: 0 0.6em">{"".join(lines)}<div>{LEGEND}</div></div>'
@@ -191,11 +190,11 @@ def readable(name: str) -> str:
 class LiveView(Page):
     """A page with a state and its controls; the camera of a browser sees the whole scene in its window."""
 
-    def __init__(self, state: ViewState, method: str, base_rotation: Array, port: int = 0):
+    def __init__(self, state: ViewState, base_rotation: Array, port: int = 0):
         super().__init__(port)
         self.state, self.rate = state, 0.0
         try:
-            self._panel = Panel(self._server.gui, state, method, base_rotation)
+            self._panel = Panel(self._server.gui, state, base_rotation)
             first, persons = state.frames(self._panel.read(0.0), 0.0), [side.teacher for side in state.sides]
             bases = [side.base for side in state.sides]
             self._scene = Scene(self._server.scene, persons, state.robot, first, bases)

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, as_group
 from maniport.arms.arm_group import placing_options
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError, NotSPDError, collected_warnings
+from maniport.errors import InvalidInputError, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import fit_arms, read_recording
 from maniport.mocap.arm_ik import GROUP, require_person
@@ -29,7 +30,7 @@ from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
 from maniport.pipeline.config import Config
 from maniport.pipeline.settings import load_robot
-from maniport.transfer import METHODS, DomainAdapter, load_adapter, method_of
+from maniport.transfer import method_of
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.defaults import AUTO, BOTH, DAMPING
 from maniport.util.process import in_background
@@ -37,7 +38,6 @@ from maniport.util.progress import Progress, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
-LOADED = "adapter file"  # Name of an adapter that was given fitted
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE = 2048, 4096, 16_384
 AT_ONCE = "parallel-transport"  # The method that is fitted before the page is there: it takes milliseconds
 
@@ -49,7 +49,7 @@ class LiveMap:
     """The map of a method at a base orientation, for one ellipsoid at a time."""
 
     method: str
-    transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3); raises NotSPDError where it has no image
+    transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3)
     rotation: Array  # of ellipsoids and of the hand's path, shape (3, 3)
     notes: tuple[str, ...] = ()  # Warnings of the fit
 
@@ -61,23 +61,17 @@ class Maps:
         self,
         teacher: Array,  # domain (n, 3, 3) of the person's arm
         student: Array,  # domain (m, 3, 3) of the robot
-        damping: float = DAMPING,
-        loaded: DomainAdapter | None = None,
         robot: Arm | None = None,
         bank: SeedBank | None = None,
     ):
-        self._domains, self._robot, self._loaded = (teacher, student), (robot, VELOCITY, bank), loaded
-        self._options = {"damping": damping, "random_state": 0}
-        self.names = (*([] if loaded is None else [LOADED]), *METHODS)
+        self._domains, self._robot = (teacher, student), (robot, VELOCITY, bank)
         self.fits: dict[tuple[str, bytes], Future[LiveMap]] = {}
         self._last: LiveMap | None = None
 
     def fit(self, name: str, base_rotation: Array) -> LiveMap:
         """Fit a method at a base orientation, shape (3, 3)."""
-        if name == LOADED and self._loaded is not None:
-            note = "it keeps the base orientation of its fit"
-            return LiveMap(name, self._loaded.compiled(), self._loaded.map_rotation_, (note,))
-        adapter = with_feasible_set(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
+        unfitted = method_of(name, damping=DAMPING, random_state=0, base_rotation=base_rotation)
+        adapter = with_feasible_set(unfitted, *self._robot)
         with _alone, collected_warnings() as notes:
             transform = adapter.fit(*self._domains).compiled()
         return LiveMap(name, transform, adapter.map_rotation_, tuple(notes))
@@ -93,23 +87,11 @@ class Maps:
 
 
 @dataclass(frozen=True, eq=False)
-class Playback:
-    """A recorded motion, played in a loop with straight lines in between."""
-
-    time: Array  # (n,), ascending from 0 [s]
-    path: Array  # (n, dof) of all arms of the person
-
-    def joints(self, position: float) -> Array:
-        """Return the joint positions at a time, shape (dof,)."""
-        return np.array([np.interp(position, self.time, column) for column in self.path.T])
-
-
-@dataclass(frozen=True, eq=False)
 class Command:
     """The values of the controls."""
 
     joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
-    method: str  # One of the names of `Maps`
+    method: str
     base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     follow_hand: bool = False  # Whether the robot's end effector follows the person's hand, too
 
@@ -122,7 +104,7 @@ class Target:
     demonstrated: Array  # The person's ellipsoid, shape (3, 3)
     ellipsoid: Array
     position: Array | None = None  # Position of the end effector [m]
-    notes: tuple[str, ...] = ()  # Of the map, and why the target is not new, or another method's
+    notes: tuple[str, ...] = ()  # Of the map, or whose map it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +116,6 @@ class Frame:
     achieved: Array  # Ellipsoid, shape (3, 3)
     distance: float  # Affine-invariant distance of target and achieved ellipsoid, both with the damping
     position_error: float | None = None  # Of the robot's end effector [m]
-    at_limit: tuple[str, ...] = ()  # Names of the robot's joints that are at a limit
 
 
 class Side:
@@ -144,7 +125,6 @@ class Side:
         self.teacher, self.student, self.maps, self.bank = teacher, student, maps, bank
         self.base = np.zeros(3) if base is None else base  # of the person's arm, in the frame of both [m]
         self.objective = Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT)
-        self._last: Array | None = None
 
     def target(self, joints: Array, method: str, chosen: LiveMap) -> Target:
         """Map the person's arm; the end effector is free. Until a method is fitted another one's map is used."""
@@ -152,13 +132,7 @@ class Side:
         if chosen.method != method:
             notes = (f"{method} is being fitted; the target is that of {chosen.method} until then",)
         demonstrated = self.teacher.manipulability(joints)
-        try:
-            self._last = chosen.transform(demonstrated)
-        except NotSPDError as error:
-            if self._last is None:
-                raise
-            notes = (*notes, f"no image of this ellipsoid, the last one stays: {error}")
-        return Target(joints, demonstrated, self._last, notes=notes)
+        return Target(joints, demonstrated, chosen.transform(demonstrated), notes=notes)
 
     def best(self, target: Target) -> Array:
         """Return the best configuration that is found for a target, shape (dof,)."""
@@ -172,21 +146,22 @@ class Side:
         positions = None if target.position is None else np.broadcast_to(target.position, (len(time), 3))
         return Schedule(self.objective, time, shapes, positions)
 
-    def frame(self, target: Target, q: Array, near_limit: float = 5e-3) -> Frame:
-        """Compare a configuration (dof,) with a target; joints within a share of their range of a limit are at it."""
-        arm, own = self.student, self.schedule(target, np.zeros(1)).targets()
+    def frame(self, target: Target, q: Array) -> Frame:
+        """Compare a configuration (dof,) with a target."""
+        own = self.schedule(target, np.zeros(1)).targets()
         distance, error = own.distance(q[None]), own.position_error(q[None])
-        at_limit = np.minimum(q - arm.lower, arm.upper - q) <= near_limit * (arm.upper - arm.lower)
-        names = tuple(np.array(arm.joint_names)[at_limit].tolist())
-        return Frame(target, q, arm.manipulability(q), float(distance[0]), None if error is None else error[0], names)
+        position_error = None if error is None else error[0]
+        return Frame(target, q, self.student.manipulability(q), float(distance[0]), position_error)
 
 
 class ViewState:
-    """A robot that follows a person's arms, each of which is a `Side`; `joints` is its configuration (dof,)."""
+    """A robot that follows a person's arms, each of which is a `Side`; `joints` is its configuration (dof,).
 
-    def __init__(self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: Playback | None = None):
+    `playback` is a recorded motion: joint positions of all arms of the person as a spline over time from 0 [s].
+    """
+
+    def __init__(self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: BSpline | None = None):
         self.robot, self.sides, self.playback = as_group(robot), tuple(sides), playback
-        self.methods = self.sides[0].maps.names
         self._controller = Controller(robot, speed_limits(robot, None), np.full(robot.dof, np.inf))
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
         self.places: Future[list[Placement]] | None = None  # of the hands' paths, of each side
@@ -213,8 +188,8 @@ class ViewState:
             ellipsoids = side.teacher.manipulability(joints[rows])
             targets.append(np.array([chosen.transform(ellipsoid) for ellipsoid in ellipsoids]))
             hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
-        rotation, banks = _mean_rotation([chosen.rotation for chosen in maps]), [side.bank for side in self.sides]
-        options: dict[str, Any] = {"map_rotation": rotation, "damping": banks[0].damping, "bank": banks}
+        banks = [side.bank for side in self.sides]
+        options: dict[str, Any] = {"map_rotation": _mean_rotation(maps), "damping": banks[0].damping, "bank": banks}
         return list(place_path(hands, targets, self.robot.arms, yaw=0.0, **options))
 
     def _targets(self, command: Command) -> list[Target]:
@@ -228,7 +203,7 @@ class ViewState:
         if self.places is None or not self.places.done():
             note = "a placement is searched for; the end effector is free until then"
             return [replace(target, notes=(*target.notes, note)) for target in targets]
-        rotation = _mean_rotation([chosen.rotation for chosen in maps])
+        rotation = _mean_rotation(maps)
         for k, (side, target, place) in enumerate(zip(self.sides, targets, self.places.result(), strict=True)):
             hand = side.teacher.forward(target.joints)[:3, 3] + side.base  # whose path is turned
             targets[k] = replace(target, position=replace(place, map_rotation=rotation).apply(hand))
@@ -242,40 +217,21 @@ class ViewState:
         return q
 
 
-def _mean_rotation(turns: Sequence[Array]) -> Array:
-    """Return the mean rotation of all arms, as `maniport.transfer_recording` rotates their paths."""
-    return turns[0] if len(turns) == 1 else orthonormal(np.sum(turns, axis=0))
+def _mean_rotation(maps: Sequence[LiveMap]) -> Array:
+    """Return the mean rotation of the maps of all arms, as `maniport.transfer_recording` rotates their paths."""
+    return orthonormal(np.sum([chosen.rotation for chosen in maps], axis=0))
 
 
-def prepare(
-    config: Config,
-    recording: str | Path | None = None,
-    adapter: str | Path | None = None,
-    progress: Progress = no_progress,
-) -> tuple[ViewState, str, Array]:
-    """Load arms of person and robot, sample their domains, and fit the first method.
-
-    Returns the state, the method that is displayed and the base rotation.
-    """
+def prepare(config: Config, recording: str | Path | None = None, progress: Progress = no_progress) -> ViewState:
+    """Load arms of person and robot, sample their domains, and fit the first method."""
     seed, loaded_robot = config.seed, load_robot(config)
     robot, both = as_group(loaded_robot), isinstance(loaded_robot, ArmGroup)
     if both and config.side not in (AUTO, BOTH):
         raise InvalidInputError(f"--side: the robot has two arms, for both of the person; found {config.side!r}")
     if both and len(robot.arms) != 2:
         raise InvalidInputError(f"the view of both arms needs two robot arms; place them with {placing_options()}")
-    if both and adapter is not None:
-        raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
     side = BOTH if both else config.side
     require_person(config.person, AUTO if both else side)
-    loaded, damping, base_rotation = None, DAMPING, None
-    if adapter is not None:
-        loaded = load_adapter(adapter)
-        if (d := len(loaded.teacher_mean_)) != 3:
-            raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")
-        damping, base_rotation = loaded.damping or damping, loaded.base_rotation
-    if base_rotation is None or config.base_rotation != Config.base_rotation:
-        base_rotation = config.rotation
-    rotation = np.asarray(base_rotation, dtype=float)
     for student in robot.arms:
         require_trackable(student)
     if recording is None:
@@ -285,16 +241,14 @@ def prepare(
     else:
         fits = fit_arms(read_recording(recording), config.person, progress=progress, side=side)
         persons, bases, motion = [fit.arm for fit in fits.arms], fits.bases, [fit.joint_angles for fit in fits.arms]
-        playback = Playback(fits.time - fits.time[0], np.concatenate(motion, axis=1))
+        playback = make_interp_spline(fits.time - fits.time[0], np.concatenate(motion, axis=1), k=1)
     progress("Prepare page", 0.0)
     sides = []
     for teacher, student, base in zip(persons, robot.arms, bases, strict=True):
         bank = SeedBank(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-        maps = Maps(*domains, damping, loaded, student, bank)
-        sides.append(Side(teacher, student, maps, bank, base))
+        sides.append(Side(teacher, student, Maps(*domains, student, bank), bank, base))
     state = ViewState(robot, sides, playback)
-    displayed, ready = (LOADED, LOADED) if loaded is not None else ("length-field", AT_ONCE)
-    state.places = in_background(state.find_places, motion, [side.maps.get(ready, rotation) for side in sides])
-    progress("Prepare page", 1.0, f"{ready}; the placement follows")
-    return state, displayed, rotation
+    state.places = in_background(state.find_places, motion, [side.maps.get(AT_ONCE, config.rotation) for side in sides])
+    progress("Prepare page", 1.0, f"{AT_ONCE}; the placement follows")
+    return state

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.chain import SIDES
-from maniport.errors import FileFormatError, InvalidInputError, argument, as_text, spoken, unknown_name
+from maniport.errors import FileFormatError, InvalidInputError, argument, printable, spoken, unknown_name
 from maniport.mocap.cleaning import in_order, without_zeros
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import MAX_POSITION, Recording
@@ -95,7 +95,7 @@ class ImportOptions:
             name = ("milliseconds", "microseconds", "nanoseconds")[power - 1]
             notes.append(f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart")
         times, points, ordered = in_order(times, points)
-        raw = Recording(tuple(unique), points, times, as_text(file.name))
+        raw = Recording(tuple(unique), points, times, printable(file.name))
         scale, unit_note = self._scale(raw, unit)
         notes, warnings = (unit_note, *notes, *ordered), (*quality_warnings, *_bodies_warning(raw))
         return without_zeros(replace(raw, positions=raw.positions * scale, notes=notes, quality_warnings=warnings))

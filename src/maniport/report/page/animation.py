@@ -13,7 +13,7 @@ from maniport.errors import FileFormatError
 from maniport.learning.alignment import axis_deviations
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report.metrics import METRICS
+from maniport.report.metrics import STATISTICS
 from maniport.report.page.content import (
     ACHIEVED,
     HUMAN_JOINTS,
@@ -104,7 +104,8 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     rotation = None
     if isinstance(result, TransferResult):
         placement = result.arms[0].placement
-        rotation = result.base_rotation if placement is None else placement.rotation @ result.base_rotation
+        rotation = result.config.rotation
+        rotation = rotation if placement is None else placement.rotation @ rotation
     return Stage(result.robot.name, tuple(bodies), rotation)
 
 
@@ -154,22 +155,24 @@ def _panels_of(
     result: TransferResult | MotionResult, arm: ArmResult, spec: EllipsoidSpec
 ) -> Iterator[tuple[str, list[Panel]]]:
     """Yield panels of curves of an arm by topic."""
-    motion, distance, error = arm.motion, METRICS["distance"], METRICS["position_error"]
+    motion = arm.motion
     if motion is not None:
         lines = [Line("achieved", motion.distance)]
         if motion.pointwise_best is not None:
             lines.append(Line("best pointwise distance found", motion.pointwise_best, REFERENCE.name, 1))
-        panels = [Panel(distance.label, "", tuple(lines), distance.description)]
+        label, unit, meaning = STATISTICS["distance"]
+        panels = [Panel(label, unit, tuple(lines), meaning)]
         if motion.position_error is not None:
             line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))  # the axis is logarithmic
-            panels.append(Panel(error.label, error.unit, (line,), error.description, logarithmic=True))
+            label, unit, meaning = STATISTICS["position_error"]
+            panels.append(Panel(label, unit, (line,), meaning, logarithmic=True))
         yield "Distance and position error", panels
     if profiles := _profiles_of(arm, spec):
         panels = semi_axis_panels(profiles, spec.bounded.unit)
         if motion is not None:
             angle = Line("longest axis", np.degrees(motion.major_axis_angle))
             meaning = "Between target and achieved. The line breaks where two axes have one length."
-            panels.insert(0, Panel(METRICS["major_axis_angle"].label, "°", (angle,), meaning, span=(0.0, 90.0)))
+            panels.insert(0, Panel(STATISTICS["major_axis_angle"][0], "°", (angle,), meaning, span=(0.0, 90.0)))
         yield "Ellipsoids", panels
     if motion is not None:
         robot = result.robot

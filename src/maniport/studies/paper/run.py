@@ -2,18 +2,16 @@
 
 import os
 import time as clock
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from maniport.report.page import write_page
 from maniport.report.renderings import write_report
-from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software
+from maniport.report.values import Metric, Report, Section, Table, software
 from maniport.studies.paper.experiments import DRAWS, OURS, PAPER, Experiment, Line, human_robot, toy, two_dof
 from maniport.util.atomic_io import folder_written_whole, require_free
-from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count
 
@@ -40,19 +38,6 @@ REASONS = {
 """Reasons for numbers that are lower or higher, by table."""
 
 
-@dataclass(frozen=True, repr=False)
-class Reproduction(NotebookDisplay):
-    """The paper's experiments, repeated."""
-
-    experiments: tuple[Experiment, ...]
-    seed: int
-    seconds: float  # of all experiments
-
-    def __repr__(self) -> str:
-        names = ", ".join(experiment.name for experiment in self.experiments)
-        return f"Reproduction({names}; seed {self.seed}, {self.seconds:.0f} s)"
-
-
 def reproduce(
     which: str,
     output: str | os.PathLike[str],
@@ -60,37 +45,35 @@ def reproduce(
     progress: Progress | None = None,
     draws: int = DRAWS,
     overwrite: bool = False,
-) -> Reproduction:
+) -> Report:
     """Run one or all of the paper's experiments and write tables to a folder, whole or not at all."""
     names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, "all")) == "all" else (which,)
     first, count = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
     require_free(Path(output), FILES, overwrite)
-    report, started, experiments = progress or no_progress, clock.perf_counter(), []
+    progress, started, experiments = progress or no_progress, clock.perf_counter(), list[Experiment]()
     with folder_written_whole(output, FILES, overwrite) as folder:
         for name in names:
-            experiments.append(experiment := EXPERIMENTS[name](first, report, draws=count))
-            report(experiment.title, 1.0, f"{len(experiment.lines)} results")
-        reproduction = Reproduction(tuple(experiments), first, clock.perf_counter() - started)
+            experiments.append(experiment := EXPERIMENTS[name](first, progress, draws=count))
+            progress(experiment.title, 1.0, f"{len(experiment.lines)} results")
+        report = _report(experiments, first, clock.perf_counter() - started)
         *tables, page = (folder / name for name in FILES)
         for file in tables:
-            write_report(file, report_of(reproduction))
-        write_page(page, report_of(reproduction))
-    return reproduction
+            write_report(file, report)
+        write_page(page, report)
+    return report
 
 
-@describe.register
-def reproduction_report(reproduction: Reproduction) -> Report:
+def _report(experiments: Sequence[Experiment], seed: int, seconds: float) -> Report:
     """Return a section for each experiment, and the comparison with the paper."""
     run = Section(
         "Run",
         (
             Metric("Paper", "Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588)"),
-            Metric("Time", f"{reproduction.seconds:.0f} s", "Of all experiments.",
-                   "duration", round(reproduction.seconds, 1), "s"),
-            *software(reproduction.seed),
+            Metric("Time", f"{seconds:.0f} s", "Of all experiments.", "duration", round(seconds, 1), "s"),
+            *software(seed),
         ),
-    )  # fmt: skip
-    groups = compare(reproduction.experiments)
+    )
+    groups = compare(experiments)
     table = Table(tuple(groups[0]), tuple(tuple(map(str, group.values())) for group in groups), "", "groups", groups)
     lead = "The paper's numbers against ours with the paper's settings; our defaults use the base rotation and damping."
     compared = Section("Comparison with the paper", (), (table,), "comparison", lead)
@@ -98,7 +81,7 @@ def reproduction_report(reproduction: Reproduction) -> Report:
         "The paper's experiments, repeated",
         "Human-to-robot manipulability transfer by Riemannian ICP: the paper's numbers, its settings repeated, and "
         "maniport's defaults.",
-        (*map(_section, reproduction.experiments), run, compared),
+        (*map(_section, experiments), run, compared),
     )
 
 

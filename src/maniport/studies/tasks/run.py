@@ -12,12 +12,11 @@ import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportError
 from maniport.report.renderings import write_report
-from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software
+from maniport.report.values import Metric, Report, Section, Table, software
 from maniport.studies.tasks.methods import motions, problem_of
 from maniport.studies.tasks.score import LESS_IS_BETTER, SCORES, Scores, is_valid, read_motion, score, velocity_share
 from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Demonstration, StudyRobot, Task, demonstrations, of_folder
 from maniport.util.atomic_io import claim, write_text
-from maniport.util.notebook import NotebookDisplay
 from maniport.util.optional import mujoco
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import Array, as_choice, as_count
@@ -78,17 +77,6 @@ class Unit:
         return min(own / other, largest) if other > 0.0 else (largest if own > 0.0 else 1.0)
 
 
-@dataclass(frozen=True, repr=False)
-class TaskStudy(NotebookDisplay):
-    """Result of the task study."""
-
-    units: tuple[Unit, ...]
-    seed: int
-
-    def __repr__(self) -> str:
-        return f"TaskStudy({len(self.units)} pairs, seed {self.seed})"
-
-
 def study_tasks(
     output: str | os.PathLike[str],
     seed: int = 0,
@@ -97,7 +85,7 @@ def study_tasks(
     quick: bool = False,
     robots: Sequence[str] = (),
     recordings: str | os.PathLike[str] | None = None,
-) -> TaskStudy:
+) -> Report:
     """Run the task study and write tasks, motions, scores and tables to a folder.
 
     In the folder of an earlier run with the same seed and version, pairs are not computed again. `quick` is a set of
@@ -118,10 +106,10 @@ def study_tasks(
         step = Step(progress, f"{motion.name} → {robot.name}")
         units.append(_unit(folder / "pairs" / robot.name / motion.name.replace(" ", "-"), robot, motion, first))
         step.end(f"{i} of {len(pairs)}{units[-1].failure and ', failed'}")
-    study = TaskStudy(tuple(units), first)
+    report = study_report(units, first)
     for suffix in (".md", ".json"):
-        write_report(folder / f"tasks{suffix}", report_of(study))
-    return study
+        write_report(folder / f"tasks{suffix}", report)
+    return report
 
 
 def score_file(motion: str | os.PathLike[str], task: str | os.PathLike[str]) -> Report:
@@ -203,17 +191,16 @@ def statistics(units: Sequence[Unit], method: str) -> dict[str, Any]:
     return result | {"failed": sum(not unit.row(method)["valid"] for unit in units)}
 
 
-@describe.register
-def study_report(study: TaskStudy) -> Report:
+def study_report(units: Sequence[Unit], seed: int) -> Report:
     """Return a summary, and a table of all methods for each robot."""
-    done = [unit for unit in study.units if not unit.failure]
+    done = [unit for unit in units if not unit.failure]
     robots = list(dict.fromkeys(unit.robot for unit in done))
     failed = tuple(
         Metric(f"{unit.recording}, {unit.robot}", unit.failure, key=f"failed_{i}", value=unit.failure)
-        for i, unit in enumerate(unit for unit in study.units if unit.failure)
+        for i, unit in enumerate(unit for unit in units if unit.failure)
     )
-    run = Section("Run", (Metric("Pairs", f"{len(done)} of {len(study.units)}", key="pairs", value=len(done)),
-                          *failed, *software(study.seed)))  # fmt: skip
+    run = Section("Run", (Metric("Pairs", f"{len(done)} of {len(units)}", key="pairs", value=len(done)),
+                          *failed, *software(seed)))  # fmt: skip
     sections = [_robot_section(robot, [unit for unit in done if unit.robot == robot]) for robot in robots]
     return Report("Task study", "Tasks with a hidden direction: methods of redundancy resolution on equal paths.",
                   (_summary(done), *sections, run))  # fmt: skip

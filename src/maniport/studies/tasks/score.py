@@ -17,9 +17,9 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from maniport.arms import Arm
-from maniport.arms.chain import PRISMATIC
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.evaluation.capability import half_sphere, line_extent, polytope_extent, resemblance
+from maniport.live.simulation import model_spec
 from maniport.motion import MotionLimits
 from maniport.motion.plan.roadmap import moved_to_positions
 from maniport.studies.tasks.task import MOST_BYTES, Task
@@ -57,24 +57,20 @@ class SimulatedArm:
     @cached_property
     def model(self) -> Any:
         """Model without geometry."""
-        mj, chain, spec = self.mujoco, self.arm.chain, self.mujoco.MjSpec()
-        spec.option.timestep, spec.option.gravity = STEP, chain.gravity
-        spec.option.integrator = mj.mjtIntegrator.mjINT_IMPLICITFAST
-        spec.compiler.balanceinertia = True
-        body = spec.worldbody
-        for i, (joint, limit) in enumerate(zip(chain.joints, self.limits, strict=True)):
-            body = _add_body(body, joint.placement)
-            kind = mj.mjtJoint.mjJNT_SLIDE if joint.kind == PRISMATIC else mj.mjtJoint.mjJNT_HINGE
-            own = body.add_joint(name=f"joint{i}", type=kind, axis=joint.axis, armature=ROTOR * limit)
-            own.actgravcomp, own.actfrcrange, own.actfrclimited = True, [-limit, limit], True
-            _set_inertia(body, np.asarray(chain.inertia)[i + 1])
-            stiffness = limit / 4e-3
-            servo = spec.add_actuator(name=f"servo{i}", target=f"joint{i}", trntype=mj.mjtTrn.mjTRN_JOINT)
-            servo.set_to_position(kp=stiffness, kv=2.0 * np.sqrt(stiffness * ROTOR * limit))
-            spec.add_sensor(type=mj.mjtSensor.mjSENS_JOINTACTFRC, objtype=mj.mjtObj.mjOBJ_JOINT, objname=f"joint{i}")
-        end = _add_body(body, chain.frames[self.arm.frame].placement)
-        end.name, end.explicitinertial = "end_effector", True
+        mj, spec, place = self.mujoco, model_spec(self.arm), self.arm.chain.frames[self.arm.frame].placement
+        spec.option.timestep, spec.option.integrator = STEP, mj.mjtIntegrator.mjINT_IMPLICITFAST
+        quaternion = Rotation.from_matrix(place[:3, :3]).as_quat(scalar_first=True)
+        end = spec.bodies[-1].add_body(name="end_effector", pos=place[:3, 3], quat=quaternion, explicitinertial=True)
         end.mass, end.ipos, end.inertia = max(self.payload, 1e-6), np.zeros(3), np.full(3, 1e-9)
+        for body in spec.bodies[1:]:
+            body.gravcomp = 1.0
+        for i, (joint, limit) in enumerate(zip(spec.joints, self.limits, strict=True)):
+            joint.name, joint.armature = f"joint{i}", ROTOR * limit
+            joint.actgravcomp, joint.actfrcrange, joint.actfrclimited = True, [-limit, limit], True
+            stiffness = limit / 4e-3
+            servo = spec.add_actuator(name=f"servo{i}", target=joint.name, trntype=mj.mjtTrn.mjTRN_JOINT)
+            servo.set_to_position(kp=stiffness, kv=2.0 * np.sqrt(stiffness * ROTOR * limit))
+            spec.add_sensor(type=mj.mjtSensor.mjSENS_JOINTACTFRC, objtype=mj.mjtObj.mjOBJ_JOINT, objname=joint.name)
         spec.add_sensor(type=mj.mjtSensor.mjSENS_FRAMEPOS, objtype=mj.mjtObj.mjOBJ_BODY, objname="end_effector")
         return spec.compile()
 
@@ -111,21 +107,6 @@ class SimulatedArm:
 
 
 _simulated = lru_cache(4)(SimulatedArm)
-
-
-def _add_body(parent: Any, pose: Array) -> Any:
-    """Add a body, whose gravity the servos compensate."""
-    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
-    return parent.add_body(pos=pose[:3, 3], quat=quaternion, gravcomp=1.0)
-
-
-def _set_inertia(body: Any, inertia: Array) -> None:
-    """Set the mass of a body by a spatial inertia (6, 6) about its origin."""
-    mass = float(inertia[0, 0])
-    across = inertia[3:, :3] / mass  # the cross-product matrix of the center of mass
-    about = inertia[3:, 3:] + mass * across @ across
-    body.mass, body.ipos, body.explicitinertial = mass, np.array([across[2, 1], across[0, 2], across[1, 0]]), True
-    body.fullinertia = [about[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
 
 
 def score(task: Task, q: Array) -> Scores:
