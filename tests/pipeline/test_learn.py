@@ -101,7 +101,7 @@ def test_a_robot_follows_what_was_learned(people):
     assert result.arm.fit.arm is people.arms[0]
     with pytest.raises(InvalidInputError, match="spec"):
         mp.transfer_recording(people, ellipsoids="force", move=False, **SMALL)
-    assert people.spec == VELOCITY
+    assert people.config.spec == VELOCITY
 
 
 def test_files_are_whole_and_can_be_read(people, tmp_path):

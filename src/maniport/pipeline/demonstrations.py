@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms import Arm
 from maniport.arms.chain import SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, argument
@@ -99,11 +99,6 @@ class LearnedProfile(SavedResult):
             f"LearnedProfile({len(self.demonstrations)} demonstrations, {len(self.time)} ellipsoids, "
             f"{self.model.n_components_} Gaussians, spread {self.agreement.after:.2f})"
         )
-
-    @property
-    def spec(self) -> EllipsoidSpec:
-        """Kind and part of the ellipsoids."""
-        return self.config.spec
 
     @property
     def names(self) -> tuple[str, ...]:

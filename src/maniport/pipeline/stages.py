@@ -140,9 +140,9 @@ def _require_frames(recording: Recording, count: int, what: str) -> None:
 def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Human:
     """Fit one or both arms of the person; a learned profile has its arms already."""
     if isinstance(recording, LearnedProfile):
-        if recording.spec != settings.config.spec:
+        if recording.config.spec != settings.config.spec:
             raise InvalidInputError(
-                f"spec must be that of the learned profile, {recording.spec}; found {settings.config.spec}"
+                f"spec must be that of the learned profile, {recording.config.spec}; found {settings.config.spec}"
             )
         parts, reference = recording.each_arm(), recording.reference
         profiles, hands = [part.profile for part in parts], [part.path for part in parts]

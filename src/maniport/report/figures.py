@@ -40,7 +40,6 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter  # noqa: E4
 SETTINGS: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "maniport",
-    "pdf.fonttype": 42,
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"],
     "svg.image_inline": True,
     "savefig.bbox": None,
@@ -50,7 +49,6 @@ SETTINGS: dict[Any, Any] = {
 METADATA = {
     ".png": {"Software": None},
     ".svg": {"Date": None, "Creator": None},
-    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
 UNIT = "m/s per rad/s"  # Unit of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints

@@ -204,7 +204,7 @@ def learned_report(learned: LearnedProfile) -> Report:
         text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in means.items())
         section.add("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)
     section.add("Gaussians", "gaussians", learned.model.n_components_)
-    spec = learned.spec
+    spec = learned.config.spec
     kind, about = {"kind": spec.kind, "part": spec.part}, "Trunk frame (x forward, y left, z up)."
     section.add("Ellipsoids", "ellipsoids", kind, f"{len(learned.time)}, {spec.kind}, {spec.part}", about)
     section.numbers(duration_s=round(seconds, 3), reference=learned.alignment.reference, outlier=agreement.outlier)

@@ -53,7 +53,7 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         parts = [_panels_of_learned(part) for part in result.each_arm()]
         sides = [str(arm.side) for arm in result.arms]
         curves = {group: _alternated([part[group] for part in parts], sides) for group in parts[0]}
-        return Animation(result.alignment.time, (), curves, unit=result.spec.unit)
+        return Animation(result.alignment.time, (), curves, unit=result.config.spec.unit)
     transferred, spec = isinstance(result, TransferResult), result.arms[0].spec
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     moves = "translates" if spec.part == "translation" else "rotates"
@@ -225,7 +225,7 @@ def _panels_of_learned(learned: LearnedProfile) -> dict[str, tuple[Panel, ...]]:
     """Return the curves of demonstrations and of the profile that is learned from them."""
     time, deviations = learned.alignment.time, axis_deviations(learned.profile, learned.covariance)
     semi_axes, demonstrated = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
-    d, unit, outlier = semi_axes.shape[1], learned.spec.unit, learned.agreement.outlier
+    d, unit, outlier = semi_axes.shape[1], learned.config.spec.unit, learned.agreement.outlier
 
     def panel(title: str, unit: str, several: Array, values: Array, factor: Array | None = None) -> Panel:
         lines = [Line(name, item, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)
