@@ -66,8 +66,6 @@ COLUMNS = {
              "distance to the truth: undivided / divided by the mean distance"),
     "feasibility gap": ("feasibility_gap", ("mean", "p95", "largest"),
                         "distance from the targets to the feasible set, an upper bound: mean / 95 % / max"),
-    "gap of the domain": ("domain_feasibility_gap", ("mean", "p95"),
-                          "the same for samples of the teacher's domain: mean / 95 %"),
     "successive distance": ("smoothness", ("largest_ratio", "median_ratio"),
                             "relative to the teacher's: largest / median"),
     "rank correlation": ("preservation", ("rank_correlation",), "of pairwise distances"),
