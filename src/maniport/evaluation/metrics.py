@@ -182,9 +182,8 @@ class Row:
         A remark, or why nothing was measured.
     rmse : RMSE or None
         Where the truth is known.
-    feasibility_gap, domain_feasibility_gap : Gaps or None
-        Of the profile, and of samples of the teacher's domain, held out of the fit where the teacher's arm is known;
-        None without the student's kinematics.
+    feasibility_gap : Gaps or None
+        Of the profile; None without the student's kinematics.
     smoothness : Smoothness or None
     preservation : DistancePreservation or None
         None where the teacher's ellipsoids do not change.
@@ -198,7 +197,6 @@ class Row:
     note: str = ""
     rmse: RMSE | None = None
     feasibility_gap: Gaps | None = None
-    domain_feasibility_gap: Gaps | None = None
     smoothness: Smoothness | None = None
     preservation: DistancePreservation | None = None
     failures: tuple[str, ...] = ()
