@@ -17,6 +17,7 @@ from maniport.util.defaults import (
     BOTH,
     DAMPING,
     MARGIN,
+    METHODS,
     PERSON,
     POSITION_TOLERANCE,
     RATE,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 CONFIG = "run.yaml"  # file of the configuration in a result folder
 UNITS, AXES = ("m", "dm", "cm", "mm", "inch", "CMU"), ("pointing", "whole")
-METHODS = AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"
 
 SECTIONS = "human", "robot", "transfer", "motion", "placement", "learning", "batch"
 _run, _human, _robot, _transfer, _motion, _placement, _learning, _batch = (
@@ -68,7 +68,7 @@ class Config:
     start: float | None = _human(None, "Start of the part that is used", "s", common=True)
     stop: float | None = _human(None, "End of the part that is used", "s", common=True)
     markers: str | None = _human(None, "JSON file of points by role", is_file=True, unchecked=True, common=True)
-    person: str = _human(PERSON, "Arm model: myoarm, rhuman", common=True)
+    person: str = _human(PERSON, "Model of the human arm", common=True)
     side: str = _human(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
     smooth: str = _human(AUTO, "Smoothing of noisy points", choices=(AUTO, "off"))
 
@@ -95,7 +95,7 @@ class Config:
     )
     mesh_folders: tuple[str, ...] = _robot((), "Folder of additional meshes; repeatable", repeated=True, is_file=True)
 
-    method: str = _transfer(AUTO, "Transfer method", choices=METHODS, unchecked=True, common=True)
+    method: str = _transfer(AUTO, "Transfer method", choices=(AUTO, *METHODS), unchecked=True, common=True)
     ellipsoids: str = _transfer("velocity", "Ellipsoids", choices=("velocity", "force", "acceleration"), common=True)
     part: str = _transfer("translation", "Part of the velocity", choices=("translation", "rotation", "full"))
     joint_weights: str | tuple[float, ...] | None = _transfer(
