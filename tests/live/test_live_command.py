@@ -113,7 +113,8 @@ def test_wrong_options_are_refused(live, words, word):
 
 
 @pytest.mark.parametrize(("closed", "words", "text"), [
-    ("stdin", ("freeform",), "is closed"), ("stdout", ("freeform",), "is closed"), ("full", ("freeform",), "No space left"),
+    ("stdin", ("freeform",), "is closed"), ("stdout", ("freeform",), "is closed"),
+    ("full", ("freeform",), "No space left"),
     (None, ("ladder", "--robot", "nothing", "--udp", "0"), "unknown robot 'nothing'"),
 ])  # fmt: skip
 def test_closed_streams_and_unknown_robots_are_refused(monkeypatch, run, closed, words, text):

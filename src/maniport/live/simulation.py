@@ -39,7 +39,7 @@ class SimulatedRobot:
         self.largest_share = 0.0  # of the torque limits that was used
         efforts = robot.effort_limits
         self._efforts = np.full(len(start), np.inf) if efforts is None else efforts
-        self.has_torque_limits = bool(np.isfinite(self._efforts).any())
+        self.limited = bool(np.isfinite(self._efforts).any())
         if self.dynamic:
             self._mujoco = mujoco()
             self._model = _compiled(self._mujoco, robot_model(robot))
@@ -112,7 +112,7 @@ class Simulation:
         return state
 
     def __str__(self) -> str:
-        share = f"at most {100.0 * self.robot.largest_share:.0f} %" if self.robot.has_torque_limits else "without limits"
+        share = f"at most {100.0 * self.robot.largest_share:.0f} %" if self.robot.limited else "without limits"
         servo = f"servo lag at most {self.lag:.3f} rad, torque {share}"
         text = servo if self.robot.dynamic else "robot without masses: no dynamics"
         return f"{errors_text(self.errors)}; {text}" if self.errors else text
