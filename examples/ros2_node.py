@@ -1,7 +1,6 @@
 """A ROS 2 node for live control: markers of a person in, joint positions of a robot out.
 
-It publishes to a `forward_command_controller` whose `joints` are those of the robot in their order, when the robot is
-near the start configuration. Without markers, and at Ctrl-C, the robot brakes.
+It publishes to a `forward_command_controller`. Without markers, and at Ctrl-C, the robot brakes.
 
     python ros2_node.py RECORDING [ROBOT]
 """
@@ -21,7 +20,7 @@ from std_msgs.msg import Float64MultiArray
 import maniport as mp
 
 COMMANDS = "/forward_position_controller/commands"
-PERIOD, NEAR = 0.005, 0.05  # time between commands [s]; largest distance of a joint from its start [rad or m]
+NEAR, PERIOD, LATE = 0.05, 0.01, 0.04  # near the start [rad or m]; period of commands while markers are late [s]
 
 
 class Follow(Node):
@@ -29,7 +28,7 @@ class Follow(Node):
 
     def __init__(self, live):
         super().__init__("maniport_live")
-        self.live, self.ready, self.state, self.stepped, self.stop = live, False, None, 0.0, rclpy.Future()
+        self.live, self.ready, self.state, self.came, self.stop = live, False, None, 0.0, rclpy.Future()
         self.publisher = self.create_publisher(Float64MultiArray, COMMANDS, 1)
         self.create_subscription(JointState, "/joint_states", self.on_joints, qos_profile_sensor_data)
         self.create_subscription(Markers, "/markers", self.on_markers, qos_profile_sensor_data)
@@ -37,35 +36,36 @@ class Follow(Node):
 
     def on_joints(self, message):
         """Wait until the robot is near the start configuration."""
-        position, names = dict(zip(message.name, message.position, strict=True)), self.live.robot.joint_names
-        start = dict(zip(names, self.live.joint_positions.tolist(), strict=True))
+        position = dict(zip(message.name, message.position, strict=True))
+        start = dict(zip(self.live.robot.joint_names, self.live.joint_positions.tolist(), strict=True))
         self.ready = self.ready or all(abs(position.get(name, 9.0) - q) < NEAR for name, q in start.items())
         if not self.ready:
             self.get_logger().info(f"Waiting for the start configuration: {start}", throttle_duration_sec=5.0)
 
     def on_markers(self, message):
         """Follow new markers."""
-        positions = {marker.marker_name: marker.translation for marker in message.markers}
+        self.came = time.monotonic()
+        positions, stamp = {m.marker_name: m.translation for m in message.markers}, message.header.stamp
         points = {name: (p.x, p.y, p.z) for name, p in positions.items() if name in self.live.points}
-        self.move(points, message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+        self.move(points, stamp.sec + 1e-9 * stamp.nanosec)
 
     def on_timer(self):
-        """Move on between markers, or brake without them."""
-        if time.monotonic() > self.stepped + 0.5 * PERIOD:
+        """Move on where markers are late; later, the robot brakes."""
+        if time.monotonic() > self.came + LATE:
             self.move()
 
     def move(self, points=None, stamp=None):
         """Send joint positions."""
         if self.ready:
             try:
-                self.state, self.stepped = self.live.step(points, stamp), time.monotonic()
+                self.state = self.live.step(points, stamp)
                 self.publisher.publish(Float64MultiArray(data=self.state.joint_positions.tolist()))
             except ValueError as error:  # wrong points; the timer goes on
                 self.get_logger().error(str(error), throttle_duration_sec=1.0)
 
 
 def run(node):
-    """Spin until Ctrl-C or `node.stop`, then bring the robot to rest."""
+    """Spin until Ctrl-C or `node.stop`, then brake."""
     signal.signal(signal.SIGINT, lambda *_: node.stop.set_result(None))
     rclpy.spin_until_future_complete(node, node.stop)
     while node.state is not None and node.state.joint_velocities.any():

@@ -29,12 +29,13 @@ def with_file(gallery_conf: dict[str, Any], example: str) -> None:
 
 def with_title(app: Sphinx, docname: str, source: list[str]) -> None:
     """Make the first paragraph of an example's docstring the title of its page."""
-    if not docname.startswith(PAGES) or not docname.removeprefix(PAGES)[:1].isdigit():
+    name = docname.removeprefix(PAGES)
+    if not docname.startswith(PAGES) or not name.startswith((*"01", "ros2")):
         return
     label = f".. _sphx_glr_{docname.replace('/', '_')}.py:\n\n"
     before, _, after = source[0].partition(label)
     title, _, rest = after.partition("\n\n")
-    title = f"{docname.removeprefix(PAGES)[:2]} {' '.join(title.split()).rstrip('.')}"
+    title = f"{name[:2] if name[0].isdigit() else ''} {' '.join(title.split()).rstrip('.')}".strip()
     source[0] = f"{before}{label}{title}\n{'=' * len(title)}\n\n{rest}"
 
 

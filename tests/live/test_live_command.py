@@ -114,10 +114,12 @@ def test_wrong_options_are_refused(live, words, word):
 
 @pytest.mark.parametrize(("closed", "words", "text"), [
     ("stdin", ("freeform",), "is closed"), ("stdout", ("freeform",), "is closed"),
+    ("full", ("freeform",), "No space left"),
     (None, ("ladder", "--robot", "nothing", "--udp", "0"), "unknown robot 'nothing'"),
 ])  # fmt: skip
 def test_closed_streams_and_unknown_robots_are_refused(monkeypatch, run, closed, words, text):
-    if closed is not None:
-        monkeypatch.setattr(sys, closed, None)
-    code, _, err = run("live", *words)
+    with open("/dev/full", "w") as full:
+        if closed is not None:
+            monkeypatch.setattr(sys, *(("stdout", full) if closed == "full" else (closed, None)))
+        code, _, err = run("live", *words)
     assert (code, text in err) == (2, True)

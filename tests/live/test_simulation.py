@@ -53,6 +53,24 @@ def test_a_robot_without_masses_is_where_it_is_commanded():
     assert not robot.dynamic
 
 
+def test_unknown_torque_limits_are_named(small_result):
+    simulation = Simulation(mp.Live.of(small_result, clock=None))
+    assert "torque at most 0 %" in str(simulation)
+    arm = small_result.arm.robot
+    simulation.robot = SimulatedRobot(type(arm)(replace(arm.chain, effort_limits=None)), arm.sample(1, 0)[0])
+    assert "torque without limits" in str(simulation)
+
+
+def test_two_arms_are_simulated_together(two_arm_result):
+    simulation = Simulation(mp.Live.of(two_arm_result, clock=None))
+    names = simulation._live.points
+    frames = np.random.default_rng(0).normal(size=(len(names), 3)) + np.zeros((30, 1, 1))
+    states = [simulation.step(points, 0.02 * i) for i, points in enumerate(frames)]
+    for arm, pose in zip(states[-1].arms, two_arm_result.robot.forward(simulation.robot.q), strict=True):
+        assert_allclose(arm.position, pose[:3, 3])
+    assert simulation.lag < 0.05
+
+
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     with pytest.raises(MissingPackageError, match=r"\.\[simulate\]"):

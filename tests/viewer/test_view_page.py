@@ -197,7 +197,7 @@ def test_states_of_live_are_drawn(arms):
         moved = replace(state, joint_positions=arms[1].sample(1, 1)[0])
         for shown in (state, moved):
             page.show(shown)
-        assert "**following**" in page._text.content
+        assert "**following**, 0.0 s" in page._text.content  # since the first state
         surface = arms[1].surfaces()[-1]
         pose = arms[1].link_poses(moved.joint_positions)[surface.joint]
         np.testing.assert_allclose(page._scene.sides[0].meshes[-1].position, pose[:3, 3], atol=1e-6)

@@ -132,8 +132,9 @@ def _opened(udp: int | None, host: str, send: int | None) -> Any:
         os.write(sys.stdout.fileno(), b"")
     except io.UnsupportedOperation:  # no file, as a test's output
         pass
-    except (AttributeError, OSError):
-        raise InvalidInputError("standard output is closed; the description and answers go there") from None
+    except (AttributeError, OSError) as error:
+        reason = getattr(error, "strerror", None) or "it is closed"
+        raise InvalidInputError(f"standard output cannot be written, where answers go: {reason}") from None
     out = sys.stdout.buffer
     return Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
 

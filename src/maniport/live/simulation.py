@@ -39,6 +39,7 @@ class SimulatedRobot:
         self.largest_share = 0.0  # of the torque limits that was used
         efforts = robot.effort_limits
         self._efforts = np.full(len(start), np.inf) if efforts is None else efforts
+        self.limited = bool(np.isfinite(self._efforts).any())
         if self.dynamic:
             self._mujoco = mujoco()
             self._model = model_spec(robot).compile()
@@ -112,6 +113,7 @@ class Simulation:
         return state
 
     def __str__(self) -> str:
-        servo = f"servo lag at most {self.lag:.3f} rad, torque at most {100 * self.robot.largest_share:.0f} %"
+        share = f"at most {100.0 * self.robot.largest_share:.0f} %" if self.robot.limited else "without limits"
+        servo = f"servo lag at most {self.lag:.3f} rad, torque {share}"
         text = servo if self.robot.dynamic else "robot without masses: no dynamics"
         return f"{errors_text(self.errors)}; {text}" if self.errors else text

@@ -239,7 +239,9 @@ class Onlooker(Page):
         super().__init__(port)
         self._person, self._robot = person, as_group(robot)
         self._scene: Scene | None = None
+        self._began = 0.0  # time of the first state that was drawn [s]
         self._text, self._written = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
+        self._server.gui.add_html(f'<div style="padding: 0 0.6em">{LEGEND}</div>')
 
     def show(self, state: LiveState) -> None:
         """Draw a state; nothing before the person was seen for the first time."""
@@ -253,8 +255,10 @@ class Onlooker(Page):
         with self._server.atomic():
             if self._scene is None:
                 self._scene = Scene(self._server.scene, [self._person], self._robot, frames)
+                self._began = state.time
             self._scene.draw(frames, np.eye(3))
             if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
                 error = "" if arm.position_error is None else f", position error {1e3 * arm.position_error:.0f} mm"
-                numbers = f"{state.time:.1f} s: distance {arm.distance:.2f}{error}"
-                self._text.content, self._written = f"**{state.state}**\n\n{numbers}", now
+                numbers = f"ellipsoid distance {arm.distance:.2f}{error}"
+                self._text.content = f"**{state.state}**, {state.time - self._began:.1f} s\n\n{numbers}"
+                self._written = now
