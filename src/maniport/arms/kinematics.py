@@ -146,7 +146,8 @@ class Kinematics:
             beyond = crosses @ np.swapaxes(s[:, None] @ composite, -1, -2)
             half = np.where(before[:, None], beyond, crosses @ np.swapaxes(momenta[:, None], -1, -2))
             half = np.where(before[..., None], half, 0.0)
-            h_changes = np.einsum("nmij,mk->nkij", -c.T @ (half + np.swapaxes(half, -1, -2)) @ c, c)
+            h_changes = -half - np.swapaxes(half, -1, -2)
+            h_changes = h_changes if self.trivial else np.einsum("nmij,mk->nkij", c.T @ h_changes @ c, c)
         return DynamicsTerms(torques, h, slopes, h_changes)
 
 
