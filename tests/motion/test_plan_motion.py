@@ -195,7 +195,7 @@ def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(
     nodes = loaded.arms[0].roadmap(problem, 100, np.random.default_rng(0))
     torques = np.abs(loaded.limits.arm.gravity_torques(nodes.q))
     assert np.all(torques < loaded.limits.effort)
-    light = replace(loaded.arms[0].limits, arm=panda.narrowed(loaded.limits.lower, loaded.limits.upper))
+    light = replace(loaded.arms[0].limits, arm=panda.narrowed(loaded.limits.arm.lower, loaded.limits.arm.upper))
     free = replace(loaded.arms[0], limits=light).roadmap(problem, 100, np.random.default_rng(0))
     assert len(free.q) > len(nodes.q)
 

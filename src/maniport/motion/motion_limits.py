@@ -142,7 +142,8 @@ class MotionLimits:
 
     def require_held(self, least: float = 0.05) -> None:
         """Require that the joints hold the arm against gravity in a share of at least `least` of its configurations."""
-        if self.dynamics is None or not np.isfinite(self.effort).any():
+        has_weight = any(any(arm.chain.gravity) for arm in as_group(self.arm).arms)
+        if not has_weight or self.dynamics is None or not np.isfinite(self.effort).any():
             return
         q = self.arm.sample(400, 0)
         torques = np.abs(self.dynamics.gravity(q))

@@ -87,9 +87,8 @@ class Config:
         repeated=True, unchecked=True,
     )  # fmt: skip
     payload: tuple[float, ...] = _robot(
-        (), "Mass that the end effector carries, one for all arms or one for each", "kg", metavar="M1,M2", minimum=0.0,
-        common=True,
-    )  # fmt: skip
+        (), "Mass that the end effector carries, or one for each arm", "kg", metavar="kg", minimum=0.0, common=True
+    )
     payload_center: tuple[float, ...] = _robot(
         (0.0,) * 3, "Center of the payload in the end-effector frame", "m", count=3
     )
