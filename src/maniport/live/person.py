@@ -96,8 +96,8 @@ class Person:
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
-        self.coefficients = np.stack([*vectors.values(), *trunk])[..., 0]
-        self.count = len(self.coefficients)
+        self._linear = np.stack([*vectors.values(), *trunk])[..., 0]
+        self.count = len(self._linear)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
         self._body, self._weights = directions.kinematics.arrays(), directions.weights
         self._samples, self._sampled_directions = sample_directions(directions)
@@ -110,8 +110,8 @@ class Person:
 
     def vectors(self, positions: Array) -> Array:
         """Compute unit vectors (k + 2, 3) along segments, joint axes and the trunk; nan where a point is not seen."""
-        terms = self.coefficients[..., None] * positions
-        terms[self.coefficients == 0.0] = 0.0  # other points may not be seen
+        terms = self._linear[..., None] * positions
+        terms[self._linear == 0.0] = 0.0  # other points may not be seen
         return _unit(terms.sum(axis=1), SHORTEST)
 
     def directions(self, vectors: Array) -> Array | None:
@@ -233,7 +233,7 @@ class LedArm:
         """Forget all frames."""
         self._last_seen = -np.inf
         self._filter = OneEuroFilter(self.person.count) if self.person.is_noisy else None
-        self._hidden = HiddenPoints(self.person.coefficients)
+        self._hidden = HiddenPoints(self.person._linear)
         self.estimate: ArmEstimate | None = None
         self.target: Target | None = None
         self.demonstrated: Array | None = None  # (d, d)
