@@ -4,8 +4,8 @@
 
 Each case transfers a recording, and plays it (or another one of the same motion) to `maniport.Live` in simulated time.
 Webcam cases have 30 frames a second, Gaussian noise of 12 mm (7 mm in each direction) and missing frames and points.
-`--optimum` computes the smallest maximum position error that a robot would have if it knew the whole motion, some minutes
-for each case: each arm by itself, within the limits, without collisions, a local optimum from the live motion.
+`--optimum` computes the smallest maximum position error of a robot that knows the whole motion (minutes a case): each
+arm by itself, within the limits, regardless of collisions, a local optimum from the live motion.
 With a cache, calibrations are read from a folder where they are there; delete it when placement or options change.
 """
 
