@@ -138,7 +138,7 @@ def optimum(case: Case, options: dict[str, Any], cache: Path | None, iterations:
     """Minimize the largest position error by sequential linear programs; return percentiles [mm] of each arm."""
     followed, _, result = transferred(case, options, cache)
     states, errors = played(mp.Live.of(result, clock=None), followed), []
-    states = [state for state in states if state.position_error is not None]
+    states = [state for state in states if all(arm.position_error is not None for arm in state.arms)]
     dt, limits = float(np.median(np.diff(followed.time))), result.motion.limits
     signs = np.array(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)).reshape(3, -1).T
     sides = signs[signs.any(axis=1)] / np.linalg.norm(signs[signs.any(axis=1)], axis=1, keepdims=True)  # 26 directions
