@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import maniport as mp
+from maniport.arms.chain import rotation_about
 from maniport.arms.human import human_arm
-from maniport.live.person import OneEuroFilter, Person
+from maniport.live.person import HiddenPoints, OneEuroFilter, Person
 from maniport.mocap import synthetic_recording
 
 
@@ -78,3 +79,17 @@ def test_noisy_recordings_are_filtered():
     assert Person(mp.fit_arm(noisy)).is_noisy
     assert not Person(mp.fit_arm(noisy, smooth="off")).is_noisy
     assert not Person(mp.fit_arm(recording)).is_noisy
+
+
+def test_hidden_points_move_with_the_points_around_them():
+    linear = np.array([[-1.0, 0.5, 0.5, 0.0], [0.0, -0.5, -0.5, 1.0]])  # shoulder, two markers of the elbow, wrist
+    frame, turn = np.array([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0.05, 0.01], [0.5, 0.2, 0]]), rotation_about(2, 0.5)
+    moved, points = frame @ turn.T + 0.1, HiddenPoints(linear)
+    points.remember(frame, frame, 0.0)
+    for i, longest in ((2, 2.0), (3, 0.1)):
+        hidden = moved.copy()
+        hidden[i] = np.nan
+        np.testing.assert_allclose(points.fill(hidden, longest), moved, atol=1e-6)
+        np.testing.assert_array_equal(points.fill(hidden, longest + 0.01), hidden)
+    nothing = np.full((4, 3), np.nan)
+    np.testing.assert_array_equal(points.fill(nothing, 0.01), nothing)

@@ -4,8 +4,9 @@ Offline all frames are fitted together, each joint's acceleration weighted again
 (`maniport.mocap.arm_path`): the most probable path of joints whose accelerations are noise. Here the same
 is computed from the past alone. Earlier frames give a mean and a covariance of angles and velocities (an extended
 Kalman filter), and each new frame is solved within the joint limits, to convergence, with the weights, residuals and
-pulls of the offline fit. Differences: a joint that no point shows comes to rest, points are neither smoothed nor
-filled, and the whole joint range is searched where directions are missed, not at every key frame.
+pulls of the offline fit. Differences: a joint that no point shows comes to rest, points are not smoothed but
+filled from the points around them, and the whole joint range is searched where directions are missed, not at every key
+frame.
 """
 
 import math
@@ -168,10 +169,10 @@ class Person:
 
 
 class HiddenPoints:
-    """Fills hidden points, which move with the points near them as a rigid body, as long as these show them well.
+    """Fills hidden points: since the last frame they move with the points near them, as a rigid body.
 
-    A role of several points, such as two markers of the elbow, is shown by one of them for 2 s; other points move
-    differently soon, and are filled for 0.1 s.
+    The weights of these are their distances to the power -4. A point that is averaged with one that is seen, such as
+    the other marker of an elbow, is filled for 2 s, with errors of directions of about 5°; others for 0.1 s.
     """
 
     def __init__(self, linear: Array, together: float = 2.0, alone: float = 0.1):
