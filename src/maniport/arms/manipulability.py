@@ -119,9 +119,9 @@ def weighting(
     is constant. `limits` (dof,) are those of the joints where these are the weights. Accelerations need masses.
     """
     accelerated, gravity = spec.kind == "acceleration", limits is not None and spec.kind != "velocity"
-    terms = kinematics.dynamics(q, changes) if accelerated or gravity else None
     if limits is None and spec.joint_weights is None and not accelerated:
         return None, None
+    terms = kinematics.dynamics(q, changes) if accelerated or gravity else None
     weights: Any = 1.0 if spec.joint_weights is None else spec.joint_weights if limits is None else limits
     scale: Array = np.ones(q.shape[1]) * weights
     slopes = None

@@ -39,6 +39,7 @@ class Solids:
         self._skins = np.array([*(hull.skin for hull in hulls), 0.0])
         ends = np.array([(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]).reshape(-1, 2, 3)
         self._arrays = (
+            *tree.arrays,
             np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
             np.cumsum([0, *(len(hull.corners) for hull in hulls)]),
             joints,
@@ -55,9 +56,7 @@ class Solids:
     def distance_bounds(self, q: Array, pairs: Pairs, sufficient: float | Array) -> Array:
         """Lower bound of the distances of pairs [m], shape (n, pairs); not refined where it exceeds `sufficient`."""
         bounds, margins = np.empty((len(q), len(pairs))), np.full(len(pairs), sufficient, np.float64)
-        _fill_distance_bounds(
-            self.tree.positions(q), *self.tree.arrays, *self._arrays, pairs, margins, self.table, bounds
-        )
+        _fill_distance_bounds(self.tree.positions(q), *self._arrays, pairs, margins, self.table, bounds)
         return bounds
 
     def contacts(self, q: Array, pairs: Pairs, margin: float | Array = np.inf, depths: bool = True) -> Contacts:
