@@ -193,9 +193,10 @@ class Arm(JointSpace):
         """Return the results of `forward` and `ellipsoids`."""
         poses, jacobians, _ = self._motions(q)
         weight = self._weights(q, spec)[0]
-        rows = jacobians.reshape(-1, 6, self.dof)[:, spec.rows]
-        rows = rows if weight is None else times(rows, weight)
-        return poses, manipulability(rows.reshape(*poses.shape[:-2], *rows.shape[1:]), spec.kind)
+        rows = jacobians[..., spec.rows, :]
+        if weight is not None:
+            rows = times(rows.reshape(-1, *rows.shape[-2:]), weight).reshape(rows.shape)
+        return poses, manipulability(rows, spec.kind)
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
         """Return the results of `forward`, `jacobian` and `ellipsoids`, and derivatives of the latter.

@@ -67,12 +67,14 @@ def place_points(positions, placements, axes, slides, coupling, joints, vectors,
                 values[v, i] += rotations[link, i, m] * vectors[v, m]
             for k in range(coupling.shape[1]):
                 slopes[v, i, k] = 0.0
-        for j in range(link):
-            for i in range(3):
-                axis[i] = 0.0
-                for m in range(3):
-                    axis[i] += rotations[j + 1, i, m] * axes[j, m]
-            for i in range(3):
+    for j in range(len(axes)):
+        for i in range(3):
+            axis[i] = 0.0
+            for m in range(3):
+                axis[i] += rotations[j + 1, i, m] * axes[j, m]
+        for v in range(len(joints)):
+            is_point = v < count
+            for i in range(3 if j < joints[v] else 0):
                 p, q = (i + 1) % 3, (i + 2) % 3
                 if slides[j]:
                     moved = axis[i] if is_point else 0.0

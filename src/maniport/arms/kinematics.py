@@ -63,6 +63,7 @@ class Kinematics:
         self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
         self._inertia, self._up = chains[0].inertia, -np.array(chains[0].gravity)
         self.has_weight = self._inertia is not None and bool(self._up.any())
+        self.arrays = self.parents, self.placements, self.axes, self.slides
         self.moves = np.zeros((count + 1, count), dtype=np.bool_)  # which joints move each link
         for joint, parent in enumerate(parents):
             self.moves[joint + 1] = self.moves[parent]
@@ -93,9 +94,8 @@ class Kinematics:
         """Rotations (n, links, 3, 3) and origins (n, links, 3) of all links for degrees of freedom, shape (n, dof)."""
         from maniport.arms.kernels import fill_link_poses
 
-        rotations, origins = (np.empty((len(q), len(self.moves), *size)) for size in ((3, 3), (3,)))
-        positions = self.positions(q)
-        fill_link_poses(positions, self.parents, self.placements, self.axes, self.slides, rotations, origins)
+        rotations, origins = np.empty((len(q), len(self.moves), 3, 3)), np.empty((len(q), len(self.moves), 3))
+        fill_link_poses(self.positions(q), *self.arrays, rotations, origins)
         return rotations, origins
 
     def dynamics(self, q: Array, changes: bool = False, inertia: bool = True) -> DynamicsTerms | None:

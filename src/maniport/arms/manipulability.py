@@ -121,9 +121,9 @@ def weighting(
     """
     accelerated = spec.kind == "acceleration"
     gravity = limits is not None and spec.kind != "velocity" and kinematics.has_weight
-    terms = kinematics.dynamics(q, changes, inertia=accelerated) if accelerated or gravity else None
     if limits is None and spec.joint_weights is None and not accelerated:
         return None, None
+    terms = kinematics.dynamics(q, changes, inertia=accelerated) if accelerated or gravity else None
     weights: Any = 1.0 if spec.joint_weights is None else spec.joint_weights if limits is None else limits
     scale: Array = np.ones(q.shape[1]) * weights
     slopes = None

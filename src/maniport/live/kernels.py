@@ -4,7 +4,61 @@ import numpy as np
 
 from maniport.arms.kernels import place_points
 from maniport.motion.kernels import step_within_limits
-from maniport.util.jit import kernel
+from maniport.util.jit import kernel, part
+
+
+@kernel
+def unit_vectors(linear, positions, shortest):  # type: ignore[no-untyped-def]
+    """Return unit vectors (k, 3) along combinations (k, n) of points (n, 3); nan where not seen, or not longer."""
+    vectors = np.zeros((len(linear), 3))
+    for v in range(len(linear)):
+        for n in range(len(positions)):
+            if linear[v, n] != 0.0:  # other points may not be seen
+                for i in range(3):
+                    vectors[v, i] += linear[v, n] * positions[n, i]
+        _normalize(vectors[v], shortest)
+    return vectors
+
+
+@kernel
+def trunk_directions(vectors, forward, required):  # type: ignore[no-untyped-def]
+    """Return directions (k, 3) in the frame of the trunk, and whether the first ones, so many as required, are seen.
+
+    The last two of the vectors (k + 2, 3) are those of the trunk: upward, and forward or else to the left.
+    """
+    up, across = vectors[-2], vectors[-1].copy()
+    across -= (across[0] * up[0] + across[1] * up[1] + across[2] * up[2]) * up
+    _normalize(across, 1e-3)  # within 0.06° of the vertical it does not determine the frame
+    directions, seen = np.empty((len(vectors) - 2, 3)), True
+    for n in range(len(directions)):
+        first, second, directions[n, 2] = 0.0, 0.0, 0.0
+        for i in range(3):
+            p, q, x = (i + 1) % 3, (i + 2) % 3, vectors[n, i]
+            first += x * across[i]
+            second += x * (up[p] * across[q] - up[q] * across[p])
+            directions[n, 2] += x * up[i]
+        directions[n, 0], directions[n, 1] = (first, second) if forward else (-second, first)
+        seen = seen and (n >= required or not np.isnan(first + second))
+    return directions, seen
+
+
+@kernel
+def turned(before, after, least):  # type: ignore[no-untyped-def]
+    """Return whether the angle between the first unit vectors (k, 3), not nan, exceeds `least` (n,) [rad] anywhere."""
+    for n in range(len(least)):
+        square = 0.0
+        for i in range(3):
+            square += (after[n, i] - before[n, i]) ** 2
+        if not np.isnan(square) and 2.0 * np.arcsin(min(0.5 * np.sqrt(square), 1.0)) > least[n]:
+            return True
+    return False
+
+
+@part
+def _normalize(vector, shortest):  # type: ignore[no-untyped-def]
+    """Scale a vector (3,) to length one; nan where it is no longer than `shortest`."""
+    length = np.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+    vector /= length if length > shortest else np.nan
 
 
 @kernel
@@ -86,23 +140,31 @@ def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, h
 
 
 @kernel
-def follow(q, velocity, covariance, targets, dt, decay, noise, weights, body, held, information, gain):  # type: ignore[no-untyped-def]
-    """Predict angles, velocities and covariance after dt, search with the frame, and update; also return |r|².
+def search_all(q, targets, weights, body, held, no_prior, max_iterations, gain, hessians):  # type: ignore[no-untyped-def]
+    """Move each q (n, dof) as `search` does without a mean; return all |r|²."""
+    squares = np.empty(len(q))
+    for n in range(len(q)):
+        squares[n] = search(q[n], targets, weights, body, held, q[n], no_prior, max_iterations, gain, hessians[n])
+    return squares
 
-    Velocities decay by a factor; `noise` (dof,) is the variance of the accelerations, `information` that on each joint
-    without any measurement.
+
+@kernel
+def follow(q, velocity, covariance, targets, dt, decay, noise, weights, body, held, information, gain):  # type: ignore[no-untyped-def]
+    """Predict angles, velocities and covariance after dt, search with the frame, and update.
+
+    Also return |r|² and the largest change of an angle. Velocities decay by a factor; `noise` (dof,) is the variance of
+    the accelerations, `information` that on each joint without any measurement.
     """
     lower, upper, _, _ = held
     n = len(q)
-    transition = np.eye(2 * n)
-    for j in range(n):
-        transition[j, n + j], transition[n + j, n + j] = dt, decay
-    predicted = transition @ covariance @ np.ascontiguousarray(transition.T)
-    for j in range(n):
-        predicted[j, j] += dt**4 * noise[j]
-        predicted[j, n + j] += dt**3 * noise[j]
-        predicted[n + j, j] += dt**3 * noise[j]
-        predicted[n + j, n + j] += dt**2 * noise[j]
+    predicted = np.empty((2 * n, 2 * n))
+    for i in range(n):
+        for j in range(n):
+            of_both, of_velocities, added = covariance[i, n + j], covariance[n + i, n + j], noise[i] if i == j else 0.0
+            predicted[i, j] = covariance[i, j] + dt * (of_both + covariance[j, n + i]) + dt**2 * of_velocities
+            predicted[i, j] += dt**4 * added
+            predicted[i, n + j] = predicted[n + j, i] = decay * (of_both + dt * of_velocities) + dt**3 * added
+            predicted[n + i, n + j] = decay**2 * of_velocities + dt**2 * added
     mean = np.minimum(np.maximum(q + dt * velocity, lower), upper)
     prior = np.linalg.inv(np.ascontiguousarray(predicted[:n, :n]))
     seen, used = targets.copy(), weights.copy()
@@ -115,7 +177,7 @@ def follow(q, velocity, covariance, targets, dt, decay, noise, weights, body, he
     for j in range(n):
         if (posterior[j] <= lower[j] and change[j] < 0.0) or (posterior[j] >= upper[j] and change[j] > 0.0):
             change[j] = 0.0
-    return posterior, change, updated(predicted, measured, information), square
+    return posterior, change, updated(predicted, measured, information), square, np.abs(posterior - q).max()
 
 
 @kernel

@@ -16,7 +16,7 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.kernels import follow, search, updated
+from maniport.live.kernels import follow, search_all, trunk_directions, turned, unit_vectors, updated
 from maniport.mocap import ArmFit, Recording
 from maniport.mocap.arm_path import (
     KEY_RATE,
@@ -32,6 +32,7 @@ from maniport.mocap.data_quality import FASTEST_JOINT, MEASUREMENT_ERROR, PRIOR
 from maniport.mocap.directions import Directions, vectors_of
 from maniport.mocap.roles import SHORTEST, across_role, direction, points_of
 from maniport.motion import Placement
+from maniport.spd.kernels import congruence
 from maniport.transfer import DomainAdapter
 from maniport.util.validation import Array
 
@@ -79,12 +80,6 @@ def _share(cutoff: Array | float, elapsed: Array) -> Array:
     return np.asarray(1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * elapsed)))
 
 
-def _unit(vectors: Array, shortest: float) -> Array:
-    """Scale vectors (..., 3) to length one; nan where one is no longer than `shortest`."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length > shortest, length, np.nan))
-
-
 class Person:
     """The arm of a person that was fitted to a recording, estimated in new frames of the same `points`."""
 
@@ -96,7 +91,7 @@ class Person:
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
-        self._linear = np.stack([*vectors.values(), *trunk])[..., 0]
+        self._linear = np.stack([*vectors.values(), *trunk])[..., 0].copy()
         self.count = len(self._linear)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
         self._body, self._weights = directions.kinematics.arrays(), directions.weights
@@ -110,28 +105,19 @@ class Person:
 
     def vectors(self, positions: Array) -> Array:
         """Compute unit vectors (k + 2, 3) along segments, joint axes and the trunk; nan where a point is not seen."""
-        terms = self._linear[..., None] * positions
-        terms[self._linear == 0.0] = 0.0  # other points may not be seen
-        return _unit(terms.sum(axis=1), SHORTEST)
+        return np.asarray(unit_vectors(self._linear, positions, SHORTEST))
 
     def directions(self, vectors: Array) -> Array | None:
         """Compute directions (k, 3) in the trunk frame of `vectors`, nan where not seen.
 
         None without trunk, upper arm or forearm. A hand that is not seen comes to rest.
         """
-        z = vectors[-2]
-        second = _unit(vectors[-1] - (vectors[-1] @ z) * z, 1e-3)  # within 0.06° of z it does not determine the frame
-        third = np.cross(z, second)
-        axes = np.stack([second, third, z] if self._forward else [-third, second, z])
-        targets = np.asarray(vectors[:-2] @ axes.T)
-        return None if np.isnan(targets[:2]).any() else targets
+        targets, seen = trunk_directions(vectors, self._forward, 2)
+        return targets if seen else None
 
     def jumps(self, before: ArmEstimate, directions: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
-        n = len(self._least_jump)
-        chords = np.linalg.norm(directions[:n] - before.directions[:n], axis=1)
-        angles = 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
-        return bool((angles > np.maximum(MAX_SPEED * dt, self._least_jump)).any())
+        return bool(turned(before.directions, directions, np.maximum(MAX_SPEED * dt, self._least_jump)))
 
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
@@ -141,11 +127,8 @@ class Person:
         n, start_weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
         starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
         starts = starts.copy() if near is None else np.concatenate([near[None], starts])
-        costs, information, no_prior = np.empty(len(starts)), np.empty((len(starts), n, n)), np.zeros((n, n))
-        seen = np.nan_to_num(targets)
-        for i, q in enumerate(starts):
-            square = search(q, seen, start_weights, self._body, self._held, q, no_prior, 30, LEAST_GAIN, information[i])
-            costs[i] = square / RESIDUAL_SCALE**2
+        information, fixed = np.empty((len(starts), n, n)), (start_weights, self._body, self._held, np.zeros((n, n)))
+        costs = search_all(starts, np.nan_to_num(targets), *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
         best = int(np.argmin(costs))
@@ -153,19 +136,22 @@ class Person:
         covariance = updated(covariance, information[best], PRIOR_INFORMATION)
         return ArmEstimate(starts[best], np.zeros(n), covariance, targets)
 
-    def follow(self, before: ArmEstimate, targets: Array, dt: float) -> ArmEstimate:
-        """Estimate the arm a time dt [s] after an estimate; joints that no point shows come to rest within 0.25 s."""
+    def follow(self, before: ArmEstimate, targets: Array, dt: float) -> ArmEstimate | None:
+        """Estimate the arm a time dt [s] after an estimate; None where a joint is faster than joints are.
+
+        Joints that no point shows come to rest within 0.25 s.
+        """
         decay = math.exp(-dt / 0.25)
         state = before.q, before.velocity, before.covariance
-        q, velocity, covariance, square = follow(*state, targets, dt, decay, *self._constants)
+        q, velocity, covariance, square, moved = follow(*state, targets, dt, decay, *self._constants)
         since_search = before.since_search + dt
         if square > RESIDUAL_SCALE**2 and since_search > 1.0 / KEY_RATE:
             # the arm may be in a wrong local minimum: then another configuration is worth the motion to it
             other = self.begin(targets, q)
             if np.abs(other.q - q).max() > math.radians(1.0):
-                return other
+                return other if np.abs(other.q - before.q).max() <= MAX_SPEED * dt else None
             since_search = 0.0
-        return ArmEstimate(q, velocity, covariance, targets, since_search)
+        return ArmEstimate(q, velocity, covariance, targets, since_search) if moved <= MAX_SPEED * dt else None
 
 
 class HiddenPoints:
@@ -182,7 +168,10 @@ class HiddenPoints:
 
     def fill(self, points: Array, now: float) -> Array:
         """Return points (n, 3) at a time [s], filled where possible."""
-        hidden, remembered = np.isnan(points[:, 0]), ~np.isnan(self._points[:, 0])
+        hidden = np.isnan(points[:, 0])
+        if not hidden.any():
+            return points
+        remembered = ~np.isnan(self._points[:, 0])
         seen = np.flatnonzero(~hidden & remembered)
         longest = np.where(self._together[:, seen].any(axis=1), self._longest[1], self._longest[0])
         filled = points.copy()
@@ -221,7 +210,8 @@ class LedArm:
         path: Placement | None,
         spec: EllipsoidSpec,
     ):
-        self.person, self._rows, self._map, self._spec, self._path = person, rows, adapter.compiled(), spec, path
+        self.person, self._map, self._spec, self._path = person, adapter.compiled(), spec, path
+        self._rows = np.array(rows)  # indexing by a list is slow
         if (size := len(adapter.teacher_mean_)) != spec.size:
             raise InvalidInputError(f"adapter must map {spec.size}×{spec.size} ellipsoids; found {size}×{size}")
         if path is not None:  # an affine map is determined by its images of the origin and of the axes
@@ -252,10 +242,10 @@ class LedArm:
                 return False
         if before is None or resting or dt > hold_after:
             estimate = self.person.begin(directions, None if before is None else before.q)
+        elif (following := self.person.follow(before, directions, dt)) is not None:
+            estimate = following
         else:
-            estimate = self.person.follow(before, directions, dt)
-            if np.abs(estimate.q - before.q).max() > MAX_SPEED * dt:
-                return False
+            return False
         try:
             pose, demonstrated = self.person.arm.posed_ellipsoids(estimate.q, self._spec)
             target, position = self._map(demonstrated), None
@@ -264,8 +254,7 @@ class LedArm:
         if self._spec.kind == "force":
             target = np.asarray(np.linalg.inv(target))
         if self._path is not None:
-            turned = self._turn @ target @ self._turn.T
-            target, position = 0.5 * (turned + turned.T), pose[:3, 3] @ self._axes + self._origin
+            target, position = congruence(self._turn, target), pose[:3, 3] @ self._axes + self._origin
         self.demonstrated, self.target = demonstrated, Target(target, position)
         self.estimate, self._last_seen = estimate, now
         self._hidden.remember(points, filled, now)

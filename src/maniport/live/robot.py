@@ -62,15 +62,11 @@ class Robot:
 
     def _set(self, state: ControlState) -> None:
         self.q, self.velocity, self._state = state.q, state.velocity, state  # (dof,)
+        self.resting = not state.velocity.any()
         parts = zip(self._objectives, self._controller.columns, strict=True)
         self._differentials = tuple(own.differentials(state.q[None, columns]) for own, columns in parts)
         self.positions = [poses[0, :3, 3] for poses, *_ in self._differentials]  # of each arm
         self.achieved = [ellipsoids[0] for _, _, ellipsoids, _ in self._differentials]  # (d, d) of each arm
-
-    @property
-    def resting(self) -> bool:
-        """Whether it is at rest."""
-        return not self.velocity.any()
 
     def distance(self, arm: int, target: Array) -> float:
         """Affine-invariant distance of a target (d, d) and the achieved ellipsoid of an arm, with the damping."""
@@ -104,7 +100,7 @@ class Robot:
             cost += distance_unchecked(own.damped(target), own.damped(ellipsoids)) ** 2
             if position is not None:
                 cost += np.sum((6.0 * (poses[:, :3, 3] - position)) ** 2, axis=1)  # [1/m]
-        near = self._candidates[np.argsort(cost)[:count]]
+        near = self._candidates[np.argpartition(cost, min(count, len(cost) - 1))[:count]]
         self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
 
     def brake(self, elapsed: float) -> None:

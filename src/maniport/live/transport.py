@@ -43,7 +43,7 @@ def as_frame(points: Any, names: Sequence[str]) -> Array | None:
     else:
         positions = _as_numbers(points, "points")
         require_shape(positions, "points", (len(names), 3), ", a row for each of live.points")
-    if (np.abs(positions) > MAX_POSITION).any():
+    if not np.vdot(positions, positions) <= MAX_POSITION**2 and (np.abs(positions) > MAX_POSITION).any():
         largest = np.nanmax(np.abs(positions))
         raise InvalidInputError(
             f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {largest:g}"

@@ -1,5 +1,6 @@
 """Hard limits of a control step besides those of joints: collisions, and limits of users."""
 
+import math
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
@@ -66,16 +67,16 @@ class CollisionLimit:
     def __init__(self, collisions: Collisions):
         self._collisions = collisions
         self._q: Array | None = None
-        self._distance, self._slope = np.empty(0), np.empty((0, 0))
+        self._distance, self._rows = np.empty(0), np.empty((0, 0))
 
     def inequalities(self, q: Array, dt: float) -> tuple[Array, Array]:
         """Return G and h of G Δq ≤ h, shapes (k, dof) and (k,), for the k pairs within reach."""
-        if self._q is None or (q - self._q) @ (q - self._q) > self.linear_range**2:
-            self._q = q.copy()
-            self._distance, self._slope = self._collisions.gradient(q[None], self.reach, scaled=True)[1:]
-        slope = self._slope
-        if not len(slope):
-            return np.empty((0, len(q))), np.empty(0)
-        distance = self._distance + slope @ (q - self._q)
-        allowed = -np.expm1(-dt / self.time_constant) * (distance - self.margin)
-        return -slope, np.maximum(allowed, 0.0)
+        if self._q is None or np.vdot(moved := q - self._q, moved) > self.linear_range**2:
+            self._q, moved = q.copy(), np.zeros(len(q))
+            _, self._distance, slope = self._collisions.gradient(q[None], self.reach, scaled=True)
+            self._rows = -slope
+        if not len(self._rows):
+            return self._rows, self._distance
+        distance = self._distance - self._rows @ moved
+        allowed = -math.expm1(-dt / self.time_constant) * (distance - self.margin)
+        return self._rows, np.maximum(allowed, 0.0)

@@ -30,7 +30,6 @@ from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions
 from maniport.motion.collision_limit import CollisionLimit, Limit, as_own_limits
 from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.posture import PostureCost
 from maniport.motion.objective import Targets
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
@@ -87,10 +86,10 @@ class Controller:
         limits: Sequence[Limit] = (),
     ):
         group = as_group(arm)
-        self.columns = group.columns
+        self.columns: Sequence[Any] = group.columns
         self._blocks: list[Any] = [(columns[:, None], columns) for columns in group.columns]
         if len(group.arms) == 1:  # indexing by arrays is slow
-            self._blocks = [(slice(None), slice(None))]
+            self.columns, self._blocks = [slice(None)], [(slice(None), slice(None))]
         self._bounds = np.array([arm.lower, arm.upper, velocity, acceleration], dtype=np.float64)
         self._collisions = collisions if collisions is not None and collisions.checked else None
         self._costs, self._limits = tuple(costs), as_own_limits(limits, group)
@@ -134,14 +133,14 @@ class Controller:
         for relaxed in (False, True) if len(rows) else (False,):
             program = _program(hessian, gradient, durations, bounds, self._bounds, speed_share, rows, allowed, relaxed)
             step, _, exit_flag, _ = daqp.solve(*program)
-            if exit_flag > 0 and math.isfinite(step.sum()):
+            if exit_flag > 0 and math.isfinite(np.vdot(step, step)):
                 return step[: len(q)] / dt, not relaxed
         return None, False
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradient (dof,)."""
-        dof, posture = len(q), PostureCost(problem.reference, problem.reference_weight)
-        gradient, damping = posture.weight * posture.residual(q), np.full(dof, posture.weight**2)  # Jacobian: w I
+        dof, posture_weight = len(q), problem.reference_weight**2
+        gradient, damping = posture_weight * (q - problem.reference), np.full(dof, posture_weight)
         hessian = np.zeros((dof, dof))
         for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
             columns = block[1]

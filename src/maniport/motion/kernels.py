@@ -45,9 +45,11 @@ def add_log_residual(values, vectors, whitening, changes, square, gradient, hess
 
 
 @kernel
-def add_residual(residuals, rows, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Add Jᵀr and JᵀJ of residuals r (n, m) and their derivatives J (n, m, dof) to what `add_log_residual` adds to."""
+def add_residual(residuals, rows, square, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Add r², Jᵀr and JᵀJ of residuals r (n, m) and their derivatives J (n, m, dof) as `add_log_residual` does."""
     for n in range(len(residuals)):
+        for i in range(len(residuals[n])):
+            square[n] += residuals[n, i] * residuals[n, i]
         _accumulate(rows[n], residuals[n], gradient[n], hessian[n])
 
 

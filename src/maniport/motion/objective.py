@@ -18,7 +18,6 @@ from maniport.motion.costs.ellipsoid import EllipsoidCost
 from maniport.motion.costs.orientation import OrientationCost
 from maniport.motion.costs.position import PositionCost
 from maniport.motion.kernels import add_residual
-from maniport.spd.kernels import roots
 from maniport.spd.matrix_functions import apply
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
@@ -109,8 +108,11 @@ class Objective:
         `weights` (n, m, m) are those of the directions of the ellipsoids' residuals.
         """
         half = None if weights is None else apply(weights, lambda values: np.sqrt(np.maximum(values, 0.0)))
-        cost = EllipsoidCost(self.arm, self.spec, self.shift, *roots(self.damped(ellipsoids)), half)
-        return Targets(self, cost, positions, rotations)
+        damped = self.damped(ellipsoids)
+        whitening = apply(damped, lambda values: 1.0 / np.sqrt(values))
+        return Targets(
+            self, EllipsoidCost(self.arm, self.spec, self.shift, damped, whitening, half), positions, rotations
+        )
 
 
 class Linearization(NamedTuple):
@@ -169,7 +171,7 @@ class Targets:
     @property
     def ellipsoids(self) -> Array:
         """A, without damping, shape (n, d, d)."""
-        return self.objective.undamped(self.ellipsoid.root @ self.ellipsoid.root)
+        return self.objective.undamped(self.ellipsoid.damped)
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""
@@ -181,14 +183,24 @@ class Targets:
         poses, jacobian, velocity, changes = self.objective.differentials(q) if differentials is None else differentials
         gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         square = self.ellipsoid.add(velocity, changes, gradient, hessian)
-        residual = self.pose_residual(q, poses)
-        add_residual(residual, self.pose_jacobian(q, (poses, jacobian)), gradient, hessian)
-        return Linearization(square, np.sum(residual**2, axis=1), gradient, hessian, poses, jacobian)
+        pose_square = self.add_pose(q, (poses, jacobian), gradient, hessian)
+        return Linearization(square, pose_square, gradient, hessian, poses, jacobian)
+
+    def add_pose(self, q: Array, motion: tuple[Array, Array], gradient: Array, hessian: Array) -> Array:
+        """Add Jᵀr and JᵀJ of `pose_costs` for the results of `Arm.motion`; return |r|², shape (n,)."""
+        square = np.zeros(len(q))
+        for cost in self.pose_costs:
+            rows = np.ascontiguousarray(cost.jacobian(q, motion=motion))
+            add_residual(cost.residual(q, poses=motion[0]), rows, square, gradient, hessian)
+        return square
 
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,)."""
         poses, velocity = self.arm.posed_ellipsoids(q, self.objective.spec.bounded)
-        return np.asarray(self.ellipsoid.square(velocity) + np.sum(self.pose_residual(q, poses) ** 2, axis=1))
+        square = self.ellipsoid.square(velocity)
+        for cost in self.pose_costs:
+            square += np.sum(cost.residual(q, poses=poses) ** 2, axis=1)
+        return square
 
     def distance(self, q: Array) -> Array:
         """As `EllipsoidCost.distance`."""
@@ -203,13 +215,3 @@ class Targets:
     def orientation_error(self, q: Array) -> Array | None:
         """As `OrientationCost.error`; None without that cost."""
         return None if (cost := self.orientation) is None else cost.error(q)
-
-    def pose_residual(self, q: Array, poses: Array) -> Array:
-        """Return the residuals of `pose_costs`, shape (n, r), for poses (n, 4, 4) of the end effector."""
-        parts = [np.empty((len(q), 0)), *[cost.residual(q, poses=poses) for cost in self.pose_costs]]
-        return np.concatenate(parts, axis=1)
-
-    def pose_jacobian(self, q: Array, motion: tuple[Array, Array]) -> Array:
-        """Return their derivatives, shape (n, r, dof), for the results of `Arm.motion`."""
-        parts = [motion[1][:, :0], *[cost.jacobian(q, motion=motion) for cost in self.pose_costs]]
-        return np.concatenate(parts, axis=1)

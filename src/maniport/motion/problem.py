@@ -54,8 +54,7 @@ class MotionProblem:
         for cost in self.costs:
             residual = np.ascontiguousarray(cost.residual(q, self.time), dtype=np.float64)
             jacobian = np.ascontiguousarray(cost.jacobian(q, self.time), dtype=np.float64)
-            add_residual(residual, jacobian, gradient, hessian)
-            square += np.sum(residual**2, axis=1)
+            add_residual(residual, jacobian, square, gradient, hessian)
         return np.sqrt(square), gradient, hessian
 
     def position_error(self, q: Array) -> Array | None:

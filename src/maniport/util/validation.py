@@ -68,7 +68,7 @@ def _behind(index: tuple[int, ...]) -> str:
 
 def as_finite(value: ArrayLike, name: str) -> Array:
     """Convert to a float64 array without nan or infinity."""
-    if type(value) is np.ndarray and value.dtype == np.float64 and np.isfinite(value).all():
+    if type(value) is np.ndarray and value.dtype == np.float64 and math.isfinite(np.vdot(value, value)):
         return value  # control steps call this often
     rule = f"{name} must be an array of numbers"
     if value is None or np.ma.is_masked(value):

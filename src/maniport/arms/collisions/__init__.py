@@ -155,7 +155,8 @@ class Collisions(NotebookDisplay):
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _blocks(len(flat)):
             contacts = self._solids.contacts(flat[part], self._pairs, 0.0, depths=False)
-            hit[part.start + contacts.rows[contacts.distances <= 0.0]] = True
+            if len(contacts.rows):
+                hit[part.start + contacts.rows[contacts.distances <= 0.0]] = True
         return hit.reshape(shape)
 
     def clearance(self, q: ArrayLike) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.collisions.hulls import Hull
+from maniport.arms.kernels import place_links
 from maniport.arms.kinematics import Kinematics
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
@@ -38,9 +39,11 @@ class Solids:
         self._skins = np.array([*(hull.skin for hull in hulls), 0.0])
         ends = np.array([(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]).reshape(-1, 2, 3)
         self._arrays = (
+            *tree.arrays,
             np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
             np.cumsum([0, *(len(hull.corners) for hull in hulls)]),
             joints,
+            self._skins,
             0.5 * (ends[:, 0] + ends[:, 1]),
             0.5 * (ends[:, 1] - ends[:, 0]),
             0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1),
@@ -52,15 +55,16 @@ class Solids:
 
     def distance_bounds(self, q: Array, pairs: Pairs, sufficient: float | Array) -> Array:
         """Lower bound of the distances of pairs [m], shape (n, pairs); not refined where it exceeds `sufficient`."""
-        bounds, skins = np.empty((len(q), len(pairs))), self._skins[pairs].sum(axis=1)
-        _fill_distance_bounds(*self.tree.link_poses(q), *self._arrays, pairs, sufficient + skins, self.table, bounds)
-        return np.asarray(bounds - skins)
+        bounds, margins = np.empty((len(q), len(pairs))), np.full(len(pairs), sufficient, np.float64)
+        _fill_distance_bounds(self.tree.positions(q), *self._arrays, pairs, margins, self.table, bounds)
+        return bounds
 
     def contacts(self, q: Array, pairs: Pairs, margin: float | Array = np.inf, depths: bool = True) -> Contacts:
         """Measure the pairs that may be within a margin [m], common or per pair, at configurations (n, dof)."""
-        mask = self.maybe_near(q, pairs, margin)
-        rows, columns = np.nonzero(mask)
+        rows, columns = np.nonzero(self.maybe_near(q, pairs, margin))
         distances, normals, points = np.empty(len(rows)), np.empty((len(rows), 3)), np.empty((len(rows), 3))
+        if not len(rows):  # most control steps
+            return Contacts(rows, columns, distances, normals, points)
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.enable_signed_distance = depths
         used, which = np.unique(rows, return_inverse=True) if len(q) > 1 else (np.zeros(1, dtype=np.intp), rows)
@@ -92,12 +96,14 @@ class Solids:
 
 @kernel
 def _fill_distance_bounds(  # type: ignore[no-untyped-def]
-    all_turns, all_origins, corners, starts, joints, centers, sides, radii, pairs, sufficient, table, bounds
-):
-    """Fill lower bounds of the distances of pairs; bounds above `sufficient` are not refined."""
-    middles = np.empty((len(joints), 3))
-    for n in range(len(all_turns)):
-        turns, origins = all_turns[n], all_origins[n]
+    positions, parents, placements, axes, slides,
+    corners, starts, joints, skins, centers, sides, radii, pairs, margins, table, bounds,
+):  # fmt: skip
+    """Fill lower bounds of the distances of pairs; bounds above `margins` (pairs,) are not refined."""
+    links, middles = len(axes) + 1, np.empty((len(joints), 3))
+    turns, origins = np.empty((links, 3, 3)), np.empty((links, 3))
+    for n in range(len(positions)):
+        place_links(positions[n], parents, placements, axes, slides, turns, origins)
         for h in range(len(joints)):
             j = joints[h]
             for i in range(3):
@@ -106,21 +112,23 @@ def _fill_distance_bounds(  # type: ignore[no-untyped-def]
                 )
         for p in range(len(pairs)):
             a, b = pairs[p]
-            j = joints[a]
+            j, skin = joints[a], skins[a] + skins[b]
+            sufficient = margins[p] + skin
             if b < 0:
                 height = middles[a, 2] - radii[a] - table
-                if height <= sufficient[p]:
+                if height <= sufficient:
                     up = turns[j, 2]
                     height = origins[j, 2] - table + _least(corners, starts[a], starts[a + 1], up[0], up[1], up[2])[0]
-                bounds[n, p] = height
+                bounds[n, p] = height - skin
                 continue
             x, y, z = middles[a, 0] - middles[b, 0], middles[a, 1] - middles[b, 1], middles[a, 2] - middles[b, 2]
-            bounds[n, p] = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
-            if bounds[n, p] <= sufficient[p]:
-                bounds[n, p] = _apart(
+            distance = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
+            if distance <= sufficient:
+                distance = _apart(
                     turns[j], origins[j], turns[joints[b]], origins[joints[b]], corners, sides[a], sides[b],
-                    starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, sufficient[p],
+                    starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, sufficient,
                 )  # fmt: skip
+            bounds[n, p] = distance - skin
 
 
 @part

@@ -23,13 +23,13 @@ class EllipsoidCost:
     arm: Arm
     spec: EllipsoidSpec
     shift: Array  # ε I, (d, d)
-    root: Array  # (A + ε I)^½ of the target ellipsoids A, (n, d, d)
-    whitening: Array  # its inverse, (n, d, d)
+    damped: Array  # A + ε I of the target ellipsoids A, (n, d, d)
+    whitening: Array  # its power -½, (n, d, d)
     half: Array | None = None  # W^½, weights of the directions of the residual, (n, m, m)
 
     def __getitem__(self, rows: Any) -> "EllipsoidCost":
         half = None if self.half is None else self.half[rows]
-        return EllipsoidCost(self.arm, self.spec, self.shift, self.root[rows], self.whitening[rows], half)
+        return EllipsoidCost(self.arm, self.spec, self.shift, self.damped[rows], self.whitening[rows], half)
 
     def residual(self, q: Array, time: Array | None = None) -> Array:
         """Return residuals, shape (n, d (d + 1) / 2), where nothing is singular."""
@@ -63,8 +63,7 @@ class EllipsoidCost:
         else:
             residual = self._weighted_log(values, vectors)
             rows = np.swapaxes(to_vector(self._log_changes(values, vectors, changes)), 1, 2)
-            add_residual(residual, self.half @ rows, gradient, hessian)
-            square += np.sum(residual**2, axis=1)
+            add_residual(residual, self.half @ rows, square, gradient, hessian)
         square[singular] = np.inf
         return square
 
@@ -76,15 +75,15 @@ class EllipsoidCost:
 
     def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
         """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
-        singular, achieved = np.zeros(len(velocity), bool), velocity
+        flat, achieved = False, velocity
         if self.spec.kind == "force":
             values, vectors = eigh(velocity)
-            singular = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
-            values[singular] = 1.0
+            flat = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
+            values[flat] = 1.0
             achieved = compose(1.0 / values, vectors)
             changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
         values, vectors = eigh(congruence(self.whitening, achieved + self.shift))
-        singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
+        singular = flat | (values[:, 0] <= SPD_TOLERANCE * values[:, -1])
         values[singular] = 1.0
         return values, vectors, singular, np.empty((0,)) if changes is None else changes
 

@@ -26,6 +26,7 @@ from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, leve
 from maniport.motion.plan.plan_settings import SearchBudget
 from maniport.motion.plan.roadmap import shortest_path
 from maniport.spd.kernels import compose
+from maniport.spd.matrix_functions import apply
 from maniport.util.progress import Part, ignore_fraction
 from maniport.util.sampling import sobol
 from maniport.util.validation import Array
@@ -211,6 +212,7 @@ class MovingPathCost:
     def move(self, place: Array) -> None:
         """Move the path to a placement (7,)."""
         self.targets = self.arm.targets(place)
+        self._roots = apply(self.targets.ellipsoid.damped, np.sqrt)
         self._shifts, self._generators, self._turns = self.arm.derivatives(place)
         self._demands = [(spec, vectors[0]) for spec, vectors in self.arm.demands(place[None])]
 
@@ -220,7 +222,7 @@ class MovingPathCost:
         poses, jacobian, velocity, changes = targets.arm.posed_differentials(q, targets.objective.spec.bounded)
         values, vectors, singular, changes = targets.ellipsoid.spectrum(velocity, changes)
         assert targets.positions is not None
-        achieved = targets.ellipsoid.root @ compose(values, vectors) @ targets.ellipsoid.root
+        achieved = self._roots @ compose(values, vectors) @ self._roots
         turned = achieved[:, None] @ self._generators - self._generators @ achieved[:, None]
         weight = targets.objective.position_weight
         error = weight * (poses[:, :3, 3] - targets.positions)
@@ -229,14 +231,13 @@ class MovingPathCost:
         square, self.gradient, self.hessian = np.zeros(n), np.zeros((n, count)), np.zeros((n, count, count))
         changes = np.concatenate([changes, turned], axis=1)
         add_log_residual(values, vectors, targets.ellipsoid.whitening, changes, square, self.gradient, self.hessian)
-        add_residual(error, error_slopes, self.gradient, self.hessian)
-        square += np.sum(error**2, axis=1)
+        add_residual(error, error_slopes, square, self.gradient, self.hessian)
         for demand in self._demands:
-            square += self._add_excess(q, *demand)
+            self._add_excess(q, *demand, square)
         return np.sqrt(np.where(singular, np.inf, square)), self.gradient[:, :dof], self.hessian[:, :dof, :dof]
 
-    def _add_excess(self, q: Array, spec: EllipsoidSpec, vectors: Array) -> Array:
-        """Add the derivatives of the cost of vectors (n, 3) that exceed ellipsoids; return the cost (n,)."""
+    def _add_excess(self, q: Array, spec: EllipsoidSpec, vectors: Array, square: Array) -> None:
+        """Add the cost of vectors (n, 3) that exceed ellipsoids to `square` (n,), and its derivatives."""
         _, _, ellipsoids, changes = self.arm.objective.arm.posed_differentials(q, spec)
         needed = (inverses(ellipsoids) @ vectors[..., None])[..., 0]
         share = np.sqrt(np.maximum(np.sum(vectors * needed, axis=1), 1e-12))
@@ -250,5 +251,4 @@ class MovingPathCost:
         )
         slopes[:, q.shape[1] + SCALE] = share**2
         slopes *= EXCESS_WEIGHT * ((share > 1.0) / share)[:, None]
-        add_residual(excess[:, None], slopes[:, None], self.gradient, self.hessian)
-        return np.asarray(excess**2)
+        add_residual(excess[:, None], slopes[:, None], square, self.gradient, self.hessian)

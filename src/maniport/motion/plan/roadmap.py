@@ -106,11 +106,9 @@ def turned_to_rotations(targets: Targets, q: Array) -> Array:
     """Turn end effectors at q (n, dof) toward their target rotations, and bring them near their positions."""
     arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
     for _ in range(NEWTON_STEPS):
-        motion = arm.motion(q)
-        residual, slope = targets.pose_residual(q, motion[0]), targets.pose_jacobian(q, motion)
-        square = np.swapaxes(slope, 1, 2) @ slope + np.eye(arm.dof)  # a little weight on joint motion
-        change = np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ residual[..., None])
-        q = _stepped(arm, q, -change[..., 0])
+        gradient, hessian = np.zeros(q.shape), np.tile(np.eye(arm.dof), (len(q), 1, 1))  # a little weight on motion
+        targets.add_pose(q, arm.motion(q), gradient, hessian)
+        q = _stepped(arm, q, -np.linalg.solve(hessian, gradient[..., None])[..., 0])
     return q
 
 

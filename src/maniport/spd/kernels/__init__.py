@@ -56,7 +56,8 @@ def congruence(left: Array, matrices: Array) -> Array:
 def distances(a: Array, b: Array) -> Array:
     """Affine-invariant distances sqrt(Σ log² λ_i(A⁻¹B)) of SPD matrices, shapes (..., d, d); shape (...)."""
     results = _run(distance_loop, (a, b), (0,))[0]
-    if np.any(rough := np.isnan(results)):
+    if math.isnan(np.vdot(results, results)):  # faster than isnan and any
+        rough = np.isnan(results)
         pair = (np.broadcast_to(points, (*results.shape, *points.shape[-2:]))[rough] for points in (a, b))
         try:
             results[rough] = 2.0 * np.linalg.norm(np.log(factored(*pair)[3]), axis=-1)
@@ -128,21 +129,25 @@ def _run(
 
     Large batches are divided among threads.
     """
-    shapes, d = {array.shape[:-2] for array in arrays if array.ndim > 2}, arrays[0].shape[-1]
-    batch = np.broadcast_shapes(*shapes) if len(shapes) > 1 else shapes.pop() if shapes else ()
-    flat, count = [_flat(array, batch) for array in arrays], math.prod(batch)
-    results = [np.empty((count, *(d,) * number)) for number in axes]
-    size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # parts of some 0.1 ms, which stay in the processor's cache
-    if 0 < count <= size:
-        loop(*flat, *options, *results)
+    batch, d = arrays[0].shape[:-2], arrays[0].shape[-1]
+    for array in arrays[1:]:
+        if array.shape[:-2] != batch:
+            batch = (
+                np.broadcast_shapes(batch, array.shape[:-2]) if batch and array.ndim > 2 else batch or array.shape[:-2]
+            )
+    inputs, count = [_flat(array, batch) for array in arrays], math.prod(batch)
+    results = [np.empty((*batch, *(d,) * number)) for number in axes]
+    flat = results if len(batch) == 1 else [result.reshape(count, *result.shape[len(batch) :]) for result in results]
+    if 0 < count <= WIDTH:
+        loop(*inputs, *options, *flat)
     elif count:
-        _divide(loop, flat, options, results, size)
-    return [result.reshape(batch + result.shape[1:]) for result in results]
+        _divide(loop, inputs, options, flat, d)
+    return results
 
 
-def _divide(loop: Callable[..., None], arrays: list[Array], options: Any, results: list[Array], size: int) -> None:
-    """Call a loop on parts of that size, by several threads where that pays."""
-    count = len(results[0])
+def _divide(loop: Callable[..., None], arrays: list[Array], options: Any, results: list[Array], d: int) -> None:
+    """Call a loop on parts of a batch of matrices (d, d), by several threads where that pays."""
+    count, size = len(results[0]), WIDTH * max(1, 65_000 // (WIDTH * d**3))  # some 0.1 ms, in the processor's cache
     threads = max(1, min(int(config.NUMBA_NUM_THREADS), count // (8 * size)))
 
     def work(number: int) -> None:
@@ -163,7 +168,6 @@ def _flat(array: Array, batch: tuple[int, ...]) -> Array:
     shape = array.shape[-2:]
     if array.shape[:-2] != batch and array.size != shape[0] * shape[1]:
         array = np.broadcast_to(array, batch + shape)
-    array = np.ascontiguousarray(array, dtype=np.float64)
-    if not array.flags.behaved:  # Numba would compile again for a read-only array
-        array = array.copy()
-    return array.reshape((-1, *shape))
+    if not array.flags.carray or array.dtype != np.float64:  # Numba would compile again
+        array = np.array(array, dtype=np.float64, order="C")
+    return array if array.ndim == 3 else array.reshape((-1, *shape))
