@@ -17,6 +17,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,36 @@ def capability(whole: bool) -> Iterator[Row]:
         yield name, row
 
 
+FORCE_PAIRS = (
+    *(("panda", "freeform"), ("panda", "ladder"), ("panda", "both-arms"), ("iiwa", "freeform")),
+    *(("kinova3", "freeform"), ("xarm7", "freeform"), ("ur5", "freeform"), ("g1_left_arm", "freeform")),
+)
+"""Robots and recordings of the table in docs/capability.md; iiwa and kinova3 are of robosuite."""
+
+
+def force(whole: bool) -> Iterator[Row]:
+    """Force along the person's strongest direction [N] with ellipsoids of velocity and of force.
+
+    `only`: of the motion that follows the positions alone, from the same start.
+    """
+    for name, recording in FORCE_PAIRS if whole else FORCE_PAIRS[:1]:
+        options: dict[str, Any] = {"robot": name}
+        if recording == "both-arms":
+            bases = ((0.0, 0.3, 0.0), (0.0, -0.3, 0.0))
+            options = {"robot": mp.load_arms(name, bases=bases), "side": "both"}
+        for kind, seed in product(("velocity", "force"), range(5 if whole else 2)):
+            begin = time.process_time()
+            result = mp.transfer_recording(shipped_recording(recording), ellipsoids=kind, seed=seed, **options)
+            seconds = time.process_time() - begin
+            for arm in result.arms:
+                motion, (own,) = arm.motion, [own for own in arm.capabilities if own.kind == "force"]
+                row = {"force": float(np.median(own.robot)), "force_p5": float(np.percentile(own.robot, 5))}
+                row |= {"only": float(np.median(own.position_only)), "r": own.resemblance, "seconds": seconds}
+                duration = float(result.motion.trajectory.control_time[-1])
+                row |= statistics(motion.distance, motion.position_error, duration, motion.clearance.share)
+                yield f"{name}, {recording}, {arm.name}, {kind}, seed {seed}", row
+
+
 def recovery(whole: bool) -> Iterator[Row]:
     """Recover a random rotation from a domain and its rotated copy by ICP."""
     from scipy.stats import special_ortho_group
@@ -205,6 +236,7 @@ GROUPS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "both_arms": both_arms,
     "length_field": length_field,
     "capability": capability,
+    "force": force,
     "recovery": recovery,
     "speed": speed,
     "processes": processes,
