@@ -20,7 +20,7 @@ from scipy.interpolate import make_interp_spline
 
 import maniport as mp
 from maniport.errors import ManiportWarning
-from maniport.live.state import REACHING, LiveState
+from maniport.live.state import LiveState
 from maniport.mocap import Recording, shipped_recording
 
 from .inputs import Array
@@ -111,7 +111,7 @@ def measured(case: Case, options: dict[str, Any], cache: Path | None = None) -> 
     """Follow, and return position errors [mm], ellipsoid distances and shares of limits."""
     followed, clean, result = transferred(case, options, cache)
     states = played(mp.Live.of(result, clock=None), followed)
-    first = next((i for i, state in enumerate(states) if state.state != REACHING), len(states) - 1)
+    first = next((i for i, state in enumerate(states) if state.state != "reaching"), len(states) - 1)
     late = [state for state in states[first:] if state.position_error is not None]
     errors = 1e3 * np.array([state.position_error for state in late])
     distance = np.array([[arm.distance for arm in state.arms] for state in late])

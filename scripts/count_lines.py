@@ -35,17 +35,15 @@ def too_long(folder: Path) -> Iterator[str]:
                     yield f"{place}: {node.name} has {count} lines"
 
 
-def constants(folder: Path) -> tuple[int, int]:
-    """Count upper-case names that are assigned at module level: alone, and several in one assignment."""
-    alone = several = 0
+def constants(folder: Path) -> int:
+    """Count upper-case names that are assigned at module level."""
+    count = 0
     for file in folder.rglob("*.py"):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             for target in node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]:
-                if isinstance(target, ast.Name):
-                    alone += target.id.isupper()
-                elif isinstance(target, ast.Tuple):
-                    several += sum(isinstance(name, ast.Name) and name.id.isupper() for name in target.elts)
-    return alone, several
+                names = target.elts if isinstance(target, ast.Tuple) else [target]
+                count += sum(isinstance(name, ast.Name) and name.id.isupper() for name in names)
+    return count
 
 
 def words(*pages: Path) -> int:
@@ -64,7 +62,7 @@ def main(folder: Path) -> int:
     print(
         f"{sum(counts.values()):6d} lines {len(counts):4d} files, median {statistics.median(counts.values()):g} lines"
     )
-    print("{:6d} module constants, {} more in assignments of several".format(*constants(folder)))
+    print(f"{constants(folder):6d} module constants")
     tests = sum(len(file.read_text(encoding="utf-8").splitlines()) for file in (ROOT / "tests").rglob("*.py"))
     print(f"{tests:6d} lines of tests")
     print(f"{words(ROOT / 'README.md'):6d} words of README.md, {words(*(ROOT / 'docs').rglob('*.md'))} of docs")

@@ -21,7 +21,7 @@ from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Evaluation, evaluate, select_method
 from maniport.evaluation.comparison import with_feasible_set
-from maniport.evaluation.metrics import BASELINES, IDENTITY, LOOKUP, MEAN_TRANSPORT, TRANSPORT
+from maniport.evaluation.metrics import BASELINES
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import evaluation_section
@@ -91,7 +91,7 @@ def study(
         else:
             adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot)
             adapter.fit(teacher, student)
-        options |= {"person": motion.person, "rows": (*BASELINES, LOOKUP, *FITTED_METHODS)}
+        options |= {"person": motion.person, "rows": (*BASELINES, "nearest-neighbor", *FITTED_METHODS)}
         evaluated[motion] = evaluate(adapter, teacher, student, motion.profile, **options)
         step.end(f"{evaluated[motion].adapter.name} and {len(evaluated[motion].rows) - 1} more")
     return evaluated
@@ -102,7 +102,7 @@ Results = Mapping[Motion, Evaluation]
 
 def gap_table(results: Results) -> str:
     """Mean feasibility gap by motion and method, in Markdown."""
-    methods = (IDENTITY, MEAN_TRANSPORT, TRANSPORT, *FITTED_METHODS)
+    methods = ("identity", "mean-transport", "parallel-transport", *FITTED_METHODS)
     lines = [f"| motion | method | {' | '.join(methods)} |", f"|---|---|{'---|' * len(methods)}"]
     for motion, evaluation in results.items():
         gaps = {row.name: row.feasibility_gap for row in evaluation.rows if row.feasibility_gap is not None}

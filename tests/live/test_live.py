@@ -9,7 +9,7 @@ from toy import require_limits
 
 import maniport as mp
 from maniport.errors import InvalidInputError
-from maniport.live.state import FAR, FOLLOWING, HOLDING, LAGGING, NEAR, REACHING, RECOVERING, STATES
+from maniport.live.state import FAR, NEAR, STATES
 from maniport.mocap import shipped_recording
 from sizes import SMALL, little_search
 
@@ -80,7 +80,7 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
     differences = np.linalg.norm(np.array([state.arm.target for state in states]) - offline, axis=(1, 2))
     assert np.median(differences / np.linalg.norm(offline, axis=(1, 2))) < 0.1
     assert np.median([state.position_error for state in states]) < 1e-3
-    assert (states[0].state, states[-1].state) == (REACHING, FOLLOWING)
+    assert (states[0].state, states[-1].state) == ("reaching", "following")
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
 
@@ -112,13 +112,13 @@ def test_both_arms_lead_two_robots(two_arm_result):
     states = played(live, [*points, *[points[-1]] * 60, *[hidden] * 40, *[points[-1]] * 60], times)
     followed, held, last = states[159], states[199], states[-1]
     for state in (followed, last):
-        assert (state.state, len(state.arms)) == (FOLLOWING, 2)
+        assert (state.state, len(state.arms)) == ("following", 2)
         assert state.position_error == max(arm.position_error for arm in state.arms) < 0.01
         for arm, own, columns in zip(state.arms, result.arms, arms.columns, strict=True):
             pose = own.robot.forward(state.joint_positions[columns])
             assert_allclose(arm.position, pose[:3, 3], atol=1e-9)
             assert_allclose(arm.achieved, own.robot.manipulability(state.joint_positions[columns]), atol=1e-9)
-    assert held.state == HOLDING
+    assert held.state == "holding"
     assert not held.joint_velocities.any()
     require_safe(result.motion, mp.Collisions.of(arms), times, states)
     with pytest.raises(InvalidInputError, match="arms"):
@@ -133,7 +133,7 @@ def test_force_ellipsoids_are_followed_within_limits(second, frames):
     live = mp.Live.of(result, clock=None)
     states = played(live, points, time)
     require_safe(result.arm.motion, result.arm.collisions, time, states)
-    assert states[-1].state == FOLLOWING
+    assert states[-1].state == "following"
     assert np.median([state.position_error for state in states[100:]]) < 1e-3
     last = states[-1].arm
     forces = result.arm.adapter.transform(live._arms[0].person.arm.ellipsoids(last.person, result.spec)[None])[0]
@@ -145,12 +145,12 @@ def test_who_is_not_seen_is_waited_for(live, frames):
     points, time = frames
     played(live, points[:100], time[:100])
     gone = [live.step(None, time[99] + 0.02 * (i + 1)) for i in range(60)]
-    assert (gone[0].state, gone[-1].state) == (FOLLOWING, HOLDING)
+    assert (gone[0].state, gone[-1].state) == ("following", "holding")
     assert not gone[-1].joint_velocities.any()
     assert_array_equal(gone[-1].joint_positions, gone[-5].joint_positions)
     assert np.isfinite(gone[-1].distance)
     back = [live.step(points[200], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
-    assert (back[0].state, back[-1].state) == (RECOVERING, FOLLOWING)
+    assert (back[0].state, back[-1].state) == ("recovering", "following")
     assert back[-1].position_error < 0.01
 
 
@@ -171,7 +171,7 @@ def test_the_robot_comes_from_where_it_is(small_result, frames):
     named = dict(zip(live.points[::-1], frames[0][0][::-1], strict=True))
     states = [live.step(named, t) for t in time]
     assert_allclose(states[0].joint_positions, start)
-    assert states[1].state == REACHING
+    assert states[1].state == "reaching"
     assert states[-1].position_error < 0.02
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
@@ -231,11 +231,13 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(live, frames):
     points, time = frames
     states = played(live, points, time / 6.0)
     states += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 150)]
-    errors = {name: [state.position_error for state in states if state.state == name] for name in (FOLLOWING, LAGGING)}
-    assert max(errors[FOLLOWING]) <= FAR
-    assert max(errors[LAGGING]) > FAR
-    assert min(errors[LAGGING]) > NEAR
-    assert states[-1].state == FOLLOWING
+    errors = {
+        name: [state.position_error for state in states if state.state == name] for name in ("following", "lagging")
+    }
+    assert max(errors["following"]) <= FAR
+    assert max(errors["lagging"]) > FAR
+    assert min(errors["lagging"]) > NEAR
+    assert states[-1].state == "following"
 
 
 def test_neither_unit_nor_axes_of_frames_matter(small_result, live, frames):

@@ -10,7 +10,6 @@ import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.live.serving import Server
-from maniport.live.state import FOLLOWING, HOLDING
 
 NAMES = ("shoulder", "elbow", "wrist")
 
@@ -38,7 +37,7 @@ class Toy:
         distance, error = (0.5, 0.01) if seen else (None, None)
         return SimpleNamespace(
             joint_positions=self.joint_positions, joint_velocities=change, distance=distance, position_error=error,
-            state=FOLLOWING if seen else HOLDING, time=clock.monotonic(),
+            state="following" if seen else "holding", time=clock.monotonic(),
         )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from maniport.errors import InvalidInputError, OutputError
 from maniport.report import as_numbers, report_of
 from maniport.studies.paper import run, trajectories
-from maniport.studies.paper.experiments import OURS, PAPER, SAME, TRAJECTORIES, Experiment, paper_table
+from maniport.studies.paper.experiments import OURS, PAPER, SAME, Experiment, paper_table
 from maniport.studies.paper.run import compare
 
 
@@ -47,7 +47,7 @@ def test_every_row_of_the_tables_is_there(outcomes, name, number):
 def test_exact_images_are_recovered(outcomes):
     for outcome in outcomes["toy"]:
         assert max(outcome.undivided, outcome.per_dispersion, outcome.per_squared_dispersion) < 1e-6
-    same = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, SAME) and x.settings == OURS]
+    same = [x for x in outcomes["two-dof"] if x.data in ("trajectories", SAME) and x.settings == OURS]
     assert len(same) == 3 * len(paper_table("II"))
     assert max(x.undivided for x in same) < 1e-6
 

@@ -15,7 +15,7 @@ from maniport.arms import Arm
 from maniport.batch.executors import completed, executor_for
 from maniport.batch.inputs import ABOUT, Robot, Source, find_recordings, find_robots
 from maniport.batch.pair import ADAPTERS, Pair, content_of, reason, work
-from maniport.batch.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
+from maniport.batch.table import PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
 from maniport.motion.exports import SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
@@ -61,7 +61,7 @@ class Batch:
     @property
     def failed(self) -> tuple[Row, ...]:
         """The rows of the pairs of which nothing came."""
-        return tuple(row for row in self.table if row["state"] == FAILED)
+        return tuple(row for row in self.table if row["state"] == "failed")
 
 
 def transfer_batch(
@@ -140,7 +140,7 @@ def transfer_batch(
     except KeyboardInterrupt:
         pairs = (pair for task in tasks for pair in task)  # results are written before the task of several pairs ends
         rows |= {pair.names: row for pair in pairs if (row := pair.kept_row()) is not None}
-        done = sum(row["state"] != FAILED for row in write())
+        done = sum(row["state"] != "failed" for row in write())
         again = "run the same command" if typed() else "make the same call"
         raise KeyboardInterrupt(f"{done} of {len(names)} pairs are done; {again} to continue") from None
     return Batch(folder, write(), kept, clock.perf_counter() - begun)
@@ -183,7 +183,7 @@ def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: i
         for row in own:
             names = row["recording"], row["robot"]
             rows[names] = row
-            if row["state"] == FAILED:
+            if row["state"] == "failed":
                 failed += 1
             else:
                 left = (clock.perf_counter() - begun) / (len(rows) - kept - failed) * (count - len(rows))

@@ -18,7 +18,6 @@ from maniport.util.optional import parquet_writer, pyarrow
 
 Row = Mapping[str, Any]
 
-DONE, FAILED = "done", "failed"
 TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
 COMPUTING = "computing_s"  # Processor time of a pair [s], the one column in which two runs of the same batch differ
 STATISTICS, PARTS = ("median", "p95", "max"), ("upper arm", "forearm", "hand")
@@ -50,7 +49,7 @@ TABLES, PAGE = ("table.csv", "table.parquet"), "index.html"
 
 def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()) -> dict[str, Any]:
     """Return the row of a pair that is done; of several arms with names, the largest of each number."""
-    numbers, row = as_numbers(report), failed_row(recording, robot, "") | {"state": DONE, "folder": folder}
+    numbers, row = as_numbers(report), failed_row(recording, robot, "") | {"state": "done", "folder": folder}
     row |= {"warnings": "\n".join(report.warnings), "warning_keys": " ".join(report.warning_keys)}
     row |= {"status": report.status, "verdict": report.outcome}
     for name in METRICS:
@@ -62,7 +61,7 @@ def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequen
 
 def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
     """Return the row of a pair that failed."""
-    names = {"recording": recording, "robot": robot, "state": FAILED, "reason": as_text(reason)}
+    names = {"recording": recording, "robot": robot, "state": "failed", "reason": as_text(reason)}
     return dict.fromkeys(COLUMNS) | dict.fromkeys(TEXTS, "") | names
 
 
@@ -75,7 +74,7 @@ def _number(numbers: Any, name: str) -> float | None:
 
 def is_row(row: Any) -> bool:
     """Return whether JSON that was read is the row of a pair that is done."""
-    if not isinstance(row, dict) or row.keys() != set(COLUMNS) or row["state"] != DONE:
+    if not isinstance(row, dict) or row.keys() != set(COLUMNS) or row["state"] != "done":
         return False
     return all(isinstance(value, str if name in TEXTS else int | float | None) for name, value in row.items())
 
@@ -84,7 +83,7 @@ def failures(rows: Iterable[Row]) -> list[dict[str, Any]]:
     """Return the pairs that failed, grouped by recording and reason: ``recording``, ``robots``, ``reason``."""
     robots = dict[tuple[str, str], list[str]]()
     for row in rows:
-        if row["state"] == FAILED:
+        if row["state"] == "failed":
             robots.setdefault((row["recording"], row["reason"]), []).append(row["robot"])
     return [{"recording": name, "robots": some, "reason": reason} for (name, reason), some in robots.items()]
 
@@ -133,7 +132,7 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
 
     from maniport.report.page import document
 
-    done = [row for row in rows if row["state"] != FAILED]
+    done = [row for row in rows if row["state"] != "failed"]
     warned = dict[str, list[Row]]()
     for row in done:
         for warning in filter(None, row["warnings"].split("\n")):

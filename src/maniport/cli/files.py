@@ -25,10 +25,12 @@ TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's
 StudentDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")]
 Adapter = Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")]
 EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
-CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 
 
-@command(*CHAIN, "side", "ellipsoids", "part", "seed", example="maniport domain panda -n 16384 -o panda.npz")
+@command(
+    "frame", "joints", "base", "lock", "mesh_folders", "side", "ellipsoids", "part", "seed",
+    example="maniport domain panda -n 16384 -o panda.npz",
+)  # fmt: skip
 def domain(
     config: Config,
     console: Console,

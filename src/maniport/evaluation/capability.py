@@ -22,8 +22,6 @@ from maniport.errors import InvalidInputError
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_finite, as_points
 
-FORCE, VELOCITY = "force", "velocity"
-
 
 @dataclass(frozen=True, eq=False)
 class Capability:
@@ -53,7 +51,7 @@ class Capability:
     position_only_resemblance: float
 
 
-def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = FORCE) -> Array:
+def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = "force") -> Array:
     """Compute the largest force [N], with gravity, or speed [m/s] along directions.
 
     Parameters
@@ -75,13 +73,13 @@ def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = F
     InvalidInputError
         When limits of a joint are missing.
     """
-    as_choice(kind, "kind", (FORCE, VELOCITY))
+    as_choice(kind, "kind", ("force", "velocity"))
     arm.checked_spec(EllipsoidSpec(kind, joint_weights=JOINT_LIMITS))
-    limits = arm.velocity_limits if kind == VELOCITY else arm.effort_limits
+    limits = arm.velocity_limits if kind == "velocity" else arm.effort_limits
     assert limits is not None
     configurations, u = np.atleast_2d(arm.configurations(q)), _unit_vectors(directions)
     jacobian = arm.jacobian(configurations)[:, :3]
-    if kind == VELOCITY:
+    if kind == "velocity":
         return _zonotope_extent(jacobian * limits, u)
     held = np.zeros_like(configurations) if arm.chain.inertia is None else arm.gravity_torques(configurations)
     torques, held = u @ jacobian, held[:, None]  # torques (n, m, dof) of 1 N
@@ -91,7 +89,7 @@ def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = F
     return np.asarray(np.where(np.any(np.abs(held) > limits, axis=-1), 0.0, extents))
 
 
-def line_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = FORCE) -> Array:
+def line_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = "force") -> Array:
     """Compute the smaller of the two extents along ±directions.
 
     Parameters
@@ -104,7 +102,7 @@ def line_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = FORCE
     ndarray, shape (n, m)
     """
     extents, u = polytope_extent(arm, q, directions, kind), np.asarray(directions)
-    return extents if kind == VELOCITY else np.minimum(extents, polytope_extent(arm, q, -u, kind))
+    return extents if kind == "velocity" else np.minimum(extents, polytope_extent(arm, q, -u, kind))
 
 
 def ellipsoid_extent(ellipsoids: ArrayLike, directions: ArrayLike) -> Array:
@@ -170,14 +168,14 @@ def compare_capabilities(
         Force and speed, without those for which limits of a joint are missing.
     """
     rows, u, results = evenly_spaced(len(q), most), half_sphere(), []
-    models = {FORCE: person, VELOCITY: person.with_limits(velocity=1.0)}
+    models = {"force": person, "velocity": person.with_limits(velocity=1.0)}
     models = {kind: arm for kind, arm in models.items() if _is_limited(robot, kind) and _is_limited(arm, kind)}
     motions = (q[rows], position_only(robot, q[rows])) if models else ()
     for kind, model in models.items():
         own = polytope_extent(model, joint_angles[rows], u, kind)
         moved, free = (line_extent(robot, motion, u @ rotation.T, kind) for motion in motions)
         best = np.arange(len(rows)), own.argmax(axis=1)
-        forces = None if kind == VELOCITY else own[best]
+        forces = None if kind == "velocity" else own[best]
         likeness = resemblance(moved, own), resemblance(free, own)
         results.append(Capability(kind, time[rows], moved[best], free[best], forces, *likeness))
     return tuple(results)
@@ -207,7 +205,7 @@ def follow_positions(arm: Arm, start: Array, positions: Array, tolerance: float 
 
 
 def _is_limited(arm: Arm, kind: str) -> bool:
-    limits = arm.velocity_limits if kind == VELOCITY else arm.effort_limits
+    limits = arm.velocity_limits if kind == "velocity" else arm.effort_limits
     return limits is not None and bool(np.all(np.isfinite(limits) & (limits > 0.0)))
 
 

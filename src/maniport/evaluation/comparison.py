@@ -12,7 +12,7 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, collected_warnings
 from maniport.evaluation import metrics
-from maniport.evaluation.metrics import BASELINES, LOOKUP, STILL, TRANSPORT, Evaluation, Gaps, Row
+from maniport.evaluation.metrics import BASELINES, STILL, Evaluation, Gaps, Row
 from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
@@ -130,7 +130,7 @@ def evaluate(
             mapped = method.student_side(images[-1][: len(demonstrated)])
             result = Row(
                 row,
-                "returns samples of the student only: its gap is zero" if row == LOOKUP else "",
+                "returns samples of the student only: its gap is zero" if row == "nearest-neighbor" else "",
                 rmse=None if wanted is None else metrics.rmse(wanted, mapped),
                 smoothness=metrics.smoothness(mapped, original) if moves else None,
                 preservation=metrics.distance_preservation(mapped, original) if moves else None,
@@ -205,7 +205,7 @@ def select_method(
             failures = (str(error),)
     step(0.7)
     if failures:
-        adapter = method_of(TRANSPORT, **shared).fit(*domains)
+        adapter = method_of("parallel-transport", **shared).fit(*domains)
     evaluation = evaluate(
         adapter, *domains, profile, robot=robot, spec=spec, bank=bank, random_state=random_state,
         n_starts=16, n_domain=0,  # with 48 starts the mean gaps are at most 3 % less

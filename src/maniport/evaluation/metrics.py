@@ -26,8 +26,7 @@ from maniport.util.sampling import evenly_spaced, rank_correlation
 from maniport.util.validation import Array, as_count, as_points
 
 STILL = 1e-9  # Largest distance that counts as rounding
-IDENTITY, MEAN_TRANSPORT, TRANSPORT, LOOKUP = "identity", "mean-transport", "parallel-transport", "nearest-neighbor"
-BASELINES = (IDENTITY, MEAN_TRANSPORT, TRANSPORT)  # The default baselines, cheapest first
+BASELINES = ("identity", "mean-transport", "parallel-transport")  # The default baselines, cheapest first
 RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to count as better
 MAX_STEP_RATIO = 1.5
 
@@ -264,7 +263,7 @@ class Evaluation(NotebookDisplay):
         """
         if self.measure == "rmse":
             return {row.name: row.rmse.undivided for row in self.rows if row.rmse is not None}
-        rows = (row for row in self.rows if row is self.adapter or row.name != LOOKUP)
+        rows = (row for row in self.rows if row is self.adapter or row.name != "nearest-neighbor")
         return {row.name: row.feasibility_gap.mean for row in rows if row.feasibility_gap is not None}
 
     @property
@@ -279,7 +278,7 @@ class Evaluation(NotebookDisplay):
         values, order = self.values, list(METHODS)
         rows = [row for row in self.rows if row.name in values and (row.name in METHODS or row is self.adapter)]
         if self.measure != "rmse":
-            rows = [row for row in rows if row.name != LOOKUP]
+            rows = [row for row in rows if row.name != "nearest-neighbor"]
             rows = [row for row in rows if not (row.weaknesses or row.failures)] or rows
         names = sorted((row.name for row in rows), key=lambda name: (*order, name).index(name))
         best = min((values[name] for name in names), default=0.0)

@@ -14,7 +14,7 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.live.person import LedArm, Person
 from maniport.live.robot import CONTROL_STEP, Robot
-from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, MotionClock, largest
+from maniport.live.state import FollowState, LiveArm, LiveState, MotionClock, largest
 from maniport.live.transport import as_frame
 from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
@@ -215,7 +215,7 @@ class Live:
         self._time = self._time if time is None else time
         seen = False
         if positions is not None and time is not None:
-            resting = self._state.state == HOLDING
+            resting = self._state.state == "holding"
             updated = [arm.update(positions, time, self._hold_after, resting) for arm in self._arms]
             seen = all(updated)
             self._seen_at = self._clock.now if seen else self._seen_at
@@ -240,8 +240,8 @@ class Live:
             self._robot.brake(elapsed)
             return False
         lost = elapsed > self._hold_after or self._clock.now - self._seen_at > self._hold_after
-        if lost or (self._state.state == HOLDING and not seen):
-            self._state.state = HOLDING
+        if lost or (self._state.state == "holding" and not seen):
+            self._state.state = "holding"
             self._robot.brake(elapsed)
             return False
         self._state.resume()

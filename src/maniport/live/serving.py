@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.live.state import HOLDING, LAGGING, REACHING, errors_text
+from maniport.live.state import errors_text
 from maniport.live.transport import Datagrams, Frame, Line, Pipe, encoded, read_frame
 from maniport.version import __version__
 
@@ -44,7 +44,7 @@ class Summary:
             return text
         median, rare, largest = 1e3 * np.quantile(self.times, [0.5, 0.999, 1.0])
         text += f"; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
-        held, lagging = (100.0 * self.states[name] / self.states.total() for name in (HOLDING, LAGGING))
+        held, lagging = (100.0 * self.states[name] / self.states.total() for name in ("holding", "lagging"))
         text += f"; held {held:.1f} %, lagged {lagging:.1f} %"
         return f"{text}; {errors_text(self.errors)}" if self.errors else text
 
@@ -169,7 +169,7 @@ class Server:
         summary.answered += frame is not None
         summary.skipped += self._skipped
         summary.states[state.state] += 1
-        if state.position_error is not None and state.state not in (REACHING, HOLDING):
+        if state.position_error is not None and state.state not in ("reaching", "holding"):
             summary.errors.append(state.position_error)
         skipped, self._skipped = self._skipped, 0
         self._send(

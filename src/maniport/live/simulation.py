@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.live.live import Live
-from maniport.live.state import HOLDING, REACHING, LiveState, errors_text
+from maniport.live.state import LiveState, errors_text
 from maniport.motion import robot_model
 from maniport.util.optional import mujoco
 from maniport.util.validation import Array
@@ -106,7 +106,7 @@ class Simulation:
             error = None if arm.target_position is None else math.dist(pose[:3, 3], arm.target_position)
             arms.append(replace(arm, position=pose[:3, 3], position_error=error))
         state = replace(state, joint_positions=self.robot.q, arms=tuple(arms))
-        if state.position_error is not None and state.state not in (REACHING, HOLDING):
+        if state.position_error is not None and state.state not in ("reaching", "holding"):
             self.errors.append(state.position_error)
         return state
 

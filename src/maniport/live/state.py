@@ -2,19 +2,21 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.util.validation import LATEST, Array, as_number
 
-REACHING, FOLLOWING, LAGGING, HOLDING, RECOVERING = STATES = (
+State = Literal[
     "reaching",  # goes from its start to the target
     "following",
     "lagging",  # follows as fast as it can, with an end effector far from its path
     "holding",  # brakes and rests, since the person is not seen or jumps
     "recovering",  # returns to the target after that
-)
+]
+STATES: tuple[State, ...] = get_args(State)
 NEAR = 0.01  # The robot is at its target when its end effector is so near to it [m]
 FAR = 0.03  # The robot lags once its end effector is farther away than this, until it is near again [m]
 
@@ -69,7 +71,7 @@ class LiveState:
     """
 
     time: float
-    state: str
+    state: State
     joint_positions: Array
     joint_velocities: Array
     arms: tuple[LiveArm, ...]
@@ -107,18 +109,18 @@ class FollowState:
     """The state machine of a robot, from its start on; `state` is one of `STATES`."""
 
     def __init__(self) -> None:
-        self.state = REACHING
+        self.state: State = "reaching"
         self._least, self._least_at = np.inf, 0.0
 
     @property
     def approaching(self) -> bool:
         """Whether the robot moves to the target from afar."""
-        return self.state in (REACHING, RECOVERING)
+        return self.state in ("reaching", "recovering")
 
     def resume(self) -> None:
         """End the rest."""
-        if self.state == HOLDING:
-            self.state, self._least = RECOVERING, np.inf
+        if self.state == "holding":
+            self.state, self._least = "recovering", np.inf
 
     def update(self, now: float, position_error: float | None, distance: float | None) -> None:
         """Update the state at a time [s]; an approach ends near the target, or after 0.5 s without coming nearer."""
@@ -128,9 +130,9 @@ class FollowState:
                 self._least, self._least_at = error, now
             if error > enough and now - self._least_at <= 0.5:
                 return
-            self.state = FOLLOWING
+            self.state = "following"
         if position_error is not None and not NEAR < position_error <= FAR:
-            self.state = FOLLOWING if position_error <= NEAR else LAGGING
+            self.state = "following" if position_error <= NEAR else "lagging"
 
 
 class MotionClock:

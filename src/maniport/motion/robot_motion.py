@@ -51,7 +51,7 @@ class ArmMotion(Trajectory):
     position_tolerance : float
         Largest position error of a waypoint that counts as on the path [m].
     status : tuple of str
-        The worst since the previous waypoint, one of `maniport.motion.status.STATUSES`.
+        The worst since the previous waypoint, one of `maniport.motion.status.Status`.
     held : ndarray of bool, shape (m,)
         Control steps at which not all limits could be satisfied, or the arm braked before a collision.
     velocity_limits : ndarray, shape (dof,)

@@ -13,7 +13,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.collision_limit import Limit
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost, as_costs
-from maniport.motion.costs.orientation import POINTING, axis_weights
+from maniport.motion.costs.orientation import axis_weights
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
@@ -35,7 +35,7 @@ def track(
     damping: Damping = DAMPING,
     weights: ArrayLike | Sequence[ArrayLike] | None = None,
     rotations: ArrayLike | Sequence[ArrayLike] | None = None,
-    orientation_axes: str = POINTING,
+    orientation_axes: str = "pointing",
     position_cost: float = FOLLOWING_WEIGHT,
     rate: float = 100.0,
     velocity_limits: ArrayLike | None = None,

@@ -17,6 +17,7 @@ from maniport.util.defaults import (
     BOTH,
     DAMPING,
     MARGIN,
+    METHODS,
     PERSON,
     POSITION_TOLERANCE,
     RATE,
@@ -32,11 +33,7 @@ if TYPE_CHECKING:
     from maniport.arms import EllipsoidSpec
 
 CONFIG = "run.yaml"  # file of the configuration in a result folder
-UNIT, JOINT_LIMITS = "unit", "joint-limits"  # joint weights
-FREE, CONSTANT = "free", "constant"  # orientation of the end effector, or tilt of the base
 UNITS, AXES = ("m", "dm", "cm", "mm", "inch", "CMU"), ("pointing", "whole")
-HAND_TARGETS = "placed", "relative"
-METHODS = AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"
 
 SECTIONS = "human", "robot", "transfer", "motion", "placement", "learning", "batch"
 _run, _human, _robot, _transfer, _motion, _placement, _learning, _batch = (
@@ -71,7 +68,7 @@ class Config:
     start: float | None = _human(None, "Start of the part that is used", "s", common=True)
     stop: float | None = _human(None, "End of the part that is used", "s", common=True)
     markers: str | None = _human(None, "JSON file of points by role", is_file=True, unchecked=True, common=True)
-    person: str = _human(PERSON, "Arm model: myoarm, rhuman", common=True)
+    person: str = _human(PERSON, "Model of the human arm", common=True)
     side: str = _human(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
     smooth: str = _human(AUTO, "Smoothing of noisy points", choices=(AUTO, "off"))
 
@@ -93,14 +90,16 @@ class Config:
     payload_center: tuple[float, ...] = _robot(
         (0.0,) * 3, "Center of the payload in the end-effector frame", "m", count=3
     )
-    hand_targets: str = _robot("placed", "Positions of several arms: placed paths, or relative", choices=HAND_TARGETS)
+    hand_targets: str = _robot(
+        "placed", "Positions of several arms: placed paths, or relative", choices=("placed", "relative")
+    )
     mesh_folders: tuple[str, ...] = _robot((), "Folder of additional meshes; repeatable", repeated=True, is_file=True)
 
-    method: str = _transfer(AUTO, "Transfer method", choices=METHODS, unchecked=True, common=True)
+    method: str = _transfer(AUTO, "Transfer method", choices=(AUTO, *METHODS), unchecked=True, common=True)
     ellipsoids: str = _transfer("velocity", "Ellipsoids", choices=("velocity", "force", "acceleration"), common=True)
     part: str = _transfer("translation", "Part of the velocity", choices=("translation", "rotation", "full"))
     joint_weights: str | tuple[float, ...] | None = _transfer(
-        None, "Joint weights; default: unit for velocity, else joint-limits", choices=(UNIT, JOINT_LIMITS),
+        None, "Joint weights; default: unit for velocity, else joint-limits", choices=("unit", "joint-limits"),
         metavar="WORD|W1,W2,…", unchecked=True,
     )  # fmt: skip
     damping: float = _transfer(DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
@@ -116,8 +115,8 @@ class Config:
     )
     speed_scale: float = _motion(1.0, "Maximum speed relative to the person", above=0.0, common=True)
     orientation: str | tuple[float, ...] = _motion(
-        FREE, "Orientation: free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", CONSTANT),
-        metavar="WORD|X,Y,Z", count=3, common=True,
+        "free", "Orientation: free, demonstrated, constant, or z axis X,Y,Z",
+        choices=("free", "demonstrated", "constant"), metavar="WORD|X,Y,Z", count=3, common=True,
     )  # fmt: skip
     orientation_axes: str = _motion("pointing", "Constrained axes: z (pointing) or all (whole)", choices=AXES)
     rate: float = _motion(RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0, maximum=10_000.0)
@@ -145,7 +144,7 @@ class Config:
 
     place: bool = _placement(False, "Place the path first", common=True)
     tilt: str | float | None = _placement(
-        None, "Tilt of the base, or free to search it", "deg", (FREE,), metavar="deg|free", common=True
+        None, "Tilt of the base, or free to search it", "deg", ("free",), metavar="deg|free", common=True
     )
     rank: int = _placement(1, "Rank of the placement that is written", minimum=1, common=True)
 
@@ -182,8 +181,8 @@ class Config:
         """Kind, part and joint weights of the ellipsoids."""
         from maniport.arms import EllipsoidSpec
 
-        usual = None if self.ellipsoids == "velocity" else JOINT_LIMITS
-        weights = usual if self.joint_weights is None else None if self.joint_weights == UNIT else self.joint_weights
+        usual = None if self.ellipsoids == "velocity" else "joint-limits"
+        weights = usual if self.joint_weights is None else None if self.joint_weights == "unit" else self.joint_weights
         return EllipsoidSpec(self.ellipsoids, self.part, weights)
 
     @property

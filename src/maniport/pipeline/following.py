@@ -12,9 +12,8 @@ from maniport.errors import InvalidInputError, argument
 from maniport.motion import Placement, Planner, RobotMotion, SeedBank, nearest_feasible, place_path, plan_motion
 from maniport.motion.demands import demands_of
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.plan.plan_motion import PLACED
 from maniport.motion.search import interpolated_distance
-from maniport.pipeline.config import FREE, Config
+from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult, MotionResult
 from maniport.pipeline.settings import Settings, plan_settings, with_limits
 from maniport.util.progress import Progress, Step, no_progress
@@ -110,7 +109,7 @@ def move(
         other = plan(targets.placed(others), robot, settings)
         if other.clearance.share < motion.clearance.share:
             placements, motion = others, other
-    return motion, placements if settings.config.hand_targets == PLACED else None
+    return motion, placements if settings.config.hand_targets == "placed" else None
 
 
 def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank: int = 1) -> tuple[Placement, ...]:
@@ -214,8 +213,8 @@ def follow_profile(
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
     config = (config or Config()).changed(allowed=("robot", "transfer", "motion", "placement"), **options)
     config, orientation = replace(config, verb="track"), config.orientation
-    if isinstance(orientation, str) and orientation != FREE:
-        text = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
+    if isinstance(orientation, str) and orientation != "free":
+        text = f"{argument('orientation')} must be free or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
     robot = with_limits(robot, config)
     settings = Settings(config, robot, plan_settings(config, robot), progress=progress or no_progress)

@@ -14,7 +14,6 @@ from maniport.errors import FileFormatError, InvalidInputError, argument
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.arm_ik import require_person
 from maniport.motion import MotionLimits, PlanSettings
-from maniport.motion.plan.plan_motion import RELATIVE
 from maniport.pipeline.config import Config
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import AUTO, BOTH
@@ -154,9 +153,9 @@ def with_limits(robot: Arm | ArmGroup, config: Config) -> Arm | ArmGroup:
 
 def plan_settings(config: Config, arm: Arm | ArmGroup) -> PlanSettings:
     """Return the settings of `maniport.motion.plan_motion` for a robot, with its limits and collisions, checked."""
-    if config.hand_targets == RELATIVE and len(as_group(arm)) == 1:
-        raise InvalidInputError(f"{argument('hand_targets', RELATIVE)} needs several arms; found {arm.name}")
-    if config.hand_targets == RELATIVE and config.workspace is not None:
+    if config.hand_targets == "relative" and len(as_group(arm)) == 1:
+        raise InvalidInputError(f"{argument('hand_targets', 'relative')} needs several arms; found {arm.name}")
+    if config.hand_targets == "relative" and config.workspace is not None:
         raise InvalidInputError("workspace bounds paths, which end effectors leave with hand_targets='relative'")
     limits: Any = config.limits
     if not isinstance(limits, MotionLimits):

@@ -25,7 +25,7 @@ from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.motion import Placement, RobotMotion
 from maniport.motion.arm_model import require_trackable
-from maniport.pipeline.config import CONSTANT, FREE, Config
+from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.following import MotionTargets, SampledRobot, along, bounded_profiles, measure, move, planner_of
 from maniport.pipeline.results import ArmTransfer, TransferResult
@@ -238,9 +238,9 @@ def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, larg
     time, rotations, hands = human.motion.time, None, None
     if not isinstance(orientation, str):
         rotations = (along(orientation, len(time)),) * len(maps)
-    elif orientation != FREE:
+    elif orientation != "free":
         hands = tuple(hand_rotations(fit.arm, fit.joint_angles) for fit in human.motion.arms)
-        if orientation == CONSTANT:
+        if orientation == "constant":
             hands = tuple(np.broadcast_to(hand[0], hand.shape) for hand in hands)
     return MotionTargets(
         time,

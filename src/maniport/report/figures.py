@@ -53,9 +53,7 @@ METADATA = {
     ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
-COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
 UNIT = "m/s per rad/s"  # Unit of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints
-LINE_STYLES = ("-", "--", ":")
 TEXT = 7.0  # Size of letters [pt], in a figure that is printed as wide as it is made
 
 VIEWS = {
@@ -170,7 +168,7 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
     grid = figure.subplots(count, columns, sharex=True, squeeze=False)
     for item, panel in zip(grid.flat, panels, strict=False):
         for line in panel.lines:
-            color, style, width = ROLES[line.role].color, LINE_STYLES[line.style], 3.0 if line.wide else 1.0
+            color, style, width = ROLES[line.role].color, ("-", "--", ":")[line.style], 3.0 if line.wide else 1.0
             points, alpha = _with_breaks(time, line.values), 0.35 if line.wide else 1.0
             (drawn,) = item.plot(*points, color=color, ls=style, lw=width, alpha=alpha, label=line.name)
             handles |= {line.name: drawn} if len(panel.lines) > 1 else {}
@@ -302,7 +300,8 @@ def laid_out(figure: Figure) -> Figure:
 def _colors(names: Iterable[str], roles: Mapping[str, str] | None) -> list[str]:
     """Return the color of each name: of its role, else the next that no role has taken."""
     taken = {name: ROLES[role].color for name, role in (roles or {}).items()}
-    free = iter([color for color in COLORS if color not in taken.values()])
+    colors = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
+    free = iter([color for color in colors if color not in taken.values()])
     return [taken[name] if name in taken else next(free) for name in names]
 
 

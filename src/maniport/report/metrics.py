@@ -17,11 +17,11 @@ from maniport.errors import argument
 from maniport.evaluation import Capability
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.motion_limits import DERIVATIVES, TORQUES
-from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
+from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
 from maniport.report.robot import warn_of_collisions, warn_of_limits
-from maniport.report.values import ERROR, WARNING, Report, Section, at_time, describe, listed
+from maniport.report.values import Report, Section, Severity, at_time, describe, listed
 from maniport.util.sampling import statistics
 from maniport.util.validation import Array
 
@@ -39,7 +39,7 @@ class Definition:
     warn_above: float = np.inf  # level
     warning_key: str = ""
     warning: str = ""  # format of the value
-    severity: str = WARNING
+    severity: Severity = "warning"
 
 
 MISSED_SHARE = 0.05
@@ -59,12 +59,12 @@ METRICS = {
         text="{robot:.1f} s (human {person:.1f} s)"),
     **{key: Definition(
         key.capitalize(), f"Largest value relative to the limit{remark}.", main=key == "limits", text="{_text}",
-        level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
+        level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity="error",
         warning_key=f"{key}-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}")
        for key, remark in (("limits", ""), ("torques", ", by inverse dynamics"))},
     "collisions": Definition(
         "Collisions", "Between convex hulls of links, table and obstacles.", main=True, text="{_text}",
-        level=itemgetter("share"), warn_above=0.0, severity=ERROR, warning_key="collision",
+        level=itemgetter("share"), warn_above=0.0, severity="error", warning_key="collision",
         warning="the robot collides {_when}: {_pair}"),
     **{key: Definition(label, "Median along the direction of the person's largest value.", unit, text="{_text}")
        for key, label, unit in (("force", "Force", "N"), ("velocity", "Speed", "m/s"))},
@@ -170,7 +170,7 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     if motion.held.any():
         count = motion.held.sum()
         text = f"at {count} control steps not all limits were satisfied, or the robot braked before a collision"
-        section.warn("held", text, severity=ERROR)
+        section.warn("held", text, severity="error")
     pairs = zip(motion.joint_names, motion.velocity_limits, strict=True)
     if free := [name for name, limit in pairs if np.isinf(limit)]:
         section.warn("unchecked-velocity-limits", f"no velocity limit is available for {listed(free)}")
@@ -178,7 +178,7 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         warn_of_limits(section, motion.limits)
         if alone:
             warn_of_collisions(section, motion.clearance, unchecked)
-    elif VELOCITY_LIMIT in motion.status:
+    elif "velocity limit" in motion.status:
         section.warn("too-fast", "the motion is too fast for the robot in places: give it more time")
     return section
 

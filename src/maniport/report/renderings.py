@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import printable
-from maniport.report.values import INFO, NOTE, SUFFIXES, Metric, Report, Section, Table, sentence
+from maniport.report.values import SUFFIXES, Metric, Report, Section, Table, sentence
 from maniport.util.atomic_io import written_whole
 
 SUMMARY, PAGE = "summary.json", "report.html"
@@ -91,10 +91,10 @@ def as_numbers(report: Report) -> dict[str, Any]:
         reasons = report.warning_keys if report.status else ()
         result |= {"status": report.status or None, "summary": texts | {"reasons": reasons}}
     result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
-    result["notes"] = list(dict.fromkeys(item.text for item in report.metrics if item.severity == NOTE))
+    result["notes"] = list(dict.fromkeys(item.text for item in report.metrics if item.severity == "note"))
     for section in report.sections:
         entries = {metric.key + SUFFIXES.get(metric.unit, ""): metric.value for metric in section.metrics
-                   if metric.key and (metric.severity == INFO or metric.value is not None)}  # fmt: skip
+                   if metric.key and (metric.severity == "info" or metric.value is not None)}  # fmt: skip
         entries |= {table.key: table.value for table in section.tables if table.key}
         place = result.setdefault(section.key, {}) if entries and section.key else result
         place.update(entries)
@@ -159,7 +159,7 @@ def plain(value: Any) -> Any:
 
 def _line(metric: Metric) -> str:
     text = escaped(metric.text)
-    if metric.label and metric.severity == INFO:
+    if metric.label and metric.severity == "info":
         text = sentence(f"{escaped(metric.label)}: {text}")
         # without a description no full stop at the end, which may be a path
         text = f"{text} {escaped(metric.description)}" if metric.description else text.rstrip(".")

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
-from maniport.pipeline.config import CONFIG, FREE, OPTIONS
+from maniport.pipeline.config import CONFIG, OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import MISSED_SHARE, group_section, motion_section
 from maniport.report.recording import person_section, recording_section
 from maniport.report.robot import chain_metrics, placement_section
 from maniport.report.transfer import adapter_section, evaluation_section, label
-from maniport.report.values import INFO, RED, Metric, Report, Section, describe, in_axes, sentence, software
+from maniport.report.values import Metric, Report, Section, describe, in_axes, sentence, software
 from maniport.util.defaults import POSITION_TOLERANCE
 
 POSITION_GRADES = {"position tracked": 0.0, "position mostly tracked": MISSED_SHARE, "position not tracked": np.inf}
@@ -84,7 +84,7 @@ def _named(arm: str, sections: Sequence[Section]) -> list[Section]:
     name = arm.capitalize()
 
     def named(metric: Metric) -> Metric:
-        if metric.severity != INFO and metric.text:
+        if metric.severity != "info" and metric.text:
             return replace(metric, text=f"{name} arm: {metric.text}")
         return replace(metric, label=f"{name}: {metric.label[:1].lower()}{metric.label[1:]}") if metric.main else metric
 
@@ -150,7 +150,7 @@ def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]
 def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> tuple[str, str]:
     """Advise what improves the result most, with its command; of several arms the first with an advice decides."""
     slower = _repeated(result, "slower", speed_scale=0.5 * (result.config.speed_scale if result.config else 1.0))
-    if report.status == RED:
+    if report.status == "red":
         exceeded = "limits-exceeded" in report.warning_keys
         return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
     for arm, metrics in zip(result.arms, motions.values(), strict=True):
@@ -167,7 +167,7 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
             continue
         parts = arm.mean_distance
         if motion.path is not None and parts["path"] >= max(parts["infeasible"], parts["motion"]):
-            free = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG} --orientation {FREE}"
+            free = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG} --orientation free"
             alone = result.config is not None and len(result.arms) == 1
             command = f"{free} --no-place -o {{folder}}-no-path" if alone else ""
             return "The path constraint dominates the distance: try without it.", command

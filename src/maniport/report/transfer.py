@@ -4,8 +4,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from maniport.evaluation.metrics import IDENTITY, RELEVANT_RATIO, Evaluation, Row
-from maniport.report.values import NOTE, WARNING, Report, Section, Table, describe, listed, sentence
+from maniport.evaluation.metrics import RELEVANT_RATIO, Evaluation, Row
+from maniport.report.values import Report, Section, Table, describe, listed, sentence
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
 from maniport.transfer.identifiability import describe_free_axes
@@ -25,7 +25,7 @@ def adapter_section(adapter: DomainAdapter) -> Section:
         return section
     if (axes := getattr(adapter, "free_axes_", None)) is not None:
         text = describe_free_axes(axes)
-        section.warn("identifiability", text, severity=WARNING if len(axes) else NOTE, value=text)
+        section.warn("identifiability", text, severity="warning" if len(axes) else "note", value=text)
     rotation, turn = adapter.base_rotation_, adapter.map_rotation_
     matrix = None if rotation is None else np.asarray(rotation).round(6).tolist()
     text = "unknown" if adapter.base_rotation is None else "none: both base frames have the same orientation"
@@ -96,7 +96,7 @@ def evaluation_section(evaluation: Evaluation) -> Section:
     section.numbers(summary=summary | {"weaknesses": adapter.weaknesses})
     for code, value in adapter.weaknesses.items():
         text = f"{label(adapter.name)}: {code.replace('_', ' ')} {value:.3g}{'°' * (code == 'rotated_axes')}"
-        section.warn(code.replace("_", "-"), text, severity=WARNING if code == "rank_correlation" else NOTE)
+        section.warn(code.replace("_", "-"), text, severity="warning" if code == "rank_correlation" else "note")
     section.warn("evaluation", *(f"{adapter.name}: {text}" for text in adapter.warnings))
     section.note(*(f"{row.name}: {text}" for row in rows[1:] for text in (row.note, *row.warnings) if text))
     return section
@@ -112,8 +112,8 @@ def _compare(section: Section, evaluation: Evaluation) -> None:
     method, values = evaluation.adapter.name, dict(evaluation.values)
     name, own = sentence(label(method))[:-1], values.pop(method, None)
     nearest = min(values, key=lambda row: values[row], default="")
-    others = {row: values[row] for row in dict.fromkeys((IDENTITY, nearest)) if row in values}
-    if own is None or IDENTITY not in {method, *values}:
+    others = {row: values[row] for row in dict.fromkeys(("identity", nearest)) if row in values}
+    if own is None or "identity" not in {method, *values}:
         section.note(f"{name} is not compared: neither the truth nor the robot is available")
         return
     measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[evaluation.measure]
@@ -122,8 +122,10 @@ def _compare(section: Section, evaluation: Evaluation) -> None:
     if (failures := evaluation.rejected) is not None:
         reason = f"the length field was rejected: {'; '.join(failures)}" if failures else "it passes its checks"
         value = {"method": method, "failures": list(failures)}
-        section.warn("choice", f"Selected {label(method)}: {reason}. {sentence(compared)}", severity=NOTE, value=value)
-    elif not worse or method == IDENTITY:
+        section.warn(
+            "choice", f"Selected {label(method)}: {reason}. {sentence(compared)}", severity="note", value=value
+        )
+    elif not worse or method == "identity":
         section.note(f"{name}{' is better than all baselines' * (not worse)}: {compared}")
     else:
         recommended = evaluation.recommended

@@ -7,15 +7,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from importlib import metadata
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from maniport.version import __version__
 
-INFO, NOTE, WARNING, ERROR = "info", "note", "warning", "error"
-RED = "red"
-STATUS = {"green": "no warnings", "amber": "check the warnings before execution", RED: "do not execute"}
+Severity = Literal["info", "note", "warning", "error"]
+
+STATUS = {"green": "no warnings", "amber": "check the warnings before execution", "red": "do not execute"}
 """Status of a result without warnings, with warnings and with errors, and its meaning."""
 
 RECORDING, FIT = "recording", "human-model"
@@ -54,13 +54,13 @@ class Metric:
     key: str = ""
     value: Any = None
     unit: str = ""
-    severity: str = INFO
+    severity: Severity = "info"
     main: bool = False
 
     @property
     def is_warning(self) -> bool:
         """Whether the metric is a warning or an error."""
-        return self.severity in (WARNING, ERROR)
+        return self.severity in ("warning", "error")
 
     @property
     def is_statistics(self) -> bool:
@@ -115,13 +115,13 @@ class Section:
         """Add metrics that are in JSON only; the keys have the units."""
         self.metrics += tuple(Metric("", "", key=key, value=value) for key, value in values.items())
 
-    def warn(self, key: str, *texts: str, severity: str = WARNING, value: Any = None) -> None:
+    def warn(self, key: str, *texts: str, severity: Severity = "warning", value: Any = None) -> None:
         """Add warnings, or notes, with a stable key for programs."""
         self.metrics += tuple(Metric("", sentence(text), "", key, value, severity=severity) for text in texts)
 
     def note(self, *texts: str) -> None:
         """Add notes."""
-        self.warn("", *texts, severity=NOTE)
+        self.warn("", *texts, severity="note")
 
     @property
     def lines(self) -> list[Metric]:
@@ -183,7 +183,7 @@ class Report:
         for metric in self.metrics:
             if metric.is_warning and metric.text:
                 unique.setdefault(metric.text, metric)
-        return tuple(sorted(unique.values(), key=lambda metric: (metric.severity != ERROR, rank.get(metric.key, 0))))
+        return tuple(sorted(unique.values(), key=lambda metric: (metric.severity != "error", rank.get(metric.key, 0))))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -201,7 +201,7 @@ class Report:
         if not (self.outcome and self.graded):
             return ""
         severities = {metric.severity for metric in self.metrics}
-        return list(STATUS)[2 if ERROR in severities else WARNING in severities]
+        return list(STATUS)[2 if "error" in severities else "warning" in severities]
 
     @property
     def status_text(self) -> str:

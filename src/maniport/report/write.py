@@ -18,8 +18,7 @@ from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
 
 SUMMARIES = ("summary.md", SUMMARY, PAGE, CONFIG)
-EXPORTS = tuple(exporter.file for exporter in FORMATS.values())
-REPORT_FILES = (*SUMMARIES, *EXPORTS, *files_of(*FIGURES))
+REPORT_FILES = (*SUMMARIES, *(exporter.file for exporter in FORMATS.values()), *files_of(*FIGURES))
 RUN_FILES = (*TRANSFER_FILES, *REPORT_FILES)
 """Files of a transfer to one arm. A folder with other files is not replaced."""
 EXECUTION_FILES = (*MOTION_FILES, *REPORT_FILES)

@@ -5,6 +5,7 @@ transferred. Each method is one class that keeps the contract of `maniport.trans
 """
 
 import os
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -24,15 +25,12 @@ from maniport.transfer.icp.correspondence import (
 )
 from maniport.transfer.length_field import LengthField
 from maniport.transfer.rigid_adapter import MeanTransport, ParallelTransport
+from maniport.util import defaults
 from maniport.util.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {
-    "identity": IdentityMap,
-    "mean-transport": MeanTransport,
-    "parallel-transport": ParallelTransport,
-    "nearest-neighbor": NearestNeighbor,
-    "icp": RiemannianICP,
-    "length-field": LengthField,
+    name: getattr(import_module(f"{__name__}.{module}"), kind)
+    for name, (module, kind) in ((name, place.split(":")) for name, place in defaults.METHODS.items())
 }
 """The methods by the names that the command line uses, cheapest first."""
 

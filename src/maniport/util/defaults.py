@@ -18,3 +18,13 @@ RECORDINGS = {
     ".npz": "npz", ".npy": "npz", ".csv": "table", ".tsv": "table", ".json": "keypoints",
 }  # fmt: skip
 """Suffixes of recordings, and the module of `maniport.mocap.readers` that reads each."""
+
+METHODS = {
+    "identity": "baselines:IdentityMap",
+    "mean-transport": "rigid_adapter:MeanTransport",
+    "parallel-transport": "rigid_adapter:ParallelTransport",
+    "nearest-neighbor": "baselines:NearestNeighbor",
+    "icp": "icp:RiemannianICP",
+    "length-field": "length_field:LengthField",
+}
+"""Transfer methods, cheapest first: the module of `maniport.transfer` and the class of each."""

@@ -40,7 +40,6 @@ from maniport.util.validation import Array
 LOADED = "adapter file"  # Name of an adapter that was given fitted
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE = 2048, 4096, 16_384
 AT_ONCE = "parallel-transport"  # The method that is fitted before the page is there: it takes milliseconds
-PREFERRED = "length-field"  # Follows within some seconds; `maniport transfer` mostly chooses it
 
 _alone = threading.Lock()  # warnings are caught for a whole process, and Numba compiles in one thread at a time
 
@@ -295,7 +294,7 @@ def prepare(
         maps = Maps(*domains, damping, loaded, student, bank)
         sides.append(Side(teacher, student, maps, bank, base))
     state = ViewState(robot, sides, playback)
-    displayed, ready = (LOADED, LOADED) if loaded is not None else (PREFERRED, AT_ONCE)
+    displayed, ready = (LOADED, LOADED) if loaded is not None else ("length-field", AT_ONCE)
     state.places = in_background(state.find_places, motion, [side.maps.get(ready, rotation) for side in sides])
     progress("Prepare page", 1.0, f"{ready}; the placement follows")
     return state, displayed, rotation

@@ -8,14 +8,13 @@ import numpy as np
 from maniport.arms import Arm
 from maniport.util.validation import Array, as_choice
 
-POINTING, WHOLE = "pointing", "whole"
 """Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
 ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
 
 
 def axis_weights(axes: str) -> tuple[float, float, float]:
     """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
-    if as_choice(axes, "orientation_axes", (POINTING, WHOLE)) == POINTING:
+    if as_choice(axes, "orientation_axes", ("pointing", "whole")) == "pointing":
         return 0.0, 0.0, ORIENTATION_WEIGHT
     return (ORIENTATION_WEIGHT / math.sqrt(2.0),) * 3
 

@@ -26,8 +26,6 @@ from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_finite, as_generator
 
-PLACED, RELATIVE = "placed", "relative"
-
 
 def plan_motion(
     arms: Arm | ArmGroup,
@@ -40,7 +38,7 @@ def plan_motion(
     weights: ArrayLike | Sequence[ArrayLike] | None = None,
     rotations: ArrayLike | Sequence[ArrayLike] | None = None,
     costs: Sequence[Cost] = (),
-    hand_targets: str = PLACED,
+    hand_targets: str = "placed",
     planner: Planner | None = None,
     pointwise_bests: ArrayLike | Sequence[ArrayLike] | None = None,
     random_state: Any = 0,
@@ -102,7 +100,7 @@ def plan_motion(
         ]
         for best in bests:
             require_rows(len(schedules[0]), pointwise_bests=(best, ()))
-    relative = as_choice(hand_targets, "hand_targets", (PLACED, RELATIVE)) == RELATIVE
+    relative = as_choice(hand_targets, "hand_targets", ("placed", "relative")) == "relative"
     if relative and (paths is None or len(schedules) < 2):
         raise InvalidInputError(
             "hand_targets='relative' keeps vectors between end effectors; give several arms with paths"

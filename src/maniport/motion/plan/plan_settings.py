@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.costs.orientation import POINTING, axis_weights
+from maniport.motion.costs.orientation import axis_weights
 from maniport.motion.motion_limits import MotionLimits
 from maniport.util.defaults import MARGIN, POSITION_TOLERANCE, RATE
 from maniport.util.validation import Array, as_number
@@ -61,7 +61,7 @@ class PlanSettings:
     motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
     joint_limit_margin: float = MARGIN
     collisions: Collisions | bool = True
-    orientation_axes: str = POINTING
+    orientation_axes: str = "pointing"
     home: ArrayLike | None = None
     budget: ClassVar[SearchBudget] = SearchBudget()  # class attribute, so that studies can change it
 

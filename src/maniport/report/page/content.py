@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.motion import status
 from maniport.spd.ellipsoid import axes
 from maniport.util.atomic_io import written_whole
 from maniport.util.optional import rerun
@@ -48,13 +47,13 @@ OTHERS = ("#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe & Ito's other colors, for data without a role."""
 
 STATES = {
-    status.FOLLOWED: ("#D9E0E6", "#3A4652"),
-    status.NEARLY_FOLLOWED: ("#B3BDC7", "#5A6875"),
-    status.ELLIPSOID: ("#A58BC4", "#A58BC4"),
-    status.JOINT_LIMIT: ("#CC79A7", "#CC79A7"),
-    status.VELOCITY_LIMIT: ("#7B4B94", "#8F62A8"),
-    status.PATH: ("#000000", "#E8EDF2"),
-    status.HELD: ("#B00020", "#FF8F9D"),
+    "followed": ("#D9E0E6", "#3A4652"),
+    "nearly followed": ("#B3BDC7", "#5A6875"),
+    "ellipsoid missed": ("#A58BC4", "#A58BC4"),
+    "joint limit": ("#CC79A7", "#CC79A7"),
+    "velocity limit": ("#7B4B94", "#8F62A8"),
+    "position missed": ("#000000", "#E8EDF2"),
+    "QP failed; last safe configuration held": ("#B00020", "#FF8F9D"),
 }
 """States of a waypoint from good to bad, with their colors on a light and on a dark background."""
 

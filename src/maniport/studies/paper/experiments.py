@@ -27,7 +27,6 @@ from maniport.util.progress import Progress, Step, counted, pieces
 from maniport.util.validation import Array
 
 PAPER, OURS = "ours, paper's settings", "ours, defaults"  # How a row is fitted and measured
-TRAJECTORIES, RANDOM = "trajectories", "random"  # Domains of a row of the paper
 SEPARATE, SAME = "random, sampled separately for each arm", "random, the same joint samples for both arms"
 DRAWS = 10  # Random sets over which errors are averaged
 PRINTED = "table", "row", "paper_rmse", "paper_iterations"  # Keys of a line with numbers of the paper
@@ -175,10 +174,10 @@ def two_dof(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> 
     Random rows come twice, with separate and with the same joint samples; the paper has only the first.
     """
     title, rows, arms = "Table II: two-joint arms", paper_table("II"), trajectories.two_dof_arms()
-    jobs = [(row, TRAJECTORIES) for row in rows if row.data == TRAJECTORIES]
-    jobs += [(row, data) for data in (SEPARATE, SAME) for row in rows if row.data == RANDOM]
+    jobs = [(row, "trajectories") for row in rows if row.data == "trajectories"]
+    jobs += [(row, data) for data in (SEPARATE, SAME) for row in rows if row.data == "random"]
     truth = {name: _ellipsoids(arms, path, path) for name, path in trajectories.two_dof_evaluation().items()}
-    domains = {TRAJECTORIES: [_ellipsoids(arms, *2 * [trajectories.two_dof_training().reshape(-1, 2)])]}
+    domains = {"trajectories": [_ellipsoids(arms, *2 * [trajectories.two_dof_training().reshape(-1, 2)])]}
     domains[SEPARATE] = [_uniform(arms, 500, seed + k) for k in range(draws)]
     same = (arms[0].sample(500, np.random.default_rng(seed + k), "uniform") for k in range(draws))
     domains[SAME] = [_ellipsoids(arms, path, path) for path in same]
@@ -198,8 +197,8 @@ def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS)
     profiles = {name: arms[0].manipulability(path) for name, path in trajectories.human_evaluation().items()}
     person = trajectories.human_training()
     paths = np.concatenate(person), np.concatenate([trajectories.robot_path(path) for path in person])
-    domains = {TRAJECTORIES: [_ellipsoids(arms, *paths)]}
-    domains[RANDOM] = [_uniform(arms, 400, seed + k) for k in range(draws)]
+    domains = {"trajectories": [_ellipsoids(arms, *paths)]}
+    domains["random"] = [_uniform(arms, 400, seed + k) for k in range(draws)]
     parts = pieces(Step(progress, title), 1.0, 1.0)
     for settings, damping, part in zip((PAPER, OURS), (None, DAMPING), parts, strict=True):
         draw = _draw(settings, _uniform(arms, samples, seed), {name: (p, p) for name, p in profiles.items()})
@@ -207,7 +206,7 @@ def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS)
         truth = {name: (points, baseline.transform(points)) for name, (points, _) in draw.evaluation.items()}
         for row in counted(rows, len(rows), part):
             sets = [_draw(settings, pair, truth, row.samples) for pair in domains[row.data]]
-            data = SEPARATE if row.data == RANDOM else row.data
+            data = SEPARATE if row.data == "random" else row.data
             lines += measure(adapter_of(row, settings, np.eye(3), DAMPING), sets, settings, data, row)
         resampled = _draw(settings, _uniform(arms, samples, seed + 1), truth)
         for line in measure(baseline, [resampled], settings, "baselines", rows[0], printed=False):

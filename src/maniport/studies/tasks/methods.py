@@ -20,7 +20,7 @@ from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain
 from maniport.errors import collected_warnings
 from maniport.evaluation import capability
-from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, line_extent
+from maniport.evaluation.capability import half_sphere, line_extent
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import MotionLimits
 from maniport.motion.objective import Objective
@@ -31,9 +31,7 @@ from maniport.transfer import DomainAdapter, method_of
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array
 
-POSITION_ONLY, RANDOM, DIRECT_FORCE, DIRECT_SPEED = "position-only", "random", "direct-force", "direct-speed"
-
-SPECS = {"velocity": EllipsoidSpec(), "force": EllipsoidSpec(FORCE, joint_weights=JOINT_LIMITS)}
+SPECS = {"velocity": EllipsoidSpec(), "force": EllipsoidSpec("force", joint_weights=JOINT_LIMITS)}
 
 Rows = NDArray[np.intp]
 Cost = Callable[[Rows, Array], Array]
@@ -92,11 +90,11 @@ def _samples(robot: str, seed: int) -> Array:
 
 def motions(problem: Problem, random_motions: int = 20) -> Iterator[tuple[str, Array]]:
     """Yield the motion (n, dof) of each method by name, random ones several times."""
-    yield POSITION_ONLY, follow(problem, np.array(problem.robot.ready))
+    yield "position-only", follow(problem, np.array(problem.robot.ready))
     rows, owners, nodes = problem.stages
     starts = nodes[owners == rows[0]]
     for i in np.random.default_rng(problem.seed).choice(len(starts), random_motions, replace=False):
-        yield RANDOM, follow(problem, starts[i])
+        yield "random", follow(problem, starts[i])
     for name, cost in costs(problem).items():
         yield name, minimize(problem, cost)
 
@@ -107,8 +105,8 @@ def costs(problem: Problem) -> Mapping[str, Cost]:
     result: dict[str, Cost] = {
         "elbow": elbow_cost(problem),
         "yoshikawa": lambda rows, q: -np.linalg.slogdet(arm.ellipsoids(q))[1],
-        DIRECT_FORCE: extent_cost(task, FORCE, task.force_directions),
-        DIRECT_SPEED: extent_cost(task, VELOCITY, task.speed_directions),
+        "direct-force": extent_cost(task, "force", task.force_directions),
+        "direct-speed": extent_cost(task, "velocity", task.speed_directions),
     }
     for kind, spec in SPECS.items():
         result[f"direct-profile, {kind}"] = profile_cost(problem, kind)
@@ -184,7 +182,7 @@ def major_axis_cost(problem: Problem, spec: EllipsoidSpec) -> Cost:
 
     def cost(rows: Rows, q: Array) -> Array:
         matrices = arm.ellipsoids(q, spec.bounded)  # of forces the inverse
-        if spec.kind != FORCE:
+        if spec.kind != "force":
             matrices = np.asarray(np.linalg.inv(matrices + 1e-6 * np.eye(3)))
         squares = np.einsum("ni,nij,nj->n", axes[rows], matrices, axes[rows])
         return np.asarray(0.5 * np.log(np.maximum(squares, 1e-12)))
@@ -198,7 +196,7 @@ def ellipsoid_cost(problem: Problem, method: str, spec: EllipsoidSpec) -> Cost:
     adapter = fitted(method, person.arm, problem.robot.name, spec, problem.seed)
     target = adapter.transform(person.arm.ellipsoids(person.joint_angles, spec))
     objective = Objective.of(arm, spec.bounded)
-    targets = objective.targets(np.asarray(np.linalg.inv(target)) if spec.kind == FORCE else target)
+    targets = objective.targets(np.asarray(np.linalg.inv(target)) if spec.kind == "force" else target)
     return lambda rows, q: targets[rows].cost(q)
 
 

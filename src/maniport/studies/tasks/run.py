@@ -13,7 +13,7 @@ import numpy as np
 from maniport.errors import InvalidInputError, ManiportError
 from maniport.report.renderings import write_report
 from maniport.report.values import Metric, Report, Section, Table, describe, report_of, software
-from maniport.studies.tasks.methods import DIRECT_FORCE, DIRECT_SPEED, POSITION_ONLY, RANDOM, motions, problem_of
+from maniport.studies.tasks.methods import motions, problem_of
 from maniport.studies.tasks.score import LESS_IS_BETTER, SCORES, Scores, is_valid, read_motion, score, velocity_share
 from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Demonstration, StudyRobot, Task, demonstrations, of_folder
 from maniport.util.atomic_io import claim, write_text
@@ -26,12 +26,15 @@ from maniport.version import __version__
 QUICK = "freeform 1", "ladder 1", "H-Eval-2", "reach 1"  # Recordings of the quick set, for the first robot
 
 RATIOS = {
-    "push": DIRECT_FORCE, "speed": DIRECT_SPEED, "react": DIRECT_SPEED, "resist": DIRECT_FORCE, "carry": DIRECT_FORCE,
-}  # fmt: skip
+    "push": "direct-force",
+    "speed": "direct-speed",
+    "react": "direct-speed",
+    "resist": "direct-force",
+    "carry": "direct-force",
+}
 """Scores that are compared by ratios, and the direct optimization that they are compared with."""
 
 CORRELATIONS = "resemblance_force", "resemblance_speed"
-MAIN = {"push": "length-field, force", "speed": "length-field, velocity"}
 """Methods of the summary."""
 
 CAPTION = (
@@ -69,7 +72,7 @@ class Unit:
             return 1.0 / value if value > 0.0 and np.isfinite(value) else 0.0
         return value
 
-    def ratio(self, method: str, score: str, reference: str = POSITION_ONLY, largest: float = 1000.0) -> float:
+    def ratio(self, method: str, score: str, reference: str = "position-only", largest: float = 1000.0) -> float:
         """Return the ratio of merits, at most `largest`; 1 where both are 0."""
         own, other = self.merit(method, score), self.merit(reference, score)
         return min(own / other, largest) if other > 0.0 else (largest if own > 0.0 else 1.0)
@@ -152,16 +155,16 @@ def _computed(folder: Path, robot: StudyRobot, demonstration: Demonstration, see
     """Compute the motions of all methods, give all the same time, and score them."""
     problem = problem_of(robot, demonstration, seed)
     results, task = [(name, np.round(q, 9)) for name, q in motions(problem)], problem.task
-    shares = [velocity_share(task.arm, task.time, q) for name, q in results if name != RANDOM]
+    shares = [velocity_share(task.arm, task.time, q) for name, q in results if name != "random"]
     task = replace(task, time=max(1.0, 1.000001 * max(shares)) * task.time)
     task.save(folder / "task.json")
     for name, q in results:
-        if name != RANDOM:
+        if name != "random":
             rows = [",".join(map(repr, row)) for row in np.column_stack([task.time, q]).tolist()]
             write_text(folder / f"{name.replace(', ', '-')}.csv", "\n".join([",".join(task.columns), *rows, ""]))
     scores = [(name, score(task, q)) for name, q in results]
     if not is_valid(scores[0][1]):
-        raise InvalidInputError(f"the {POSITION_ONLY} motion leaves the path or exceeds a limit")
+        raise InvalidInputError("the position-only motion leaves the path or exceeds a limit")
     ratio = float(task.time[-1] / demonstration.time[-1])
     held_out = not HELD_OUT.isdisjoint((demonstration.name, robot.name))
     return Unit(demonstration.name, robot.name, held_out, ratio, tuple(rows_of(scores)))
@@ -169,10 +172,10 @@ def _computed(folder: Path, robot: StudyRobot, demonstration: Demonstration, see
 
 def rows_of(scores: Sequence[tuple[str, Scores]]) -> Iterator[Row]:
     """Yield a row for each method; that of the random motions has medians over the valid ones, and their share."""
-    random = [own for name, own in scores if name == RANDOM]
+    random = [own for name, own in scores if name == "random"]
     valid = [own for own in random if is_valid(own)]
     for name, own in scores:
-        if name != RANDOM:
+        if name != "random":
             yield {"method": name, "valid": is_valid(own), **own}
         elif own is random[0]:
             median = {key: float(np.median([other[key] for other in valid or random])) for key in own}
@@ -224,7 +227,7 @@ def _summary(units: Sequence[Unit]) -> Section:
             own = [unit for unit in units if unit.robot == robot and unit.held_out == held_out]
             if not own:
                 continue
-            force, speed = (statistics(own, method) for method in MAIN.values())
+            force, speed = (statistics(own, method) for method in ("length-field, force", "length-field, velocity"))
             r = (values["median"] for values in (force["resemblance_force"], speed["resemblance_speed"]))
             gains = ((_interval(gain), f"{gain['of_direct']:.2f}") for gain in (force["push"], speed["speed"]))
             label = f"{robot}, held out" if held_out else robot

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import Arm
 from maniport.arms.chain import PRISMATIC
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, line_extent, polytope_extent, resemblance
+from maniport.evaluation.capability import half_sphere, line_extent, polytope_extent, resemblance
 from maniport.motion import MotionLimits
 from maniport.motion.plan.roadmap import moved_to_positions
 from maniport.studies.tasks.task import MOST_BYTES, Task
@@ -140,12 +140,12 @@ def score(task: Task, q: Array) -> Scores:
     middle, half = 0.5 * (arm.upper + arm.lower), 0.5 * (arm.upper - arm.lower)
     return {
         "push": float(np.median(push(simulated, own, task.force_directions))),
-        "speed": float(np.median(_extents(arm, own, task.speed_directions, VELOCITY))),
+        "speed": float(np.median(_extents(arm, own, task.speed_directions, "velocity"))),
         "react": float(np.median(react(simulated, own, task.speed_directions))),
         "resist": float(np.median(resist(simulated, own, task.force_directions))),
         "carry": carry(simulated, task.time, positions),
-        "resemblance_force": resemblance(line_extent(arm, own, u, FORCE), task.person_force),
-        "resemblance_speed": resemblance(line_extent(arm, own, u, VELOCITY), task.person_speed),
+        "resemblance_force": resemblance(line_extent(arm, own, u, "force"), task.person_force),
+        "resemblance_speed": resemblance(line_extent(arm, own, u, "velocity"), task.person_speed),
         "position_error": 1e3 * float(errors.max()),
         "velocity_share": velocity_share(arm, task.time, positions),
         "position_share": float((np.abs(positions - middle) / half).max()),
@@ -158,7 +158,7 @@ def is_valid(scores: Scores) -> bool:
     return within and scores["position_error"] <= 1e3 * YIELD
 
 
-def _extents(arm: Arm, q: Array, directions: Array, kind: str = FORCE) -> Array:
+def _extents(arm: Arm, q: Array, directions: Array, kind: str = "force") -> Array:
     """Largest force or speed of configurations (n, dof), each along its own direction, (n,) [N] or [m/s]."""
     return np.array([polytope_extent(arm, q[i], directions[i : i + 1], kind)[0, 0] for i in range(len(q))])
 

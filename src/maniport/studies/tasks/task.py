@@ -14,7 +14,7 @@ from maniport.arms import Arm, load_arm
 from maniport.arms.collisions import Collisions
 from maniport.arms.human import myoarm
 from maniport.errors import FileFormatError, InvalidInputError, collected_warnings
-from maniport.evaluation.capability import FORCE, VELOCITY, half_sphere, polytope_extent
+from maniport.evaluation.capability import half_sphere, polytope_extent
 from maniport.mocap import ArmFit, fit_arms, read_recording
 from maniport.motion.plan.roadmap import IN_PLACE, moved_to_positions
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
@@ -158,8 +158,8 @@ class Task:
         """Evaluate the person's capability at the instants; trunk and base are parallel."""
         instants, u = evenly_spaced(len(time), 12), half_sphere()
         q = joint_angles[instants]
-        force = polytope_extent(person, q, u, FORCE)
-        speed = polytope_extent(person.with_limits(velocity=1.0), q, u, VELOCITY)
+        force = polytope_extent(person, q, u, "force")
+        speed = polytope_extent(person.with_limits(velocity=1.0), q, u, "velocity")
         return cls(recording, robot, time, path, instants, force, speed)
 
     @cached_property
