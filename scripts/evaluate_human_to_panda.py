@@ -91,7 +91,7 @@ def study(
         else:
             adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot)
             adapter.fit(teacher, student)
-        options |= {"person": motion.person, "rows": (*BASELINES, "nearest-neighbor", *FITTED_METHODS)}
+        options["rows"] = *BASELINES, "nearest-neighbor", *FITTED_METHODS
         evaluated[motion] = evaluate(adapter, teacher, student, motion.profile, **options)
         step.end(f"{evaluated[motion].adapter.name} and {len(evaluated[motion].rows) - 1} more")
     return evaluated

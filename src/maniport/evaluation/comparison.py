@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, collected_warnings
 from maniport.evaluation import metrics
 from maniport.evaluation.metrics import BASELINES, STILL, Evaluation, Gaps, Row
@@ -19,7 +18,7 @@ from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
 from maniport.util.progress import Progress, Step
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_count, as_finite, as_generator, as_points, as_positive_semidefinite
+from maniport.util.validation import Array, as_finite, as_points, as_positive_semidefinite
 
 GAP_POINTS = 64  # Most ellipsoids of a profile whose feasibility gap is searched, evenly spread
 FIELD = "length-field"
@@ -61,13 +60,11 @@ def evaluate(
     profile: ArrayLike,
     *,
     robot: Arm | None = None,
-    person: Arm | None = None,
     truth: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
     rows: Sequence[str | DomainAdapter] = BASELINES,
     bank: SeedBank | None = None,
     n_starts: int = 48,
-    n_domain: int = 128,
     random_state: Any = 0,
     progress: Progress | None = None,
 ) -> Evaluation:
@@ -81,9 +78,8 @@ def evaluate(
         The domains of the fit, without regularization, each in its own base frame.
     profile : array_like, shape (n, d, d)
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
-    robot, person : Arm, optional
-        The student and the teacher. With the student: the distance to the feasible set, of at most 64 ellipsoids of
-        the profile. With the teacher: fresh samples instead of parts of its domain.
+    robot : Arm, optional
+        The student, for the distance of at most 64 ellipsoids of the profile to its feasible set.
     truth : array_like, shape (n, d, d), optional
         Ground truth of the mapped profile.
     spec : EllipsoidSpec
@@ -92,29 +88,21 @@ def evaluate(
         clones are fitted.
     bank, n_starts
         As in `maniport.motion.nearest_feasible`, for the gap search.
-    n_domain : int
-        Ellipsoids of the teacher's domain for a second gap search; 0 skips it.
     random_state, progress
         Random seed; called with each step and the fraction done.
     """
-    for what, arm in (("robot", robot), ("person", person)):
-        if arm is not None and not isinstance(arm, Arm):
-            raise InvalidInputError(f"{what} must be an Arm, such as maniport.load_arm('panda'); found {arm!r}")
+    if not isinstance(robot, Arm | None):
+        raise InvalidInputError(f"robot must be an Arm, such as maniport.load_arm('panda'); found {robot!r}")
     if not isinstance(adapter, DomainAdapter):
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
     if truth is not None and np.shape(truth) != np.shape(profile):
         raise InvalidInputError(f"truth must have the shape of profile, {np.shape(profile)}; found {np.shape(truth)}")
-    as_count(n_domain, "n_domain", minimum=0)
     teacher, student = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     size = None if robot is None else spec.size
     as_points(adapter.student_side(student, "student_domain"), "student_domain", size)
-    random, demonstrated = as_generator(random_state), as_finite(profile, "profile")
+    demonstrated = as_finite(profile, "profile")
     original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
     wanted = None if truth is None else adapter.student_side(truth, "truth")
-    if person is None or not n_domain:
-        probes = teacher[np.sort(random.permutation(len(teacher))[:n_domain])]
-    else:
-        probes = sample_domain(person, n_domain, random, spec=spec)
 
     step = Step(progress, "Evaluate baselines")
     methods = {name_of(adapter): adapter, **baselines_for(adapter, rows)}
@@ -126,8 +114,8 @@ def evaluate(
         with collected_warnings() as texts:
             if method is not adapter:
                 method.fit(teacher, student)
-            images.append(method.transform(np.concatenate([demonstrated, probes])))
-            mapped = method.student_side(images[-1][: len(demonstrated)])
+            images.append(method.transform(demonstrated))
+            mapped = method.student_side(images[-1])
             result = Row(
                 row,
                 "returns samples of the student only: its gap is zero" if row == "nearest-neighbor" else "",
@@ -139,16 +127,16 @@ def evaluate(
         measured.append(replace(result, warnings=tuple(texts)))
     measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
     if robot is not None:
-        search = {"spec": spec, "bank": bank, "n_starts": n_starts, "damping": adapter.student_regularization}
-        measured = _with_gaps(measured, images, robot, len(demonstrated), **search)
+        measured = _with_gaps(
+            measured, images, robot, spec=spec, bank=bank, n_starts=n_starts, random_state=random_state,
+            damping=adapter.student_regularization,
+        )  # fmt: skip
     step.end(f"{len(methods) - 1} baselines")
-    origin = "of the given domain" if person is None else "new, by the arm of the teacher"
     gaps = "" if robot is None else f", feasibility gaps at {min(len(demonstrated), GAP_POINTS)}"
     settings = {
         "profile": f"{len(demonstrated)} ellipsoids{gaps}",
         "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
         "regularization": str(Regularization(adapter.damping)),
-        "samples of the domain": f"{len(probes)}, {origin}",
         "seed": random_state if isinstance(random_state, int) else "none",
     }
     return Evaluation(tuple(measured), settings)
@@ -208,22 +196,16 @@ def select_method(
         adapter = method_of("parallel-transport", **shared).fit(*domains)
     evaluation = evaluate(
         adapter, *domains, profile, robot=robot, spec=spec, bank=bank, random_state=random_state,
-        n_starts=16, n_domain=0,  # with 48 starts the mean gaps are at most 3 % less
+        n_starts=16,  # with 48 starts the mean gaps are at most 3 % less
     )  # fmt: skip
     rejected = (Row(FIELD, f"rejected: {'; '.join(failures)}"),) if failures else ()
     step.end(name_of(adapter))
     return adapter, replace(evaluation, rows=(*evaluation.rows, *rejected), rejected=failures)
 
 
-def _with_gaps(rows: Sequence[Row], images: Sequence[Array], robot: Arm, count: int, **search: Any) -> list[Row]:
-    """Search the feasibility gaps of all images: of `count` ellipsoids of a profile, and of probes."""
-    along = evenly_spaced(count, GAP_POINTS)
-    targets = np.concatenate([mapped[np.r_[along, count : len(mapped)]] for mapped in images])
-    ellipsoids, inverse = np.unique(targets, axis=0, return_inverse=True)
-    distances = nearest_feasible(robot, ellipsoids, **search).distance
-    results = []
-    for row, gaps in zip(rows, distances[inverse.ravel()].reshape(len(rows), -1), strict=True):
-        profile, domain = np.split(gaps, [len(along)])
-        held_out = Gaps.of(domain) if len(domain) else None
-        results.append(replace(row, feasibility_gap=Gaps.of(profile), domain_feasibility_gap=held_out))
-    return results
+def _with_gaps(rows: Sequence[Row], images: Sequence[Array], robot: Arm, **search: Any) -> list[Row]:
+    """Search the feasibility gaps of the images of a profile."""
+    targets = np.stack([mapped[evenly_spaced(len(mapped), GAP_POINTS)] for mapped in images])
+    ellipsoids, inverse = np.unique(targets.reshape(-1, *targets.shape[2:]), axis=0, return_inverse=True)
+    gaps = nearest_feasible(robot, ellipsoids, **search).distance[inverse.reshape(len(rows), -1)]
+    return [replace(row, feasibility_gap=Gaps.of(own)) for row, own in zip(rows, gaps, strict=True)]

@@ -58,14 +58,13 @@ class Smoothness:
     ----------
     largest, median : float
         Of the mapped profile; the median is over the steps in which the teacher's profile moves.
-    largest_ratio, median_ratio : float
-        The same over those of the teacher's profile.
+    largest_ratio : float
+        Largest distance over that of the teacher's profile.
     """
 
     largest: float
     median: float
     largest_ratio: float
-    median_ratio: float
 
 
 @dataclass(frozen=True)
@@ -113,8 +112,8 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     moving = own_steps > STILL
     if not np.any(moving):
         raise InvalidInputError(f"original does not move: its {len(own)} ellipsoids are equal")
-    largest, median = float(np.max(steps)), float(np.median(steps[moving]))
-    return Smoothness(largest, median, largest / float(np.max(own_steps)), median / float(np.median(own_steps[moving])))
+    largest = float(np.max(steps))
+    return Smoothness(largest, float(np.median(steps[moving])), largest / float(np.max(own_steps)))
 
 
 def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> DistancePreservation:
@@ -182,9 +181,8 @@ class Row:
         A remark, or why nothing was measured.
     rmse : RMSE or None
         Where the truth is known.
-    feasibility_gap, domain_feasibility_gap : Gaps or None
-        Of the profile, and of samples of the teacher's domain, held out of the fit where the teacher's arm is known;
-        None without the student's kinematics.
+    feasibility_gap : Gaps or None
+        Of the profile; None without the student's kinematics.
     smoothness : Smoothness or None
     preservation : DistancePreservation or None
         None where the teacher's ellipsoids do not change.
@@ -198,7 +196,6 @@ class Row:
     note: str = ""
     rmse: RMSE | None = None
     feasibility_gap: Gaps | None = None
-    domain_feasibility_gap: Gaps | None = None
     smoothness: Smoothness | None = None
     preservation: DistancePreservation | None = None
     failures: tuple[str, ...] = ()
