@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import rotation_about
 from maniport.arms.collisions.hulls import Hull
 from maniport.arms.loaders.document import parsed, require
-from maniport.arms.meshes import box as box_mesh
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 from maniport.util.files import read_settings, require_mapping
 from maniport.util.validation import as_number, as_numbers
@@ -43,7 +43,7 @@ class Box:
 
     def hull(self) -> Hull:
         """Compute the convex hull, fixed to the base."""
-        corners = box_mesh(*self.size)[0] @ rotation_about(2, self.yaw).T + self.center
+        corners = self.size * [*product((-0.5, 0.5), repeat=3)] @ rotation_about(2, self.yaw).T + self.center
         return Hull.around(self.name, 0, corners)
 
 
