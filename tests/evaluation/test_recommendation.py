@@ -17,13 +17,12 @@ def test_known_truth_comes_before_gaps_and_includes_the_lookup():
     errors = {"icp": 0.4, "identity": 0.9, "nearest-neighbor": 0.2}
     rows = tuple(Row(name, rmse=RMSE(errors[name], 1.0, 1.0), feasibility_gap=gaps[name]) for name in errors)
     evaluation = Evaluation(rows)
-    assert (evaluation.measure, evaluation.values, evaluation.best) == ("rmse", errors, "nearest-neighbor")
-    assert evaluation.recommended == "nearest-neighbor"
+    assert (evaluation.measure, evaluation.values, evaluation.recommended) == ("rmse", errors, "nearest-neighbor")
 
 
 def test_without_truth_and_arms_nothing_is_compared():
     evaluation = Evaluation((Row("icp", preservation=DistancePreservation(0.5)), Row("identity")))
-    assert (evaluation.measure, evaluation.values, evaluation.best, evaluation.recommended) == ("", {}, "", "")
+    assert (evaluation.measure, evaluation.values, evaluation.recommended) == ("", {}, "")
     assert evaluation.adapter.weaknesses == {"rank_correlation": 0.5}
 
 
@@ -34,7 +33,6 @@ def test_without_truth_and_arms_nothing_is_compared():
 def test_the_cheapest_method_that_no_other_undercuts_is_recommended(gaps, recommended):
     evaluation = compared(*gaps)
     assert evaluation.recommended == recommended
-    assert evaluation.values[evaluation.best] == min(gaps)
     own = Row("nearest-neighbor", feasibility_gap=Gaps(0.0, 0.0, 0.0))  # also where it is the evaluated method
     assert Evaluation((own, *compared(0.9, 0.5, 0.2).rows[1:3])).recommended == "parallel-transport"
 

@@ -239,8 +239,8 @@ class Evaluation(NotebookDisplay):
     rejected: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
-        best = f"; best: {self.best!r}" if self.best else ""
-        return f"Evaluation({self.adapter.name!r} and {len(self.rows) - 1} baselines{best})"
+        recommended = f"; recommended: {self.recommended!r}" if self.recommended else ""
+        return f"Evaluation({self.adapter.name!r} and {len(self.rows) - 1} baselines{recommended})"
 
     @property
     def adapter(self) -> Row:
@@ -262,12 +262,6 @@ class Evaluation(NotebookDisplay):
             return {row.name: row.rmse.undivided for row in self.rows if row.rmse is not None}
         rows = (row for row in self.rows if row is self.adapter or row.name != "nearest-neighbor")
         return {row.name: row.feasibility_gap.mean for row in rows if row.feasibility_gap is not None}
-
-    @property
-    def best(self) -> str:
-        """The row with the smallest value, the first of equals; empty where nothing is compared."""
-        values = self.values
-        return min(values, key=lambda name: values[name], default="")
 
     @property
     def recommended(self) -> str:
