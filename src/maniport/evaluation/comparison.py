@@ -127,10 +127,13 @@ def evaluate(
         measured.append(replace(result, warnings=tuple(texts)))
     measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
     if robot is not None:
-        measured = _with_gaps(
-            measured, images, robot, spec=spec, bank=bank, n_starts=n_starts, random_state=random_state,
-            damping=adapter.student_regularization,
-        )  # fmt: skip
+        along = evenly_spaced(len(demonstrated), GAP_POINTS)
+        distances = nearest_feasible(
+            robot, np.concatenate([mapped[along] for mapped in images]), spec=spec, bank=bank, n_starts=n_starts,
+            random_state=random_state, damping=adapter.student_regularization,
+        ).distance  # fmt: skip
+        parts = zip(measured, distances.reshape(len(images), -1), strict=True)
+        measured = [replace(row, feasibility_gap=Gaps.of(own)) for row, own in parts]
     step.end(f"{len(methods) - 1} baselines")
     gaps = "" if robot is None else f", feasibility gaps at {min(len(demonstrated), GAP_POINTS)}"
     settings = {
@@ -201,11 +204,3 @@ def select_method(
     rejected = (Row(FIELD, f"rejected: {'; '.join(failures)}"),) if failures else ()
     step.end(name_of(adapter))
     return adapter, replace(evaluation, rows=(*evaluation.rows, *rejected), rejected=failures)
-
-
-def _with_gaps(rows: Sequence[Row], images: Sequence[Array], robot: Arm, **search: Any) -> list[Row]:
-    """Search the feasibility gaps of the images of a profile."""
-    targets = np.stack([mapped[evenly_spaced(len(mapped), GAP_POINTS)] for mapped in images])
-    ellipsoids, inverse = np.unique(targets.reshape(-1, *targets.shape[2:]), axis=0, return_inverse=True)
-    gaps = nearest_feasible(robot, ellipsoids, **search).distance[inverse.reshape(len(rows), -1)]
-    return [replace(row, feasibility_gap=Gaps.of(own)) for row, own in zip(rows, gaps, strict=True)]

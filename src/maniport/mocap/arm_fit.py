@@ -36,10 +36,8 @@ class ArmFit(NotebookDisplay):
         For each segment that is recorded (``"upper arm"``, ``"forearm"``, ``"hand"``) the angle between it and that of
         the arm [degrees]. For markers of a joint axis the rotation of a segment about its own axis (``"forearm about
         its axis"``) from the arm's joint axis to them; nan where they are missing.
-    observable_share : ndarray, shape (dof,)
-        Share of the frames in which the recorded points determine the joint.
     unobservable : dict of str to str
-        Joints that they do not determine in more than half of the frames, with the cause and the treatment.
+        Joints that the recorded points do not determine in more than half of the frames, with cause and treatment.
     segment_lengths : dict of str to float
         Median lengths of the recorded segments [m].
     at_limit : ndarray, shape (dof,)
@@ -62,7 +60,6 @@ class ArmFit(NotebookDisplay):
     time: Array
     frames: NDArray[np.intp]
     residuals: dict[str, Array]
-    observable_share: Array
     unobservable: dict[str, str]
     segment_lengths: dict[str, float]
     at_limit: Array

@@ -17,7 +17,6 @@ from maniport.errors import InvalidInputError, argument
 from maniport.learning import Alignment, ProfileGMM, align
 from maniport.learning.alignment import Agreement, agreement
 from maniport.mocap import HumanMotion, Recording, fit_arms
-from maniport.mocap.directions import SEGMENTS
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import SavedResult
 from maniport.pipeline.settings import fit_options, read_part
@@ -31,7 +30,6 @@ from maniport.util.validation import Array, as_numbers
 
 MIN_FRAMES = 10  # Fewest frames of a demonstration
 RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
-MAX_COMPONENTS = 32  # Gaussians, without a number of the caller
 CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
 
 
@@ -209,8 +207,7 @@ def learn(
     regularization = Regularization(config.damping or None).fitted(np.concatenate(ellipsoids))
     profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
     alignment = align(profiles, times, progress=progress)
-    mixture = ProfileGMM(config.components, MAX_COMPONENTS)
-    model = mixture.fit(*alignment.stacked(), progress=progress)
+    model = ProfileGMM(config.components).fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
     profile, covariance = model.predict(time, return_covariance=True)
     warped = alignment.warp(hands)
@@ -301,11 +298,9 @@ def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
     """Return each arm of the person, of the side of most demonstrations, with the mean of the recorded lengths."""
     arms = []
     for fits in zip(*(motion.arms for motion in motions), strict=True):
-        sides, recorded = Counter(fit.arm.side for fit in fits), [fit.segment_lengths for fit in fits]
-        means = {
-            name: float(np.mean([own[name] for own in recorded if name in own]))
-            for name in SEGMENTS
-            if any(name in own for own in recorded)
-        }
+        sides, lengths = Counter(fit.arm.side for fit in fits), dict[str, list[float]]()
+        for name, length in (pair for fit in fits for pair in fit.segment_lengths.items()):
+            lengths.setdefault(name, []).append(length)
+        means = {name: float(np.mean(values)) for name, values in lengths.items()}
         arms.append(human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means))
     return arms
