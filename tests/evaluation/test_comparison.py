@@ -38,7 +38,7 @@ def test_every_row_has_every_metric_that_applies(evaluation):
     assert tuple(row.name for row in evaluation.rows) == ("icp", *BASELINES)
     for row in evaluation.rows:
         assert row.feasibility_gap is None
-        assert None not in (row.rmse, row.smoothness, row.preservation)
+        assert None not in (row.rmse, row.step_ratio, row.preservation)
     assert evaluation.adapter.rmse.undivided < 1e-6
     assert evaluation.values["identity"] > 0.5
     assert evaluation.recommended == "icp"

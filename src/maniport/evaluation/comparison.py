@@ -120,7 +120,7 @@ def evaluate(
                 row,
                 "returns samples of the student only: its gap is zero" if row == "nearest-neighbor" else "",
                 rmse=None if wanted is None else metrics.rmse(wanted, mapped),
-                smoothness=metrics.smoothness(mapped, original) if moves else None,
+                step_ratio=metrics.step_ratio(mapped, original) if moves else None,
                 preservation=metrics.distance_preservation(mapped, original) if moves else None,
                 failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
             )

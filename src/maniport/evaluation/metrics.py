@@ -51,23 +51,6 @@ class RMSE:
 
 
 @dataclass(frozen=True)
-class Smoothness:
-    """Affine-invariant distances between consecutive ellipsoids, mapped and of the teacher.
-
-    Attributes
-    ----------
-    largest, median : float
-        Of the mapped profile; the median is over the steps in which the teacher's profile moves.
-    largest_ratio : float
-        Largest distance over that of the teacher's profile.
-    """
-
-    largest: float
-    median: float
-    largest_ratio: float
-
-
-@dataclass(frozen=True)
 class DistancePreservation:
     """Pairwise distances and longest axes of mapped ellipsoids, compared with the teacher's.
 
@@ -99,8 +82,8 @@ def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
     return RMSE(undivided, float(undivided / np.mean(deviations)), float(undivided / np.mean(deviations**2)))
 
 
-def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
-    """Compare the steps of a mapped profile with those of the teacher's.
+def step_ratio(mapped: ArrayLike, original: ArrayLike) -> float:
+    """Compute the largest distance of consecutive ellipsoids of a mapped profile over that of the teacher's.
 
     Parameters
     ----------
@@ -108,12 +91,10 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
         SPD, in the order of time, n ≥ 2.
     """
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=2)
-    steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
-    moving = own_steps > STILL
-    if not np.any(moving):
+    step, own_step = (float(distance_unchecked(points[:-1], points[1:]).max()) for points in (images, own))
+    if own_step <= STILL:
         raise InvalidInputError(f"original does not move: its {len(own)} ellipsoids are equal")
-    largest = float(np.max(steps))
-    return Smoothness(largest, float(np.median(steps[moving])), largest / float(np.max(own_steps)))
+    return step / own_step
 
 
 def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> DistancePreservation:
@@ -183,7 +164,7 @@ class Row:
         Where the truth is known.
     feasibility_gap : Gaps or None
         Of the profile; None without the student's kinematics.
-    smoothness : Smoothness or None
+    step_ratio : float or None
     preservation : DistancePreservation or None
         None where the teacher's ellipsoids do not change.
     failures : tuple of str
@@ -196,7 +177,7 @@ class Row:
     note: str = ""
     rmse: RMSE | None = None
     feasibility_gap: Gaps | None = None
-    smoothness: Smoothness | None = None
+    step_ratio: float | None = None
     preservation: DistancePreservation | None = None
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -205,15 +186,13 @@ class Row:
     def weaknesses(self) -> dict[str, float]:
         """Metrics beyond their limits, whatever the gaps.
 
-        They are "large_step" (largest step over the teacher's), "plateau" (median step where the teacher moves),
-        "rank_correlation" (of distances) and "rotated_axes" (of the longest axes [degrees]).
+        They are "large_step" (largest step over the teacher's), "rank_correlation" (of distances) and "rotated_axes"
+        (of the longest axes [degrees]).
         """
-        steps, kept = self.smoothness, self.preservation
-        ratio, median = (0.0, np.inf) if steps is None else (steps.largest_ratio, steps.median)
+        ratio, kept = self.step_ratio or 0.0, self.preservation
         rank, angle = (1.0, 0.0) if kept is None else (kept.rank_correlation, kept.major_axis_angle or 0.0)
         metrics = {
             "large_step": (ratio, ratio > MAX_STEP_RATIO),
-            "plateau": (median, median <= STILL),
             "rank_correlation": (rank, rank < MIN_RANK_CORRELATION),
             "rotated_axes": (angle, angle > AXIS_MOVED),
         }
