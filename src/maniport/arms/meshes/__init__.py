@@ -46,18 +46,15 @@ class Geometry:
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
-        """The surface of each joint, with 15 000 triangles in total: 200, and a share of the rest in proportion."""
-        most, meshes = 15_000, dict[int, list[Mesh]]()
+        """The surface of each joint: of 15 000 triangles a share in proportion, and 200 more."""
+        meshes: dict[int, list[Mesh]] = {}
         for link, mesh in self.shapes.items():
             meshes.setdefault(self.chain.frames[link].joint, []).append(mesh)
-        joints = sorted(meshes)
-        whole = [joined(meshes[joint]) for joint in joints]
-        counts = np.array([len(triangles) for _, triangles in whole], dtype=np.int64)
-        if counts.sum() > most:
-            least = np.minimum(counts, min(200, most // len(counts)))
-            shares = least + (counts - least) * (most - least.sum()) // (counts - least).sum()
-            whole = [reduced(mesh, int(share)) for mesh, share in zip(whole, shares, strict=True)]
-        return tuple(Surface(joint, *mesh) for joint, mesh in zip(joints, whole, strict=True) if len(mesh[1]))
+        total = sum(len(triangles) for _, triangles in self.shapes.values())
+        whole = {joint: joined(parts) for joint, parts in sorted(meshes.items())}
+        if total > 15_000:
+            whole = {joint: reduced(mesh, 200 + 15_000 * len(mesh[1]) // total) for joint, mesh in whole.items()}
+        return tuple(Surface(joint, *mesh) for joint, mesh in whole.items() if len(mesh[1]))
 
     @cached_property
     def shapes(self) -> dict[str, Mesh]:
