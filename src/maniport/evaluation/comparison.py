@@ -180,7 +180,7 @@ def select_method(
     adapter : DomainAdapter
         Fitted.
     evaluation : Evaluation
-        Its comparison with baselines; a rejected length field has a row with a note only.
+        Its comparison with baselines, with the reasons if the length field is rejected.
     """
     step = Step(progress, "Fit transfer")
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
@@ -201,6 +201,5 @@ def select_method(
         adapter, *domains, profile, robot=robot, spec=spec, bank=bank, random_state=random_state,
         n_starts=16,  # with 48 starts the mean gaps are at most 3 % less
     )  # fmt: skip
-    rejected = (Row(FIELD, f"rejected: {'; '.join(failures)}"),) if failures else ()
     step.end(name_of(adapter))
-    return adapter, replace(evaluation, rows=(*evaluation.rows, *rejected), rejected=failures)
+    return adapter, replace(evaluation, rejected=failures)

@@ -159,7 +159,7 @@ class Row:
     name : str
         As in `maniport.transfer.METHODS`, or the class of the method.
     note : str
-        A remark, or why nothing was measured.
+        A remark.
     rmse : RMSE or None
         Where the truth is known.
     feasibility_gap : Gaps or None

@@ -1,5 +1,6 @@
 """Results of fitting human arms to a recording."""
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -172,13 +173,9 @@ class HumanMotion(NotebookDisplay):
     @property
     def quality_warnings(self) -> tuple[str, ...]:
         """Warnings of each arm with its side; common warnings once."""
-        first, *others = (fit.quality_warnings for fit in self.arms)
-        shared = tuple(text for text in first if others and all(text in texts for texts in others))
-        own = zip(self.names, self.arms, strict=True)
-        return (
-            *(f"{side} arm: {text}" for side, fit in own for text in fit.quality_warnings if text not in shared),
-            *shared,
-        )
+        texts = [(side, text) for side, fit in zip(self.names, self.arms, strict=True) for text in fit.quality_warnings]
+        counts = Counter(text for _, text in texts)
+        return tuple(dict.fromkeys(text if counts[text] > 1 else f"{side} arm: {text}" for side, text in texts))
 
     def __len__(self) -> int:
         """Return the number of frames."""

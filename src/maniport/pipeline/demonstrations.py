@@ -235,22 +235,15 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: tuple[Any
         if part is None or part == AUTO:
             parts[index] = part or [None]
             continue
-        pairs = [_numbers(pair) for pair in part.split(",")] if isinstance(part, str) else part
-        parts[index] = [tuple(as_numbers(pair, "a segment (start, stop) [s]", 2).tolist()) for pair in pairs]
+        pairs = [pair.split(":") for pair in part.split(",")] if isinstance(part, str) else part
+        name = f"{argument('segments')}, {AUTO} or times such as 2:4,4:5.6 [s],"
+        parts[index] = [tuple(as_numbers(pair, name, 2).tolist()) for pair in pairs]
         times = [time for pair in sorted(parts[index]) for time in pair]
         if times != sorted(times) or any(start == stop for start, stop in parts[index]):
             raise InvalidInputError(f"segments must begin before they end, and must not overlap; found {part!r}")
     if AUTO not in parts:
         _require_two(sum(map(len, parts)))
     return parts
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(number) for number in text.split(":")]
-    except ValueError:
-        rule = f"{argument('segments')} must be {AUTO}, or times such as 2:4,4:5.6 [s]"
-        raise InvalidInputError(f"{rule}; found {text!r}") from None
 
 
 def _require_two(count: int) -> None:
