@@ -28,7 +28,7 @@ class ArmFit(NotebookDisplay):
     side_reason : str
         Why this arm of the person was fitted.
     joint_angles : ndarray, shape (n, dof)
-        Joint angles [rad], always within the limits.
+        Angles of the joints of `arm` [rad], always within the limits.
     time : ndarray, shape (n,)
         Time [s] of the frames that were used, as in the recording.
     frames : ndarray, shape (n,)
@@ -97,14 +97,9 @@ class ArmFit(NotebookDisplay):
         return f"{self.arm.side} arm, {len(self)} frames, {residuals}{unobservable}"
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, the columns of `joint_angles`."""
-        return tuple(self.arm.joint_names)
-
-    @property
     def observable(self) -> Bools:
         """Whether the recorded points determine the joint in more than half of the frames, shape (dof,)."""
-        return np.array([name not in self.unobservable for name in self.joint_names])
+        return np.array([name not in self.unobservable for name in self.arm.joint_names])
 
     def residual_summary(self) -> dict[str, dict[str, float]]:
         """Statistics of each residual, without sign [degrees]: ``median``, ``p95``, ``max`` at ``max_at_s`` [s]."""

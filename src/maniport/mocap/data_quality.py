@@ -128,6 +128,6 @@ def jump_warning(fit: ArmFit) -> list[str]:
     worst, joint = np.unravel_index(np.argmax(steps * jumps[:, None]), steps.shape)
     return [
         f"joints jump in {jumps.sum()} of {len(fit)} frames, faster than {FASTEST_JOINT:g}°/s "
-        f"({when(fit.time, jumps)}); most {fit.joint_names[joint]}, by {steps[worst, joint]:.1f}° in one frame at "
+        f"({when(fit.time, jumps)}); most {JOINTS[joint]}, by {steps[worst, joint]:.1f}° in one frame at "
         f"{fit.time[worst]:.2f} s. They are kept"
     ]
