@@ -89,6 +89,10 @@ def step_ratio(mapped: ArrayLike, original: ArrayLike) -> float:
     ----------
     mapped, original : array_like, shape (n, d, d)
         SPD, in the order of time, n ≥ 2.
+
+    Returns
+    -------
+    float
     """
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=2)
     step, own_step = (float(distance_unchecked(points[:-1], points[1:]).max()) for points in (images, own))

@@ -62,9 +62,8 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
     obstacles = []
     for name, content in named.items():
         box = require_mapping(content, ("center", "size", "yaw"), f"{path}: obstacles: {name}")
-        for key in ("center", "size"):
-            fault = f"obstacles: {name}: {key!r} is missing; a box has center, size and optional yaw"
-            require(key in box, path, fault)
+        fault = f"obstacles: {name}: a box has center, size and optional yaw; found {', '.join(box) or 'nothing'}"
+        require({"center", "size"} <= box.keys(), path, fault)
         try:
             obstacles.append(Box(**box, name=str(name)))
         except InvalidInputError as error:
