@@ -57,8 +57,6 @@ class LearnedProfile(SavedResult):
         The human arms with the mean lengths of all, in whose base frames the ellipsoids are.
     bases : ndarray, shape (a, 3)
         Origins of these base frames in the common frame of the arms [m], see `maniport.mocap.HumanMotion`.
-    regularization : Regularization
-        Regularization of the compared ellipsoids; it is part of the profile.
     alignment : Alignment
         The demonstrations on common times.
     paths : ndarray, shape (k, m, 3 a)
@@ -67,7 +65,7 @@ class LearnedProfile(SavedResult):
     time : ndarray, shape (n,)
         Of the reference demonstration [s], all of its frames.
     profile : ndarray, shape (n, a d, a d)
-        The ellipsoid at each time.
+        The ellipsoid at each time, with regularization.
     covariance : ndarray, shape (n, p, p)
         See `ProfileGMM.predict`.
     path : ndarray, shape (n, 3 a)
@@ -81,7 +79,6 @@ class LearnedProfile(SavedResult):
     demonstrations: tuple[Demonstration, ...]
     arms: tuple[Arm, ...]
     bases: Array
-    regularization: Regularization
     alignment: Alignment
     paths: Array
     model: ProfileGMM
@@ -215,8 +212,8 @@ def learn(
     strength = 1.0 / (float(np.median(np.diff(alignment.time))) * (2.0 * np.pi * CUTOFF) ** 4)
     path = [make_smoothing_spline(alignment.time, axis, lam=strength)(time) for axis in warped.mean(axis=0).T]
     return LearnedProfile(
-        demonstrations, tuple(arms), bases, regularization, alignment, warped, model, time, np.asarray(profile),
-        covariance, np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config,
+        demonstrations, tuple(arms), bases, alignment, warped, model, time, np.asarray(profile), covariance,
+        np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config,
     )  # fmt: skip
 
 
