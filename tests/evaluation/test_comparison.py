@@ -79,7 +79,7 @@ def test_with_the_robot_gaps_join(arms):
     result = evaluate(adapter, *domains, profile, **options, progress=lambda _, done, text="": steps.append(done))
     assert "parallel-transport" not in [row.name for row in result.rows[1:]]
     assert {row.name: row for row in result.rows}["nearest-neighbor"].feasibility_gap.p95 < 0.01
-    assert result.adapter.feasibility_gap.median > 0.01
+    assert result.adapter.feasibility_gap.mean > 0.01
     assert steps[-1] == 1.0
 
 

@@ -6,7 +6,7 @@ from maniport.evaluation import RMSE, DistancePreservation, Evaluation, Gaps, Ro
 def compared(mine, nothing, transport, **first):
     """Evaluation of ICP with these mean feasibility gaps, of which that of the lookup is zero by construction."""
     values = {"icp": mine, "identity": nothing, "parallel-transport": transport, "nearest-neighbor": 0.0}
-    rows = (Row(name, feasibility_gap=Gaps(value, 0.0, 2 * value)) for name, value in values.items())
+    rows = (Row(name, feasibility_gap=Gaps(value, 2 * value, 3 * value)) for name, value in values.items())
     return Evaluation(tuple(Row(**vars(row) | first) if row.name == "icp" else row for row in rows))
 
 

@@ -139,19 +139,17 @@ class Gaps:
 
     Attributes
     ----------
-    mean, median, p95, largest : float
+    mean, p95, largest : float
     """
 
     mean: float
-    median: float
     p95: float
-    largest: float = np.nan
+    largest: float
 
     @classmethod
     def of(cls, distances: Array) -> "Gaps":
         """Summarize distances, shape (n,)."""
-        statistics = np.mean(distances), np.median(distances), np.percentile(distances, 95), np.max(distances)
-        return cls(*map(float, statistics))
+        return cls(*map(float, (np.mean(distances), np.percentile(distances, 95), np.max(distances))))
 
 
 @dataclass(frozen=True)
