@@ -21,7 +21,6 @@ from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, as_points, as_positive_semidefinite
 
 GAP_POINTS = 64  # Most ellipsoids of a profile whose feasibility gap is searched, evenly spread
-FIELD = "length-field"
 
 
 def with_feasible_set(
@@ -135,9 +134,8 @@ def evaluate(
         parts = zip(measured, distances.reshape(len(images), -1), strict=True)
         measured = [replace(row, feasibility_gap=Gaps.of(own)) for row, own in parts]
     step.end(f"{len(methods) - 1} baselines")
-    gaps = "" if robot is None else f", feasibility gaps at {min(len(demonstrated), GAP_POINTS)}"
     settings = {
-        "profile": f"{len(demonstrated)} ellipsoids{gaps}",
+        "profile": f"{len(demonstrated)} ellipsoids",
         "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
         "regularization": str(Regularization(adapter.damping)),
         "seed": random_state if isinstance(random_state, int) else "none",
@@ -187,7 +185,7 @@ def select_method(
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
-    adapter: Any = with_feasible_set(method_of(FIELD, **shared), robot, spec, bank)
+    adapter: Any = with_feasible_set(method_of("length-field", **shared), robot, spec, bank)
     failures: tuple[str, ...] = ("it is fitted to ellipsoids of up to 3×3",)  # a fit to 6×6 takes half a minute
     if spec.size <= 3:
         try:
