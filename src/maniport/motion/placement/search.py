@@ -31,7 +31,7 @@ from maniport.util.progress import Part, ignore_fraction
 from maniport.util.sampling import sobol
 from maniport.util.validation import Array
 
-SAMPLES = 64  # Samples next to a waypoint that placements are compared by; with 16, force is 30 % farther from targets
+SAMPLES = 64  # Samples next to a waypoint that placements are compared by; with 16, force ellipsoids are 10 % farther
 PLANNED = 4  # Placements for which trajectories are planned
 SEPARATION = 0.1
 """Smallest mean distance of the paths at these placements [m]; without it, two seeds of six end 30 % worse."""
