@@ -8,40 +8,39 @@ import numpy as np
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, ROUNDED
-from maniport.spd.kernels.loops import (
-    compose_loop,
-    congruence_loop,
-    eigh_loop,
-    power_congruence_loop,
-    release,
-    release_loop,
-)
+from maniport.spd.kernels.loops import release
+from maniport.spd.kernels.single import compose, congruence, diagonalize, multiply
 from maniport.util.jit import kernel, part
 from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
 
 
 @kernel
 def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ, released from the student's damping; return whether it is possible.
-
-    L and R have shape (1, n, n).
-    """
-    size, (power, epsilon, student) = left.shape, numbers
-    if point.shape != size[1:] or out.shape != size[1:]:
+    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ, released from the student's damping; return whether it is possible."""
+    n, (power, epsilon, student) = len(left), numbers
+    if point.shape != (n, n) or out.shape != (n, n):
         return False
-    damped, image, values, vectors = np.empty(size), np.empty(size), np.empty(size[:2]), np.empty(size)
-    if not damp(point, damped[0], epsilon):
+    a, b, v, x = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n)
+    if not damp(point, a, epsilon):
         return False
-    if epsilon == 0.0:
-        eigh_loop(damped, values, vectors)
-        if not values[0, 0] > SPD_TOLERANCE * values.sum():
-            return False
-    if not np.isnan(power_congruence_loop(left, damped, right, power, MIN_EIGENVALUE, MAX_EIGENVALUE, image)):
+    congruence(left, a, b)
+    diagonalize(a, v)
+    for i in range(n):
+        x[i] = a[i, i] ** power if a[i, i] > 0.0 else 0.0
+    lowest, highest = x.min(), x.max()
+    # the last bound refuses a singular X, whose zero was rounded up
+    if not (lowest >= MIN_EIGENVALUE and highest <= MAX_EIGENVALUE and lowest > SPD_TOLERANCE**power * highest):
         return False
+    multiply(right, v, b)
+    compose(x, b, a)
     if student > 0.0:
-        damped[:] = image
-        release_loop(damped, student, image)
-    out[:] = image[0]
+        diagonalize(a, v)
+        for i in range(n):
+            if not a[i, i] > 0.0:
+                return False
+            x[i] = release(a[i, i], student)
+        compose(x, v, a)
+    out[:] = a
     return True
 
 
@@ -82,34 +81,38 @@ def _refuse(shape: tuple[int, int], point: Array, out: Array) -> NoReturn:
 def map_lengths(point, base_rotation, numbers, parts, table, out):  # type: ignore[no-untyped-def]
     """Fill `out` with the length field's map of R (X + ε I) Rᵀ, released from the student's damping.
 
-    The base rotation has shape (1, n, n), other terms are those of `LengthsMap.terms`; see `map_rigidly`.
+    The terms are those of `LengthsMap.terms`; the return value is that of `map_rigidly`.
     """
-    size, n = base_rotation.shape, base_rotation.shape[1]
-    if point.shape != size[1:] or out.shape != size[1:]:
+    n = len(base_rotation)
+    if point.shape != (n, n) or out.shape != (n, n):
         return False
     epsilon, student, power, shift, level, inverse_square, soft = numbers
-    a, turned, v, x, u = np.empty(size), np.empty(size), np.empty(size), np.empty((1, 1, n)), np.empty(n * (n + 1) // 2)
-    if not damp(point, a[0], epsilon):
+    a, b, v, x, u = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n * (n + 1) // 2)
+    if not damp(point, a, epsilon):
         return False
-    congruence_loop(base_rotation, a, turned)
-    eigh_loop(turned, x[0], v)
-    if not x[0, 0, 0] > ROUNDED * x.sum():
-        return False
+    congruence(base_rotation, a, b)
+    diagonalize(a, v)
+    trace = 0.0
     for i in range(n):
-        x[0, 0, i] = power * np.log(x[0, 0, i]) + shift
-    compose_loop(x, v, a)
-    _fill_mandel(a[0], u)
+        trace += a[i, i]
+    for i in range(n):
+        if not a[i, i] > ROUNDED * trace:
+            return False
+        x[i] = power * np.log(a[i, i]) + shift
+    compose(x, v, a)
+    _fill_mandel(a, u)
     if len(parts) > 0:
         _fill_features(u, parts, soft)
     first, second, third = _field(u, table, inverse_square)
     for i in range(n):
-        t = np.tanh(0.5 * x[0, 0, i])
-        image = np.exp(x[0, 0, i] + first + t * (second + t * third) + level)
-        x[0, 0, i] = release(image, student) if student > 0.0 else image
-        if not MIN_EIGENVALUE <= x[0, 0, i] <= MAX_EIGENVALUE:
+        t = np.tanh(0.5 * x[i])
+        x[i] = np.exp(x[i] + first + t * (second + t * third) + level)
+        if student > 0.0:
+            x[i] = release(x[i], student)
+        if not MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE:
             return False
-    compose_loop(x, v, a)
-    out[:] = a[0]
+    compose(x, v, a)
+    out[:] = a
     return True
 
 

@@ -84,8 +84,7 @@ class RigidAdapter(DomainAdapter):
         if self.base_rotation_ is not None:
             left = left @ self.base_rotation_
         numbers = np.array([power, self.teacher_damping_, self.student_damping_])
-        terms = (np.ascontiguousarray(matrix)[None] for matrix in (left, right))
-        return compiled_map(map_rigidly, len(left), *terms, numbers)
+        return compiled_map(map_rigidly, len(left), *map(np.ascontiguousarray, (left, right)), numbers)
 
     def _map(self, points: Array) -> Array:
         return self._rigid_map.apply(points)

@@ -9,8 +9,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from maniport.spd.kernels.loops import congruence_loop, eigh_loop
+from maniport.spd.kernels.single import multiply
 from maniport.transfer.rotation_group import orthonormal, rotation_from_vector, rotation_planes
-from maniport.util.jit import kernel, part
+from maniport.util.jit import kernel
 from maniport.util.validation import Array
 
 NEAR = 1e-5  # Relative gap of two eigenvalues up to which a divided difference is taken for the derivative between them
@@ -94,8 +95,8 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
         return cost
     left, right, moves = np.empty((d, d)), np.empty((d, d)), np.empty((m, d, d))
     for pair in range(count):
-        _multiply(vectors[pair].T, inverse[pair], left)
-        _multiply(factor[pair], vectors[pair], right)
+        multiply(vectors[pair].T, inverse[pair], left)
+        multiply(factor[pair], vectors[pair], right)
         for k in range(m):
             i, j = planes[k]
             for x in range(d):
@@ -119,15 +120,3 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
                     for j in range(m):
                         hessian[j, k] += moves[j, x, y] * change
     return cost
-
-
-@part
-def _multiply(left, v, b):  # type: ignore[no-untyped-def]
-    """B ← L V."""
-    n = len(v)
-    for i in range(n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += left[i, k] * v[k, j]
-            b[i, j] = total

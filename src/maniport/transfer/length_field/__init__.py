@@ -177,7 +177,7 @@ class LengthField(DomainAdapter):
         base, *terms = self._field().terms()
         numbers = [self.teacher_damping_, self.student_damping_, *base]
         base_rotation = np.eye(d) if self.base_rotation_ is None else self.base_rotation_
-        terms = [np.array(term, dtype=np.float64, order="C") for term in (base_rotation[None], numbers, *terms)]
+        terms = [np.array(term, dtype=np.float64, order="C") for term in (base_rotation, numbers, *terms)]
         return compiled_map(map_lengths, d, *terms)
 
 
