@@ -1,8 +1,8 @@
 """Ellipsoid task in Pink.
 
-`EllipsoidTask` works with Pink's frame and posture tasks in a loop of `pink.solve_ik` (extra: pink). With the position
-constrained, a 7-joint arm is redundant, and without the task its ellipsoids drift. `maniport.track` is such a loop
-without Pink, with acceleration limits and a search for the start configuration.
+`EllipsoidTask` (`pink_task.py`) works with Pink's frame and posture tasks in a loop of `pink.solve_ik` (extra: pink).
+With the position constrained, a 7-joint arm is redundant, and without the task its ellipsoids drift. `maniport.track`
+is such a loop without Pink, with acceleration limits and a search for the start configuration.
 
     python 05_follow_a_profile.py [FOLDER]
 """
@@ -19,7 +19,7 @@ from pink.tasks import FrameTask, PostureTask
 
 import maniport as mp
 from maniport.motion import robot_model
-from maniport.motion.pink_task import EllipsoidTask
+from pink_task import EllipsoidTask
 
 RATE = 200.0  # control rate [Hz]
 TIME = np.arange(0.0, 4.0, 1.0 / RATE)  # [s]

@@ -30,7 +30,7 @@ def with_file(gallery_conf: dict[str, Any], example: str) -> None:
 def with_title(app: Sphinx, docname: str, source: list[str]) -> None:
     """Make the first paragraph of an example's docstring the title of its page."""
     name = docname.removeprefix(PAGES)
-    if not docname.startswith(PAGES) or not name.startswith((*"01", "ros2")):
+    if not docname.startswith(PAGES) or not name.startswith((*"01", "ros2", "pink")):
         return
     label = f".. _sphx_glr_{docname.replace('/', '_')}.py:\n\n"
     before, _, after = source[0].partition(label)
