@@ -121,7 +121,7 @@ def measured(case: Case, options: dict[str, Any], cache: Path | None = None) -> 
     distance = np.array([[arm.distance for arm in state.arms] for state in late])
     planned = np.stack([arm.motion.distance for arm in result.arms], axis=1)
     true = np.concatenate([_true_errors(result.arms[i], i, clean, late) for i in range(len(result.arms))])
-    limits, q = result.motion.limits, np.array([state.joint_positions for state in states])
+    limits, q = result.motion.trajectory.limits, np.array([state.joint_positions for state in states])
     return {
         "scale": result.arms[0].placement.scale,
         "duration": float(result.motion.trajectory.control_time[-1]),
@@ -139,7 +139,7 @@ def optimum(case: Case, options: dict[str, Any], cache: Path | None, iterations:
     followed, _, result = transferred(case, options, cache)
     states, errors = played(mp.Live.of(result, clock=None), followed), []
     states = [state for state in states if all(arm.position_error is not None for arm in state.arms)]
-    dt, limits = float(np.median(np.diff(followed.time))), result.motion.limits
+    dt, limits = float(np.median(np.diff(followed.time))), result.motion.trajectory.limits
     signs = np.array(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)).reshape(3, -1).T
     sides = signs[signs.any(axis=1)] / np.linalg.norm(signs[signs.any(axis=1)], axis=1, keepdims=True)  # 26 directions
     for i, arm in enumerate(own.robot for own in result.arms):

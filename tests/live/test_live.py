@@ -120,7 +120,7 @@ def test_both_arms_lead_two_robots(two_arm_result):
             assert_allclose(arm.achieved, own.robot.manipulability(state.joint_positions[columns]), atol=1e-9)
     assert held.state == "holding"
     assert not held.joint_velocities.any()
-    require_safe(result.motion, mp.Collisions.of(arms), times, states)
+    require_safe(result.motion.trajectory, mp.Collisions.of(arms), times, states)
     with pytest.raises(InvalidInputError, match="arms"):
         _ = last.arm
 
