@@ -194,11 +194,6 @@ def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
 def interpolated(times, rows, start, later):  # type: ignore[no-untyped-def]
     """Interpolate rows (n, m) of increasing times (n,) at times (k,) after a start; the nearest row outside."""
     result = np.empty((len(later), rows.shape[1]))
-    for k in range(len(later)):
-        time = start + later[k]
-        after = np.searchsorted(times, time, side="right")
-        before, after = max(after - 1, 0), min(after, len(times) - 1)
-        share = (time - times[before]) / (times[after] - times[before]) if after > before else 0.0
-        for i in range(rows.shape[1]):
-            result[k, i] = rows[before, i] + share * (rows[after, i] - rows[before, i])
+    for i in range(rows.shape[1]):
+        result[:, i] = np.interp(start + later, times, rows[:, i])
     return result

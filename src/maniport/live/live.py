@@ -59,8 +59,8 @@ class Live:
         Configurations that suit the motion, such as a plan's: the robot stays near the best one. Without them it may
         get stuck at joint limits.
     delay : float
-        The robot follows the person's targets after this time, at most 0.5 [s]: it then plans with the targets that are
-        available already, and errors become smaller where the person is fast. The delay adds to the latency.
+        Time after which the robot follows, at most 0.5 [s]. It plans with the targets of that time: errors become
+        smaller where the person is fast, but the latency grows.
     hold_after : float
         Time without a usable frame after which the robot brakes, longer than that between two frames, at most 10 [s].
     clock : callable or None

@@ -92,10 +92,10 @@ class Robot:
             for objective, own in zip(self._objectives, targets, strict=True)
         )
         for i in range(steps):
-            now = time - elapsed * (steps - 1 - i) / steps
-            positions = tuple(queue.positions(now, INTERVAL_ENDS) for queue in queues)
-            fixed = time, None, HORIZON, self._differentials, positions
-            problem = ControlProblem(rows, self._reference, self._weight, *fixed)
+            ends = tuple(queue.positions(time - elapsed * (steps - 1 - i) / steps, INTERVAL_ENDS) for queue in queues)
+            problem = ControlProblem(
+                rows, self._reference, self._weight, time, None, HORIZON, self._differentials, ends
+            )
             self._set(self._controller.step(problem, self._state, elapsed / steps, speed_share))
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:

@@ -33,13 +33,11 @@ class LiveArm:
         Position of its end effector in the base frame [m].
     person : ndarray, shape (7,), or None
         The last estimate of the joint angles [rad]; None, as the rest, before the arm is seen first.
-    demonstrated : ndarray, shape (d, d), or None
-        The last ellipsoid of the person in the trunk frame.
-    target : ndarray, shape (d, d), or None
-        Target in the robot's base frame, `delay` of `Live` later than the person's ellipsoid; that of velocity also
-        where forces were transferred.
+    demonstrated, target : ndarray, shape (d, d), or None
+        The person's last ellipsoid in the trunk frame, and the target in the robot's base frame after the delay of
+        `Live`; that of velocity also where forces were transferred.
     target_position : ndarray, shape (3,), or None
-        Target of the end effector in the base frame [m], as late as `target`; None without a path.
+        Target of the end effector in the base frame [m], after the delay; None without a path.
     distance : float or None
         Affine-invariant distance of target and achieved ellipsoid, with the damping.
     position_error : float or None
