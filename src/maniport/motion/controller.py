@@ -141,7 +141,7 @@ class Controller:
         return None, False
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
-        """Return the Gauss-Newton Hessian (dof, dof) with dampings, and half the gradients of all intervals (m, dof)."""
+        """Return the damped Gauss-Newton Hessian (dof, dof), and half the gradients of all intervals (m, dof)."""
         dof, posture_weight = len(q), problem.reference_weight**2
         gradient, damping = posture_weight * (q - problem.reference), np.full(dof, posture_weight)
         hessian, changes = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
