@@ -55,8 +55,8 @@ def main(folder):
     # Evaluation: the same metrics for the adapter and for the baselines.
     adapter = fits["base_rotation known"]
     evaluation = mp.evaluate(adapter, teacher, student, profile, truth=truth)
-    best, identity = (evaluation.values[name] for name in (evaluation.best, "identity"))
-    print(f"recommended: {evaluation.recommended}; {evaluation.measure} {best:.3f}, identity {identity:.3f}")
+    least, identity = (evaluation.values[name] for name in (evaluation.recommended, "identity"))
+    print(f"recommended: {evaluation.recommended}; {evaluation.measure} {least:.3f}, identity {identity:.3f}")
     write_report(folder / "evaluation.md", mp.report.report_of(evaluation))
 
     # Save and load; the inverse of the map is exact.

@@ -18,6 +18,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -154,6 +155,66 @@ def capability(whole: bool) -> Iterator[Row]:
         yield name, row
 
 
+FORCE_PAIRS = (
+    *(("panda", "freeform"), ("panda", "ladder"), ("panda", "both-arms"), ("iiwa", "freeform")),
+    *(("kinova3", "freeform"), ("xarm7", "freeform"), ("ur5", "freeform"), ("g1_left_arm", "freeform")),
+)
+"""Robots and recordings of the table in docs/capability.md; iiwa and kinova3 are of robosuite."""
+
+
+def force(whole: bool) -> Iterator[Row]:
+    """Force along the person's strongest direction [N] with ellipsoids of velocity and of force.
+
+    `position_only`: the same start and path, by the pseudoinverse; `best_node`, `median_node` and `direct`: see
+    `_forces_on_path`.
+    """
+    for name, recording in FORCE_PAIRS if whole else FORCE_PAIRS[:1]:
+        options: dict[str, Any] = {"robot": name}
+        if recording == "both-arms":
+            options = {"robot": mp.load_arms(name, bases=((0.0, 0.3, 0.0), (0.0, -0.3, 0.0))), "side": "both"}
+        for kind, seed in product(("velocity", "force"), range(5 if whole else 1)):
+            begin = time.process_time()
+            result = mp.transfer_recording(shipped_recording(recording), ellipsoids=kind, seed=seed, **options)
+            seconds = time.process_time() - begin
+            for arm in result.arms:
+                motion, (own,) = arm.motion, [own for own in arm.capabilities if own.kind == "force"]
+                row = {"force": float(np.median(own.robot)), "force_p5": float(np.percentile(own.robot, 5))}
+                row |= {"position_only": float(np.median(own.position_only)), "r": own.resemblance, "seconds": seconds}
+                duration = float(result.motion.trajectory.control_time[-1])
+                row |= statistics(motion.distance, motion.position_error, duration, motion.clearance.share)
+                yield f"{name}, {recording}, {arm.name}, {kind}, seed {seed}", row | _forces_on_path(arm)
+
+
+def _forces_on_path(result: Any, waypoints: int = 60, count: int = 700) -> dict[str, float]:
+    """Force of the best and the median node on the path of a motion, and of a motion through them; medians [N].
+
+    The motion is found by a graph search that knows the directions, for four times the demonstrated time.
+    """
+    from maniport.evaluation import half_sphere, line_extent, polytope_extent
+    from maniport.motion import MotionLimits
+    from maniport.motion.objective import Objective
+    from maniport.motion.plan.reachability_map import ReachabilityMap
+    from maniport.motion.plan.roadmap import LARGEST_CHANGE, shortest_path
+
+    motion, fit, place, limits = result.motion, result.fit, result.placement, MotionLimits.of(result.robot)
+    rows = np.unique(np.linspace(0, len(result.time) - 1, waypoints).astype(int))
+    strongest = half_sphere()[polytope_extent(fit.arm, fit.joint_angles[rows], half_sphere()).argmax(axis=1)]
+    directions = strongest @ (place.rotation @ place.map_rotation).T
+    samples = ReachabilityMap(limits.arm, motion.spec, collisions=True)
+    targets = Objective.of(limits.arm, motion.spec, motion.damping).targets(motion.target[rows], motion.path[rows])
+    nodes = samples.nodes(targets, count, np.random.default_rng(0))
+    nodes = nodes.without(samples.collisions.collides(nodes.q)) if samples.collisions is not None else nodes
+    parts = [slice(*ends) for ends in pairwise(nodes.first)]
+    forces = [line_extent(limits.arm, nodes.q[part], u[None])[:, 0] for part, u in zip(parts, directions, strict=True)]
+    cost = np.concatenate([4.0 * np.log(own.max() / np.maximum(own, 1e-3)) ** 2 for own in forces])
+    times = 4.0 * (result.time[rows] - result.time[0])
+    largest = np.array([LARGEST_CHANGE[unit] for unit in limits.arm.joint_units])
+    largest = np.minimum(0.9 * limits.velocity * np.diff(times, prepend=times[0] - 1.0)[:, None], largest)
+    direct = np.concatenate(forces)[shortest_path(replace(nodes, cost=cost), times, largest, 0.03)]
+    best, middle = np.median([(own.max(), np.median(own)) for own in forces], axis=0)
+    return {"best_node": float(best), "median_node": float(middle), "direct": float(np.median(direct))}
+
+
 def recovery(whole: bool) -> Iterator[Row]:
     """Recover a random rotation from a domain and its rotated copy by ICP."""
     from scipy.stats import special_ortho_group
@@ -208,6 +269,7 @@ GROUPS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "both_arms": both_arms,
     "length_field": length_field,
     "capability": capability,
+    "force": force,
     "recovery": recovery,
     "speed": speed,
     "processes": processes,

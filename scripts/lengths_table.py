@@ -24,7 +24,7 @@ from evaluate_human_to_panda import Motion, motions
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
 from maniport.estimator import clone
-from maniport.evaluation import distance_preservation, smoothness
+from maniport.evaluation import distance_preservation, step_ratio
 from maniport.motion import FeasibleProjector, nearest_feasible
 from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
 from maniport.transfer.length_field.field import NEAR_SINGULAR, least_singular
@@ -129,7 +129,7 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
         images = adapter.transform(motion.profile)
         gaps.append(gap(adapter, case.arm, images, spec))
         demonstrated, transferred = adapter.teacher_side(motion.profile), adapter.student_side(images)
-        steps.append(smoothness(transferred, demonstrated).largest_ratio)
+        steps.append(step_ratio(transferred, demonstrated))
     images = adapter.transform(fresh)
     kept = distance_preservation(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
     along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)

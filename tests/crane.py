@@ -6,7 +6,7 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.chain import Frame, Joint, Shape, pose
-from maniport.arms.meshes import box
+from maniport.arms.meshes import solid
 
 CRANE = """<robot name="crane"><link name="base"/><link name="post"/><link name="lift"/><link name="hook"/>
   <link name="eye"/>
@@ -35,7 +35,7 @@ def limb(side: str) -> Arm:
     sizes = {"base": (0.3, 0.3, 0.1), "trunk": (0.15, 0.2, 0.3)}
 
     def shapes(links):
-        return [Shape(link, box(*sizes.get(link, (0.15, 0.06, 0.06)))) for link in links]
+        return [Shape(link, solid("box", *sizes.get(link, (0.15, 0.06, 0.06)))) for link in links]
 
     chain = Arm.from_dh("crane", np.zeros((6, 4)), [-2.0, 0, -2, -2, -2, -2], [2.0, 0.3, 2, 2, 2, 2]).chain
     ends = {"frame": f"{side}_link4", "coordinates": names}

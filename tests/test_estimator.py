@@ -34,9 +34,7 @@ def test_clones_are_those_of_scikit_learn(estimator):
 def test_parameters_are_set_by_name():
     model = mp.ProfileGMM().set_params(n_components=2, tol=0.1)
     assert model.get_params() == {**mp.ProfileGMM().get_params(), "n_components": 2, "tol": 0.1}
-    with pytest.raises(
-        InvalidInputError, match=r"ProfileGMM has no parameter 'counts'; it has max_components, max_iter"
-    ):
+    with pytest.raises(InvalidInputError, match=r"ProfileGMM has no parameter 'counts'; it has max_iter, n_components"):
         model.set_params(counts=1)
 
 

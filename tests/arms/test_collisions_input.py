@@ -49,7 +49,7 @@ FAULTY_BOXES = {
     "box: {}": r"b\.yaml: unknown key 'box'; allowed are, nearest first: obstacles",
     "obstacles: [1]": "obstacles must be a mapping of names to obstacles",
     "obstacles: {a: 3}": "obstacles: a must be a mapping with the keys center, size, yaw; found int",
-    "obstacles: {a: {center: [0, 0, 1]}}": "obstacles: a: 'size' is missing",
+    "obstacles: {a: {center: [0, 0, 1]}}": "obstacles: a: a box has center, size and optional yaw; found center",
     "obstacles: {a: {centre: [0, 0, 1]}}": "obstacles: a: unknown key 'centre'; .*: center",
     "obstacles: {a: {center: [0, 1, x], size: [1, 1, 1]}}": "obstacles: a: center must be an array of numbers",
     "obstacles: {a: {center: [0, 1, 1], size: [1, -1, 1]}}": "obstacles: a: size must be 3 numbers above 0; found -1",

@@ -14,18 +14,18 @@ from typer.testing import CliRunner
 
 from fuzz.mesh_examples import CORNERS, GOOD, OBJ, PLY, POINT_LINES, SHOWN, dae, gltf, stl
 from maniport.arms import Arm, Surface, load_arm
-from maniport.arms.meshes import box, capsule, cylinder, ellipsoid, reduced
+from maniport.arms.meshes import reduced, solid
 from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.arms.restriction import mirrored
 from maniport.cli import app
 from maniport.errors import FileFormatError
 
 SOLIDS = {
-    "box": (box(0.1, 0.2, 0.3), 0.006, (0.1, 0.2, 0.3)),
-    "ball": (ellipsoid(0.1, 0.1, 0.1), 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.2)),
-    "ellipsoid": (ellipsoid(0.1, 0.2, 0.3), 4 / 3 * np.pi * 6e-3, (0.2, 0.4, 0.6)),
-    "cylinder": (cylinder(0.1, 0.3), np.pi * 3e-3, (0.2, 0.2, 0.3)),
-    "capsule": (capsule(0.1, 0.3), np.pi * 3e-3 + 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.5)),
+    "box": (solid("box", 0.1, 0.2, 0.3), 0.006, (0.1, 0.2, 0.3)),
+    "ball": (solid("sphere", 0.1), 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.2)),
+    "ellipsoid": (solid("ellipsoid", 0.1, 0.2, 0.3), 4 / 3 * np.pi * 6e-3, (0.2, 0.4, 0.6)),
+    "cylinder": (solid("cylinder", 0.1, 0.3), np.pi * 3e-3, (0.2, 0.2, 0.3)),
+    "capsule": (solid("capsule", 0.1, 0.3), np.pi * 3e-3 + 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.5)),
 }
 
 

@@ -9,9 +9,9 @@ from maniport.errors import InvalidInputError
 from maniport.evaluation.capability import (
     compare_capabilities,
     ellipsoid_extent,
+    follow_positions,
     half_sphere,
     polytope_extent,
-    position_only,
     resemblance,
 )
 
@@ -65,7 +65,7 @@ def test_a_motion_is_compared_with_positions_alone():
     robot, person = load_arm("panda"), load_arm("myoarm")
     home, phase = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8]), np.linspace(0.0, 2.0, 60)[:, None]
     q = home + 0.2 * np.sin(phase + np.arange(7))
-    alone = position_only(robot, q)
+    alone = follow_positions(robot, q[0], robot.forward(q)[:, :3, 3])
     np.testing.assert_allclose(robot.forward(alone)[:, :3, 3], robot.forward(q)[:, :3, 3], atol=2e-4)
     angles = np.clip(0.4 + 0.1 * np.sin(phase + np.arange(7)), person.lower, person.upper)
     force, speed = compare_capabilities(person, angles, robot, q, phase[:, 0], np.eye(3))

@@ -38,7 +38,7 @@ def test_every_row_has_every_metric_that_applies(evaluation):
     assert tuple(row.name for row in evaluation.rows) == ("icp", *BASELINES)
     for row in evaluation.rows:
         assert row.feasibility_gap is None
-        assert None not in (row.rmse, row.smoothness, row.preservation)
+        assert None not in (row.rmse, row.step_ratio, row.preservation)
     assert evaluation.adapter.rmse.undivided < 1e-6
     assert evaluation.values["identity"] > 0.5
     assert evaluation.recommended == "icp"
@@ -71,7 +71,7 @@ def arms():
     return robot, domains, person.manipulability(path)
 
 
-def test_with_the_robot_gaps_are_searched(arms):
+def test_with_the_robot_gaps_join(arms):
     robot, domains, profile = arms
     adapter = ParallelTransport(damping=0.01).fit(*domains)
     steps = []
@@ -79,7 +79,7 @@ def test_with_the_robot_gaps_are_searched(arms):
     result = evaluate(adapter, *domains, profile, **options, progress=lambda _, done, text="": steps.append(done))
     assert "parallel-transport" not in [row.name for row in result.rows[1:]]
     assert {row.name: row for row in result.rows}["nearest-neighbor"].feasibility_gap.p95 < 0.01
-    assert result.adapter.feasibility_gap.median > 0.01
+    assert result.adapter.feasibility_gap.mean > 0.01
     assert steps[-1] == 1.0
 
 

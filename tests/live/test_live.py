@@ -72,7 +72,7 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
     states = played(live, points, time)
     fit = mp.fit_arm(mp.Recording(live.points, points, time))
     angles = np.array([state.arm.person for state in states])
-    seen = fit.observable_share > 0.9
+    seen = fit.observable
     assert np.median(np.abs(np.degrees(angles - fit.joint_angles)), axis=0)[seen].max() < 1.0
     offline = small_result.arm.placement.turned(
         small_result.arm.adapter.transform(fit.arm.ellipsoids(fit.joint_angles))

@@ -125,7 +125,7 @@ def test_a_result_is_written_whole_and_can_be_read_back(result, tmp_path):
     assert {"report.html", "summary.md", "joints.csv"} <= {entry.name for entry in folder.iterdir()} <= RESULT_FILES
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     rows = list(csv.reader((folder / "person.csv").open()))
-    assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.arm.fit.joint_names)]
+    assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.arm.fit.arm.joint_names)]
     np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], np.degrees(result.arm.fit.joint_angles), atol=1e-4)
     for name, profile in (("demonstrated", result.arm.demonstrated_profile), ("target", result.arm.target_profile)):
         ellipsoids, time = load_ellipsoids(folder / f"{name}_profile.npz")

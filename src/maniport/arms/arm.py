@@ -307,7 +307,7 @@ class Arm(JointSpace):
         """Return the visual meshes of the arm by joint; files are read on the first call.
 
         Bodies beyond the end effector and moving fingers are omitted. Links of a URDF with missing meshes have their
-        collision shapes. Meshes with more than 15 000 triangles in total are simplified.
+        collision shapes. Meshes with more than 15 000 triangles in total are simplified to about that.
 
         Returns
         -------

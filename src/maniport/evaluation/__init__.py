@@ -16,10 +16,9 @@ from maniport.evaluation.metrics import (
     Evaluation,
     Gaps,
     Row,
-    Smoothness,
     distance_preservation,
     rmse,
-    smoothness,
+    step_ratio,
 )
 
 __all__ = [
@@ -29,7 +28,6 @@ __all__ = [
     "Evaluation",
     "Gaps",
     "Row",
-    "Smoothness",
     "compare_capabilities",
     "distance_preservation",
     "ellipsoid_extent",
@@ -40,5 +38,5 @@ __all__ = [
     "resemblance",
     "rmse",
     "select_method",
-    "smoothness",
+    "step_ratio",
 ]

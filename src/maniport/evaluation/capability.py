@@ -170,7 +170,8 @@ def compare_capabilities(
     rows, u, results = evenly_spaced(len(q), most), half_sphere(), []
     models = {"force": person, "velocity": person.with_limits(velocity=1.0)}
     models = {kind: arm for kind, arm in models.items() if _is_limited(robot, kind) and _is_limited(arm, kind)}
-    motions = (q[rows], position_only(robot, q[rows])) if models else ()
+    along = robot.forward(q[rows])[:, :3, 3]
+    motions = (q[rows], follow_positions(robot, q[0], along)) if models else ()
     for kind, model in models.items():
         own = polytope_extent(model, joint_angles[rows], u, kind)
         moved, free = (line_extent(robot, motion, u @ rotation.T, kind) for motion in motions)
@@ -179,11 +180,6 @@ def compare_capabilities(
         likeness = resemblance(moved, own), resemblance(free, own)
         results.append(Capability(kind, time[rows], moved[best], free[best], forces, *likeness))
     return tuple(results)
-
-
-def position_only(arm: Arm, q: Array) -> Array:
-    """Follow the positions of a motion (n, dof) from its start, as `follow_positions` does; shape (n, dof)."""
-    return np.concatenate([q[:1], follow_positions(arm, q[0], arm.forward(q[1:])[:, :3, 3])])
 
 
 def follow_positions(arm: Arm, start: Array, positions: Array, tolerance: float = 1e-4, most_steps: int = 20) -> Array:

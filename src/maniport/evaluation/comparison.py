@@ -21,7 +21,6 @@ from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, as_points, as_positive_semidefinite
 
 GAP_POINTS = 64  # Most ellipsoids of a profile whose feasibility gap is searched, evenly spread
-FIELD = "length-field"
 
 
 def with_feasible_set(
@@ -79,7 +78,7 @@ def evaluate(
     profile : array_like, shape (n, d, d)
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
     robot : Arm, optional
-        The student, for the distance to the feasible set, of at most 64 ellipsoids of the profile.
+        The student, for the distance of at most 64 ellipsoids of the profile to its feasible set.
     truth : array_like, shape (n, d, d), optional
         Ground truth of the mapped profile.
     spec : EllipsoidSpec
@@ -91,7 +90,7 @@ def evaluate(
     random_state, progress
         Random seed; called with each step and the fraction done.
     """
-    if robot is not None and not isinstance(robot, Arm):
+    if not isinstance(robot, Arm | None):
         raise InvalidInputError(f"robot must be an Arm, such as maniport.load_arm('panda'); found {robot!r}")
     if not isinstance(adapter, DomainAdapter):
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
@@ -100,8 +99,10 @@ def evaluate(
     teacher, student = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     size = None if robot is None else spec.size
     as_points(adapter.student_side(student, "student_domain"), "student_domain", size)
+    demonstrated = as_finite(profile, "profile")
     original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
     wanted = None if truth is None else adapter.student_side(truth, "truth")
+
     step = Step(progress, "Evaluate baselines")
     methods = {name_of(adapter): adapter, **baselines_for(adapter, rows)}
     measured, images = list[Row](), list[Array]()
@@ -112,31 +113,29 @@ def evaluate(
         with collected_warnings() as texts:
             if method is not adapter:
                 method.fit(teacher, student)
-            images.append(method.transform(profile))
+            images.append(method.transform(demonstrated))
             mapped = method.student_side(images[-1])
             result = Row(
                 row,
                 "returns samples of the student only: its gap is zero" if row == "nearest-neighbor" else "",
                 rmse=None if wanted is None else metrics.rmse(wanted, mapped),
-                smoothness=metrics.smoothness(mapped, original) if moves else None,
+                step_ratio=metrics.step_ratio(mapped, original) if moves else None,
                 preservation=metrics.distance_preservation(mapped, original) if moves else None,
                 failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
             )
         measured.append(replace(result, warnings=tuple(texts)))
     measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
     if robot is not None:
-        along = evenly_spaced(len(original), GAP_POINTS)
-        targets, inverse = np.unique(np.concatenate([mapped[along] for mapped in images]), axis=0, return_inverse=True)
+        along = evenly_spaced(len(demonstrated), GAP_POINTS)
         distances = nearest_feasible(
-            robot, targets, spec=spec, damping=adapter.student_regularization, n_starts=n_starts, bank=bank,
-            random_state=random_state,
-        ).distance[inverse.ravel()]  # fmt: skip
-        pairs = zip(measured, np.split(distances, len(images)), strict=True)
-        measured = [replace(row, feasibility_gap=Gaps.of(gaps)) for row, gaps in pairs]
+            robot, np.concatenate([mapped[along] for mapped in images]), spec=spec, bank=bank, n_starts=n_starts,
+            random_state=random_state, damping=adapter.student_regularization,
+        ).distance  # fmt: skip
+        parts = zip(measured, distances.reshape(len(images), -1), strict=True)
+        measured = [replace(row, feasibility_gap=Gaps.of(own)) for row, own in parts]
     step.end(f"{len(methods) - 1} baselines")
-    gaps = "" if robot is None else f", feasibility gaps at {min(len(original), GAP_POINTS)}"
     settings = {
-        "profile": f"{len(original)} ellipsoids{gaps}",
+        "profile": f"{len(demonstrated)} ellipsoids",
         "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
         "regularization": str(Regularization(adapter.damping)),
         "seed": random_state if isinstance(random_state, int) else "none",
@@ -179,14 +178,14 @@ def select_method(
     adapter : DomainAdapter
         Fitted.
     evaluation : Evaluation
-        Its comparison with baselines; a rejected length field has a row with a note only.
+        Its comparison with baselines, with the reasons if the length field is rejected.
     """
     step = Step(progress, "Fit transfer")
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
-    adapter: Any = with_feasible_set(method_of(FIELD, **shared), robot, spec, bank)
+    adapter: Any = with_feasible_set(method_of("length-field", **shared), robot, spec, bank)
     failures: tuple[str, ...] = ("it is fitted to ellipsoids of up to 3×3",)  # a fit to 6×6 takes half a minute
     if spec.size <= 3:
         try:
@@ -200,6 +199,5 @@ def select_method(
         adapter, *domains, profile, robot=robot, spec=spec, bank=bank, random_state=random_state,
         n_starts=16,  # with 48 starts the mean gaps are at most 3 % less
     )  # fmt: skip
-    rejected = (Row(FIELD, f"rejected: {'; '.join(failures)}"),) if failures else ()
     step.end(name_of(adapter))
-    return adapter, replace(evaluation, rows=(*evaluation.rows, *rejected), rejected=failures)
+    return adapter, replace(evaluation, rejected=failures)

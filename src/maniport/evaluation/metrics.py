@@ -51,24 +51,6 @@ class RMSE:
 
 
 @dataclass(frozen=True)
-class Smoothness:
-    """Affine-invariant distances between consecutive ellipsoids, mapped and of the teacher.
-
-    Attributes
-    ----------
-    largest, median : float
-        Of the mapped profile; the median is over the steps in which the teacher's profile moves.
-    largest_ratio, median_ratio : float
-        The same over those of the teacher's profile.
-    """
-
-    largest: float
-    median: float
-    largest_ratio: float
-    median_ratio: float
-
-
-@dataclass(frozen=True)
 class DistancePreservation:
     """Pairwise distances and longest axes of mapped ellipsoids, compared with the teacher's.
 
@@ -100,21 +82,23 @@ def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
     return RMSE(undivided, float(undivided / np.mean(deviations)), float(undivided / np.mean(deviations**2)))
 
 
-def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
-    """Compare the steps of a mapped profile with those of the teacher's.
+def step_ratio(mapped: ArrayLike, original: ArrayLike) -> float:
+    """Compute the largest distance of consecutive ellipsoids of a mapped profile over that of the teacher's.
 
     Parameters
     ----------
     mapped, original : array_like, shape (n, d, d)
         SPD, in the order of time, n ≥ 2.
+
+    Returns
+    -------
+    float
     """
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=2)
-    steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
-    moving = own_steps > STILL
-    if not np.any(moving):
+    step, own_step = (float(distance_unchecked(points[:-1], points[1:]).max()) for points in (images, own))
+    if own_step <= STILL:
         raise InvalidInputError(f"original does not move: its {len(own)} ellipsoids are equal")
-    largest, median = float(np.max(steps)), float(np.median(steps[moving]))
-    return Smoothness(largest, median, largest / float(np.max(own_steps)), median / float(np.median(own_steps[moving])))
+    return step / own_step
 
 
 def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> DistancePreservation:
@@ -155,19 +139,17 @@ class Gaps:
 
     Attributes
     ----------
-    mean, median, p95, largest : float
+    mean, p95, largest : float
     """
 
     mean: float
-    median: float
     p95: float
-    largest: float = np.nan
+    largest: float
 
     @classmethod
     def of(cls, distances: Array) -> "Gaps":
         """Summarize distances, shape (n,)."""
-        statistics = np.mean(distances), np.median(distances), np.percentile(distances, 95), np.max(distances)
-        return cls(*map(float, statistics))
+        return cls(*map(float, (np.mean(distances), np.percentile(distances, 95), np.max(distances))))
 
 
 @dataclass(frozen=True)
@@ -179,12 +161,12 @@ class Row:
     name : str
         As in `maniport.transfer.METHODS`, or the class of the method.
     note : str
-        A remark, or why nothing was measured.
+        A remark.
     rmse : RMSE or None
         Where the truth is known.
     feasibility_gap : Gaps or None
         Of the profile; None without the student's kinematics.
-    smoothness : Smoothness or None
+    step_ratio : float or None
     preservation : DistancePreservation or None
         None where the teacher's ellipsoids do not change.
     failures : tuple of str
@@ -197,7 +179,7 @@ class Row:
     note: str = ""
     rmse: RMSE | None = None
     feasibility_gap: Gaps | None = None
-    smoothness: Smoothness | None = None
+    step_ratio: float | None = None
     preservation: DistancePreservation | None = None
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -206,15 +188,13 @@ class Row:
     def weaknesses(self) -> dict[str, float]:
         """Metrics beyond their limits, whatever the gaps.
 
-        They are "large_step" (largest step over the teacher's), "plateau" (median step where the teacher moves),
-        "rank_correlation" (of distances) and "rotated_axes" (of the longest axes [degrees]).
+        They are "large_step" (largest step over the teacher's), "rank_correlation" (of distances) and "rotated_axes"
+        (of the longest axes [degrees]).
         """
-        steps, kept = self.smoothness, self.preservation
-        ratio, median = (0.0, np.inf) if steps is None else (steps.largest_ratio, steps.median)
+        ratio, kept = self.step_ratio or 0.0, self.preservation
         rank, angle = (1.0, 0.0) if kept is None else (kept.rank_correlation, kept.major_axis_angle or 0.0)
         metrics = {
             "large_step": (ratio, ratio > MAX_STEP_RATIO),
-            "plateau": (median, median <= STILL),
             "rank_correlation": (rank, rank < MIN_RANK_CORRELATION),
             "rotated_axes": (angle, angle > AXIS_MOVED),
         }
@@ -240,8 +220,8 @@ class Evaluation(NotebookDisplay):
     rejected: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
-        best = f"; best: {self.best!r}" if self.best else ""
-        return f"Evaluation({self.adapter.name!r} and {len(self.rows) - 1} baselines{best})"
+        recommended = f"; recommended: {self.recommended!r}" if self.recommended else ""
+        return f"Evaluation({self.adapter.name!r} and {len(self.rows) - 1} baselines{recommended})"
 
     @property
     def adapter(self) -> Row:
@@ -263,12 +243,6 @@ class Evaluation(NotebookDisplay):
             return {row.name: row.rmse.undivided for row in self.rows if row.rmse is not None}
         rows = (row for row in self.rows if row is self.adapter or row.name != "nearest-neighbor")
         return {row.name: row.feasibility_gap.mean for row in rows if row.feasibility_gap is not None}
-
-    @property
-    def best(self) -> str:
-        """The row with the smallest value, the first of equals; empty where nothing is compared."""
-        values = self.values
-        return min(values, key=lambda name: values[name], default="")
 
     @property
     def recommended(self) -> str:

@@ -44,8 +44,6 @@ class Alignment(NotebookDisplay):
         Each demonstration at these times.
     paths : tuple of ndarray, shape (l, 2)
         For each demonstration the matched indices (of the reference, of the demonstration), in order.
-    distances : ndarray, shape (k,)
-        sqrt(Σ d²) along each path, d the affine-invariant distance of matched ellipsoids; 0 for the reference.
     reference : int
         Index of the demonstration with these times.
     """
@@ -53,7 +51,6 @@ class Alignment(NotebookDisplay):
     time: Array
     ellipsoids: Array
     paths: tuple[Path, ...]
-    distances: Array
     reference: int
 
     def __repr__(self) -> str:
@@ -140,15 +137,14 @@ def align(
         for a, b in counted(pairs, len(pairs) + k, step):
             apart[a, b] = apart[b, a] = matched(data[b], data[a])[1]
         chosen = int(np.argmin(apart.sum(axis=0)))
-    own = np.repeat(np.arange(len(data[chosen]))[:, None], 2, axis=1), 0.0
-    matches = [own if i == chosen else matched(data[chosen], other) for i, other in enumerate(data)]
-    paths, distances = zip(*matches, strict=True)
+    itself = np.repeat(np.arange(len(data[chosen]))[:, None], 2, axis=1)
+    paths = tuple(itself if i == chosen else matched(data[chosen], other)[0] for i, other in enumerate(data))
     warped = np.stack([
         [mean(profile[own]) if len(own) > 1 else profile[own[0]] for own in _groups(path)]
         for profile, path in zip(data, paths, strict=True)
     ])  # fmt: skip
     step.end(f"{k} demonstrations, {len(clocks[chosen])} times")
-    return Alignment(clocks[chosen].copy(), warped, paths, np.array(distances), chosen)
+    return Alignment(clocks[chosen].copy(), warped, paths, chosen)
 
 
 def matched(reference: Array, profile: Array) -> tuple[Path, float]:

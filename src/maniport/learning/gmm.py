@@ -31,9 +31,8 @@ class ProfileGMM(NotebookDisplay, Estimator):
     Parameters
     ----------
     n_components : int, optional
-        Number of Gaussians. Default: of 1, 2, 4, … up to `max_components`, or as many as the points allow, the last
-        before the BIC grows.
-    max_components : int
+        Number of Gaussians. Default: of 1, 2, 4, … up to 32, or as many as the points allow, the last before the BIC
+        grows.
     regularization : float
         Added to the variances in log coordinates and, times the variance of the times, to theirs.
     max_iter : int
@@ -78,13 +77,11 @@ class ProfileGMM(NotebookDisplay, Estimator):
     def __init__(
         self,
         n_components: int | None = None,
-        max_components: int = 10,
         regularization: float = 1e-5,
         max_iter: int = 200,
         tol: float = 1e-3,
     ):
         self.n_components = n_components
-        self.max_components = max_components
         self.regularization = regularization
         self.max_iter = max_iter
         self.tol = tol
@@ -149,8 +146,8 @@ class ProfileGMM(NotebookDisplay, Estimator):
     def _component_counts(self, points: Array) -> list[int]:
         """Return the numbers of components to try: `n_components`, or 1, 2, 4, … that the points allow."""
         fewest = points_each(points.shape[-1])
-        most, allowed = as_count(self.max_components, "max_components"), len(points) // fewest
-        counts = [2**i for i in range(64) if 2**i <= min(most, max(allowed, 1))]
+        allowed = len(points) // fewest
+        counts = [2**i for i in range(6) if 2**i <= max(allowed, 1)]
         if self.n_components is not None:
             counts = [as_count(self.n_components, "n_components")]
         if counts[-1] > allowed:

@@ -1,5 +1,6 @@
 """Results of fitting human arms to a recording."""
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -27,7 +28,7 @@ class ArmFit(NotebookDisplay):
     side_reason : str
         Why this arm of the person was fitted.
     joint_angles : ndarray, shape (n, dof)
-        Joint angles [rad], always within the limits.
+        Angles of the joints of `arm` [rad], always within the limits.
     time : ndarray, shape (n,)
         Time [s] of the frames that were used, as in the recording.
     frames : ndarray, shape (n,)
@@ -36,10 +37,8 @@ class ArmFit(NotebookDisplay):
         For each segment that is recorded (``"upper arm"``, ``"forearm"``, ``"hand"``) the angle between it and that of
         the arm [degrees]. For markers of a joint axis the rotation of a segment about its own axis (``"forearm about
         its axis"``) from the arm's joint axis to them; nan where they are missing.
-    observable_share : ndarray, shape (dof,)
-        Share of the frames in which the recorded points determine the joint.
     unobservable : dict of str to str
-        Joints that they do not determine in more than half of the frames, with the cause and the treatment.
+        Joints that the recorded points do not determine in more than half of the frames, with cause and treatment.
     segment_lengths : dict of str to float
         Median lengths of the recorded segments [m].
     at_limit : ndarray, shape (dof,)
@@ -62,7 +61,6 @@ class ArmFit(NotebookDisplay):
     time: Array
     frames: NDArray[np.intp]
     residuals: dict[str, Array]
-    observable_share: Array
     unobservable: dict[str, str]
     segment_lengths: dict[str, float]
     at_limit: Array
@@ -99,14 +97,9 @@ class ArmFit(NotebookDisplay):
         return f"{self.arm.side} arm, {len(self)} frames, {residuals}{unobservable}"
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, the columns of `joint_angles`."""
-        return tuple(self.arm.joint_names)
-
-    @property
     def observable(self) -> Bools:
         """Whether the recorded points determine the joint in more than half of the frames, shape (dof,)."""
-        return np.array([name not in self.unobservable for name in self.joint_names])
+        return np.array([name not in self.unobservable for name in self.arm.joint_names])
 
     def residual_summary(self) -> dict[str, dict[str, float]]:
         """Statistics of each residual, without sign [degrees]: ``median``, ``p95``, ``max`` at ``max_at_s`` [s]."""
@@ -175,13 +168,9 @@ class HumanMotion(NotebookDisplay):
     @property
     def quality_warnings(self) -> tuple[str, ...]:
         """Warnings of each arm with its side; common warnings once."""
-        first, *others = (fit.quality_warnings for fit in self.arms)
-        shared = tuple(text for text in first if others and all(text in texts for texts in others))
-        own = zip(self.names, self.arms, strict=True)
-        return (
-            *(f"{side} arm: {text}" for side, fit in own for text in fit.quality_warnings if text not in shared),
-            *shared,
-        )
+        texts = [(side, text) for side, fit in zip(self.names, self.arms, strict=True) for text in fit.quality_warnings]
+        counts = Counter(text for _, text in texts)
+        return tuple(dict.fromkeys(text if counts[text] > 1 else f"{side} arm: {text}" for side, text in texts))
 
     def __len__(self) -> int:
         """Return the number of frames."""

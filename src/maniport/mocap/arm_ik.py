@@ -152,7 +152,7 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
     require_human(arm)
     directions, time = observation.directions(arm), used.time[frames]
     q = solve_arm(directions, time, roles, step)
-    share, unobservable, beyond = observability(directions, roles, q)
+    unobservable, beyond = observability(directions, roles, q)
     fit = ArmFit(
         arm=arm,
         side_reason=observation.reason,
@@ -160,7 +160,6 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
         time=time,
         frames=frames,
         residuals={name: np.degrees(error) for name, error in directions.errors(q).items()},
-        observable_share=share,
         unobservable=unobservable,
         segment_lengths=lengths,
         at_limit=((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0),

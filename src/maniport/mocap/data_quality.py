@@ -29,8 +29,8 @@ def unobservable_joints(roles: Collection[str]) -> dict[int, str]:
     return dict.fromkeys(joints, f"points of {' and '.join(missing)} are missing: held at or near the neutral angle")
 
 
-def observability(directions: Directions, roles: Collection[str], q: Array) -> tuple[Array, dict[str, str], Array]:
-    """Return the share of frames with each joint observable, why joints are not, and excesses over limits [rad].
+def observability(directions: Directions, roles: Collection[str], q: Array) -> tuple[dict[str, str], Array]:
+    """Return why joints are not observable in more than half of the frames, and excesses over limits [rad].
 
     A joint is observable in frames in which the standard deviation of its error is at most 20°.
     """
@@ -54,7 +54,7 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
         )
         for joint in np.flatnonzero(share <= 0.5).tolist()
     }
-    return share, unobservable, np.concatenate(excesses)
+    return unobservable, np.concatenate(excesses)
 
 
 def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> list[str]:
@@ -128,6 +128,6 @@ def jump_warning(fit: ArmFit) -> list[str]:
     worst, joint = np.unravel_index(np.argmax(steps * jumps[:, None]), steps.shape)
     return [
         f"joints jump in {jumps.sum()} of {len(fit)} frames, faster than {FASTEST_JOINT:g}°/s "
-        f"({when(fit.time, jumps)}); most {fit.joint_names[joint]}, by {steps[worst, joint]:.1f}° in one frame at "
+        f"({when(fit.time, jumps)}); most {JOINTS[joint]}, by {steps[worst, joint]:.1f}° in one frame at "
         f"{fit.time[worst]:.2f} s. They are kept"
     ]

@@ -17,7 +17,6 @@ from maniport.errors import InvalidInputError, argument
 from maniport.learning import Alignment, ProfileGMM, align
 from maniport.learning.alignment import Agreement, agreement
 from maniport.mocap import HumanMotion, Recording, fit_arms
-from maniport.mocap.directions import SEGMENTS
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import SavedResult
 from maniport.pipeline.settings import fit_options, read_part
@@ -31,7 +30,6 @@ from maniport.util.validation import Array, as_numbers
 
 MIN_FRAMES = 10  # Fewest frames of a demonstration
 RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
-MAX_COMPONENTS = 32  # Gaussians, without a number of the caller
 CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
 
 
@@ -59,8 +57,6 @@ class LearnedProfile(SavedResult):
         The human arms with the mean lengths of all, in whose base frames the ellipsoids are.
     bases : ndarray, shape (a, 3)
         Origins of these base frames in the common frame of the arms [m], see `maniport.mocap.HumanMotion`.
-    regularization : Regularization
-        Regularization of the compared ellipsoids; it is part of the profile.
     alignment : Alignment
         The demonstrations on common times.
     paths : ndarray, shape (k, m, 3 a)
@@ -69,7 +65,7 @@ class LearnedProfile(SavedResult):
     time : ndarray, shape (n,)
         Of the reference demonstration [s], all of its frames.
     profile : ndarray, shape (n, a d, a d)
-        The ellipsoid at each time.
+        The ellipsoid at each time, with regularization.
     covariance : ndarray, shape (n, p, p)
         See `ProfileGMM.predict`.
     path : ndarray, shape (n, 3 a)
@@ -83,7 +79,6 @@ class LearnedProfile(SavedResult):
     demonstrations: tuple[Demonstration, ...]
     arms: tuple[Arm, ...]
     bases: Array
-    regularization: Regularization
     alignment: Alignment
     paths: Array
     model: ProfileGMM
@@ -204,8 +199,7 @@ def learn(
     regularization = Regularization(config.damping or None).fitted(np.concatenate(ellipsoids))
     profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
     alignment = align(profiles, times, progress=progress)
-    mixture = ProfileGMM(config.components, MAX_COMPONENTS)
-    model = mixture.fit(*alignment.stacked(), progress=progress)
+    model = ProfileGMM(config.components).fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
     profile, covariance = model.predict(time, return_covariance=True)
     warped = alignment.warp(hands)
@@ -213,8 +207,8 @@ def learn(
     strength = 1.0 / (float(np.median(np.diff(alignment.time))) * (2.0 * np.pi * CUTOFF) ** 4)
     path = [make_smoothing_spline(alignment.time, axis, lam=strength)(time) for axis in warped.mean(axis=0).T]
     return LearnedProfile(
-        demonstrations, tuple(arms), bases, regularization, alignment, warped, model, time, np.asarray(profile),
-        covariance, np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config,
+        demonstrations, tuple(arms), bases, alignment, warped, model, time, np.asarray(profile), covariance,
+        np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config,
     )  # fmt: skip
 
 
@@ -233,22 +227,15 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: tuple[Any
         if part is None or part == AUTO:
             parts[index] = part or [None]
             continue
-        pairs = [_numbers(pair) for pair in part.split(",")] if isinstance(part, str) else part
-        parts[index] = [tuple(as_numbers(pair, "a segment (start, stop) [s]", 2).tolist()) for pair in pairs]
+        pairs = [pair.split(":") for pair in part.split(",")] if isinstance(part, str) else part
+        name = f"{argument('segments')}, {AUTO} or times such as 2:4,4:5.6 [s],"
+        parts[index] = [tuple(as_numbers(pair, name, 2).tolist()) for pair in pairs]
         times = [time for pair in sorted(parts[index]) for time in pair]
         if times != sorted(times) or any(start == stop for start, stop in parts[index]):
             raise InvalidInputError(f"segments must begin before they end, and must not overlap; found {part!r}")
     if AUTO not in parts:
         _require_two(sum(map(len, parts)))
     return parts
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(number) for number in text.split(":")]
-    except ValueError:
-        rule = f"{argument('segments')} must be {AUTO}, or times such as 2:4,4:5.6 [s]"
-        raise InvalidInputError(f"{rule}; found {text!r}") from None
 
 
 def _require_two(count: int) -> None:
@@ -296,11 +283,9 @@ def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
     """Return each arm of the person, of the side of most demonstrations, with the mean of the recorded lengths."""
     arms = []
     for fits in zip(*(motion.arms for motion in motions), strict=True):
-        sides, recorded = Counter(fit.arm.side for fit in fits), [fit.segment_lengths for fit in fits]
-        means = {
-            name: float(np.mean([own[name] for own in recorded if name in own]))
-            for name in SEGMENTS
-            if any(name in own for own in recorded)
-        }
+        sides, lengths = Counter(fit.arm.side for fit in fits), dict[str, list[float]]()
+        for name, length in (pair for fit in fits for pair in fit.segment_lengths.items()):
+            lengths.setdefault(name, []).append(length)
+        means = {name: float(np.mean(values)) for name, values in lengths.items()}
         arms.append(human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means))
     return arms

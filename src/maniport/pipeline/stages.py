@@ -274,8 +274,7 @@ def evaluate(
         if evaluation is None and baselines:
             evaluation = compare_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], profile, robot=part.robot, spec=settings.specs[i],
-                bank=robot.bank(i, settings.config.spec), random_state=settings.config.seed,
-                progress=settings.progress,
+                bank=robot.bank(i, settings.config.spec), random_state=settings.config.seed, progress=settings.progress,
             )  # fmt: skip
         if part.motion is not None and settings.config.spec.part != "rotation":
             turn = own.adapter.map_rotation_[:3, :3] if place is None else place.rotation @ place.map_rotation

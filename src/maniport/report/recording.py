@@ -172,7 +172,7 @@ def person_section(fit: ArmFit) -> Section:
     lengths = {name: round(float(length), 4) for name, length in fit.segment_lengths.items()}
     text = listed(f"{name} {length:.3f} m" for name, length in lengths.items())
     section.add("Segments", "segment_lengths", lengths, text, "The model is scaled to these lengths.", unit="m")
-    at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
+    at_limit = {name: float(part) for name, part in zip(fit.arm.joint_names, fit.at_limit, strict=True) if part > 0}
     about = "Share of the frames; the true angle may exceed the limit."
     section.add("Saturated joints", "fraction_at_limit", at_limit, _percentages(at_limit), about)
     section.note(*fit.notes)

@@ -80,7 +80,7 @@ def evaluation_section(evaluation: Evaluation) -> Section:
     table = Table(("", *columns), measured, caption, "rows", values)
     section = Section("Comparison with baselines", (), (table,), "evaluation", folded=True)
     _compare(section, evaluation)
-    summary = {key: getattr(evaluation, key) for key in ("measure", "values", "best", "recommended")}
+    summary = {key: getattr(evaluation, key) for key in ("measure", "values", "recommended")}
     section.numbers(summary=summary | {"weaknesses": adapter.weaknesses})
     for code, value in adapter.weaknesses.items():
         text = f"{label(adapter.name)}: {code.replace('_', ' ')} {value:.3g}{'°' * (code == 'rotated_axes')}"
@@ -117,5 +117,5 @@ def _compare(section: Section, evaluation: Evaluation) -> None:
         section.note(f"{name}{' is better than all baselines' * (not worse)}: {compared}")
     else:
         recommended = evaluation.recommended
-        advice = f". Use {recommended}" if recommended and method != evaluation.best else ""
+        advice = f". Use {recommended}" if recommended not in ("", method) else ""
         section.warn("not-better", f"{name} is not clearly better than {' or '.join(worse)}: {compared}{advice}")

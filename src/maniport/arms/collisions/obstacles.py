@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import rotation_about
 from maniport.arms.collisions.hulls import Hull
 from maniport.arms.loaders.document import parsed, require
-from maniport.arms.meshes import box as box_mesh
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 from maniport.util.files import read_settings, require_mapping
 from maniport.util.validation import as_number, as_numbers
@@ -43,7 +43,7 @@ class Box:
 
     def hull(self) -> Hull:
         """Compute the convex hull, fixed to the base."""
-        corners = box_mesh(*self.size)[0] @ rotation_about(2, self.yaw).T + self.center
+        corners = self.size * [*product((-0.5, 0.5), repeat=3)] @ rotation_about(2, self.yaw).T + self.center
         return Hull.around(self.name, 0, corners)
 
 
@@ -62,9 +62,8 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
     obstacles = []
     for name, content in named.items():
         box = require_mapping(content, ("center", "size", "yaw"), f"{path}: obstacles: {name}")
-        for key in ("center", "size"):
-            fault = f"obstacles: {name}: {key!r} is missing; a box has center, size and optional yaw"
-            require(key in box, path, fault)
+        fault = f"obstacles: {name}: a box has center, size and optional yaw; found {', '.join(box) or 'nothing'}"
+        require({"center", "size"} <= box.keys(), path, fault)
         try:
             obstacles.append(Box(**box, name=str(name)))
         except InvalidInputError as error:

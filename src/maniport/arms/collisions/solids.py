@@ -45,7 +45,6 @@ class Solids:
             joints,
             self._skins,
             0.5 * (ends[:, 0] + ends[:, 1]),
-            0.5 * (ends[:, 1] - ends[:, 0]),
             0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1),
         )
 
@@ -97,7 +96,7 @@ class Solids:
 @kernel
 def _fill_distance_bounds(  # type: ignore[no-untyped-def]
     positions, parents, placements, axes, slides,
-    corners, starts, joints, skins, centers, sides, radii, pairs, margins, table, bounds,
+    corners, starts, joints, skins, centers, radii, pairs, margins, table, bounds,
 ):  # fmt: skip
     """Fill lower bounds of the distances of pairs; bounds above `margins` (pairs,) are not refined."""
     links, middles = len(axes) + 1, np.empty((len(joints), 3))
@@ -125,7 +124,7 @@ def _fill_distance_bounds(  # type: ignore[no-untyped-def]
             distance = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
             if distance <= sufficient:
                 distance = _apart(
-                    turns[j], origins[j], turns[joints[b]], origins[joints[b]], corners, sides[a], sides[b],
+                    turns[j], origins[j], turns[joints[b]], origins[joints[b]], corners,
                     starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, sufficient,
                 )  # fmt: skip
             bounds[n, p] = distance - skin
@@ -144,10 +143,10 @@ def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
 
 @part
 def _apart(  # type: ignore[no-untyped-def]
-    turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, sufficient
+    turn_a, at_a, turn_b, at_b, corners, a0, a1, b0, b1, x, y, z, sufficient
 ):
     """Distance of two hulls along separating directions: the first above `sufficient`, or the largest."""
-    from_middle, most = (x, y, z), -1.0
+    most = -1.0
     for _ in range(12):  # after 12 directions the exact test decides
         square = x * x + y * y + z * z
         length = np.sqrt(square)
@@ -159,16 +158,10 @@ def _apart(  # type: ignore[no-untyped-def]
         bx = turn_b[0, 0] * x + turn_b[1, 0] * y + turn_b[2, 0] * z
         by = turn_b[0, 1] * x + turn_b[1, 1] * y + turn_b[2, 1] * z
         bz = turn_b[0, 2] * x + turn_b[1, 2] * y + turn_b[2, 2] * z
-        spread = abs(ax) * sides_a[0] + abs(ay) * sides_a[1] + abs(az) * sides_a[2]
-        spread += abs(bx) * sides_b[0] + abs(by) * sides_b[1] + abs(bz) * sides_b[2]
-        of_boxes = x * from_middle[0] + y * from_middle[1] + z * from_middle[2] - spread
-        most = max(most, of_boxes / length - 1e-9)  # rounding
-        if most > sufficient:
-            break
         least_a, i = _least(corners, a0, a1, ax, ay, az)
         least_b, j = _least(corners, b0, b1, -bx, -by, -bz)
         between = x * (at_a[0] - at_b[0]) + y * (at_a[1] - at_b[1]) + z * (at_a[2] - at_b[2]) + least_a + least_b
-        most = max(most, between / length - 1e-9)
+        most = max(most, between / length - 1e-9)  # rounding
         if most > sufficient:
             break
         w0 = at_a[0] - at_b[0]

@@ -12,7 +12,7 @@ from maniport.arms.chain import PRISMATIC, REVOLUTE, Joint, Mesh, Shape
 from maniport.arms.loaders.document import LARGEST, MeshPaths, body_inertia, is_file, numbers, require
 from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
-from maniport.arms.meshes import SOLIDS
+from maniport.arms.meshes import solid
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
@@ -112,12 +112,12 @@ def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) 
             if kind == "plane":  # infinite
                 continue
             if title is None and kind in SIZES:
-                placement, solid = _solid(document, geom, kind)
+                placement, made = _solid(document, geom, kind)
             elif title in meshes:
-                placement, solid = document.pose(geom), _asset(paths, document, *meshes[title])
+                placement, made = document.pose(geom), _asset(paths, document, *meshes[title])
             else:
                 raise FileFormatError(f"{path}: a <geom> of body {name!r} has an unknown shape: {title or kind!r}")
-            points, triangles = solid
+            points, triangles = made
             yield Shape(name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
 
 
@@ -131,7 +131,7 @@ def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, Mesh]:
         size = np.append(np.full(len(factors) - 1, size[0]), 0.5 * np.linalg.norm(ends[0] - ends[1]))
     enough = len(size) >= len(factors) and bool(np.all(size >= 0))
     require(enough, document.path, f"a <geom> {kind} needs {len(factors)} sizes, not negative; found {size}")
-    return placement, SOLIDS[kind](*(factors * size[: len(factors)]))
+    return placement, solid(kind, *(factors * size[: len(factors)]))
 
 
 def _asset(paths: MeshPaths, document: Document, mesh: Element, file: Path | None) -> Mesh:

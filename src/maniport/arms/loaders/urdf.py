@@ -11,7 +11,7 @@ import numpy as np
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Mesh, Shape, pose
 from maniport.arms.loaders.document import MeshPaths, body_inertia, numbers, require
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
-from maniport.arms.meshes import SOLIDS
+from maniport.arms.meshes import solid
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import LINKS, NESTING, require_at_most
@@ -167,4 +167,4 @@ def _mesh(paths: MeshPaths, link: Element, part: Element) -> Mesh:
     ]  # fmt: skip
     capsules = [capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")]
     rounded = shape.tag == "cylinder" and part.tag == "collision" and part.get("name") in capsules
-    return SOLIDS["capsule" if rounded else shape.tag](*values)
+    return solid("capsule" if rounded else shape.tag, *values)

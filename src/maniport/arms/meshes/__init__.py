@@ -1,6 +1,6 @@
 """Shapes and surfaces of an arm; operations on meshes and meshes of simple solids."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,18 +46,15 @@ class Geometry:
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
-        """The surface of each joint, with 15 000 triangles in total: 200, and a share of the rest in proportion."""
-        most, meshes = 15_000, dict[int, list[Mesh]]()
+        """The surface of each joint: of 15 000 triangles a share in proportion, and 200 more."""
+        meshes: dict[int, list[Mesh]] = {}
         for link, mesh in self.shapes.items():
             meshes.setdefault(self.chain.frames[link].joint, []).append(mesh)
-        joints = sorted(meshes)
-        whole = [joined(meshes[joint]) for joint in joints]
-        counts = np.array([len(triangles) for _, triangles in whole], dtype=np.int64)
-        if counts.sum() > most:
-            least = np.minimum(counts, min(200, most // len(counts)))
-            shares = least + (counts - least) * (most - least.sum()) // (counts - least).sum()
-            whole = [reduced(mesh, int(share)) for mesh, share in zip(whole, shares, strict=True)]
-        return tuple(Surface(joint, *mesh) for joint, mesh in zip(joints, whole, strict=True) if len(mesh[1]))
+        total = sum(len(triangles) for _, triangles in self.shapes.values())
+        whole = {joint: joined(parts) for joint, parts in sorted(meshes.items())}
+        if total > 15_000:
+            whole = {joint: reduced(mesh, 200 + 15_000 * len(mesh[1]) // total) for joint, mesh in whole.items()}
+        return tuple(Surface(joint, *mesh) for joint, mesh in whole.items() if len(mesh[1]))
 
     @cached_property
     def shapes(self) -> dict[str, Mesh]:
@@ -143,45 +140,21 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
     return mesh
 
 
-def box(*size: float) -> Mesh:
-    """Return a box with edges [m] along x, y and z around the origin: 8 points, 12 triangles."""
-    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * np.asarray(size)
-    squares = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = [triangle for a, b, c, d in squares for triangle in ((a, b, c), (a, c, d))]
-    return corners, np.array(triangles, dtype=np.int32)
+def solid(kind: str, *size: float) -> Mesh:
+    """Return a simple solid around the origin [m].
 
+    Sizes are the edges of a box, radius and length of a cylinder or capsule along z (without its hemispheres), the
+    radius of a sphere or the semi-axes of an ellipsoid. Polygons for a circle are within 0.5 % of the radius.
+    """
+    from trimesh import creation  # here: slow import
 
-def ellipsoid(*radii: float) -> Mesh:
-    """Return an ellipsoid with semi-axes [m] along x, y and z, or a sphere with one radius."""
-    points, triangles = _revolved(np.sin(_ARC), -np.cos(_ARC))
-    return points * np.asarray(radii), triangles
-
-
-def cylinder(radius: float, length: float) -> Mesh:
-    """Return a cylinder along z [m]."""
-    return _revolved(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([-1.0, -1.0, 1.0, 1.0]))
-
-
-def capsule(radius: float, length: float) -> Mesh:
-    """Return a cylinder along z with a hemisphere at each end [m]."""
-    half = len(_ARC) // 2
-    arc = np.concatenate([_ARC[: half + 1], _ARC[half:]])
-    shift = np.repeat([-0.5 * length, 0.5 * length], half + 1)
-    return _revolved(radius * np.sin(arc), shift - radius * np.cos(arc))
-
-
-SOLIDS: dict[str, Callable[..., Mesh]] = {
-    "box": box, "sphere": ellipsoid, "ellipsoid": ellipsoid, "cylinder": cylinder, "capsule": capsule,
-}  # fmt: skip
-"""Meshes of simple solids around the origin from their sizes."""
-
-_SECTIONS = 32  # corners of the polygon for a circle, within 0.5 % of the radius
-_ARC = np.linspace(0.0, np.pi, _SECTIONS // 2 + 1)  # from the lower pole to the upper
-
-
-def _revolved(radii: Array, heights: Array) -> Mesh:
-    """Solid of revolution of an outline about z; its first and last point are on the axis."""
-    from trimesh.creation import revolve  # here: slow import
-
-    solid = revolve(np.stack([radii, heights], axis=1), sections=_SECTIONS)
-    return np.array(solid.vertices), solid.faces.astype(np.int32)
+    if kind == "box":
+        made = creation.box(size)
+    elif kind == "cylinder":
+        made = creation.cylinder(*size, sections=32)
+    elif kind == "capsule":
+        made = creation.capsule(size[1], size[0], count=(16, 32))
+    else:
+        made = creation.icosphere(subdivisions=3)
+        made.vertices *= size
+    return np.array(made.vertices), made.faces.astype(np.int32)

@@ -24,14 +24,14 @@ from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.placement.placement import SCALE, SIZE, TILT, ArmPath, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt, optimize, time_weights
 from maniport.motion.plan.plan_settings import SearchBudget
-from maniport.motion.plan.roadmap import shortest_path
+from maniport.motion.plan.roadmap import LARGEST_CHANGE, shortest_path
 from maniport.spd.kernels import compose
 from maniport.spd.matrix_functions import apply
 from maniport.util.progress import Part, ignore_fraction
 from maniport.util.sampling import sobol
 from maniport.util.validation import Array
 
-SAMPLES = 16  # Samples next to a waypoint that placements are compared by
+SAMPLES = 64  # Samples next to a waypoint that placements are compared by; with 16, force ellipsoids are 10 % farther
 PLANNED = 4  # Placements for which trajectories are planned
 SEPARATION = 0.1
 """Smallest mean distance of the paths at these placements [m]; without it, two seeds of six end 30 % worse."""
@@ -126,7 +126,7 @@ def _planned(
         nodes = arm.reachability_map.nodes(targets, budget.placement_nodes, seed)
         if collisions is not None:
             nodes = nodes.without(collisions.collides(nodes.q))
-        largest = np.array([{"rad": 1.0, "m": 0.3}[unit] for unit in arm.objective.arm.joint_units])
+        largest = np.array([LARGEST_CHANGE[unit] for unit in arm.objective.arm.joint_units])
         path = shortest_path(nodes, problem.time, np.tile(largest, (len(targets), 1)))
         trajectories.append(optimize(targets, problem.time, nodes.q[path], own, FIRST_WEIGHT))
     return tuple(trajectories)

@@ -21,7 +21,14 @@ from maniport.motion.plan.optimizer import (
 )
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, stages_of, turned_to_rotations
+from maniport.motion.plan.roadmap import (
+    JOINT_MOTION_WEIGHT,
+    LARGEST_CHANGE,
+    Roadmap,
+    shortest_path,
+    stages_of,
+    turned_to_rotations,
+)
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
 from maniport.motion.search import SeedBank
@@ -119,7 +126,7 @@ class ArmPlanner:
     def search(self, nodes: Roadmap, time: Array, joint_motion_weight: float) -> NDArray[np.intp]:
         """Choose a node for each stage; larger changes from stage to stage than these are jumps."""
         gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
-        largest = np.array([{"rad": 0.6, "m": 0.2}[unit] for unit in self.limits.arm.joint_units])
+        largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
         largest = np.minimum(SPEED_SHARE * self.limits.velocity * gaps, largest)
         return shortest_path(nodes, time, largest, joint_motion_weight)
 
