@@ -1,9 +1,10 @@
 """How well a robot follows a person at the person's pace: position error, ellipsoid distance and use of limits.
 
-    python -m benchmarks.live_following [CASE ...] [--options real_time=false ...] [--cache FOLDER] [--optimum]
+    python -m benchmarks.live_following [CASE ...] [--options real_time=false ...] [--delay 0.1] [--cache FOLDER] ...
 
 Each case transfers a recording, and plays it (or another one of the same motion) to `maniport.Live` in simulated time.
 Webcam cases have 30 frames a second, Gaussian noise of 12 mm (7 mm in each direction) and missing frames and points.
+`--delay` is that of `Live`; distances "to the person" are those from the present place of the hand, without noise.
 `--optimum` computes the smallest maximum position error of a robot that knows the whole motion (minutes a case): each
 arm by itself, within the limits, regardless of collisions, a local optimum from the live motion.
 With a cache, calibrations are read from a folder where they are there; delete it when placement or options change.
@@ -111,17 +112,17 @@ def use_of_limits(limits: Any, time: Array, q: Array) -> tuple[float, float]:
     return float((np.abs(velocity) / limits.velocity).max()), float((np.abs(acceleration) / limits.acceleration).max())
 
 
-def measured(case: Case, options: dict[str, Any], cache: Path | None = None) -> dict[str, Any]:
+def measured(case: Case, options: dict[str, Any], cache: Path | None, delay: float) -> dict[str, Any]:
     """Follow, and return position errors [mm], ellipsoid distances and shares of limits."""
     followed, clean, result = transferred(case, options, cache)
-    states = played(mp.Live.of(result, clock=None), followed)
+    states = played(mp.Live.of(result, clock=None, delay=delay), followed)
     first = next((i for i, state in enumerate(states) if state.state != "reaching"), len(states) - 1)
     late = [state for state in states[first:] if state.position_error is not None]
     errors = 1e3 * np.array([state.position_error for state in late])
     distance = np.array([[arm.distance for arm in state.arms] for state in late])
     planned = np.stack([arm.motion.distance for arm in result.arms], axis=1)
     true = np.concatenate([_true_errors(result.arms[i], i, clean, late) for i in range(len(result.arms))])
-    limits, q = result.motion.limits, np.array([state.joint_positions for state in states])
+    limits, q = result.motion.trajectory.limits, np.array([state.joint_positions for state in states])
     return {
         "scale": result.arms[0].placement.scale,
         "duration": float(result.motion.trajectory.control_time[-1]),
@@ -137,9 +138,9 @@ def measured(case: Case, options: dict[str, Any], cache: Path | None = None) -> 
 def optimum(case: Case, options: dict[str, Any], cache: Path | None, iterations: int = 12) -> list[Array]:
     """Minimize the largest position error by sequential linear programs; return percentiles [mm] of each arm."""
     followed, _, result = transferred(case, options, cache)
-    states, errors = played(mp.Live.of(result, clock=None), followed), []
+    states, errors = played(mp.Live.of(result, clock=None, delay=0.0), followed), []
     states = [state for state in states if all(arm.position_error is not None for arm in state.arms)]
-    dt, limits = float(np.median(np.diff(followed.time))), result.motion.limits
+    dt, limits = float(np.median(np.diff(followed.time))), result.motion.trajectory.limits
     signs = np.array(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)).reshape(3, -1).T
     sides = signs[signs.any(axis=1)] / np.linalg.norm(signs[signs.any(axis=1)], axis=1, keepdims=True)  # 26 directions
     for i, arm in enumerate(own.robot for own in result.arms):
@@ -158,7 +159,7 @@ def optimum(case: Case, options: dict[str, Any], cache: Path | None, iterations:
             bound, none = np.ones((ends.shape[0], 1)), sp.csr_matrix((len(speeds), 1))
             matrix = sp.vstack([sp.hstack([ends, -bound]), sp.hstack([rows, none]), sp.hstack([-rows, none])])
             right = np.concatenate([-(off @ sides.T).ravel(), most - speeds, most + speeds])
-            step = np.maximum(limits.lower[columns] - q, -trust), np.minimum(limits.upper[columns] - q, trust)
+            step = np.maximum(limits.arm.lower[columns] - q, -trust), np.minimum(limits.arm.upper[columns] - q, trust)
             bounds = [*zip(step[0].ravel(), step[1].ravel(), strict=True), (0.0, None)]
             solution = linprog(np.eye(n * dof + 1)[-1], matrix.tocsr(), right, bounds=bounds, method="highs-ipm").x
             trial = q if solution is None else q + solution[:-1].reshape(n, dof)
@@ -204,6 +205,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.live_following", description=__doc__)
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"default: all of {', '.join(CASES)}")
     parser.add_argument("--options", nargs="*", default=[], help="options of transfer_recording, NAME=VALUE")
+    parser.add_argument("--delay", type=float, default=0.15, help="delay of the robot [s]")
     parser.add_argument("--cache", type=Path, help="folder of calibrations")
     parser.add_argument("--optimum", action="store_true", help="print the optimum with known motion, too")
     parsed = parser.parse_args()
@@ -212,7 +214,7 @@ def main() -> None:
     print("| recording | scale | position error [mm] | to the person | distance | plan | ratio | time | v, a | near |")
     print("|---" * 10 + "|")
     for name in parsed.cases or CASES:
-        print(row(name, measured(CASES[name], options, parsed.cache)), flush=True)
+        print(row(name, measured(CASES[name], options, parsed.cache, parsed.delay)), flush=True)
         if parsed.optimum:
             print("optimum [mm]:", *optimum(CASES[name], options, parsed.cache), flush=True)
 

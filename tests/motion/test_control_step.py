@@ -113,6 +113,18 @@ def test_a_horizon_brakes_before_the_target():
         assert np.abs(np.diff(q, 2)).max() <= 2.0 * 0.01**2 + 1e-12
 
 
+def test_later_positions_start_an_arm_before_its_target_moves():
+    """The first joint, which moves the end effector by 1 m/rad, starts early; equal positions change nothing."""
+    driver, rest = Controller(WIDE, *SLOW), ControlState.at_rest(np.eye(7)[0])
+    speeds = []
+    for ends in (None, [1.0, 1.0, 1.0], [1.0, 1.05, 1.2]):
+        positions = None if ends is None else (np.outer(ends, [1.0, 0.0, 0.0]),)
+        problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, (0.05, 0.1), positions=positions)
+        speeds.append(driver.step(problem, rest, 0.01).velocity[0])
+    assert speeds[0] == speeds[1] == pytest.approx(0.0, abs=1e-6)
+    assert speeds[2] == pytest.approx(0.02)
+
+
 def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
     """A wall that appears before a moving arm: it brakes as its accelerations allow, and each such step is reported."""
 

@@ -42,6 +42,9 @@ def live(
     no_drop: Annotated[
         bool, _transport("Process every frame in order, instead of the newest only.", "--no-drop")
     ] = False,
+    delay: Annotated[
+        float, typer.Option(help="The robot follows this much later, 0 to 0.5 [s].", rich_help_panel="Motion")
+    ] = 0.15,
     simulate: Annotated[bool, _transport("Control a simulated robot with the recording.", "--simulate")] = False,
 ) -> None:
     """Follow a moving person: points in, joint positions out.
@@ -60,7 +63,8 @@ def live(
         transport = None if simulate else _opened(udp, host, send)  # raises where a port cannot be opened
         recording = only_recording(config, console)
         result = pipeline.transfer_recording(recording, config, progress=progress)
-        follower = maniport.Live.of(result, progress=progress, clock=None if transport is None else monotonic)
+        clock = None if transport is None else monotonic
+        follower = maniport.Live.of(result, delay=delay, progress=progress, clock=clock)
     if (placement := result.arms[0].placement) is not None:
         console.print(f"Scale {placement.scale:.2f} of the person's motion")
     if transport is None:

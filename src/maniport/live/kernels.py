@@ -188,3 +188,12 @@ def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
     left = np.eye(n) + total @ np.ascontiguousarray(rows[:, :n])
     reduced = covariance - np.ascontiguousarray(rows.T) @ np.linalg.solve(left, total @ rows)
     return 0.5 * (reduced + reduced.T)
+
+
+@kernel
+def interpolated(times, rows, start, later):  # type: ignore[no-untyped-def]
+    """Interpolate rows (n, m) of increasing times (n,) at times (k,) after a start; the nearest row outside."""
+    result = np.empty((len(later), rows.shape[1]))
+    for i in range(rows.shape[1]):
+        result[:, i] = np.interp(start + later, times, rows[:, i])
+    return result

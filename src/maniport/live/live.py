@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.live.person import LedArm, Person
+from maniport.live.person import LedArm, Person, TargetQueue
 from maniport.live.robot import CONTROL_STEP, Robot
 from maniport.live.state import FollowState, LiveArm, LiveState, MotionClock, largest
 from maniport.live.transport import as_frame
@@ -58,6 +58,9 @@ class Live:
     reference : array_like, shape (n, dof), optional
         Configurations that suit the motion, such as a plan's: the robot stays near the best one. Without them it may
         get stuck at joint limits.
+    delay : float
+        Time after which the robot follows, at most 0.5 [s]. It plans with the targets of that time: errors become
+        smaller where the person is fast, but the latency grows.
     hold_after : float
         Time without a usable frame after which the robot brakes, longer than that between two frames, at most 10 [s].
     clock : callable or None
@@ -94,6 +97,7 @@ class Live:
         collisions: Collisions | bool = True,
         start: ArrayLike,
         reference: ArrayLike | None = None,
+        delay: float = 0.15,
         hold_after: float = 0.1,
         clock: Callable[[], float] | None = monotonic,
         costs: Sequence[Cost] = (),
@@ -107,6 +111,7 @@ class Live:
         paths = (None,) * count if path is None else _of_each("path", path, Placement, count)
         bases = person.bases if isinstance(person, HumanMotion) else np.zeros((1, 3))
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=10.0)
+        self._delay = as_number(delay, "delay [s]", minimum=0.0, maximum=0.5)
         own_clock, preparation = MotionClock(clock), Step(progress, "Prepare live control")
         persons = [Person(fit) for fit in fits]
         self.points = tuple(dict.fromkeys(name for own in persons for name in own.points))
@@ -155,6 +160,7 @@ class Live:
         self._seen_at = -np.inf
         for arm in self._arms:
             arm.forget()
+        self._queues = [TargetQueue(self._delay, self._hold_after) for _ in self._arms]
 
     @classmethod
     def of(cls, result: TransferResult, **options: Any) -> "Live":
@@ -217,6 +223,9 @@ class Live:
         if positions is not None and time is not None:
             resting = self._state.state == "holding"
             updated = [arm.update(positions, time, self._hold_after, resting) for arm in self._arms]
+            for arm, queue, success in zip(self._arms, self._queues, updated, strict=True):
+                if success and arm.target is not None:
+                    queue.add(arm.target, self._clock.now)
             seen = all(updated)
             self._seen_at = self._clock.now if seen else self._seen_at
         follows = self._move(seen, elapsed)
@@ -235,8 +244,7 @@ class Live:
         """
         if elapsed == 0.0:
             return False
-        targets = [arm.target for arm in self._arms if arm.target is not None]
-        if len(targets) < len(self._arms):
+        if any(arm.target is None for arm in self._arms):
             self._robot.brake(elapsed)
             return False
         lost = elapsed > self._hold_after or self._clock.now - self._seen_at > self._hold_after
@@ -246,14 +254,14 @@ class Live:
             return False
         self._state.resume()
         share = approach_share if self._state.approaching else 1.0
-        self._robot.follow(targets, elapsed, share, self._clock.now)
+        self._robot.follow(self._queues, elapsed, share, self._clock.now)
         return True
 
     def _arm_state(self, index: int, arm: LedArm) -> LiveArm:
         achieved, position = self._robot.achieved[index], self._robot.positions[index]
         if arm.estimate is None or arm.target is None:
             return LiveArm(achieved, position)
-        target, wanted = arm.target
+        target, wanted = self._queues[index].at(self._clock.now)
         error = None if wanted is None else math.dist(position, wanted)
         distance = self._robot.distance(index, target)
         return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, wanted, distance, error)

@@ -16,7 +16,7 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.kernels import follow, search_all, trunk_directions, turned, unit_vectors, updated
+from maniport.live.kernels import follow, interpolated, search_all, trunk_directions, turned, unit_vectors, updated
 from maniport.mocap import ArmFit, Recording
 from maniport.mocap.arm_path import (
     KEY_RATE,
@@ -196,6 +196,34 @@ class Target(NamedTuple):
 
     ellipsoid: Array  # (d, d)
     position: Array | None  # (3,), of the end effector [m]
+
+
+class TargetQueue:
+    """The last targets of an arm, which the robot follows after a delay [s]; anew after a gap of `longest_gap` [s]."""
+
+    def __init__(self, delay: float, longest_gap: float):
+        self._delay, self._longest_gap, self._newest = delay, longest_gap, Target(np.empty((0, 0)), None)
+        self._times, self._rows = np.empty(0), np.empty((0, 0))  # position and ellipsoid at each time
+
+    def add(self, target: Target, now: float) -> None:
+        """Add the target of a frame that comes now, by the robot's clock [s]."""
+        row = np.append(np.zeros(3) if target.position is None else target.position, target.ellipsoid)[None]
+        if len(self._times) == 0 or now - self._times[-1] > self._longest_gap:
+            self._times, self._rows = np.empty(0), row[:0]
+        first = max(int(self._times.searchsorted(now - self._delay - self._longest_gap)) - 1, 0)
+        self._times, self._rows = np.append(self._times[first:], now), np.concatenate([self._rows[first:], row])
+        self._newest = target
+
+    def at(self, time: float) -> Target:
+        """Return the target that the robot follows at a time [s]: that of the delay before, or the nearest one."""
+        row = interpolated(self._times, self._rows, time - self._delay, np.zeros(1))[0]
+        return Target(row[3:].reshape(self._newest.ellipsoid.shape), None if self._newest.position is None else row[:3])
+
+    def positions(self, time: float, later: Array) -> Array | None:
+        """Return positions at times (k,) after a time [s], shape (k, 3); None without a delay or a path."""
+        if self._delay == 0.0 or self._newest.position is None:
+            return None
+        return np.asarray(interpolated(self._times, self._rows, time - self._delay, later)[:, :3])
 
 
 class LedArm:

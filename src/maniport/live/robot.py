@@ -7,7 +7,7 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
-from maniport.live.person import Target
+from maniport.live.person import Target, TargetQueue
 from maniport.motion import Limit, MotionLimits
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
@@ -20,6 +20,7 @@ from maniport.util.validation import Array
 HORIZON = (0.05, 0.1)
 """Durations of the intervals after a step for which the controller plans, too [s]. A Panda changes the velocity of its
 end effector by 1 m/s in about 0.15 s; longer or finer horizons did not lower position errors."""
+INTERVAL_ENDS = np.cumsum((0.0, *HORIZON))  # of all intervals, after the step [s]
 CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]
 
 
@@ -74,14 +75,15 @@ class Robot:
         return float(distance_unchecked(damped(target), damped(self.achieved[arm])))
 
     def follow(
-        self, targets: Sequence[Target], elapsed: float, speed_share: float, time: float, reference_period: float = 0.05
+        self, queues: Sequence[TargetQueue], elapsed: float, speed_share: float, time: float, period: float = 0.05
     ) -> None:
         """Move for the time that has elapsed [s] toward the targets of each arm.
 
         `speed_share` is the share of the velocity limits to use, `time` that of the robot's clock [s]. The reference is
-        looked up anew after `reference_period` [s].
+        looked up anew after a `period` [s].
         """
-        if time - self._reference_time > reference_period:
+        targets = [queue.at(time) for queue in queues]
+        if time - self._reference_time > period:
             self._choose_reference(targets)
             self._reference_time = time
         steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
@@ -89,8 +91,11 @@ class Robot:
             objective.targets(own.ellipsoid[None], None if own.position is None else own.position[None])
             for objective, own in zip(self._objectives, targets, strict=True)
         )
-        for _ in range(steps):
-            problem = ControlProblem(rows, self._reference, self._weight, time, None, HORIZON, self._differentials)
+        for i in range(steps):
+            ends = tuple(queue.positions(time - elapsed * (steps - 1 - i) / steps, INTERVAL_ENDS) for queue in queues)
+            problem = ControlProblem(
+                rows, self._reference, self._weight, time, None, HORIZON, self._differentials, ends
+            )
             self._set(self._controller.step(problem, self._state, elapsed / steps, speed_share))
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:

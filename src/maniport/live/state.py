@@ -34,10 +34,10 @@ class LiveArm:
     person : ndarray, shape (7,), or None
         The last estimate of the joint angles [rad]; None, as the rest, before the arm is seen first.
     demonstrated, target : ndarray, shape (d, d), or None
-        The person's ellipsoid in the trunk frame, and the target in the robot's base frame; that of velocity also where
-        forces were transferred.
+        The person's last ellipsoid in the trunk frame, and the target in the robot's base frame after the delay of
+        `Live`; that of velocity also where forces were transferred.
     target_position : ndarray, shape (3,), or None
-        Target of the end effector in the base frame [m]; None without a path.
+        Target of the end effector in the base frame [m], after the delay; None without a path.
     distance : float or None
         Affine-invariant distance of target and achieved ellipsoid, with the damping.
     position_error : float or None

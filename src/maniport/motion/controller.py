@@ -10,7 +10,8 @@ of the arm, and the distance e of the end effector from its previous target.
 
 With a horizon, velocities are planned in further intervals, too: the cost is the mean of those at the ends of all
 intervals, with the same linearization, and limits of velocity and acceleration hold throughout. So an arm whose
-accelerations are limited brakes in time. Only the velocities of the first interval are used.
+accelerations are limited brakes in time. Only the velocities of the first interval are used. Where later target
+positions are available, each interval has the position cost of its own.
 
 A joint may be no faster than it can brake before its position limit. With the distance D to the limit, the acceleration
 a and steps of dt, this velocity is √(2 a D) − a dt / 2, and D / dt where the joint can stop within a step. From each
@@ -67,6 +68,8 @@ class ControlProblem:
     horizon: tuple[float, ...] = ()  # durations of intervals after the step for which velocities are planned, too [s]
     # `Objective.differentials` of each arm at the present configuration; None: to be computed
     differentials: tuple[tuple[Array, Array, Array, Array], ...] | None = None
+    # (1 + len(horizon), 3) of each arm: target positions at the ends of all intervals [m]; None: those of `targets`
+    positions: tuple[Array | None, ...] | None = None
 
 
 class Controller:
@@ -122,8 +125,8 @@ class Controller:
         self, problem: ControlProblem, q: Array, bounds: Array, dt: float, speed_share: float
     ) -> tuple[Array | None, bool]:
         """Return the best velocities (dof,), or None, and whether they satisfy all inequalities."""
-        hessian, gradient = self._objective(problem, q)
-        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradient, gradient)):  # an ellipsoid is singular
+        hessian, gradients = self._objective(problem, q)
+        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradients, gradients)):  # an ellipsoid is singular
             return None, False
         rows, allowed = np.empty((0, len(q))), np.empty(0)
         for limit in self._limits:
@@ -131,17 +134,17 @@ class Controller:
             rows, allowed = (more, sides) if not len(rows) else (np.vstack([rows, more]), np.append(allowed, sides))
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
-            program = _program(hessian, gradient, durations, bounds, self._bounds, speed_share, rows, allowed, relaxed)
+            program = _program(hessian, gradients, durations, bounds, self._bounds, speed_share, rows, allowed, relaxed)
             step, _, exit_flag, _ = daqp.solve(*program)
             if exit_flag > 0 and math.isfinite(np.vdot(step, step)):
                 return step[: len(q)] / dt, not relaxed
         return None, False
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
-        """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradient (dof,)."""
+        """Return the damped Gauss-Newton Hessian (dof, dof), and half the gradients of all intervals (m, dof)."""
         dof, posture_weight = len(q), problem.reference_weight**2
         gradient, damping = posture_weight * (q - problem.reference), np.full(dof, posture_weight)
-        hessian = np.zeros((dof, dof))
+        hessian, changes = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
         for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
             columns = block[1]
             differentials = None if problem.differentials is None else problem.differentials[i]
@@ -150,6 +153,9 @@ class Controller:
             gradient[columns] += parts.gradient[0]
             amount = LM_DAMPING * parts.ellipsoid_square[0]
             position_weight = targets.objective.position_weight**2
+            positions = None if problem.positions is None else problem.positions[i]
+            if positions is not None and targets.positions is not None:
+                changes[:, columns] = position_weight * (targets.positions - positions) @ parts.jacobian[0, :3]
             previous = None if problem.previous_positions is None else problem.previous_positions[i]
             if previous is not None:
                 distance = math.dist(parts.poses[0, :3, 3], previous)
@@ -162,7 +168,7 @@ class Controller:
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
         hessian.reshape(-1)[:: dof + 1] += damping + 1e-12  # the diagonal
-        return hessian, gradient
+        return hessian, gradient + changes
 
 
 @kernel
@@ -199,16 +205,16 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _program(hessian, gradient, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
+def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
     """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
 
     The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is the
-    same and whose halved gradient (dof,) is that at the present configuration. `bounds` and the inequalities
+    same and whose halved gradients (m, dof) are those at the present configuration. `bounds` and the inequalities
     rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the share of the limits
     that may be used, and reached within the limits of acceleration. `relaxed` weakens each inequality that no velocity
     within the bounds satisfies, as little as possible.
     """
-    stages, dof = len(durations), len(gradient)
+    stages, dof = gradients.shape
     size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
     quadratic, linear = np.zeros((size, size)), np.zeros(size)
     matrix = np.zeros((count + size - dof, size))
@@ -217,7 +223,7 @@ def _program(hessian, gradient, durations, bounds, limits, speed_share, rows, al
     for k in range(stages):
         for a in range((k + 1) * dof):
             weight = durations[k] / durations.sum() * durations[a // dof] / dt
-            linear[a] += weight * gradient[a % dof]
+            linear[a] += weight * gradients[k, a % dof]
             for b in range((k + 1) * dof):
                 quadratic[a, b] += weight * durations[b // dof] / dt * hessian[a % dof, b % dof]
     for i in range(dof):

@@ -20,7 +20,7 @@ from maniport.util.progress import Progress, Step, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, as_points, as_times
 
-REAL_TIME_SCALES = (0.2, 1.0)  # Range of scales at the person's speed; smaller motions are of little use
+REAL_TIME_SCALES = (0.3, 1.0)  # Range of scales at the person's speed; smaller motions are of little use
 
 
 @dataclass(frozen=True, eq=False)
