@@ -66,7 +66,7 @@ def live(
         clock = None if transport is None else monotonic
         follower = maniport.Live.of(result, delay=delay, progress=progress, clock=clock)
     if (placement := result.arms[0].placement) is not None:
-        console.print(f"Scale {placement.scale:.2f} of the person's motion")
+        console.print(f"Scale {placement.scale:.2f} of the person's motion; the robot follows {delay:g} s later")
     if transport is None:
         _simulate(console, follower, result.arms[0].fit.arm, recording)
         return
