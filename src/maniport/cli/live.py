@@ -43,7 +43,7 @@ def live(
         bool, _transport("Process every frame in order, instead of the newest only.", "--no-drop")
     ] = False,
     delay: Annotated[
-        float, typer.Option(help="The robot follows this much later, 0 to 0.5 [s].", rich_help_panel="Motion")
+        float, typer.Option(help="Delay of the robot, to 0.5 [s].", rich_help_panel="Motion")
     ] = 0.15,
     simulate: Annotated[bool, _transport("Control a simulated robot with the recording.", "--simulate")] = False,
 ) -> None:
@@ -51,7 +51,7 @@ def live(
 
     The recording is transferred first: it determines segment lengths, points and placement. The first line of output
     contains the point names. A frame is a line such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}; the answer is
-    one line. Ctrl-C stops the robot and ends the command with exit code 0.
+    one line. Ctrl-C stops the robot.
     """
     from threadpoolctl import threadpool_limits
 
