@@ -37,21 +37,19 @@ def live(
     config: Config,
     console: Console,
     udp: Annotated[int | None, _transport("UDP port for frames, instead of standard input; 0: any port.")] = None,
-    host: Annotated[str, _transport("Address of the UDP port; other addresses open it to the network.")] = LOOPBACK,
+    host: Annotated[str, _transport("Address of the UDP port.")] = LOOPBACK,
     send: Annotated[int | None, _transport("UDP port for answers; default: the sender's.")] = None,
     no_drop: Annotated[
         bool, _transport("Process every frame in order, instead of the newest only.", "--no-drop")
     ] = False,
-    delay: Annotated[
-        float, typer.Option(help="Delay of the robot, to 0.5 [s].", rich_help_panel="Motion")
-    ] = 0.15,
+    delay: Annotated[float, typer.Option(help="Delay of the robot, to 0.5 [s].", rich_help_panel="Motion")] = 0.15,
     simulate: Annotated[bool, _transport("Control a simulated robot with the recording.", "--simulate")] = False,
 ) -> None:
     """Follow a moving person: points in, joint positions out.
 
     The recording is transferred first: it determines segment lengths, points and placement. The first line of output
     contains the point names. A frame is a line such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}; the answer is
-    one line. Ctrl-C stops the robot.
+    one line. Ctrl-C stops the robot. Another host opens the port to the network.
     """
     from threadpoolctl import threadpool_limits
 
