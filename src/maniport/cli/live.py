@@ -37,7 +37,7 @@ def live(
     config: Config,
     console: Console,
     udp: Annotated[int | None, _transport("UDP port for frames, instead of standard input; 0: any port.")] = None,
-    host: Annotated[str, _transport("Address of the UDP port.")] = LOOPBACK,
+    host: Annotated[str, _transport("Address; others open it to the network.")] = LOOPBACK,
     send: Annotated[int | None, _transport("UDP port for answers; default: the sender's.")] = None,
     no_drop: Annotated[
         bool, _transport("Process every frame in order, instead of the newest only.", "--no-drop")
@@ -49,7 +49,7 @@ def live(
 
     The recording is transferred first: it determines segment lengths, points and placement. The first line of output
     contains the point names. A frame is a line such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}; the answer is
-    one line. Ctrl-C stops the robot. Another host opens the port to the network.
+    one line. Ctrl-C stops the robot.
     """
     from threadpoolctl import threadpool_limits
 
