@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.kernels import compose
@@ -103,6 +104,7 @@ class LengthField(DomainAdapter):
         self.ridge = ridge
         self.n_rounds = n_rounds
 
+    @threadpool_limits.wrap(limits=1)  # type: ignore[untyped-decorator]  # more threads take longer
     def _fit(self, teacher: Array, student: Array) -> None:
         most, width = as_count(self.n_samples, "n_samples", minimum=2), as_number(self.width, "width", above=0.0)
         ridge, rounds = as_number(self.ridge, "ridge", above=0.0), as_count(self.n_rounds, "n_rounds")
