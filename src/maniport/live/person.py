@@ -157,8 +157,8 @@ class Person:
 class HiddenPoints:
     """Fills hidden points: since the last frame they move with the points near them, as a rigid body.
 
-    The weights of these are their distances to the power -4. A point that is averaged with one that is seen, such as
-    the other marker of an elbow, is filled for 2 s, with errors of directions of about 5°; others for 0.1 s.
+    The weights of these are their distances to the power -4. A marker of a pair, as at the elbow, is filled for 2 s
+    while the other is seen, with errors of directions of about 5°; other points for 0.1 s.
     """
 
     def __init__(self, linear: Array, together: float = 2.0, alone: float = 0.1):

@@ -104,7 +104,7 @@ class Target:
     demonstrated: Array  # The person's ellipsoid, shape (3, 3)
     ellipsoid: Array
     position: Array | None = None  # Position of the end effector [m]
-    notes: tuple[str, ...] = ()  # Of the map, or whose map it is
+    notes: tuple[str, ...] = ()  # Of the map, and its method while another one is fitted
 
 
 @dataclass(frozen=True, eq=False)
