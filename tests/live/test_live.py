@@ -51,7 +51,7 @@ def test_limits_are_kept_whatever_comes(small_result, frames):
         at += draw.integers(0, 3)
         frame = points[at % len(points)].copy()
         if kind == 1:
-            frame[draw.integers(len(frame))] = np.nan
+            frame[draw.integers(len(frame), size=2), draw.integers(3, size=2)] = np.nan
         elif kind == 2:
             frame = None
         elif kind == 3:
@@ -229,19 +229,26 @@ def test_wrong_types_are_errors(small_result):
 
 
 def test_a_delay_shifts_targets_and_lowers_errors(small_result, frames):
-    """Between frames and without them, targets move on as those without a delay did; the robot plans with them."""
+    """Targets are those of the delayed time, continuous after a gap, and the robot plans with them until they end."""
     points, time = frames
     fast = time / 2.0
     present, late = (mp.Live.of(small_result, clock=None, delay=delay) for delay in (0.0, 0.15))
     states, delayed = played(present, points, fast), played(late, points, fast)
-    delayed += [late.step(None, fast[-1] + t) for t in (0.03, 0.06, 0.09, 0.12)]
+    delayed += [late.step(None, fast[-1] + t) for t in (0.05, 0.1, 0.15, 0.19)]
     at = np.array([state.time - 0.15 for state in delayed])
     for name, tolerance in (("target_position", 1e-9), ("target", 1e-6)):
         path, later = (np.array([getattr(state.arm, name) for state in own]) for own in (states, delayed))
         new = np.append(True, np.diff(path.reshape(len(path), -1), axis=0).any(axis=1))  # a frame that is followed
         wanted = make_interp_spline(fast[new], path[new], k=1)(np.clip(at, 0.0, fast[new][-1]))
         assert_allclose(later, wanted, atol=tolerance)
-    assert [state.state == "holding" for state in delayed[-4:]] == [False, False, False, True]
+    last, new = (live.step(points[0], fast[-1] + 0.2).arm.target_position for live in (late, present))
+    assert_allclose(last, states[-1].arm.target_position, atol=1e-9)
+    after = [late.step(None, fast[-1] + 0.2 + t) for t in (0.05, 0.1, 0.15, 0.24, 0.26)]
+    shares = np.array([[1.0 / 3.0], [2.0 / 3.0], [1.0], [1.0], [1.0]])
+    assert_allclose([state.arm.target_position for state in after], last + shares * (new - last), atol=1e-9)
+    delayed += after
+    assert {state.state for state in delayed[-9:-1]} <= {"following", "lagging"}
+    assert delayed[-1].state == "holding"
     high = [np.percentile([state.position_error for state in own[50:]], 95.0) for own in (states, delayed)]
     assert high[1] < 0.6 * high[0]
     require_safe(small_result.arm.motion, small_result.arm.collisions, [state.time for state in delayed], delayed)

@@ -62,7 +62,7 @@ class Live:
         Time after which the robot follows, at most 0.5 [s]. It plans with the targets of that time: errors become
         smaller where the person is fast, but the latency grows.
     hold_after : float
-        Time without a usable frame after which the robot brakes, longer than that between two frames, at most 10 [s].
+        The robot brakes after this time and the delay without a usable frame, or without a step, at most 10 [s].
     clock : callable or None
         Returns the time on this machine [s]. None: simulated time; commands keep the limits at the times of frames.
     costs, limits
@@ -160,7 +160,7 @@ class Live:
         self._seen_at = -np.inf
         for arm in self._arms:
             arm.forget()
-        self._queues = [TargetQueue(self._delay, self._hold_after) for _ in self._arms]
+        self._queues = [TargetQueue(self._delay) for _ in self._arms]
 
     @classmethod
     def of(cls, result: TransferResult, **options: Any) -> "Live":
@@ -247,7 +247,7 @@ class Live:
         if any(arm.target is None for arm in self._arms):
             self._robot.brake(elapsed)
             return False
-        lost = elapsed > self._hold_after or self._clock.now - self._seen_at > self._hold_after
+        lost = max(elapsed, self._clock.now - self._seen_at) > self._hold_after + self._delay
         if lost or (self._state.state == "holding" and not seen):
             self._state.state = "holding"
             self._robot.brake(elapsed)

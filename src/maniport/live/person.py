@@ -199,19 +199,21 @@ class Target(NamedTuple):
 
 
 class TargetQueue:
-    """The last targets of an arm, which the robot follows after a delay [s]; anew after a gap of `longest_gap` [s]."""
+    """The last targets of an arm, which the robot follows after a delay [s]; the path between two of them is linear."""
 
-    def __init__(self, delay: float, longest_gap: float):
-        self._delay, self._longest_gap, self._newest = delay, longest_gap, Target(np.empty((0, 0)), None)
+    def __init__(self, delay: float):
+        self._delay, self._newest = delay, Target(np.empty((0, 0)), None)
         self._times, self._rows = np.empty(0), np.empty((0, 0))  # position and ellipsoid at each time
 
     def add(self, target: Target, now: float) -> None:
         """Add the target of a frame that comes now, by the robot's clock [s]."""
         row = np.append(np.zeros(3) if target.position is None else target.position, target.ellipsoid)[None]
-        if len(self._times) == 0 or now - self._times[-1] > self._longest_gap:
-            self._times, self._rows = np.empty(0), row[:0]
-        first = max(int(self._times.searchsorted(now - self._delay - self._longest_gap)) - 1, 0)
-        self._times, self._rows = np.append(self._times[first:], now), np.concatenate([self._rows[first:], row])
+        times, rows = self._times, self._rows
+        if len(times) and times[-1] < now - self._delay:  # the robot is at the last target, and leaves it now
+            times, rows = np.array([now - self._delay]), rows[-1:]
+        first = max(int(times.searchsorted(now - 2.0 * self._delay)) - 1, 0)
+        self._times = np.append(times[first:], now)
+        self._rows = np.concatenate([rows[first:], row]) if len(times) else row
         self._newest = target
 
     def at(self, time: float) -> Target:

@@ -27,7 +27,7 @@ class Frame(NamedTuple):
 
 
 def as_frame(points: Any, names: Sequence[str]) -> Array | None:
-    """Copy to positions (n, 3) in the order of the names, nan where a point is not seen; None stays None."""
+    """Copy to positions (n, 3) in the order of the names, nan where a coordinate is; None stays None."""
     if points is None:
         return None
     if isinstance(points, Mapping):
@@ -48,6 +48,7 @@ def as_frame(points: Any, names: Sequence[str]) -> Array | None:
         raise InvalidInputError(
             f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {largest:g}"
         )
+    positions[np.isnan(positions).any(axis=1)] = np.nan
     return positions
 
 
