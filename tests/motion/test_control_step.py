@@ -145,6 +145,14 @@ def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
         assert state.velocity[0] == pytest.approx(last.velocity[0] - 0.02)
 
 
+def test_inequalities_that_contradict_one_another_do_not_stop_the_arm():
+    """Joints 0 and 1 must have a sum of velocities below −1 and above 1 rad/s: a sum of 0 violates both the least."""
+    sides = SimpleNamespace(inequalities=lambda q, dt: (np.outer([1.0, -1.0], np.arange(7) < 2), np.full(2, -dt)))
+    state = approached((0.05, 0.1), (sides,), steps=60)[-1]
+    assert state.q[0] > 0.1
+    assert state.q[:2].sum() == pytest.approx(0.0, abs=1e-3)
+
+
 def test_position_has_priority_over_the_ellipsoid():
     """While the target ellipsoid departs from the feasible ones, the distance grows and the end effector stays."""
     panda, start = load_arm("panda"), np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])

@@ -211,8 +211,8 @@ def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, a
     The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is the
     same and whose halved gradients (m, dof) are those at the present configuration. `bounds` and the inequalities
     rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the share of the limits
-    that may be used, and reached within the limits of acceleration. `relaxed` weakens each inequality that no velocity
-    within the bounds satisfies, as little as possible.
+    that may be used, and reached within the limits of acceleration. `relaxed` lets the
+    inequalities be violated, as little as possible.
     """
     stages, dof = gradients.shape
     size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
@@ -237,9 +237,6 @@ def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, a
         above[size + row], below[size + row] = change, -change
     matrix[:count, :dof] = rows
     above[size : size + count] = allowed
-    for k in range(count if relaxed else 0):
-        least = 0.0
-        for i in range(dof):
-            least += min(rows[k, i] * below[i], rows[k, i] * above[i])
-        above[size + k] = max(allowed[k], least + 1e-9 * abs(least))
-    return quadratic, linear, matrix, above, below, np.zeros(len(above), np.int32)
+    sense = np.zeros(len(above), np.int32)
+    sense[size : size + count] = 8 if relaxed else 0  # DAQP: soft
+    return quadratic, linear, matrix, above, below, sense
