@@ -152,6 +152,8 @@ def test_who_is_not_seen_is_waited_for(live, frames):
     back = [live.step(points[200], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
     assert (back[0].state, back[-1].state) == ("recovering", "following")
     assert back[-1].position_error < 0.01
+    live.hold()
+    assert live.step(None, back[-1].time + 0.02).state == "holding"
 
 
 def test_points_that_leap_are_not_followed(live, frames):

@@ -251,6 +251,22 @@ def test_junk_does_not_delay_braking():
     assert np.diff(times[2:9]).max() <= 0.02
 
 
+def test_the_robot_brakes_after_an_unexpected_error():
+    clock, toy = FakeClock(), Toy()
+    clock.delays, step = [1e-3] * 1000, toy.step
+
+    def failing(points, time=None):
+        if time == 0.1:
+            raise RuntimeError
+        return step(points, time)
+
+    toy.step = failing
+    with pytest.raises(RuntimeError):
+        Script(clock, [(1000.0, [frame(0.0)]), (1000.05, [frame(0.05, 0.1)]), (1000.1, [frame(0.1, 0.2)])]).serve(toy)
+    assert toy.held
+    assert toy.change == 0.0
+
+
 def test_answers_are_consistent_under_overload(small_result, second):
     """Late frames, bursts, pauses, clocks that jump, go back and restart: limits are kept over `t`; lag is reported."""
     draw, clock = np.random.default_rng(0), FakeClock()

@@ -21,6 +21,10 @@ class Toy:
 
     def __init__(self):
         self.joint_positions, self.change, self.times, self.steps = np.zeros(2), 0.0, [], 0
+        self.held = False
+
+    def hold(self):
+        self.held = True
 
     def step(self, points, time=None):
         if points is not None and points[2, 0] > 1e11:

@@ -53,8 +53,10 @@ def live(
     """
     from threadpoolctl import threadpool_limits
 
+    from maniport.live.live import as_delay
     from maniport.live.serving import Server
 
+    as_delay(delay)
     if simulate and (no_drop or (udp, host, send) != (None, LOOPBACK, None)):
         raise InvalidInputError("--simulate takes the frames of the recording; leave out all options of the transport")
     with console.progress() as progress:
@@ -62,6 +64,8 @@ def live(
         recording = only_recording(config, console)
         result = pipeline.transfer_recording(recording, config, progress=progress)
         clock = None if transport is None else monotonic
+        for text in (text for arm in result.arms for text in arm.fit.quality_warnings):
+            console.warn(text)
         follower = maniport.Live.of(result, delay=delay, progress=progress, clock=clock)
     if (placement := result.arms[0].placement) is not None:
         console.print(f"Scale {placement.scale:.2f} of the person's motion; the robot follows {delay:g} s later")
@@ -126,8 +130,8 @@ def _opened(udp: int | None, host: str, send: int | None) -> Any:
     """Open standard streams or a port for frames and answers."""
     from maniport.live.transport import Datagrams, Pipe
 
-    if send is not None and udp is None:
-        raise InvalidInputError("--send needs --udp")
+    if udp is None and (send, host) != (None, LOOPBACK):
+        raise InvalidInputError("--host and --send need --udp")
     if sys.stdin is None and udp is None:
         raise InvalidInputError("standard input is closed; frames come from there, or from --udp")
     try:

@@ -60,9 +60,9 @@ class Live:
         get stuck at joint limits.
     delay : float
         Time after which the robot follows, at most 0.5 [s]. It plans with the targets of that time: errors become
-        smaller where the person is fast, but the latency grows.
+        smaller where the person is fast, but the latency grows. Gaps in which the person is not seen become smooth.
     hold_after : float
-        The robot brakes after this time and the delay without a usable frame, or without a step, at most 10 [s].
+        After this time and the delay without a usable frame, or without a step, the robot brakes; at most 10 [s].
     clock : callable or None
         Returns the time on this machine [s]. None: simulated time; commands keep the limits at the times of frames.
     costs, limits
@@ -111,7 +111,7 @@ class Live:
         paths = (None,) * count if path is None else _of_each("path", path, Placement, count)
         bases = person.bases if isinstance(person, HumanMotion) else np.zeros((1, 3))
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=10.0)
-        self._delay = as_number(delay, "delay [s]", minimum=0.0, maximum=0.5)
+        self._delay = as_delay(delay)
         own_clock, preparation = MotionClock(clock), Step(progress, "Prepare live control")
         persons = [Person(fit) for fit in fits]
         self.points = tuple(dict.fromkeys(name for own in persons for name in own.points))
@@ -237,6 +237,10 @@ class Live:
         q, velocity = self._robot.q.copy(), self._robot.velocity.copy()
         return LiveState(self._clock.state_time, self._state.state, q, velocity, arms)
 
+    def hold(self) -> None:
+        """Let the robot brake in the following steps, until a frame comes in which the person is visible."""
+        self._seen_at = -np.inf
+
     def _move(self, seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
         """Move the robot for the time that has elapsed [s], at the end of which all arms were `seen` or not.
 
@@ -265,6 +269,11 @@ class Live:
         error = None if wanted is None else math.dist(position, wanted)
         distance = self._robot.distance(index, target)
         return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, wanted, distance, error)
+
+
+def as_delay(delay: float) -> float:
+    """Convert to the delay of a robot [s]."""
+    return as_number(delay, "delay [s]", minimum=0.0, maximum=0.5)
 
 
 def _of_each(name: str, value: Any, kind: Any, count: int) -> tuple[Any, ...]:

@@ -80,6 +80,17 @@ class Server:
     def run(self, longest_braking: float = 5.0) -> Summary:
         """Serve until frames end, the reader leaves, or `stop` can be read; then bring the robot to rest."""
         self._greet()
+        try:
+            self._serve()
+        finally:
+            self._live.hold()
+            end = self._clock() + longest_braking
+            while self._open and not self._rests and self._clock() < end:
+                time.sleep(max(self._stepped + BRAKING_STEP - self._clock(), 0.0))
+                self._step(None)
+        return self.summary
+
+    def _serve(self) -> None:
         while self._open:
             due = self._late if self._next is None else min(self._late, self._due)
             pause = None if due == math.inf else max(due - self._clock(), 0.0)
@@ -96,11 +107,6 @@ class Server:
                 self._lines.extend(lines)
                 self._received = self._clock()
             self._process()
-        end = self._clock() + longest_braking
-        while self._open and not self._rests and self._clock() < end:
-            time.sleep(max(self._stepped + BRAKING_STEP - self._clock(), 0.0))
-            self._step(None)
-        return self.summary
 
     @property
     def _late(self) -> float:
