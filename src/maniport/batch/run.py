@@ -172,7 +172,7 @@ def _tasks(
 
 def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: int, tell: Progress) -> None:
     """Add the rows to those of earlier results as they come; report each with the time left, and warn of failures."""
-    step, begun, kept, failed = f"work on {count} pair{'s'[: count != 1]}", clock.perf_counter(), len(rows), 0
+    step, begun, kept, failed = f"Process {count} pair{'s'[: count != 1]}", clock.perf_counter(), len(rows), 0
     tell(step, kept / count)
     for pairs, outcome in ended:
         lost = isinstance(outcome, Exception)
