@@ -149,10 +149,7 @@ def transfer_batch(
 def _tasks(
     folder: Path, sources: Sequence[Source], robots: Sequence[Robot], width: int, overwrite: bool
 ) -> tuple[Tasks, Rows]:
-    """Return a task for each recording, or for each pair where there are fewer recordings than `width` processes.
-
-    The rows of pairs that are done come second; results of other settings raise `OutputError` unless `overwrite`.
-    """
+    """Return a task for each recording, or for each pair if there are fewer than `width`, and rows of pairs done."""
     tasks, rows = Tasks(), Rows()
     for source in sources:
         content, missing = content_of(source), list[Pair]()
