@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray
 import maniport as mp
 
 COMMANDS = "/forward_position_controller/commands"
-NEAR, PERIOD, LATE = 0.05, 0.01, 0.04  # near the start [rad or m]; period of commands while markers are late [s]
+NEAR, PERIOD = 0.05, 0.01  # near the start [rad or m]; period of commands between markers [s]
 
 
 class Follow(Node):
@@ -28,11 +28,11 @@ class Follow(Node):
 
     def __init__(self, live):
         super().__init__("maniport_live")
-        self.live, self.ready, self.state, self.came, self.stop = live, False, None, 0.0, rclpy.Future()
+        self.live, self.ready, self.state, self.stop = live, False, None, rclpy.Future()
         self.publisher = self.create_publisher(Float64MultiArray, COMMANDS, 1)
         self.create_subscription(JointState, "/joint_states", self.on_joints, qos_profile_sensor_data)
         self.create_subscription(Markers, "/markers", self.on_markers, qos_profile_sensor_data)
-        self.create_timer(PERIOD, self.on_timer)
+        self.create_timer(PERIOD, self.move)
 
     def on_joints(self, message):
         """Wait until the robot is near the start configuration."""
@@ -44,18 +44,12 @@ class Follow(Node):
 
     def on_markers(self, message):
         """Follow new markers."""
-        self.came = time.monotonic()
         positions, stamp = {m.marker_name: m.translation for m in message.markers}, message.header.stamp
         points = {name: (p.x, p.y, p.z) for name, p in positions.items() if name in self.live.points}
         self.move(points, stamp.sec + 1e-9 * stamp.nanosec)
 
-    def on_timer(self):
-        """Move on where markers are late; later, the robot brakes."""
-        if time.monotonic() > self.came + LATE:
-            self.move()
-
     def move(self, points=None, stamp=None):
-        """Send joint positions."""
+        """Send joint positions; without markers for 0.1 s, the robot brakes."""
         if self.ready:
             try:
                 self.state = self.live.step(points, stamp)

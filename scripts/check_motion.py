@@ -1,14 +1,15 @@
 """Check an exported motion of one or two Pandas without maniport: MuJoCo, SciPy and the limits that Franka publishes.
 
     python scripts/check_motion.py FOLDER [--frame panda_hand_tcp] [--damping 0.0048] [--payload 1.5]
-    python scripts/check_motion.py FOLDER --base-left 0 0.3 0 0 --base-right 0 -0.3 0 0
+    python scripts/check_motion.py FOLDER --base-left 0 0.3 0 0 --base-right 0 -0.3 0 0 [--payload 1.5,0.5]
 
-The second form is for results of `maniport transfer --arm both` with these bases (x, y, z [m] and yaw [deg]).
+The second form is for results of `maniport transfer --side both` with these bases (x, y, z [m] and yaw [deg]).
 
 The script reads `joints.csv`, `path.npz` and `placed_profile.npz`; of `joints.npz` only the damping of the distances,
 of `demonstrated_profile.npz` only the duration. Kinematics come from Franka's Denavit-Hartenberg parameters, meshes
-and masses from the package; a payload [kg] is a point mass at the end effector. Needs `pip install mujoco`. Exit code 1
-if a limit is exceeded, links collide, or a servo with the exported torques is more than 5 mm away from the path.
+and masses from the package; a payload [kg], of all arms or of each, is a point mass at the end effector. Needs `pip
+install mujoco`. Exit code 1 if a limit is exceeded, links collide, or a servo with the exported torques is more than
+5 mm away from the path.
 """
 
 import argparse
@@ -17,6 +18,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
@@ -153,9 +155,9 @@ def check(
     frame: str | None = None,
     damping: float | None = None,
     bases: dict[str, Base] | None = None,
-    payload: float = 0.0,
+    payload: ArrayLike = 0.0,
 ) -> list[Row]:
-    """Return the rows of the table; `bases` contains the bases of two arms by side, `payload` is in kg."""
+    """Return the rows of the table; `bases` are those of two arms by side, `payload` [kg] is of all arms or each."""
     arms = {f"{side}_": base for side, base in bases.items()} if bases else {"": (0.0, 0.0, 0.0, 0.0)}
     time, states = read_joints(folder / "joints.csv", list(arms))
     q, accelerations, _ = states
@@ -177,22 +179,33 @@ def check(
     return [*rows, ("collisions, every fifth sample", text, not collisions)]
 
 
+def _masses(text: str) -> tuple[float, ...]:
+    try:
+        masses = tuple(map(float, text.split(",")))
+    except ValueError:
+        masses = (-1.0,)
+    if not all(0.0 <= mass < np.inf for mass in masses):
+        raise argparse.ArgumentTypeError(f"expected numbers of at least 0 kg, separated by commas; found {text}")
+    return masses
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--frame", choices=sorted(FRAMES), help="end effector; default: the one nearer to the path")
     parser.add_argument("--damping", type=float, help="damping of the distance; default: that of joints.npz")
-    parser.add_argument("--payload", type=float, default=0.0, help="mass at the end effector [kg]")
+    text = "mass at the end effector, or one for each arm [kg]"
+    parser.add_argument("--payload", type=_masses, default=(0.0,), metavar="KG", help=text)
     for side in SIDES:
         text = f"base of the {side} arm: x, y, z [m], yaw [deg]"
         parser.add_argument(f"--base-{side}", nargs=4, type=float, metavar=("X", "Y", "Z", "YAW"), help=text)
     options = parser.parse_args()
-    if not 0.0 <= options.payload < np.inf:
-        sys.exit(f"--payload: expected a number of at least 0 kg; found {options.payload:g}")
     bases = {side: base for side, base in zip(SIDES, (options.base_left, options.base_right), strict=True) if base}
     if len(bases) == 1:
         sys.exit("--base-left and --base-right: expected both or neither")
+    if len(options.payload) not in {1, len(bases) or 1}:
+        sys.exit(f"--payload: expected 1 number, or 2 with both bases; found {len(options.payload)}")
     needed = [f"{side}/{name}".lstrip("/") for side in bases or [""] for name in ("path.npz", "placed_profile.npz")]
     for name in ("joints.csv", *needed):
         if not (options.folder / name).is_file():

@@ -6,7 +6,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -48,17 +48,17 @@ def read_meshes(path: Path = MESHES) -> Meshes:
 class Pandas:
     """Kinematics, ellipsoids and collisions of Pandas; arms are identified by the prefix of their names."""
 
-    def __init__(self, frames: dict[str, str], bases: dict[str, Base], payload: float = 0.0):
-        self.meshes, self.payload = read_meshes(), payload
+    def __init__(self, frames: dict[str, str], bases: dict[str, Base], payload: ArrayLike = 0.0):
+        self.meshes, payloads = read_meshes(), np.broadcast_to(payload, len(frames))  # one for all, or of each arm [kg]
         self.masses = json.loads(MASSES.read_text(encoding="utf-8"))["masses"]
         spec = mujoco.MjSpec()
         spec.option.timestep = 1e-3
-        for prefix, frame in frames.items():
-            self._add_arm(spec, prefix, frame, bases[prefix])
+        for (prefix, frame), own in zip(frames.items(), payloads, strict=True):
+            self._add_arm(spec, prefix, frame, bases[prefix], float(own))
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
 
-    def _add_arm(self, spec: Any, prefix: str, frame: str, base: Base) -> None:
+    def _add_arm(self, spec: Any, prefix: str, frame: str, base: Base, payload: float) -> None:
         half = np.radians(base[3]) / 2
         orientation = [np.cos(half), 0.0, 0.0, np.sin(half)]
         body = spec.worldbody.add_body(name=f"{prefix}panda_link0", pos=base[:3], quat=orientation)
@@ -80,11 +80,9 @@ class Pandas:
                 for k in (0, 1):
                     self._add_mesh(spec, body, prefix, finger, np.array([0.0, k * travel, 0.0584]), f"_{k}")
         body.add_site(name=f"{prefix}end_effector", pos=[0.0, 0.0, FRAMES[frame]])
-        if self.payload > 0.0:
+        if payload > 0.0:
             position = [0.0, 0.0, FRAMES[frame]]
-            body.add_body(
-                pos=position, ipos=np.zeros(3), mass=self.payload, inertia=np.full(3, 1e-9), explicitinertial=True
-            )
+            body.add_body(pos=position, ipos=np.zeros(3), mass=payload, inertia=np.full(3, 1e-9), explicitinertial=True)
 
     def _add_masses(self, body: Any, link: str) -> None:
         for part in (part for part in self.masses if part["frame"] == link):

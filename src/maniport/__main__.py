@@ -74,11 +74,13 @@ def _occupy_closed_descriptors() -> None:
 def _interrupt(signum: int, frame: Any) -> None:
     """Exit with code 130 and no partial result; an exception could be lost in an import or compiled code."""
     atomic_io: Any = sys.modules.get("maniport.util.atomic_io")
-    if hasattr(atomic_io, "discard"):  # loaded; before that, nothing is written
+    written = "nothing was written"
+    if hasattr(atomic_io, "discard"):  # is loaded
         atomic_io.discard()
+        written = atomic_io.written()
     cursor = b"\r\x1b[2K\x1b[?25h" if os.isatty(2) else b""  # a progress bar hides it
     with suppress(OSError):
-        os.write(2, cursor + b"maniport: interrupted\n")
+        os.write(2, cursor + f"maniport: interrupted; {written}\n".encode(errors="replace"))
     os._exit(130)
 
 

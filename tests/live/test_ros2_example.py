@@ -76,7 +76,7 @@ def test_nothing_is_sent_before_the_robot_is_at_its_start(node, second):
         send(**q)
         send(points)
         TIME.sleep(0.01)
-        node.on_timer()
+        node.move()
         assert sent == []
     assert "panda_joint1" in node.log.info.call_args.args[0]
     send(**dict(reversed(start.items())), finger=0.04)
@@ -99,7 +99,7 @@ def test_wrong_markers_and_times_do_not_stop_the_node(node, second):
         send(points, time)
         assert (len(sent) == count, node.log.error.called) == (refused, refused)
         TIME.sleep(0.01)
-        node.on_timer()
+        node.move()
     for i, points in enumerate(rows[1:6]):
         TIME.sleep(0.03)
         send(points, 2.0 + 0.03 * i)
@@ -115,5 +115,5 @@ def test_without_markers_the_robot_brakes(node, second):
         send(dict(zip(node.live.points, points.tolist(), strict=True)), t)
     while node.state.state != "holding" or node.state.joint_velocities.any():
         TIME.sleep(0.01)
-        node.on_timer()
+        node.move()
     assert len(sent) > 10

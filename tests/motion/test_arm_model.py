@@ -1,15 +1,10 @@
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import maniport as mp
-from crane import two_arms
-from maniport.arms import Arm, ArmGroup, as_group
-from maniport.arms.chain import point_mass
-from maniport.arms.restriction import carried_inertia
+from maniport.arms import as_group
 from maniport.motion import robot_model
 from maniport.motion.arm_model import model_prefixes
 from real_robots import NEEDS_ROBOTS
@@ -42,20 +37,23 @@ def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
             assert_allclose(computed, jacobian, atol=1e-12)
 
 
-def test_a_torso_of_two_arms_carries_all_masses_once():
-    crane = two_arms()
-    links = np.zeros((2, len(crane.arms[0].chain.joints) + 1, 6, 6))
-    for arm, own in enumerate(links):
-        own[1:] = [point_mass(1.0 + 0.1 * k + arm, np.array([0.1, 0.02 * k, -0.05])) for k in range(1, len(own))]
-        own[1:, 3:, 3:] += 0.01 * np.eye(3)
-    arms, count = crane.arms, int(crane.common[0, 1])
-    links[1, : count + 1] = links[0, : count + 1]
-    chains = [replace(arm.chain, inertia=own) for arm, own in zip(arms, links, strict=True)]
-    for own, other in ((0, 1), (1, 0)):  # each chain has the other arm at rest as a part of the trunk
-        links[own, count] += carried_inertia(chains[other], count)
-    group = ArmGroup(*(Arm(replace(c, inertia=own)) for c, own in zip(chains, links, strict=True)), names=crane.names)
-    model = robot_model(group)
-    q = np.clip(np.zeros(group.dof), group.lower, group.upper)
-    gravity = pin.computeGeneralizedGravity(model, model.createData(), q)
-    for arm, part, columns in zip(group.arms, group.split(q), group.columns, strict=True):
-        assert_allclose(gravity[columns], arm.gravity_torques(part), atol=1e-9)
+TREE = {"trunk": "base", "left1": "trunk", "left2": "left1", "right1": "trunk", "right2": "right1", "third2": "right1"}
+
+
+@pytest.mark.parametrize("frames", [("left2", "right2", "third2"), ("third2", "left2", "right2")])
+def test_arms_that_fork_one_after_another_have_all_masses_once(tmp_path, frames):
+    """The dynamics are those of the whole robot, also where two of three arms share a joint more."""
+    links = "".join(
+        f'<link name="{name}"><inertial><origin xyz="0.1 {0.02 * k} -0.05"/><mass value="{1 + k}"/>'
+        f'<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="to_{name}" '
+        f'type="revolute"><parent link="{parent}"/><child link="{name}"/><axis xyz="0 {k % 2} {(k + 1) % 2}"/>'
+        f'<origin xyz="0.2 0.1 {0.1 * k}"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+        for k, (name, parent) in enumerate(TREE.items())
+    )
+    (path := tmp_path / "tree.urdf").write_text(f'<robot name="tree"><link name="base"/>{links}</robot>')
+    group, whole = mp.load_arms(path, frames=frames), pin.buildModelFromUrdf(str(path))
+    columns = [whole.joints[whole.getJointId(name)].idx_v for name in group.joint_names]
+    model, state = robot_model(group), np.zeros((3, whole.nv))
+    state[:, columns] = values = group.sample(3, 0)
+    expected = pin.rnea(whole, whole.createData(), *state)[columns]
+    assert_allclose(pin.rnea(model, model.createData(), *values), expected, atol=1e-9)

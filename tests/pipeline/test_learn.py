@@ -130,7 +130,7 @@ def test_files_are_whole_and_can_be_read(people, tmp_path):
     (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before they end"),
     (["freeform"], [[(1.0, 2.0), (2.5, 99.0)]], "must lie between 0.00 and 9.15 s; found 2.5 to 99 s"),
     (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"),
-    (["freeform"], "all", "auto or times such as 2:4.* must be an array of numbers"),
+    (["freeform"], "all", "must be auto or times such as 2:4.*; found 'all'"),
     (["freeform"], [None, None], "one list for each of the 1"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(recordings, segments, message):

@@ -12,7 +12,7 @@ import pytest
 from maniport import cli
 from maniport.errors import OutputError
 from maniport.util import atomic_io
-from maniport.util.atomic_io import claim, folder_written_whole, require_room, written_whole
+from maniport.util.atomic_io import claim, folder_written_whole, require_room, written, written_whole
 
 NAMES = ("a.json", "b.json")
 CHANGES = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree")  # audit events of changes
@@ -81,6 +81,7 @@ def test_a_folder_is_replaced_where_folders_cannot_be_exchanged(tmp_path, monkey
         write_folder(tmp_path / "out", number)
         assert content(tmp_path / "out") == number
         assert list(tmp_path.iterdir()) == [tmp_path / "out"]
+    assert repr(str(tmp_path / "out")) in written()
 
 
 @both_kinds
@@ -110,6 +111,7 @@ def test_an_earlier_folder_is_replaced_only_when_allowed(tmp_path):
 def test_a_folder_is_claimed_when_new_empty_or_claimed_before(tmp_path):
     for _ in range(2):
         claim(tmp_path / "new", "about.json", {"seed": 1}, ("seed",))
+    assert written().endswith(f"parts of {str(tmp_path / 'new')!r}")
     (tmp_path / "file").touch()
     wrong = {"new": "another seed", "file": "exists", "no/parent": "No such file", ".": "other things"}
     for name, message in wrong.items():

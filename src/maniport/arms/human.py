@@ -124,10 +124,7 @@ def _scaled(name: str, *segments: float | None) -> Arm:
 
 
 def _with_masses(arm: Arm, body_mass: float = 73.0, girdle: float = 2e-3) -> Arm:
-    """Add the masses of the segments of de Leva's mean man [kg], without gravity.
-
-    The girdle adds inertia about the axis of `elv_angle` [kg m²], so that accelerations of a hanging arm stay finite.
-    """
+    """Add the masses of the segments of de Leva's mean man, without gravity, and inertia of the `girdle` [kg m²]."""
     chain, zero = arm.chain, np.zeros(arm.dof)
     points, poses = arm.point_positions(zero, ("shoulder", "elbow", "wrist", "hand")), arm.link_poses(zero)
     names, inertia = [joint.name for joint in chain.joints], np.zeros((len(poses), 6, 6))
@@ -141,7 +138,7 @@ def _with_masses(arm: Arm, body_mass: float = 73.0, girdle: float = 2e-3) -> Arm
         own = point_mass(mass, points[i] + center * span)
         own[3:, 3:] += mass * size**2 * (across**2 * (np.eye(3) - axis) + along**2 * axis)
         inertia[link] = moved_inertia(own, np.linalg.inv(poses[link]))
-    first = names.index("elv_angle")  # which moves nothing where the arm hangs
+    first = names.index("elv_angle")  # has no other inertia where the arm hangs
     joints = (*chain.joints[:first], replace(chain.joints[first], armature=girdle), *chain.joints[first + 1 :])
     return Arm(replace(chain, joints=joints, inertia=inertia, gravity=(0.0, 0.0, 0.0)))
 

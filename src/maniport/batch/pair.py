@@ -176,13 +176,9 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
 
 
 def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[FittedMap, Warnings]:
-    """Return the map from an arm of a person to one of a robot, and the warnings of its fit, from the file or fitted.
-
-    Lengths are rounded to a centimeter, so that recordings of one person share it: markers give them with errors of
-    some millimeters.
-    """
+    """Return the map from an arm of a person to one of a robot, and warnings of its fit, from the file or fitted."""
     robot, job, fit = pair.robot, pair.robot.job, human.motion.arms[arm]
-    lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}
+    lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}  # equal in files of one person
     side = fit.arm.side or RIGHT
     person = human_arm(job.config.person, side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())

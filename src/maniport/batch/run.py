@@ -149,10 +149,7 @@ def transfer_batch(
 def _tasks(
     folder: Path, sources: Sequence[Source], robots: Sequence[Robot], width: int, overwrite: bool
 ) -> tuple[Tasks, Rows]:
-    """Return a task for each recording, or for each pair where there are fewer recordings than `width` processes.
-
-    The rows of pairs that are done come second; results of other settings raise `OutputError` unless `overwrite`.
-    """
+    """Return a task for each recording, or for each pair if there are fewer than `width`, and rows of pairs done."""
     tasks, rows = Tasks(), Rows()
     for source in sources:
         content, missing = content_of(source), list[Pair]()
@@ -172,7 +169,7 @@ def _tasks(
 
 def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: int, tell: Progress) -> None:
     """Add the rows to those of earlier results as they come; report each with the time left, and warn of failures."""
-    step, begun, kept, failed = f"work on {count} pair{'s'[: count != 1]}", clock.perf_counter(), len(rows), 0
+    step, begun, kept, failed = f"Process {count} pair{'s'[: count != 1]}", clock.perf_counter(), len(rows), 0
     tell(step, kept / count)
     for pairs, outcome in ended:
         lost = isinstance(outcome, Exception)

@@ -167,7 +167,7 @@ def _annotation(option: Option, usual: Config) -> Any:
     """Make the annotation of an option's parameter; None is a value that was not typed."""
     default = getattr(usual, option.name)
     listed = option.repeated or option.kind in (NAMES, Mapping[str, float])
-    kind = option.kind if option.kind in (bool, int) else list[str] if listed else str
+    kind = bool if option.kind is bool else list[str] if listed else str
     if option.name in ("recording", "profile"):
         return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]
     words = "|".join(option.choices)

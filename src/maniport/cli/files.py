@@ -222,6 +222,8 @@ def _description(what: str, config: Config) -> Report:
             pipeline.read_part(what, config), marker_roles(config), config.side, command=" ".join(words)
         )
     _require_none(config.changed(side=AUTO), f"{what!r} is no recording", "human")
+    if Path(what).is_dir():
+        raise FileFormatError(f"{what}: this folder holds no results ({SUMMARY}) and no keypoints (*.json)")
     if Path(what).suffix.lower() != ".npz":
         return _of_robot(what, config)
     _require_none(config, f"{what!r} holds arrays", "robot")

@@ -14,9 +14,9 @@ from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
 from maniport.report.renderings import as_numbers
 from maniport.report.values import report_of
-from maniport.util.atomic_io import folder_written_whole, require_free
+from maniport.util.atomic_io import folder_written_whole, require_free, written
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids
-from maniport.util.process import ending_in_order, interrupt
+from maniport.util.process import ending_in_order
 from maniport.util.validation import as_times
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
@@ -90,10 +90,10 @@ def batch(
 
     options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}
     try:
-        with console.progress() as progress, ending_in_order(interrupt):
+        with console.progress() as progress, ending_in_order():
             result = transfer_batch(config.recording, config.robot, output, config, progress=progress, **options)
     except KeyboardInterrupt as interrupted:
-        print(f"maniport: interrupted{f'; {interrupted}' if str(interrupted) else ''}", file=sys.stderr)
+        print(f"maniport: interrupted; {str(interrupted) or written()}", file=sys.stderr)
         raise typer.Exit(130) from None
     config.save(output / CONFIG)
     failed, pairs = failures(result.failed), len(result.table)

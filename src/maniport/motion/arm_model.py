@@ -88,8 +88,8 @@ def _add_masses(model: pin.Model, group: ArmGroup, arm: int, places: Sequence[Pl
         return
     inertia, shared = chain.inertia.copy(), int(group.common[arm, :arm].max(initial=0))
     for other in range(arm + 1, len(group)):  # has masses of its own beyond the common links
-        fork = int(group.common[arm, other])
-        if fork and (theirs := group.arms[other].chain).inertia is not None:
+        fork, theirs = int(group.common[arm, other]), group.arms[other].chain
+        if fork and theirs.inertia is not None and (group.common[other, arm + 1 : other] <= fork).all():
             inertia[fork] -= carried_inertia(theirs, fork)
     for k in range(shared + 1 if shared else 1, len(inertia)):  # the base does not move
         joint, place = places[k]

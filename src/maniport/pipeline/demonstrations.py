@@ -228,8 +228,11 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: tuple[Any
             parts[index] = part or [None]
             continue
         pairs = [pair.split(":") for pair in part.split(",")] if isinstance(part, str) else part
-        name = f"{argument('segments')}, {AUTO} or times such as 2:4,4:5.6 [s],"
-        parts[index] = [tuple(as_numbers(pair, name, 2).tolist()) for pair in pairs]
+        try:
+            parts[index] = [tuple(as_numbers(pair, "segment", 2).tolist()) for pair in pairs]
+        except InvalidInputError:
+            rule = f"{argument('segments')} must be {AUTO} or times such as 2:4,4:5.6 [s]"
+            raise InvalidInputError(f"{rule}; found {part!r}") from None
         times = [time for pair in sorted(parts[index]) for time in pair]
         if times != sorted(times) or any(start == stop for start, stop in parts[index]):
             raise InvalidInputError(f"segments must begin before they end, and must not overlap; found {part!r}")

@@ -65,7 +65,8 @@ class Option:
         if self.kind is bool:
             return as_flag(value, label)
         if self.kind is int:
-            return as_count(value, label, int(self.bounds.get("minimum", 0)))
+            count = int(value) if typed and str(value).removeprefix("-").isdecimal() else value
+            return as_count(count, label, int(self.bounds.get("minimum", 0)))
         if self.kind is float:
             factor = self.factors[0] if typed else 1.0
             bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
@@ -84,7 +85,7 @@ class Option:
         if self.kind == NAMES:
             words = typed if self.repeated else [word.strip() for text in typed for word in text.split(",")]
             if not all(words):
-                raise InvalidInputError(f"{self.flag} must be names separated by commas; found {','.join(typed)!r}")
+                raise InvalidInputError(f"{self.name} must be names, none of them empty; found {','.join(typed)!r}")
             return tuple(words)
         if self.repeated:
             return tuple(map(self._vector, typed))

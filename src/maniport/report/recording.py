@@ -211,7 +211,7 @@ def learned_report(learned: LearnedProfile) -> Report:
     names = tuple(str(arm.side) for arm in learned.arms)
     mirrored = listed(part.name for part in parts if part.motion.names != names)
     section.note(*[f"mirrored to the {names[0]} arm: {mirrored}"] * bool(mirrored))
-    section.note(f"all ellipsoids are those of {' and '.join(names)} arm of mean lengths")
+    section.note(f"all ellipsoids are those of arms of mean lengths: {' and '.join(names)}")
     section.metrics += tuple(software(learned.config.seed))
     values = [
         {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),

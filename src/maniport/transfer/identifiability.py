@@ -174,10 +174,7 @@ def _distances(vectors: Array, others: Array) -> tuple[Array, Array, Array]:
 
 @kernel(fastmath=True)
 def _fill_distances(vectors, others, sums, columns, least):  # type: ignore[no-untyped-def]
-    """Fill sums and minima of |v_i − w_j| over j, shapes (n,), and sums over i, shape (m,).
-
-    The others, shape (k, m), lie side by side in memory, so that the innermost loops become vector instructions.
-    """
+    """Fill sums and minima of |v_i − w_j| over j, shapes (n,), and sums over i, shape (m,); `others` is (k, m)."""
     squares = np.empty(len(columns), np.float32)
     for i in range(len(vectors)):
         squares[:] = 0.0

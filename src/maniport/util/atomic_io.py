@@ -20,6 +20,7 @@ from maniport.util.input_limits import as_path
 EARLIER = ".earlier"  # suffix of the former target where two folders cannot be exchanged in one operation
 
 _targets: dict[Path, Path] = {}  # targets that this process is writing, by temporary path
+_written: dict[Path, str] = {}  # targets that this process has written, without what is in them; text before the name
 
 
 @contextmanager
@@ -71,6 +72,7 @@ def claim(folder: Path, marker: str, content: dict[str, Any], same: Collection[s
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
+    _written[Path(os.path.realpath(folder))] = "parts of "
     write_text(file, json.dumps(content) + "\n")
 
 
@@ -109,6 +111,14 @@ def place(temporary: Path, target: Path) -> None:
     elif not _exchange(temporary, target):
         os.rename(target, temporary.with_name(temporary.name + EARLIER))
         os.rename(temporary, target)
+    if not any(folder in _targets or folder in _written for folder in target.parents):
+        _written[target] = ""
+
+
+def written() -> str:
+    """Describe what this process has written, for the message of an interruption."""
+    names = ", ".join(f"{text}{str(path)!r}" for path, text in _written.items())
+    return f"already written: {names}" if names else "nothing was written"
 
 
 def discard() -> None:

@@ -45,8 +45,11 @@ def bound(host: str, port: int, kind: socket.SocketKind, name: str = "port") -> 
 
 
 @contextmanager
-def ending_in_order(end: Callable[[], Any]) -> Iterator[None]:
-    """Call `end` at the first Ctrl-C or termination signal; a second one ends at once. In the main thread only."""
+def ending_in_order(end: Callable[[], Any] | None = None) -> Iterator[None]:
+    """Call `end`, or raise `KeyboardInterrupt`, at the first Ctrl-C or termination signal; a second one ends at once.
+
+    In the main thread only.
+    """
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def restore() -> None:
@@ -55,6 +58,8 @@ def ending_in_order(end: Callable[[], Any]) -> Iterator[None]:
 
     def ended(number: int, frame: Any) -> None:
         restore()
+        if end is None:
+            raise KeyboardInterrupt
         end()
 
     for number in before:
@@ -63,11 +68,6 @@ def ending_in_order(end: Callable[[], Any]) -> Iterator[None]:
         yield
     finally:
         restore()
-
-
-def interrupt() -> None:
-    """Raise `KeyboardInterrupt`."""
-    raise KeyboardInterrupt
 
 
 def end_with_parent(parent: int) -> None:

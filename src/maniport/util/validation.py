@@ -197,8 +197,8 @@ def as_numbers(
 ) -> Array:
     """Convert to `count` numbers (or any) within `bounds`, shape (count,); `broadcast` also accepts one number."""
     array = as_finite(value, name)
-    single = "one number or " if broadcast else ""
-    rule = f"{name} must be {single}{count or 'a sequence of'} numbers{_in_words(bounds)}"
+    single = "one number or " if broadcast and count != 1 else ""
+    rule = f"{name} must be {single}{count or 'a sequence of'} number{'s' * (count != 1)}{_in_words(bounds)}"
     if not ((array.ndim == 1 and count in (None, len(array))) or (broadcast and array.ndim == 0)):
         raise InvalidInputError(f"{rule}; found shape {array.shape}")
     wrong = ~inside(array, bounds)

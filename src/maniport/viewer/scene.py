@@ -28,7 +28,7 @@ def camera_for(aspect: float, arms: int = 1) -> tuple[Array, Array]:
 
     On phones the controls cover the lower part: the scene is moved up by 30 % of the height.
     """
-    height, width = (2.4, 2.9) if arms == 1 else (2.6, 4.2)
+    height, width = (2.4, 2.9) if arms == 1 else (2.6, 5.0)
     height = max(height, width / max(aspect, 0.2))
     distance = height / (2.0 * np.tan(np.radians(0.5 * FIELD_OF_VIEW)))
     to = np.array([0.0, -0.05, 1.15 - (0.3 * height if aspect < 0.7 else 0.0)])

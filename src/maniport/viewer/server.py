@@ -172,7 +172,7 @@ class Panel:
             error = "" if frame.position_error is None else f"; position error {1e3 * frame.position_error:.1f} mm"
             lines += [
                 f'<div style="font-size: 2.2em; line-height: 1.1">{frame.distance:.2f}</div>',
-                f"<div>{name}ellipsoid distance: {in_axes(frame.distance)}{error}</div>",
+                f"<div>{name}ellipsoid distance: {in_axes(frame.distance).replace(' %', '&nbsp;%')}{error}</div>",
             ]
             notes += [f"*{name}{note}*\n" for note in frame.target.notes]
         self._head.content = f'<div style="padding: 0 0.6em">{"".join(lines)}<div>{LEGEND}</div></div>'

@@ -169,7 +169,7 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
         rate=None if rate is None else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=1e5),
     )
     file = as_path(path, other=" or the name of a recording")
-    if str(path) in SHIPPED and not file.exists():
+    if str(path) in SHIPPED and not file.is_file():
         file = shipped_recording(str(path))
     kind = _format_of(file)
     reader = READERS[kind]

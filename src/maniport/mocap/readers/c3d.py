@@ -56,10 +56,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
 
 
 def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
-    """Return the values of the parameters by ``GROUP:NAME``.
-
-    Each entry of the chain of groups and parameters must lie inside the section and hold its own data.
-    """
+    """Return the parameters by ``GROUP:NAME``; each entry must lie inside the section and hold its own data."""
     groups: dict[int, str] = {}
     parameters: list[tuple[int, str, list[Any]]] = []
     at, end = 4, -1

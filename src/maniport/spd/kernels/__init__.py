@@ -125,10 +125,7 @@ def symmetrize(matrices: Array) -> Array:
 def _run(
     loop: Callable[..., None], arrays: tuple[Array, ...], axes: tuple[int, ...] = (2,), options: tuple[Any, ...] = ()
 ) -> list[Array]:
-    """Call a loop on matrices (..., d, d) that broadcast; its results have so many `axes` of length d each.
-
-    Large batches are divided among threads.
-    """
+    """Call a loop on broadcast matrices (..., d, d), in threads if many; results have so many `axes` of length d."""
     batch, d = arrays[0].shape[:-2], arrays[0].shape[-1]
     for array in arrays[1:]:
         if array.shape[:-2] != batch:
