@@ -1,6 +1,7 @@
 """A ROS 2 node for live control: markers of a person in, joint positions of a robot out.
 
-It publishes to a `forward_command_controller`. Without markers, and at Ctrl-C, the robot brakes.
+It publishes to a `forward_command_controller`. Without markers, and at Ctrl-C, the robot brakes. Hidden markers are
+absent from messages, or nan.
 
     python ros2_node.py RECORDING [ROBOT]
 """
@@ -49,7 +50,7 @@ class Follow(Node):
         self.move(points, stamp.sec + 1e-9 * stamp.nanosec)
 
     def move(self, points=None, stamp=None):
-        """Send joint positions; without markers for 0.1 s, the robot brakes."""
+        """Send joint positions."""
         if self.ready:
             try:
                 self.state = self.live.step(points, stamp)
@@ -62,12 +63,15 @@ def run(node):
     """Spin until Ctrl-C or `node.stop`, then brake."""
     signal.signal(signal.SIGINT, lambda *_: node.stop.set_result(None))
     rclpy.spin_until_future_complete(node, node.stop)
+    node.live.hold()
     while node.state is not None and node.state.joint_velocities.any():
         time.sleep(PERIOD)
         node.move()
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
     result = mp.transfer_recording(sys.argv[1], robot=sys.argv[2] if sys.argv[2:] else "panda", real_time=True)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # commands can be sent after Ctrl-C
     run(Follow(mp.Live.of(result)))
