@@ -130,7 +130,7 @@ class Config:
         None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", unchecked=True
     )
     scale: float | None = _motion(None, "Scale of the path; searched by default", above=0.0, maximum=10.0, common=True)
-    real_time: bool = _motion(False, "Placement that the robot can follow at the person's speed")
+    real_time: bool = _motion(False, "Placement and plan for the person's speed")
     workspace: tuple[float, ...] | None = _motion(
         None, "Box for the path in the base frame [m]; inf is open", metavar="X0,X1,Y0,Y1,Z0,Z1", count=6,
         unchecked=True,

@@ -41,6 +41,9 @@ class PlanSettings:
         for a shorter duration.
     speed_scale : float
         Largest speed relative to the demonstration. Where limits demand it, the motion is slower.
+    real_time : bool
+        Plan joint motions for the largest speed. By default they are planned for a quarter of the demonstrated speed,
+        which lowers the ellipsoid distance, but limits slow the motion down more.
     rate : float
         Samples of the result per second [Hz].
     motion_limits : MotionLimits, path, mapping or None
@@ -57,6 +60,7 @@ class PlanSettings:
 
     position_tolerance: float = POSITION_TOLERANCE
     speed_scale: float = 1.0
+    real_time: bool = False
     rate: float = RATE
     motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
     joint_limit_margin: float = MARGIN

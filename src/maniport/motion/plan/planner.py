@@ -1,6 +1,6 @@
 """The planner of one arm: reachability map, roadmap, graph search, optimizer, time parameterization.
 
-Trajectories are optimized as if they took `PLANNING_TIME_SCALE` times the demonstrated time, then timed, optimized with
+Trajectories are optimized as if they took `planning_time_scale` times the demonstrated time, then timed, optimized with
 the smoothness that this time demands, relaxed around large position errors, and timed again.
 """
 
@@ -45,7 +45,7 @@ accurate, but the limits then slow the trajectory down: by about the same share,
 
 def planning_time_scale(settings: PlanSettings) -> float:
     """Return how many times the demonstrated time a trajectory is planned for."""
-    return max(1.0 / settings.speed_scale, PLANNING_TIME_SCALE)
+    return max(1.0 / settings.speed_scale, 1.0 if settings.real_time else PLANNING_TIME_SCALE)
 
 
 def coarse_terms(problem: MotionProblem, settings: PlanSettings) -> tuple[Array, TrajectoryTerms, float]:
