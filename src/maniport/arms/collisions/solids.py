@@ -84,13 +84,29 @@ class Solids:
     def slopes(self, q: Array, pairs: Pairs, contacts: Contacts) -> Array:
         """Return derivatives of the distances in the configuration, shape (k, dof)."""
         rows, columns, _, normals, points = contacts
-        turns, origins = self.tree.link_poses(q[rows])
-        axes = np.einsum("njab,jb->nja", turns[:, 1:], self.tree.axes)
-        velocities = np.cross(axes, points[:, None] - origins[:, 1:])
-        velocities = np.where(self.tree.slides[:, None], axes, velocities)
-        first, second = self._links[pairs[columns]].T
-        carries = self.tree.moves[first].astype(float) - self.tree.moves[second]
-        return np.asarray((np.einsum("nja,na->nj", velocities, normals) * carries) @ self.tree.coupling)
+        links, changes = self._links[pairs[columns]], np.empty((len(rows), len(self.tree.axes)))
+        _fill_slopes(
+            *self.tree.link_poses(q), *self.tree.arrays[2:], self.tree.moves, links, rows, normals, points, changes
+        )
+        return changes if self.tree.trivial else np.asarray(changes @ self.tree.coupling)
+
+
+@kernel
+def _fill_slopes(turns, origins, axes, slides, moves, links, rows, normals, points, changes):  # type: ignore[no-untyped-def]
+    """Fill derivatives (k, joints) of distances along normals of points of the first of two links (k, 2)."""
+    lever, axis = np.empty(3), np.empty(3)
+    for k in range(len(rows)):
+        for j in range(len(axes)):
+            first, second = moves[links[k, 0], j], moves[links[k, 1], j]
+            changes[k, j] = 0.0
+            for i in range(3 if first != second else 0):
+                lever[i], axis[i] = points[k, i] - origins[rows[k], j + 1, i], 0.0
+                for m in range(3):
+                    axis[i] += turns[rows[k], j + 1, i, m] * axes[j, m]
+            for i in range(3 if first != second else 0):
+                p, q = (i + 1) % 3, (i + 2) % 3
+                moved = axis[i] if slides[j] else axis[p] * lever[q] - axis[q] * lever[p]
+                changes[k, j] += normals[k, i] * (moved if first else -moved)
 
 
 @kernel
