@@ -124,11 +124,12 @@ class Person:
 
         The standard deviation of the unknown velocities is 20 rad/s.
         """
-        n, start_weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
-        starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
-        starts = starts.copy() if near is None else np.concatenate([near[None], starts])
-        information, fixed = np.empty((len(starts), n, n)), (start_weights, self._body, self._held, np.zeros((n, n)))
-        costs = search_all(starts, np.nan_to_num(targets), *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
+        n, hidden = self.arm.dof, np.isnan(targets[:, 0])
+        weights, seen = np.where(hidden, 0.0, self._weights), np.where(hidden[:, None], 0.0, targets)
+        starts = self._samples[nearest_samples(seen[None], self._sampled_directions)[0]]
+        starts = starts if near is None else np.concatenate([near[None], starts])
+        information, fixed = np.empty((len(starts), n, n)), (weights, self._body, self._held, np.zeros((n, n)))
+        costs = search_all(starts, seen, *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
         best = int(np.argmin(costs))
