@@ -99,6 +99,7 @@ class Controller:
         if self._collisions is not None:
             self._limits = (*self._limits, CollisionLimit(self._collisions))
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
+        self._multipliers = np.empty(0)  # of all constraints in the last program, at which the next one begins
         self._reaches = [float(np.linalg.norm(positions, axis=1).max()) for positions in samples]  # from the base [m]
 
     def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
@@ -134,9 +135,12 @@ class Controller:
             rows, allowed = (more, sides) if not len(rows) else (np.vstack([rows, more]), np.append(allowed, sides))
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
-            program = _program(hessian, gradients, durations, bounds, self._bounds, speed_share, rows, allowed, relaxed)
-            step, _, exit_flag, _ = daqp.solve(*program)
+            limits = bounds, self._bounds, speed_share, rows, allowed, relaxed
+            program = _program(hessian, gradients, durations, *limits, self._multipliers)
+            step, _, exit_flag, results = daqp.solve(*program)
+            self._multipliers = np.empty(0)
             if exit_flag > 0 and math.isfinite(np.vdot(step, step)):
+                self._multipliers = results["lam"]
                 return step[: len(q)] / dt, not relaxed
         return None, False
 
@@ -205,14 +209,14 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
+def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed, multipliers):  # type: ignore[no-untyped-def]
     """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
 
     The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is the
     same and whose halved gradients (m, dof) are those at the present configuration. `bounds` and the inequalities
     rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the share of the limits
     that may be used, and reached within the limits of acceleration. `relaxed` weakens each inequality that no velocity
-    within the bounds satisfies, as little as possible.
+    within the bounds satisfies, as little as possible. The solver begins with the constraints that had multipliers.
     """
     stages, dof = gradients.shape
     size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
@@ -242,4 +246,7 @@ def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, a
         for i in range(dof):
             least += min(rows[k, i] * below[i], rows[k, i] * above[i])
         above[size + k] = max(allowed[k], least + 1e-9 * abs(least))
-    return quadratic, linear, matrix, above, below, np.zeros(len(above), np.int32)
+    sense = np.zeros(len(above), np.int32)
+    for i in range(len(sense) if len(sense) == len(multipliers) else 0):
+        sense[i] = 1 if multipliers[i] > 0.0 else 3 if multipliers[i] < 0.0 else 0  # active above or below
+    return quadratic, linear, matrix, above, below, sense
