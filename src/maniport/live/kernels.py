@@ -67,7 +67,6 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
     offset, placements, axes, slides, coupling, joints, vectors, points = body
     gradient[:], hessian[:] = 0.0, 0.0
     positions, values, slopes = offset.copy(), np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
-    segment, turning = np.empty(3), np.empty((3, len(q)))
     for j in range(len(offset)):
         for k in range(len(q)):
             positions[j] += coupling[j, k] * q[k]
@@ -76,32 +75,24 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
     for n in range(len(targets)):
         if weights[n] == 0.0:
             continue
-        unit, slope, weight = values[n + 1], slopes[n + 1], weights[n] * weights[n]
         if n < points - 1:  # from a point to the next
-            for i in range(3):
-                segment[i] = unit[i] - values[n, i]
-            length = np.sqrt(segment[0] * segment[0] + segment[1] * segment[1] + segment[2] * segment[2])
-            unit = segment
-            for i in range(3):
-                unit[i] /= length
+            unit, slope = values[n + 1] - values[n], slopes[n + 1] - slopes[n]
+            length = np.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
+            unit /= length
             for k in range(len(q)):
-                stretch = 0.0
+                stretch = unit[0] * slope[0, k] + unit[1] * slope[1, k] + unit[2] * slope[2, k]
                 for i in range(3):
-                    turning[i, k] = slope[i, k] - slopes[n, i, k]
-                    stretch += unit[i] * turning[i, k]
-                for i in range(3):
-                    turning[i, k] = (turning[i, k] - unit[i] * stretch) / length
-            slope = turning
+                    slope[i, k] = (slope[i, k] - unit[i] * stretch) / length
+        else:
+            unit, slope = values[n + 1], slopes[n + 1]
+        weight = weights[n] * weights[n]
         for i in range(3):
             off = unit[i] - targets[n, i]
             square += weight * off * off
             for k in range(len(q)):
                 gradient[k] += weight * off * slope[i, k]
-                for m in range(k + 1):
+                for m in range(len(q)):
                     hessian[k, m] += weight * slope[i, k] * slope[i, m]
-    for k in range(len(q)):
-        for m in range(k):
-            hessian[m, k] = hessian[k, m]
     cost = square
     for i in range(len(q)):
         off = pull[i] * (q[i] - neutral[i])
