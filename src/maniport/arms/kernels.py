@@ -75,13 +75,12 @@ def place_points(positions, placements, axes, slides, coupling, joints, vectors,
                 continue
             x, y, z = coupling[j, k] * axis[0], coupling[j, k] * axis[1], coupling[j, k] * axis[2]
             for v in range(len(joints)):
-                if j >= joints[v]:
-                    continue
-                at, moves = (origins[j + 1], 1.0) if v < count else (origins[0], 0.0)  # zero for directions
-                p, q, r = values[v, 0] - at[0], values[v, 1] - at[1], values[v, 2] - at[2]
-                slopes[v, 0, k] += moves * x if slides[j] else y * r - z * q
-                slopes[v, 1, k] += moves * y if slides[j] else z * p - x * r
-                slopes[v, 2, k] += moves * z if slides[j] else x * q - y * p
+                if j < joints[v]:
+                    at, moves = (origins[j + 1], 1.0) if v < count else (origins[0], 0.0)  # zero for directions
+                    p, q, r = values[v, 0] - at[0], values[v, 1] - at[1], values[v, 2] - at[2]
+                    slopes[v, 0, k] += moves * x if slides[j] else y * r - z * q
+                    slopes[v, 1, k] += moves * y if slides[j] else z * p - x * r
+                    slopes[v, 2, k] += moves * z if slides[j] else x * q - y * p
 
 
 @part

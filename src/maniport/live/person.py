@@ -68,16 +68,13 @@ class OneEuroFilter:
         elapsed = np.where(seen, now - self._times, np.inf)[:, None]
         new = elapsed > self.LONGEST_GAP
         speeds = np.where(new, 0.0, (vectors - self._values) / elapsed)
-        self._speeds = np.where(new, 0.0, self._speeds + _share(self.SPEED_CUTOFF, elapsed) * (speeds - self._speeds))
+        turns = 2.0 * np.pi * elapsed
+        share = 1.0 - 1.0 / (1.0 + self.SPEED_CUTOFF * turns)
+        self._speeds = np.where(new, 0.0, self._speeds + share * (speeds - self._speeds))
         cutoff = self.CUTOFF + self.SLOPE * np.linalg.norm(self._speeds, axis=1, keepdims=True)
-        filtered = self._values + np.where(new, 1.0, _share(cutoff, elapsed)) * (vectors - self._values)
+        filtered = self._values + np.where(new, 1.0, 1.0 - 1.0 / (1.0 + cutoff * turns)) * (vectors - self._values)
         self._values[seen], self._times[seen] = filtered[seen], now
         return filtered
-
-
-def _share(cutoff: Array | float, elapsed: Array) -> Array:
-    """Return how far a low-pass filter moves to a new value after a time."""
-    return np.asarray(1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * elapsed)))
 
 
 class Person:

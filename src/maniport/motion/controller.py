@@ -138,16 +138,15 @@ class Controller:
             limits = bounds, self._bounds, speed_share, rows, allowed, relaxed
             program = _program(hessian, gradients, durations, *limits, self._multipliers)
             step, _, exit_flag, results = daqp.solve(*program)
-            self._multipliers = np.empty(0)
+            self._multipliers = results["lam"] if exit_flag > 0 else np.empty(0)
             if exit_flag > 0 and math.isfinite(np.vdot(step, step)):
-                self._multipliers = results["lam"]
                 return step[: len(q)] / dt, not relaxed
         return None, False
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the damped Gauss-Newton Hessian (dof, dof), and half the gradients of all intervals (m, dof)."""
         dof, posture_weight = len(q), problem.reference_weight**2
-        gradient, damping = posture_weight * (q - problem.reference), np.full(dof, posture_weight)
+        gradient, damping = posture_weight * (q - problem.reference), np.zeros(dof)
         hessian, changes = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
         for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
             columns = block[1]
@@ -171,7 +170,7 @@ class Controller:
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
-        hessian.reshape(-1)[:: dof + 1] += damping + 1e-12  # the diagonal
+        hessian.reshape(-1)[:: dof + 1] += damping + (posture_weight + 1e-12)  # the diagonal
         return hessian, gradient + changes
 
 

@@ -4,16 +4,15 @@ import numpy as np
 
 from maniport.spd.kernels.loops import congruence_loop, eigh_loop
 from maniport.util.jit import kernel, part
-from maniport.util.validation import SPD_TOLERANCE
 
 
 @kernel
-def fill_spectrum(matrices, whitening, values, vectors, singular):  # type: ignore[no-untyped-def]
+def fill_spectrum(matrices, whitening, values, vectors, singular, tolerance):  # type: ignore[no-untyped-def]
     """Fill eigenvalues (n, d), 1 where singular, and -vectors (n, d, d) of W M Wᵀ; one M or W serves all."""
     congruence_loop(whitening, matrices, vectors)
     eigh_loop(vectors.copy(), values, vectors)
     for n in range(len(values)):
-        singular[n] |= values[n, 0] <= SPD_TOLERANCE * values[n, -1]
+        singular[n] |= values[n, 0] <= tolerance * values[n, -1]
         if singular[n]:
             values[n] = 1.0
 

@@ -38,7 +38,9 @@ class EllipsoidCost:
 
     def jacobian(self, q: Array, time: Array | None = None) -> Array:
         """Return their derivatives, shape (n, d (d + 1) / 2, dof)."""
-        rows = np.swapaxes(to_vector(self.log_changes(q)), 1, 2)
+        _, _, velocity, changes = self.arm.posed_differentials(q, self.spec.bounded)
+        values, vectors, _, changes = self.spectrum(velocity, changes)
+        rows = np.swapaxes(to_vector(self._log_changes(values, vectors, changes)), 1, 2)
         return rows if self.half is None else np.asarray(self.half @ rows)
 
     def square(self, velocity: Array) -> Array:
@@ -67,12 +69,6 @@ class EllipsoidCost:
         square[singular] = np.inf
         return square
 
-    def log_changes(self, q: Array) -> Array:
-        """Return derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        _, _, velocity, changes = self.arm.posed_differentials(q, self.spec.bounded)
-        values, vectors, _, changes = self.spectrum(velocity, changes)
-        return self._log_changes(values, vectors, changes)
-
     def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
         """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
         achieved, singular = velocity, np.zeros(max(len(velocity), len(self.whitening)), dtype=np.bool_)
@@ -83,7 +79,7 @@ class EllipsoidCost:
             achieved = compose(1.0 / values, vectors)
             changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
         values, vectors = np.empty((len(singular), self.spec.size)), np.empty((len(singular), *achieved.shape[1:]))
-        fill_spectrum(achieved + self.shift, self.whitening, values, vectors, singular)
+        fill_spectrum(achieved + self.shift, self.whitening, values, vectors, singular, SPD_TOLERANCE)
         return values, vectors, singular, np.empty((0,)) if changes is None else changes
 
     def _weighted_log(self, values: Array, vectors: Array) -> Array:
