@@ -112,21 +112,16 @@ class Person:
         targets, seen = trunk_directions(vectors, self._forward, 2)
         return targets if seen else None
 
-    def jumps(self, before: ArmEstimate, directions: Array, dt: float) -> bool:
-        """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
-        return bool(turned(before.directions, directions, np.maximum(MAX_SPEED * dt, self._least_jump)))
-
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
 
         The standard deviation of the unknown velocities is 20 rad/s.
         """
-        n, hidden = self.arm.dof, np.isnan(targets[:, 0])
-        weights, seen = np.where(hidden, 0.0, self._weights), np.where(hidden[:, None], 0.0, targets)
-        starts = self._samples[nearest_samples(seen[None], self._sampled_directions)[0]]
+        n, weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
+        starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
         starts = starts if near is None else np.concatenate([near[None], starts])
         information, fixed = np.empty((len(starts), n, n)), (weights, self._body, self._held, np.zeros((n, n)))
-        costs = search_all(starts, seen, *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
+        costs = search_all(starts, targets, *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
         best = int(np.argmin(costs))
@@ -260,7 +255,8 @@ class LedArm:
         filled = self._hidden.fill(points, now)
         vectors = self.person.vectors(filled)
         directions, dt = self.person.directions(vectors), now - self._last_seen
-        if directions is None or (before is not None and self.person.jumps(before, directions, dt)):
+        least = np.maximum(MAX_SPEED * dt, self.person._least_jump)  # joints are not faster
+        if directions is None or (before is not None and turned(before.directions, directions, least)):
             return False
         if self._filter is not None:
             directions = self.person.directions(self._filter(vectors, now))

@@ -79,19 +79,18 @@ class Solids:
         """Return derivatives of the distances in the configuration, shape (k, dof)."""
         rows, columns, _, normals, points = contacts
         places = rows, self._links[pairs[columns]], normals, points
-        changes = np.empty((len(rows), len(self.tree.axes)))
+        changes = np.zeros((len(rows), len(self.tree.axes)))
         _fill_slopes(*self.tree.link_poses(q), *self.tree.arrays[2:], self.tree.moves, *places, changes)
         return self.tree.coupled(changes)
 
 
 @kernel
 def _fill_slopes(turns, origins, axes, slides, moves, rows, links, normals, points, changes):  # type: ignore[no-untyped-def]
-    """Fill derivatives (k, joints) of distances along normals of points of the first of two links (k, 2)."""
+    """Add derivatives (k, joints) of distances along normals of points of the first of two links (k, 2)."""
     for k in range(len(rows)):
         for j in range(len(axes)):
             turn, at = turns[rows[k], j + 1], origins[rows[k], j + 1]
             sign = 1.0 * moves[links[k, 0], j] - 1.0 * moves[links[k, 1], j]
-            changes[k, j] = 0.0
             for i in range(3 if sign != 0.0 else 0):
                 p, q = (i + 1) % 3, (i + 2) % 3
                 turned = (points[k, p] - at[p]) * normals[k, q] - (points[k, q] - at[q]) * normals[k, p]

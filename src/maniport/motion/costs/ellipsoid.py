@@ -33,14 +33,11 @@ class EllipsoidCost:
 
     def residual(self, q: Array, time: Array | None = None) -> Array:
         """Return residuals, shape (n, d (d + 1) / 2), where nothing is singular."""
-        values, vectors, _, _ = self.spectrum(self.arm.ellipsoids(q, self.spec.bounded))
-        return self._weighted_log(values, vectors)
+        return self._weighted_log(*self.spectrum(self.arm.ellipsoids(q, self.spec.bounded))[:2])
 
     def jacobian(self, q: Array, time: Array | None = None) -> Array:
         """Return their derivatives, shape (n, d (d + 1) / 2, dof)."""
-        _, _, velocity, changes = self.arm.posed_differentials(q, self.spec.bounded)
-        values, vectors, _, changes = self.spectrum(velocity, changes)
-        rows = np.swapaxes(to_vector(self._log_changes(values, vectors, changes)), 1, 2)
+        rows = np.swapaxes(to_vector(self.log_changes(q)), 1, 2)
         return rows if self.half is None else np.asarray(self.half @ rows)
 
     def square(self, velocity: Array) -> Array:
@@ -68,6 +65,12 @@ class EllipsoidCost:
             add_residual(residual, self.half @ rows, square, gradient, hessian)
         square[singular] = np.inf
         return square
+
+    def log_changes(self, q: Array) -> Array:
+        """Return derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
+        _, _, velocity, changes = self.arm.posed_differentials(q, self.spec.bounded)
+        values, vectors, _, changes = self.spectrum(velocity, changes)
+        return self._log_changes(values, vectors, changes)
 
     def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
         """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
