@@ -128,7 +128,7 @@ def test_the_fast_test_frees_no_configuration_that_collides(checked):
     q, pairs, solids = checked.arm.sample(300, 5), checked._pairs, checked._solids
     exact = solids.contacts(q, pairs).distances.reshape(len(q), -1)
     for margin in (0.0, 0.03):
-        near = solids.maybe_near(q, pairs, margin)
+        near = solids.distance_bounds(q, pairs, margin) <= margin
         assert np.all(exact[~near] > margin)
         assert np.mean(near & (exact > margin + 1e-3)) < 0.01
     np.testing.assert_array_equal(checked.collides(q), (exact <= 0).any(axis=1))

@@ -59,30 +59,28 @@ def place_points(positions, placements, axes, slides, coupling, joints, vectors,
     """Fill vectors (k, 3) after so many `joints` and derivatives (k, 3, dof); only the first `count` are points."""
     rotations, origins, axis = np.empty((len(axes) + 1, 3, 3)), np.empty((len(axes) + 1, 3)), np.empty(3)
     place_links(positions, np.arange(len(axes)), placements, axes, slides, rotations, origins)
+    slopes[:] = 0.0
     for v in range(len(joints)):
-        is_point, link = v < count, joints[v]
         for i in range(3):
-            values[v, i] = origins[link, i] if is_point else 0.0
+            values[v, i] = origins[joints[v], i] if v < count else 0.0
             for m in range(3):
-                values[v, i] += rotations[link, i, m] * vectors[v, m]
-            for k in range(coupling.shape[1]):
-                slopes[v, i, k] = 0.0
+                values[v, i] += rotations[joints[v], i, m] * vectors[v, m]
     for j in range(len(axes)):
         for i in range(3):
             axis[i] = 0.0
             for m in range(3):
                 axis[i] += rotations[j + 1, i, m] * axes[j, m]
-        for v in range(len(joints)):
-            is_point = v < count
-            for i in range(3 if j < joints[v] else 0):
-                p, q = (i + 1) % 3, (i + 2) % 3
-                if slides[j]:
-                    moved = axis[i] if is_point else 0.0
-                else:
-                    at_p, at_q = (origins[j + 1, p], origins[j + 1, q]) if is_point else (0.0, 0.0)
-                    moved = axis[p] * (values[v, q] - at_q) - axis[q] * (values[v, p] - at_p)
-                for k in range(coupling.shape[1]):
-                    slopes[v, i, k] += moved * coupling[j, k]
+        for k in range(coupling.shape[1]):
+            if coupling[j, k] == 0.0:
+                continue
+            x, y, z = coupling[j, k] * axis[0], coupling[j, k] * axis[1], coupling[j, k] * axis[2]
+            for v in range(len(joints)):
+                if j < joints[v]:
+                    at, moves = (origins[j + 1], 1.0) if v < count else (origins[0], 0.0)  # zero for directions
+                    p, q, r = values[v, 0] - at[0], values[v, 1] - at[1], values[v, 2] - at[2]
+                    slopes[v, 0, k] += moves * x if slides[j] else y * r - z * q
+                    slopes[v, 1, k] += moves * y if slides[j] else z * p - x * r
+                    slopes[v, 2, k] += moves * z if slides[j] else x * q - y * p
 
 
 @part

@@ -14,8 +14,7 @@ def unit_vectors(linear, positions, shortest):  # type: ignore[no-untyped-def]
     for v in range(len(linear)):
         for n in range(len(positions)):
             if linear[v, n] != 0.0:  # other points may not be seen
-                for i in range(3):
-                    vectors[v, i] += linear[v, n] * positions[n, i]
+                vectors[v] += linear[v, n] * positions[n]
         _normalize(vectors[v], shortest)
     return vectors
 
@@ -46,9 +45,7 @@ def trunk_directions(vectors, forward, required):  # type: ignore[no-untyped-def
 def turned(before, after, least):  # type: ignore[no-untyped-def]
     """Return whether the angle between the first unit vectors (k, 3), not nan, exceeds `least` (n,) [rad] anywhere."""
     for n in range(len(least)):
-        square = 0.0
-        for i in range(3):
-            square += (after[n, i] - before[n, i]) ** 2
+        square = np.sum((after[n] - before[n]) ** 2)
         if not np.isnan(square) and 2.0 * np.arcsin(min(0.5 * np.sqrt(square), 1.0)) > least[n]:
             return True
     return False
@@ -66,10 +63,7 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
     """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
     offset, placements, axes, slides, coupling, joints, vectors, points = body
     gradient[:], hessian[:] = 0.0, 0.0
-    positions, values, slopes = offset.copy(), np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
-    for j in range(len(offset)):
-        for k in range(len(q)):
-            positions[j] += coupling[j, k] * q[k]
+    positions, values, slopes = offset + coupling @ q, np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
     place_points(positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes)
     square = 0.0
     for n in range(len(targets)):
@@ -79,9 +73,10 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
             unit, slope = values[n + 1] - values[n], slopes[n + 1] - slopes[n]
             length = np.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
             unit /= length
-            stretch = unit[0] * slope[0] + unit[1] * slope[1] + unit[2] * slope[2]
-            for i in range(3):
-                slope[i] = (slope[i] - unit[i] * stretch) / length
+            for k in range(len(q)):
+                stretch = unit[0] * slope[0, k] + unit[1] * slope[1, k] + unit[2] * slope[2, k]
+                for i in range(3):
+                    slope[i, k] = (slope[i, k] - unit[i] * stretch) / length
         else:
             unit, slope = values[n + 1], slopes[n + 1]
         weight = weights[n] * weights[n]
@@ -113,12 +108,10 @@ def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, h
     Levenberg's method: little damping as long as each step lowers the cost. A step that moves no joint by 1e-7 rad is
     the last.
     """
-    lower, upper, pull, neutral = held
-    dof = len(q)
+    (lower, upper, pull, neutral), dof = held, len(q)
     gradient, whole, expected = np.empty((1, dof)), np.empty((1, dof, dof)), np.empty(1)
     trial, damping = np.empty((1, dof)), np.full(1, 1e-9)
-    slopes, curves = np.empty(dof), np.empty((dof, dof))
-    here = np.empty((1, dof))
+    slopes, curves, here = np.empty(dof), np.empty((dof, dof)), np.empty((1, dof))
     cost, square = evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient[0], hessian)
     for _ in range(max_iterations):
         here[0], whole[0] = q, hessian + prior
@@ -167,12 +160,9 @@ def follow(q, velocity, covariance, targets, dt, decay, noise, weights, body, he
             predicted[n + i, n + j] = decay**2 * of_velocities + dt**2 * added
     mean = np.minimum(np.maximum(q + dt * velocity, lower), upper)
     prior = np.linalg.inv(np.ascontiguousarray(predicted[:n, :n]))
-    seen, used = targets.copy(), weights.copy()
-    for i in range(len(targets)):
-        if np.isnan(targets[i, 0]):
-            seen[i], used[i] = 0.0, 0.0
+    used = np.where(np.isnan(targets[:, 0]), 0.0, weights)
     posterior, measured = mean.copy(), np.empty((n, n))
-    square = search(posterior, seen, used, body, held, mean, prior, 6, gain, measured)
+    square = search(posterior, targets, used, body, held, mean, prior, 6, gain, measured)
     change = decay * velocity + np.ascontiguousarray(predicted[n:, :n]) @ (prior @ (posterior - mean))
     for j in range(n):
         if (posterior[j] <= lower[j] and change[j] < 0.0) or (posterior[j] >= upper[j] and change[j] > 0.0):

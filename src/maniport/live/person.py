@@ -68,16 +68,13 @@ class OneEuroFilter:
         elapsed = np.where(seen, now - self._times, np.inf)[:, None]
         new = elapsed > self.LONGEST_GAP
         speeds = np.where(new, 0.0, (vectors - self._values) / elapsed)
-        self._speeds = np.where(new, 0.0, self._speeds + _share(self.SPEED_CUTOFF, elapsed) * (speeds - self._speeds))
+        turns = 2.0 * np.pi * elapsed
+        share = 1.0 - 1.0 / (1.0 + self.SPEED_CUTOFF * turns)
+        self._speeds = np.where(new, 0.0, self._speeds + share * (speeds - self._speeds))
         cutoff = self.CUTOFF + self.SLOPE * np.linalg.norm(self._speeds, axis=1, keepdims=True)
-        filtered = self._values + np.where(new, 1.0, _share(cutoff, elapsed)) * (vectors - self._values)
+        filtered = self._values + np.where(new, 1.0, 1.0 - 1.0 / (1.0 + cutoff * turns)) * (vectors - self._values)
         self._values[seen], self._times[seen] = filtered[seen], now
         return filtered
-
-
-def _share(cutoff: Array | float, elapsed: Array) -> Array:
-    """Return how far a low-pass filter moves to a new value after a time."""
-    return np.asarray(1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * elapsed)))
 
 
 class Person:
@@ -115,20 +112,16 @@ class Person:
         targets, seen = trunk_directions(vectors, self._forward, 2)
         return targets if seen else None
 
-    def jumps(self, before: ArmEstimate, directions: Array, dt: float) -> bool:
-        """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
-        return bool(turned(before.directions, directions, np.maximum(MAX_SPEED * dt, self._least_jump)))
-
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
 
         The standard deviation of the unknown velocities is 20 rad/s.
         """
-        n, start_weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
+        n, weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
         starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
-        starts = starts.copy() if near is None else np.concatenate([near[None], starts])
-        information, fixed = np.empty((len(starts), n, n)), (start_weights, self._body, self._held, np.zeros((n, n)))
-        costs = search_all(starts, np.nan_to_num(targets), *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
+        starts = starts if near is None else np.concatenate([near[None], starts])
+        information, fixed = np.empty((len(starts), n, n)), (weights, self._body, self._held, np.zeros((n, n)))
+        costs = search_all(starts, targets, *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
         best = int(np.argmin(costs))
@@ -264,7 +257,8 @@ class LedArm:
         filled = self._hidden.fill(points, now)
         vectors = self.person.vectors(filled)
         directions, dt = self.person.directions(vectors), now - self._last_seen
-        if directions is None or (before is not None and self.person.jumps(before, directions, dt)):
+        least = np.maximum(MAX_SPEED * dt, self.person._least_jump)  # joints are not faster
+        if directions is None or (before is not None and turned(before.directions, directions, least)):
             return False
         if self._filter is not None:
             directions = self.person.directions(self._filter(vectors, now))

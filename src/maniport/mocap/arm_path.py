@@ -93,10 +93,10 @@ def sample_directions(directions: Directions) -> tuple[Array, Array]:
 
 
 def nearest_samples(targets: Array, samples: Array, count: int = 6) -> NDArray[np.intp]:
-    """Return indices of the samples whose directions are nearest to each of the targets (n, k, 3), (n, count)."""
-    flat = np.nan_to_num(targets).reshape(len(targets), -1)
+    """Return indices (n, count) of the samples, unordered, with the nearest directions to targets (n, k, 3)."""
+    flat = np.where(np.isnan(targets), 0.0, targets).reshape(len(targets), -1)
     similarity = flat @ samples.reshape(len(samples), -1).T  # of unit vectors: the larger, the smaller their distances
-    return np.argsort(-similarity, axis=1)[:, :count]
+    return np.argpartition(-similarity, count, axis=1)[:, :count]
 
 
 def _initial_path(directions: Directions, time: Array, usual: float, joined: Bools) -> Array:

@@ -99,6 +99,7 @@ class Controller:
         if self._collisions is not None:
             self._limits = (*self._limits, CollisionLimit(self._collisions))
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
+        self._multipliers = np.empty(0)  # of all constraints in the last program, at which the next one begins
         self._reaches = [float(np.linalg.norm(positions, axis=1).max()) for positions in samples]  # from the base [m]
 
     def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
@@ -134,8 +135,10 @@ class Controller:
             rows, allowed = (more, sides) if not len(rows) else (np.vstack([rows, more]), np.append(allowed, sides))
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
-            program = _program(hessian, gradients, durations, bounds, self._bounds, speed_share, rows, allowed, relaxed)
-            step, _, exit_flag, _ = daqp.solve(*program)
+            limits = bounds, self._bounds, speed_share, rows, allowed, relaxed
+            program = _program(hessian, gradients, durations, *limits, self._multipliers)
+            step, _, exit_flag, results = daqp.solve(*program)
+            self._multipliers = results["lam"] if exit_flag > 0 else np.empty(0)
             if exit_flag > 0 and math.isfinite(np.vdot(step, step)):
                 return step[: len(q)] / dt, not relaxed
         return None, False
@@ -143,7 +146,7 @@ class Controller:
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the damped Gauss-Newton Hessian (dof, dof), and half the gradients of all intervals (m, dof)."""
         dof, posture_weight = len(q), problem.reference_weight**2
-        gradient, damping = posture_weight * (q - problem.reference), np.full(dof, posture_weight)
+        gradient, damping = posture_weight * (q - problem.reference), np.zeros(dof)
         hessian, changes = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
         for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
             columns = block[1]
@@ -167,7 +170,7 @@ class Controller:
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
-        hessian.reshape(-1)[:: dof + 1] += damping + 1e-12  # the diagonal
+        hessian.reshape(-1)[:: dof + 1] += damping + (posture_weight + 1e-12)  # the diagonal
         return hessian, gradient + changes
 
 
@@ -205,14 +208,14 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
+def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed, multipliers):  # type: ignore[no-untyped-def]
     """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
 
     The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is the
     same and whose halved gradients (m, dof) are those at the present configuration. `bounds` and the inequalities
     rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the share of the limits
-    that may be used, and reached within the limits of acceleration. `relaxed` lets the
-    inequalities be violated, as little as possible.
+    that may be used, and reached within the limits of acceleration. `relaxed` lets inequalities be violated, as little
+    as possible. The solver begins with the constraints that had multipliers.
     """
     stages, dof = gradients.shape
     size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
@@ -238,5 +241,8 @@ def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, a
     matrix[:count, :dof] = rows
     above[size : size + count] = allowed
     sense = np.zeros(len(above), np.int32)
-    sense[size : size + count] = 8 if relaxed else 0  # DAQP: soft
+    for i in range(len(sense) if len(sense) == len(multipliers) else 0):
+        sense[i] = 1 if multipliers[i] > 0.0 else 3 if multipliers[i] < 0.0 else 0  # active above or below
+    if relaxed:
+        sense[size : size + count] = 8  # soft
     return quadratic, linear, matrix, above, below, sense

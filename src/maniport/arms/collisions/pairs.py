@@ -136,7 +136,7 @@ class _Selection:
         reach = np.where(near, 0.005, np.where(links, 0.1, 0.02))
         bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
         never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
-        never[never] = ~solids.maybe_near(q[FIRST:], pairs[never], reach[never]).any(axis=0)
+        never[never] = (solids.distance_bounds(q[FIRST:], pairs[never], reach[never]) > reach[never]).all(axis=0)
         hits = np.array(bounds <= 0.0, dtype=np.bool_)
         always = self._touching_surroundings(hits)
         unresolved, coarse = np.zeros_like(always), set[Part]()
@@ -152,7 +152,7 @@ class _Selection:
                 continue
             if not touching.any() and self.between[a, b] <= 2:
                 # 2048 samples with two coordinates are 8° apart
-                close = np.asarray(solids.maybe_near(q[:2048], pairs[columns], 0.0).any(axis=1))
+                close = np.asarray((solids.distance_bounds(q[:2048], pairs[columns], 0.0) <= 0.0).any(axis=1))
                 if not self._meshes_touch(a, b, q[:2048][close]).any():
                     never[columns] = True
                     continue

@@ -48,19 +48,15 @@ class Solids:
             0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1),
         )
 
-    def maybe_near(self, q: Array, pairs: Pairs, margin: float | Array) -> NDArray[np.bool_]:
-        """Return whether pairs may be within a margin [m], common or per pair, (n, pairs), for q (n, dof)."""
-        return np.asarray(self.distance_bounds(q, pairs, margin) <= margin)
-
     def distance_bounds(self, q: Array, pairs: Pairs, sufficient: float | Array) -> Array:
-        """Lower bound of the distances of pairs [m], shape (n, pairs); not refined where it exceeds `sufficient`."""
-        bounds, margins = np.empty((len(q), len(pairs))), np.full(len(pairs), sufficient, np.float64)
+        """Lower bounds of the distances of pairs [m], (n, pairs), for q (n, dof); not refined above `sufficient`."""
+        bounds, margins = np.empty((len(q), len(pairs))), np.zeros(len(pairs)) + sufficient
         _fill_distance_bounds(self.tree.positions(q), *self._arrays, pairs, margins, self.table, bounds)
         return bounds
 
     def contacts(self, q: Array, pairs: Pairs, margin: float | Array = np.inf, depths: bool = True) -> Contacts:
         """Measure the pairs that may be within a margin [m], common or per pair, at configurations (n, dof)."""
-        rows, columns = np.nonzero(self.maybe_near(q, pairs, margin))
+        rows, columns = np.nonzero(self.distance_bounds(q, pairs, margin) <= margin)
         distances, normals, points = np.empty(len(rows)), np.empty((len(rows), 3)), np.empty((len(rows), 3))
         if not len(rows):  # most control steps
             return Contacts(rows, columns, distances, normals, points)
@@ -68,12 +64,10 @@ class Solids:
         request.enable_signed_distance = depths
         used, which = np.unique(rows, return_inverse=True) if len(q) > 1 else (np.zeros(1, dtype=np.intp), rows)
         turns, origins = self.tree.link_poses(q[used])
-        places: dict[tuple[int, int], coal.Transform3s] = {}
         links, ends = self._links[pairs[columns]].tolist(), pairs[columns].tolist()
+        moved = {(row, link) for row, own in zip(which.tolist(), links, strict=True) for link in own}
+        places = {key: coal.Transform3s(turns[key], origins[key]) for key in moved}
         for k, row in enumerate(which.tolist()):
-            for link in links[k]:
-                if (row, link) not in places:
-                    places[row, link] = coal.Transform3s(turns[row, link], origins[row, link])
             (a, b), (link_a, link_b) = ends[k], links[k]
             result.clear()
             first, second = (self._shapes[a], places[row, link_a]), (self._shapes[b], places[row, link_b])
@@ -84,13 +78,24 @@ class Solids:
     def slopes(self, q: Array, pairs: Pairs, contacts: Contacts) -> Array:
         """Return derivatives of the distances in the configuration, shape (k, dof)."""
         rows, columns, _, normals, points = contacts
-        turns, origins = self.tree.link_poses(q[rows])
-        axes = np.einsum("njab,jb->nja", turns[:, 1:], self.tree.axes)
-        velocities = np.cross(axes, points[:, None] - origins[:, 1:])
-        velocities = np.where(self.tree.slides[:, None], axes, velocities)
-        first, second = self._links[pairs[columns]].T
-        carries = self.tree.moves[first].astype(float) - self.tree.moves[second]
-        return np.asarray((np.einsum("nja,na->nj", velocities, normals) * carries) @ self.tree.coupling)
+        places = rows, self._links[pairs[columns]], normals, points
+        changes = np.zeros((len(rows), len(self.tree.axes)))
+        _fill_slopes(*self.tree.link_poses(q), *self.tree.arrays[2:], self.tree.moves, *places, changes)
+        return self.tree.coupled(changes)
+
+
+@kernel
+def _fill_slopes(turns, origins, axes, slides, moves, rows, links, normals, points, changes):  # type: ignore[no-untyped-def]
+    """Add derivatives (k, joints) of distances along normals of points of the first of two links (k, 2)."""
+    for k in range(len(rows)):
+        for j in range(len(axes)):
+            turn, at = turns[rows[k], j + 1], origins[rows[k], j + 1]
+            sign = 1.0 * moves[links[k, 0], j] - 1.0 * moves[links[k, 1], j]
+            for i in range(3 if sign != 0.0 else 0):
+                p, q = (i + 1) % 3, (i + 2) % 3
+                turned = (points[k, p] - at[p]) * normals[k, q] - (points[k, q] - at[q]) * normals[k, p]
+                for m in range(3):
+                    changes[k, j] += sign * (normals[k, i] if slides[j] else turned) * turn[i, m] * axes[j, m]
 
 
 @kernel
@@ -164,9 +169,7 @@ def _apart(  # type: ignore[no-untyped-def]
         most = max(most, between / length - 1e-9)  # rounding
         if most > sufficient:
             break
-        w0 = at_a[0] - at_b[0]
-        w1 = at_a[1] - at_b[1]
-        w2 = at_a[2] - at_b[2]
+        w0, w1, w2 = at_a[0] - at_b[0], at_a[1] - at_b[1], at_a[2] - at_b[2]
         for m in range(3):
             w0 += turn_a[0, m] * corners[i, m] - turn_b[0, m] * corners[j, m]
             w1 += turn_a[1, m] * corners[i, m] - turn_b[1, m] * corners[j, m]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import Arm, EllipsoidSpec
-from maniport.motion.kernels import add_log_residual, add_residual
+from maniport.motion.kernels import add_log_residual, add_residual, fill_spectrum
 from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import to_vector
 from maniport.util.validation import SPD_TOLERANCE, Array
@@ -33,8 +33,7 @@ class EllipsoidCost:
 
     def residual(self, q: Array, time: Array | None = None) -> Array:
         """Return residuals, shape (n, d (d + 1) / 2), where nothing is singular."""
-        values, vectors, _, _ = self.spectrum(self.arm.ellipsoids(q, self.spec.bounded))
-        return self._weighted_log(values, vectors)
+        return self._weighted_log(*self.spectrum(self.arm.ellipsoids(q, self.spec.bounded))[:2])
 
     def jacobian(self, q: Array, time: Array | None = None) -> Array:
         """Return their derivatives, shape (n, d (d + 1) / 2, dof)."""
@@ -75,16 +74,15 @@ class EllipsoidCost:
 
     def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
         """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
-        flat, achieved = False, velocity
+        achieved, singular = velocity, np.zeros(max(len(velocity), len(self.whitening)), dtype=np.bool_)
         if self.spec.kind == "force":
             values, vectors = eigh(velocity)
             flat = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
-            values[flat] = 1.0
+            values[flat], singular[:] = 1.0, flat
             achieved = compose(1.0 / values, vectors)
             changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
-        values, vectors = eigh(congruence(self.whitening, achieved + self.shift))
-        singular = flat | (values[:, 0] <= SPD_TOLERANCE * values[:, -1])
-        values[singular] = 1.0
+        values, vectors = np.empty((len(singular), self.spec.size)), np.empty((len(singular), *achieved.shape[1:]))
+        fill_spectrum(achieved + self.shift, self.whitening, values, vectors, singular, SPD_TOLERANCE)
         return values, vectors, singular, np.empty((0,)) if changes is None else changes
 
     def _weighted_log(self, values: Array, vectors: Array) -> Array:

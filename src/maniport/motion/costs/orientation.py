@@ -8,7 +8,6 @@ import numpy as np
 from maniport.arms import Arm
 from maniport.util.validation import Array, as_choice
 
-"""Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
 ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
 
 
