@@ -21,7 +21,7 @@ durations. So limits of position, velocity and acceleration never contradict one
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import daqp
@@ -48,6 +48,7 @@ class ControlState:
     # False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were violated
     # as little as possible, or the arm braked if this would have led to a collision.
     solved: bool = True
+    multipliers: Array = field(default_factory=lambda: np.empty(0))  # of its program, at which the next one begins
 
     @classmethod
     def at_rest(cls, q: Array) -> "ControlState":
@@ -99,7 +100,6 @@ class Controller:
         if self._collisions is not None:
             self._limits = (*self._limits, CollisionLimit(self._collisions))
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
-        self._multipliers = np.empty(0)  # of all constraints in the last program, at which the next one begins
         self._reaches = [float(np.linalg.norm(positions, axis=1).max()) for positions in samples]  # from the base [m]
 
     def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
@@ -109,11 +109,11 @@ class Controller:
         acceleration allows.
         """
         bounds = _velocity_bounds(state.q, state.velocity, self._bounds, state.dt or dt, dt, speed_share)
-        velocity, solved = self._solve(problem, state.q, bounds, dt, speed_share)
+        velocity, solved, multipliers = self._solve(problem, state, bounds, dt, speed_share)
         if velocity is not None:
             velocity, configurations = _moved(state.q, velocity, bounds, self._bounds, dt)
             if self._collisions is None or not self._collisions.collides(configurations).any():
-                return ControlState(configurations[0], velocity, dt, solved)
+                return ControlState(configurations[0], velocity, dt, solved, multipliers)
         return self.brake(state, dt)
 
     def brake(self, state: ControlState, dt: float) -> ControlState:
@@ -123,12 +123,13 @@ class Controller:
         return ControlState(configurations[0], velocity, dt, solved=False)
 
     def _solve(
-        self, problem: ControlProblem, q: Array, bounds: Array, dt: float, speed_share: float
-    ) -> tuple[Array | None, bool]:
-        """Return the best velocities (dof,), or None, and whether they satisfy all inequalities."""
+        self, problem: ControlProblem, state: ControlState, bounds: Array, dt: float, speed_share: float
+    ) -> tuple[Array | None, bool, Array]:
+        """Return the best velocities (dof,), or None, whether they satisfy all inequalities, and multipliers."""
+        q, none = state.q, np.empty(0)
         hessian, gradients = self._objective(problem, q)
         if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradients, gradients)):  # an ellipsoid is singular
-            return None, False
+            return None, False, none
         rows, allowed = np.empty((0, len(q))), np.empty(0)
         for limit in self._limits:
             more, sides = limit.inequalities(q, dt)
@@ -136,12 +137,11 @@ class Controller:
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
             limits = bounds, self._bounds, speed_share, rows, allowed, relaxed
-            program = _program(hessian, gradients, durations, *limits, self._multipliers)
+            program = _program(hessian, gradients, durations, *limits, state.multipliers)
             step, _, exit_flag, results = daqp.solve(*program)
-            self._multipliers = results["lam"] if exit_flag > 0 else np.empty(0)
             if exit_flag > 0 and math.isfinite(np.vdot(step, step)):
-                return step[: len(q)] / dt, not relaxed
-        return None, False
+                return step[: len(q)] / dt, not relaxed, results["lam"]
+        return None, False, none
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the damped Gauss-Newton Hessian (dof, dof), and half the gradients of all intervals (m, dof)."""
