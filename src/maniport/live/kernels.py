@@ -187,3 +187,20 @@ def interpolated(times, rows, start, later):  # type: ignore[no-untyped-def]
     for i in range(rows.shape[1]):
         result[:, i] = np.interp(start + later, times, rows[:, i])
     return result
+
+
+@kernel
+def queued(times, rows, row, now, delay):  # type: ignore[no-untyped-def]
+    """Append a time and a row to those (n,) and (n, m) that are followed after a delay; drop old ones.
+
+    Where the last row is already followed, the way to the new one begins now.
+    """
+    count, late = len(times), now - delay
+    ended = count > 0 and times[-1] < late
+    first = count - 1 if ended else max(np.searchsorted(times, late - delay) - 1, 0)
+    kept, kept_rows = np.empty(count - first + 1), np.empty((count - first + 1, len(row)))
+    for i in range(first, count):
+        kept[i - first] = late if ended else times[i]
+        kept_rows[i - first] = rows[i]
+    kept[-1], kept_rows[-1] = now, row
+    return kept, kept_rows

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.live.person import LedArm, Person, TargetQueue
+from maniport.live.person import LedArm, Person
 from maniport.live.robot import CONTROL_STEP, Robot
 from maniport.live.state import FollowState, LiveArm, LiveState, MotionClock, largest
+from maniport.live.targets import Target, TargetQueue
 from maniport.live.transport import as_frame
 from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
@@ -228,9 +229,10 @@ class Live:
                     queue.add(arm.target, self._clock.now)
             seen = all(updated)
             self._seen_at = self._clock.now if seen else self._seen_at
-        follows = self._move(seen, elapsed)
+        targets = [queue.at(self._clock.now) for queue in self._queues]
+        follows = self._move(targets, seen, elapsed)
         self._clock.end_step(rested and self._robot.resting)
-        arms = tuple(self._arm_state(i, arm) for i, arm in enumerate(self._arms))
+        arms = tuple(map(self._arm_state, range(len(targets)), targets))
         if follows:
             errors = largest(arm.position_error for arm in arms)
             self._state.update(self._clock.now, errors, largest(arm.distance for arm in arms))
@@ -241,14 +243,15 @@ class Live:
         """Let the robot brake in the following steps, until a frame comes in which the person is visible."""
         self._seen_at = -np.inf
 
-    def _move(self, seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
+    def _move(self, targets: Sequence[Target | None], seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
         """Move the robot for the time that has elapsed [s], at the end of which all arms were `seen` or not.
 
         Return whether it follows; an approach uses a share of the velocity limits.
         """
         if elapsed == 0.0:
             return False
-        if any(arm.target is None for arm in self._arms):
+        present = [target for target in targets if target is not None]
+        if len(present) < len(targets):
             self._robot.brake(elapsed)
             return False
         lost = max(elapsed, self._clock.now - self._seen_at) > self._hold_after + self._delay
@@ -258,14 +261,14 @@ class Live:
             return False
         self._state.resume()
         share = approach_share if self._state.approaching else 1.0
-        self._robot.follow(self._queues, elapsed, share, self._clock.now)
+        self._robot.follow(present, self._queues, elapsed, share, self._clock.now)
         return True
 
-    def _arm_state(self, index: int, arm: LedArm) -> LiveArm:
-        achieved, position = self._robot.achieved[index], self._robot.positions[index]
-        if arm.estimate is None or arm.target is None:
+    def _arm_state(self, index: int, delayed: Target | None) -> LiveArm:
+        arm, achieved, position = self._arms[index], self._robot.achieved[index], self._robot.positions[index]
+        if arm.estimate is None or delayed is None:
             return LiveArm(achieved, position)
-        target, wanted = self._queues[index].at(self._clock.now)
+        target, wanted = delayed
         error = None if wanted is None else math.dist(position, wanted)
         distance = self._robot.distance(index, target)
         return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, wanted, distance, error)

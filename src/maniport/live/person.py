@@ -16,7 +16,8 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.kernels import follow, interpolated, search_all, trunk_directions, turned, unit_vectors, updated
+from maniport.live.kernels import follow, search_all, trunk_directions, turned, unit_vectors, updated
+from maniport.live.targets import Target
 from maniport.mocap import ArmFit, Recording
 from maniport.mocap.arm_path import (
     KEY_RATE,
@@ -182,43 +183,6 @@ class HiddenPoints:
         """Take a frame as the last one in which the points were where they are."""
         self._points = filled
         self._times[~np.isnan(points[:, 0])] = now
-
-
-class Target(NamedTuple):
-    """The target of an arm in the base frame."""
-
-    ellipsoid: Array  # (d, d)
-    position: Array | None  # (3,), of the end effector [m]
-
-
-class TargetQueue:
-    """The last targets of an arm, which the robot follows after a delay [s]; the path between two of them is linear."""
-
-    def __init__(self, delay: float):
-        self._delay, self._newest = delay, Target(np.empty((0, 0)), None)
-        self._times, self._rows = np.empty(0), np.empty((0, 0))  # position and ellipsoid at each time
-
-    def add(self, target: Target, now: float) -> None:
-        """Add the target of a frame that comes now, by the robot's clock [s]."""
-        row = np.append(np.zeros(3) if target.position is None else target.position, target.ellipsoid)[None]
-        times, rows = self._times, self._rows
-        if len(times) and times[-1] < now - self._delay:  # the robot is at the last target, and leaves it now
-            times, rows = np.array([now - self._delay]), rows[-1:]
-        first = max(int(times.searchsorted(now - 2.0 * self._delay)) - 1, 0)
-        self._times = np.append(times[first:], now)
-        self._rows = np.concatenate([rows[first:], row]) if len(times) else row
-        self._newest = target
-
-    def at(self, time: float) -> Target:
-        """Return the target that the robot follows at a time [s]: that of the delay before, or the nearest one."""
-        row = interpolated(self._times, self._rows, time - self._delay, np.zeros(1))[0]
-        return Target(row[3:].reshape(self._newest.ellipsoid.shape), None if self._newest.position is None else row[:3])
-
-    def positions(self, time: float, later: Array) -> Array | None:
-        """Return positions at times (k,) after a time [s], shape (k, 3); None without a delay or a path."""
-        if self._delay == 0.0 or self._newest.position is None:
-            return None
-        return np.asarray(interpolated(self._times, self._rows, time - self._delay, later)[:, :3])
 
 
 class LedArm:

@@ -7,7 +7,7 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
-from maniport.live.person import Target, TargetQueue
+from maniport.live.targets import Target, TargetQueue
 from maniport.motion import Limit, MotionLimits
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
@@ -52,7 +52,10 @@ class Robot:
         if reference is not None:
             self._candidates, self._weight = reference[evenly_spaced(len(reference), 500)], 0.5
         parts = zip(self._objectives, group.split(self._candidates), strict=True)
-        self._there = [own.arm.posed_ellipsoids(q, own.spec) for own, q in parts]  # poses and ellipsoids of each arm
+        self._there = list[tuple[Array, Array]]()  # positions and damped ellipsoids of each arm
+        for own, q in parts:
+            poses, ellipsoids = own.arm.posed_ellipsoids(q, own.spec)
+            self._there.append((poses[:, :3, 3], own.damped(ellipsoids)))
         self._controller = Controller(limits.arm, limits.velocity, limits.acceleration, collisions, costs, own_limits)
         self.rest(start)
 
@@ -75,14 +78,19 @@ class Robot:
         return float(distance_unchecked(damped(target), damped(self.achieved[arm])))
 
     def follow(
-        self, queues: Sequence[TargetQueue], elapsed: float, speed_share: float, time: float, period: float = 0.05
+        self,
+        targets: Sequence[Target],
+        queues: Sequence[TargetQueue],
+        elapsed: float,
+        speed_share: float,
+        time: float,
+        period: float = 0.05,
     ) -> None:
-        """Move for the time that has elapsed [s] toward the targets of each arm.
+        """Move for the time that has elapsed [s] toward the target of each arm.
 
-        `speed_share` is the share of the velocity limits to use, `time` that of the robot's clock [s]. The reference is
-        looked up anew after a `period` [s].
+        `speed_share` is the share of the velocity limits to use, `time` that of the robot's clock [s], at which the
+        queues have the targets. The reference is looked up anew after a `period` [s].
         """
-        targets = [queue.at(time) for queue in queues]
         if time - self._reference_time > period:
             self._choose_reference(targets)
             self._reference_time = time
@@ -101,10 +109,12 @@ class Robot:
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:
         """Choose the candidate nearest to the present configuration of those that suit the targets best."""
         cost = np.zeros(len(self._candidates))
-        for own, (poses, ellipsoids), (target, position) in zip(self._objectives, self._there, targets, strict=True):
-            cost += distance_unchecked(own.damped(target), own.damped(ellipsoids)) ** 2
+        for own, (positions, ellipsoids), (target, position) in zip(
+            self._objectives, self._there, targets, strict=True
+        ):
+            cost += distance_unchecked(own.damped(target), ellipsoids) ** 2
             if position is not None:
-                cost += np.sum((6.0 * (poses[:, :3, 3] - position)) ** 2, axis=1)  # [1/m]
+                cost += np.sum((6.0 * (positions - position)) ** 2, axis=1)  # [1/m]
         near = self._candidates[np.argpartition(cost, min(count, len(cost) - 1))[:count]]
         self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
 

@@ -43,12 +43,13 @@ def as_frame(points: Any, names: Sequence[str]) -> Array | None:
     else:
         positions = _as_numbers(points, "points")
         require_shape(positions, "points", (len(names), 3), ", a row for each of live.points")
-    if not np.vdot(positions, positions) <= MAX_POSITION**2 and (np.abs(positions) > MAX_POSITION).any():
-        largest = np.nanmax(np.abs(positions))
-        raise InvalidInputError(
-            f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {largest:g}"
-        )
-    positions[np.isnan(positions).any(axis=1)] = np.nan
+    if not np.vdot(positions, positions) <= MAX_POSITION**2:
+        if (np.abs(positions) > MAX_POSITION).any():
+            largest = np.nanmax(np.abs(positions))
+            raise InvalidInputError(
+                f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {largest:g}"
+            )
+        positions[np.isnan(positions).any(axis=1)] = np.nan
     return positions
 
 
