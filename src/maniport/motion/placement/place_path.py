@@ -167,7 +167,7 @@ def place_path(
             candidates=tuple(Place.of(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)
-    step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
+    step.end(f"scale {placed[0].scale:.2f}, distance {medians} (pointwise optimum)")
     return tuple(placed) if several else placed[0]
 
 
