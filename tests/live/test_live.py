@@ -150,7 +150,8 @@ def test_who_is_not_seen_is_waited_for(live, frames):
     assert_array_equal(gone[-1].joint_positions, gone[-5].joint_positions)
     assert np.isfinite(gone[-1].distance)
     back = [live.step(points[200], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
-    assert (back[0].state, back[-1].state) == ("recovering", "following")
+    assert (back[0].state, back[2].state, back[-1].state) == ("recovering", "recovering", "following")
+    assert_allclose(back[0].arm.target_position, back[-1].arm.target_position, atol=0.005)  # without a delay
     assert back[-1].position_error < 0.01
     live.hold()
     assert live.step(None, back[-1].time + 0.02).state == "holding"

@@ -226,7 +226,7 @@ class Live:
             updated = [arm.update(positions, time, self._hold_after, resting) for arm in self._arms]
             for arm, queue, success in zip(self._arms, self._queues, updated, strict=True):
                 if success and arm.target is not None:
-                    queue.add(arm.target, self._clock.now)
+                    queue.add(arm.target, self._clock.now, resting)
             seen = all(updated)
             self._seen_at = self._clock.now if seen else self._seen_at
         targets = [queue.at(self._clock.now) for queue in self._queues]

@@ -22,8 +22,10 @@ class TargetQueue:
         self._delay, self._newest = delay, Target(np.empty((0, 0)), None)
         self._times, self._rows = np.empty(0), np.empty((0, 0))  # position and ellipsoid at each time
 
-    def add(self, target: Target, now: float) -> None:
-        """Add the target of a frame that comes now, by the robot's clock [s]."""
+    def add(self, target: Target, now: float, resting: bool = False) -> None:
+        """Add the target of a frame that comes now, by the robot's clock [s]; if it rests, forget earlier ones."""
+        if resting:
+            self._times, self._rows = np.empty(0), np.empty((0, 0))
         row = np.empty(3 + target.ellipsoid.size)
         row[:3], row[3:] = 0.0 if target.position is None else target.position, target.ellipsoid.ravel()
         self._times, self._rows = queued(self._times, self._rows, row, now, self._delay)
