@@ -5,6 +5,8 @@
 Each case transfers a recording, and plays it (or another one of the same motion) to `maniport.Live` in simulated time.
 Webcam cases have 30 frames a second, Gaussian noise of 12 mm (7 mm in each direction) and missing frames and points.
 `--delay` is that of `Live`; distances "to the person" are those from the present place of the hand, without noise.
+`--inputs` measures lag, errors and smoothness with sensors of different rates and noise, jumps of points, and a person
+who leaves and returns.
 `--optimum` computes the smallest maximum position error of a robot that knows the whole motion (minutes a case): each
 arm by itself, within the limits, regardless of collisions, a local optimum from the live motion.
 With a cache, calibrations are read from a folder where they are there; delete it when placement or options change.
@@ -14,6 +16,7 @@ import argparse
 import pickle
 import warnings
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -59,24 +62,51 @@ CASES = {
 }
 
 
-def webcam(recording: Recording, seed: int) -> Recording:
-    """Sample at 30 Hz, with noise, bursts of 1 to 5 missing frames (2 % of frames), and 2 % of points missing."""
-    random = np.random.default_rng(seed)
-    time = np.arange(recording.time[0], recording.time[-1], 1.0 / FRAME_RATE)
+def sampled(recording: Recording, rate: float, noise: float, degree: int, random: Any) -> Recording:
+    """Sample splines of a degree at a rate [Hz], with Gaussian noise [m]; points are missing where they were."""
+    time = np.arange(recording.time[0], recording.time[-1], 1.0 / rate)
     rows = np.abs(recording.time[:, None] - time).argmin(axis=0)
     positions = np.full((len(time), *recording.positions.shape[1:]), np.nan)
     for i in range(len(recording.names)):
         seen = ~np.isnan(recording.positions[:, i, 0])
         if not seen.any():
             continue
-        spline = make_interp_spline(recording.time[seen], recording.positions[seen, i], k=1)
+        spline = make_interp_spline(recording.time[seen], recording.positions[seen, i], k=degree)
         positions[:, i] = spline(np.clip(time, *recording.time[seen][[0, -1]]))
         positions[~seen[rows], i] = np.nan
-    positions += random.normal(0.0, NOISE / np.sqrt(3.0), positions.shape)
+    positions += random.normal(0.0, noise / np.sqrt(3.0), positions.shape)
+    return replace(recording, positions=positions, time=time)
+
+
+def webcam(recording: Recording, seed: int, bursts: float = 0.007) -> Recording:
+    """Sample at 30 Hz, with noise, a share of `bursts` of 1 to 5 missing frames, and 2 % of points missing."""
+    random = np.random.default_rng(seed)
+    seen = sampled(recording, FRAME_RATE, NOISE, 1, random)
+    positions = seen.positions.copy()
     positions[random.random(positions.shape[:2]) < 0.02] = np.nan
-    for first in np.flatnonzero(random.random(len(time)) < 0.007):
+    for first in np.flatnonzero(random.random(len(positions)) < bursts):
         positions[first : first + random.integers(1, 6)] = np.nan
-    return replace(recording, positions=positions, time=time, source=f"{recording.source} seed {seed}")
+    return replace(seen, positions=positions, source=f"{recording.source} seed {seed}")
+
+
+def mocap(recording: Recording, rate: float) -> Recording:
+    """Sample at a rate [Hz], with noise of 0.5 mm."""
+    return sampled(recording, rate, 0.0005, 3, np.random.default_rng(0))
+
+
+def jumping(recording: Recording) -> Recording:
+    """Displace 1 % of points by 0.3 m, for 1 to 3 frames each."""
+    random, positions = np.random.default_rng(0), recording.positions.copy()
+    for first, point in np.argwhere(random.random(positions.shape[:2]) < 0.005):
+        direction = random.normal(size=3)
+        positions[first : first + random.integers(1, 4), point] += 0.3 * direction / np.linalg.norm(direction)
+    return replace(recording, positions=positions)
+
+
+def leaving(recording: Recording) -> Recording:
+    """Omit 2 s of each 4 s."""
+    gone = (recording.time - recording.time[0]) % 4.0 > 2.0
+    return replace(recording, positions=np.where(gone[:, None, None], np.nan, recording.positions))
 
 
 def transferred(case: Case, options: dict[str, Any], cache: Path | None) -> tuple[Recording, Recording, Any]:
@@ -121,14 +151,14 @@ def measured(case: Case, options: dict[str, Any], cache: Path | None, delay: flo
     errors = 1e3 * np.array([state.position_error for state in late])
     distance = np.array([[arm.distance for arm in state.arms] for state in late])
     planned = np.stack([arm.motion.distance for arm in result.arms], axis=1)
-    true = np.concatenate([_true_errors(result.arms[i], i, clean, late) for i in range(len(result.arms))])
+    true = [1e3 * _offsets(states[first:], placed_hand(arm, clean), i) for i, arm in enumerate(result.arms)]
     limits, q = result.motion.trajectory.limits, np.array([state.joint_positions for state in states])
     return {
         "scale": result.arms[0].placement.scale,
         "duration": float(result.motion.trajectory.control_time[-1]),
         "person": float(np.ptp(result.arms[0].time)),
         "error": np.percentile(errors, (50.0, 95.0, 100.0)),
-        "true": np.percentile(true, (50.0, 95.0, 100.0)),
+        "true": np.percentile(np.concatenate(true), (50.0, 95.0, 100.0)),
         "distance": (rms(distance), rms(planned)),
         "limits": use_of_limits(limits, followed.time, q),
         "following": float(np.mean([state.state == "following" for state in states])),
@@ -177,15 +207,73 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _true_errors(arm: Any, index: int, clean: Recording, states: list[LiveState]) -> Array:
-    """Distances of an end effector from the placed hand path of the recording without noise [mm]."""
+def placed_hand(arm: Any, clean: Recording) -> Any:
+    """Return the placed hand path of a recording without noise as a spline."""
     fit = mp.fit_arm(clean, side=arm.fit.arm.side)
     hand = arm.placement.apply(fit.arm.forward(fit.joint_angles)[:, :3, 3] + arm.person_base)
-    time = np.array([state.time for state in states])
-    inside = (time >= fit.time[0]) & (time <= fit.time[-1])
-    wanted = make_interp_spline(fit.time, hand, k=1)(time[inside])
-    reached = np.array([state.arms[index].position for state in states])[inside]
-    return np.asarray(1e3 * np.linalg.norm(reached - wanted, axis=1))
+    return make_interp_spline(fit.time, hand, k=3)
+
+
+def _offsets(states: list[LiveState], hand: Any, index: int = 0, lag: float = 0.0) -> Array:
+    """Distances of an end effector from a hand path that is shifted by a lag [m]."""
+    time = np.array([state.time for state in states]) - lag
+    inside = (time >= hand.t[0]) & (time <= hand.t[-1])
+    reached = np.array([state.arms[index].position for state in states])
+    return np.asarray(np.linalg.norm((reached - hand(time))[inside], axis=1))
+
+
+def inputs(recording: str, options: dict[str, Any], cache: Path | None) -> dict[str, list[str]]:
+    """Follow a recording as different sensors measure it; return the cells of a table.
+
+    The lag is the time shift of the hand path without noise that fits the motion of the end effector best, and the
+    smoothness the rms acceleration of the end effector divided by that of the hand path.
+    """
+    table = {}
+    clean, _, precise = transferred(Case(recording), options, cache)
+    noisy, _, coarse = transferred(Case(recording, seed=1), options, cache)
+    for name, followed, result, delay in (
+        ("mocap, 60 Hz", mocap(clean, 60.0), precise, 0.15),
+        ("mocap, 120 Hz", mocap(clean, 120.0), precise, 0.15),
+        ("mocap, 240 Hz", mocap(clean, 240.0), precise, 0.15),
+        ("mocap, 120 Hz, no delay", mocap(clean, 120.0), precise, 0.0),
+        ("webcam", noisy, coarse, 0.15),
+        ("webcam, no delay", noisy, coarse, 0.0),
+        ("webcam, 10 % of frames missing", webcam(clean, 1, 0.033), coarse, 0.15),
+        ("mocap, 60 Hz, jumps", jumping(mocap(clean, 60.0)), precise, 0.15),
+        ("mocap, 120 Hz, leaving", leaving(mocap(clean, 120.0)), precise, 0.15),
+    ):
+        states, hand = played(mp.Live.of(result, clock=None, delay=delay), followed), placed_hand(result.arm, clean)
+        late = [state for state in states if state.state in ("following", "lagging")]
+        lags = np.arange(0.0, 0.4, 0.002)
+        lag = lags[np.argmin([rms(_offsets(late, hand, lag=own)) for own in lags])]
+        errors = 1e3 * np.array([state.position_error for state in late])
+        limits, q = result.motion.trajectory.limits, np.array([state.joint_positions for state in states])
+        time, reached = followed.time, np.array([state.arm.position for state in states])
+        is_late = (time <= hand.t[-1]) & np.isin([state.state for state in states], ("following", "lagging"))
+        rows = is_late[2:] & is_late[1:-1] & is_late[:-2]
+        acceleration = [rms(np.diff(path, n=2, axis=0)[rows]) for path in (reached, hand(time))]
+        values = errors, 1e3 * _offsets(late, hand, lag=lag)
+        table[name] = [
+            f"{lag:.2f}",
+            *(", ".join(f"{value:.0f}" for value in np.percentile(own, (95.0, 100.0))) for own in values),
+            f"{acceleration[0] / acceleration[1]:.2f}",
+            ", ".join(f"{value:.2f}" for value in use_of_limits(limits, time, q)),
+            ", ".join(f"{value:.2f}" for value in returns(states, limits.velocity)),
+        ]
+    return table
+
+
+def returns(states: list[LiveState], velocity: Array) -> tuple[float, float]:
+    """Longest time from the return of a person until `following` [s], and largest share of speed limits in it."""
+    longest, fastest, began = 0.0, 0.0, None
+    for before, state in pairwise(states):
+        if state.state == "recovering":
+            began = before.time if began is None else began
+            longest = max(longest, state.time - began)
+            fastest = max(fastest, float((np.abs(state.joint_velocities) / velocity).max()))
+        else:
+            began = None
+    return longest, fastest
 
 
 def row(name: str, own: dict[str, Any]) -> str:
@@ -208,9 +296,18 @@ def main() -> None:
     parser.add_argument("--delay", type=float, default=0.15, help="delay of the robot [s]")
     parser.add_argument("--cache", type=Path, help="folder of calibrations")
     parser.add_argument("--optimum", action="store_true", help="print the optimum with known motion, too")
+    parser.add_argument("--inputs", action="store_true", help="compare sensors, with freeform and ladder")
     parsed = parser.parse_args()
     options = {name: yaml.safe_load(value) for name, _, value in (text.partition("=") for text in parsed.options)}
     warnings.simplefilter("ignore", ManiportWarning)
+    if parsed.inputs:
+        print("| input | lag [s] | position error [mm] | to the shifted path | smoothness | v, a | return [s], v |")
+        print("|---" * 7 + "|")
+        tables = [inputs(recording, options, parsed.cache) for recording in ("freeform", "ladder")]
+        for name in tables[0]:
+            cells = ("; ".join(own) for own in zip(*(table[name] for table in tables), strict=True))
+            print(f"| {name} | " + " | ".join(cells) + " |")
+        return
     print("| recording | scale | position error [mm] | to the person | distance | plan | ratio | time | v, a | near |")
     print("|---" * 10 + "|")
     for name in parsed.cases or CASES:
