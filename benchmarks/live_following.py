@@ -4,7 +4,7 @@
 
 Each case transfers a recording, and plays it (or another one of the same motion) to `maniport.Live` in simulated time.
 Webcam cases have 30 frames a second, Gaussian noise of 12 mm (7 mm in each direction) and missing frames and points.
-`--delay` is that of `Live`; distances "to the person" are those from the present place of the hand, without noise.
+`--delay` is that of `Live`. Two columns are distances to the hand path without noise, with the delay and at present.
 `--inputs` measures lag, errors and smoothness with sensors of different rates and noise, jumps of points, and a person
 who leaves and returns.
 `--optimum` computes the smallest maximum position error of a robot that knows the whole motion (minutes a case): each
@@ -151,14 +151,17 @@ def measured(case: Case, options: dict[str, Any], cache: Path | None, delay: flo
     errors = 1e3 * np.array([state.position_error for state in late])
     distance = np.array([[arm.distance for arm in state.arms] for state in late])
     planned = np.stack([arm.motion.distance for arm in result.arms], axis=1)
-    true = [1e3 * _offsets(states[first:], placed_hand(arm, clean), i) for i, arm in enumerate(result.arms)]
+    hands = [placed_hand(arm, clean) for arm in result.arms]
+    delayed, present = (
+        1e3 * np.concatenate([_offsets(states[first:], hand, i, lag) for i, hand in enumerate(hands)])
+        for lag in (delay, 0.0)
+    )
     limits, q = result.motion.trajectory.limits, np.array([state.joint_positions for state in states])
     return {
         "scale": result.arms[0].placement.scale,
         "duration": float(result.motion.trajectory.control_time[-1]),
         "person": float(np.ptp(result.arms[0].time)),
-        "error": np.percentile(errors, (50.0, 95.0, 100.0)),
-        "true": np.percentile(np.concatenate(true), (50.0, 95.0, 100.0)),
+        "errors": [np.percentile(own, (50.0, 95.0, 100.0)) for own in (errors, delayed, present)],
         "distance": (rms(distance), rms(planned)),
         "limits": use_of_limits(limits, followed.time, q),
         "following": float(np.mean([state.state == "following" for state in states])),
@@ -278,10 +281,10 @@ def returns(states: list[LiveState], velocity: Array) -> tuple[float, float]:
 
 def row(name: str, own: dict[str, Any]) -> str:
     """Return a row of the table."""
-    error, true = (", ".join(f"{value:.0f}" for value in own[key]) for key in ("error", "true"))
+    errors = (", ".join(f"{value:.0f}" for value in values) for values in own["errors"])
     live, planned = own["distance"]
     cells = (
-        name, f"{own['scale']:.2f}", error, true, f"{live:.2f}", f"{planned:.2f}", f"{live / planned:.2f}",
+        name, f"{own['scale']:.2f}", *errors, f"{live:.2f}", f"{planned:.2f}", f"{live / planned:.2f}",
         f"{own['duration'] / own['person']:.2f}", ", ".join(f"{value:.2f}" for value in own["limits"]),
         f"{100 * own['following']:.0f} %",
     )  # fmt: skip
@@ -308,8 +311,8 @@ def main() -> None:
             cells = ("; ".join(own) for own in zip(*(table[name] for table in tables), strict=True))
             print(f"| {name} | " + " | ".join(cells) + " |")
         return
-    print("| recording | scale | position error [mm] | to the person | distance | plan | ratio | time | v, a | near |")
-    print("|---" * 10 + "|")
+    columns = "position error [mm] | hand path, delayed | present hand | distance | plan | ratio | time | v, a | near |"
+    print(f"| recording | scale | {columns}\n" + "|---" * 11 + "|")
     for name in parsed.cases or CASES:
         print(row(name, measured(CASES[name], options, parsed.cache, parsed.delay)), flush=True)
         if parsed.optimum:

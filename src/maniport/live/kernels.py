@@ -181,11 +181,24 @@ def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def interpolated(times, rows, start, later):  # type: ignore[no-untyped-def]
-    """Interpolate rows (n, m) of increasing times (n,) at times (k,) after a start; the nearest row outside."""
+def averaged(times, rows, start, later, longest):  # type: ignore[no-untyped-def]
+    """Average a path around times (k,) after a start: rows (n, m) of increasing times (n,), linear in between.
+
+    The interval reaches as far to both sides, at most `longest` and to the last row; before the first one is the first.
+    """
     result = np.empty((len(later), rows.shape[1]))
-    for i in range(rows.shape[1]):
-        result[:, i] = np.interp(start + later, times, rows[:, i])
+    for k in range(len(later)):
+        center = start + later[k]
+        half = min(longest, times[-1] - center)
+        duration = max(min(center + half, times[0]) - (center - half), 0.0)
+        total = duration * rows[0]
+        for i in range(len(times) - 1):
+            begin, end = max(times[i], center - half), min(times[i + 1], center + half)
+            if end > begin:
+                share = (0.5 * (begin + end) - times[i]) / (times[i + 1] - times[i])
+                total += (end - begin) * ((1.0 - share) * rows[i] + share * rows[i + 1])
+                duration += end - begin
+        result[k] = total / duration if duration > 0.0 else rows[-1]
     return result
 
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maniport.live.kernels import interpolated, queued
+from maniport.live.kernels import averaged, queued
 from maniport.util.validation import Array
 
 
@@ -16,7 +16,12 @@ class Target(NamedTuple):
 
 
 class TargetQueue:
-    """The last targets of an arm, which the robot follows after a delay [s]; the path between two of them is linear."""
+    """The last targets of an arm, which the robot follows after a delay [s]; the path between two of them is linear.
+
+    As far as later targets are available, the path is averaged from 0.05 s before each time to 0.05 s after it.
+    """
+
+    SMOOTHING = 0.05  # [s]
 
     def __init__(self, delay: float):
         self._delay, self._newest = delay, Target(np.empty((0, 0)), None)
@@ -35,11 +40,11 @@ class TargetQueue:
         """Return the target that the robot follows at a time [s]: that of the delay before, or the nearest one."""
         if len(self._times) == 0:
             return None
-        row = interpolated(self._times, self._rows, time - self._delay, np.zeros(1))[0]
+        row = averaged(self._times, self._rows, time - self._delay, np.zeros(1), self.SMOOTHING)[0]
         return Target(row[3:].reshape(self._newest.ellipsoid.shape), None if self._newest.position is None else row[:3])
 
     def positions(self, time: float, later: Array) -> Array | None:
         """Return positions at times (k,) after a time [s], shape (k, 3); None without a delay or a path."""
         if self._delay == 0.0 or self._newest.position is None:
             return None
-        return np.asarray(interpolated(self._times, self._rows, time - self._delay, later)[:, :3])
+        return np.asarray(averaged(self._times, self._rows, time - self._delay, later, self.SMOOTHING)[:, :3])
