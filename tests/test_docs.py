@@ -69,6 +69,10 @@ def test_what_a_page_names_exists(page):
         assert set(re.findall(r"(?<= )--?[a-z-]+", rest)) <= options | {"--help"}
 
 
+def test_modules_have_no_other_names():
+    assert not any(hasattr(importlib.import_module(module), "no_such_name") for module in SITE["MODULES"])
+
+
 def test_what_docstrings_name_exists():
     assert missing(set().union(*(dotted(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")))) == []
 

@@ -9,7 +9,7 @@ import pytest
 import maniport as mp
 from maniport.arms.chain import Frame, point_mass, pose
 from maniport.arms.restriction import carried_inertia
-from maniport.errors import InvalidInputError, on_the_command_line
+from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import InverseDynamics
 
 BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
@@ -105,11 +105,6 @@ def test_a_single_arm_is_a_group_of_one():
 def test_what_is_no_pair_is_named(robot, options, message):
     with pytest.raises(InvalidInputError, match=message):
         mp.load_arms(robot, **options)
-
-
-def test_the_command_line_names_its_option_of_bases():
-    with on_the_command_line(), pytest.raises(InvalidInputError, match="--pose must be a sequence of 2"):
-        mp.load_arms(["panda", "panda"], bases=BASES[:1])
 
 
 def test_postures_of_arms_that_do_not_agree_are_refused(crane):

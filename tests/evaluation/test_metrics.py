@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import spearmanr
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import distance_preservation, rmse, step_ratio
+from maniport.util.sampling import rank_correlation
 
 
 def diagonals(logarithms):
@@ -50,6 +52,8 @@ def test_rank_correlation_on_a_line():
     """Points 0, 1, 3 mapped to 0, 2, 3 have the distances 2, 3, 1 for 1, 3, 2."""
     mapped, original = (diagonals([[x, 0.0, 0.0] for x in points]) for points in ((0, 2, 3), (0, 1, 3)))
     assert distance_preservation(mapped, original).rank_correlation == pytest.approx(0.5)
+    a, b = np.random.default_rng(0).integers(9, size=(2, 200))  # ties are averaged
+    assert rank_correlation(a, b) == pytest.approx(spearmanr(a, b).statistic, abs=1e-12)
 
 
 POINTS = diagonals(np.random.default_rng(0).standard_normal((5, 3)))

@@ -7,7 +7,6 @@ import pytest
 from maniport import arms, spd
 from maniport.arms import load_arm
 from maniport.arms.human import middle_of
-from maniport.errors import RecordingError
 from maniport.mocap import Recording, fit_arm, fit_arms, read_recording, synthetic_recording
 from maniport.mocap.roles import other_side
 
@@ -240,10 +239,3 @@ def test_the_shipped_recording_of_both_arms():
         assert fit.observable.all()
     assert 0.1 < np.median(np.linalg.norm(motion.hands[1] - motion.hands[0], axis=-1)) < 1.0
     assert sum("frames in the middle" in text for text in motion.quality_warnings) == 1
-
-
-def test_a_recording_of_one_arm_is_rejected_for_both():
-    single = synthetic_recording(load_arm("rhuman"), np.zeros((4, 7)), np.arange(4.0))
-    for recording in (read_recording("freeform"), single):
-        with pytest.raises(RecordingError, match=r"shows the right arm only"):
-            fit_arms(recording)

@@ -116,13 +116,6 @@ def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):
     assert result.spec == spec
 
 
-def test_weights(panda, motion):
-    joints, profile, _ = motion
-    weights = np.repeat(np.diag([1.0, 1, 1, 0, 0, 0])[None], len(TIME), axis=0)
-    result = track(panda, profile, time=TIME, start=joints[0], weights=weights).arms[0]
-    assert np.all(np.isfinite(result.distance))
-
-
 def test_results_are_written_and_read_back(panda, own, tmp_path):
     own.save_joints_csv(tmp_path / "joints.csv")
     header = (tmp_path / "joints.csv").read_text().split("\n", 1)[0].split(",")
@@ -150,7 +143,7 @@ class StillJoint:
         return sides, np.zeros(2)
 
 
-def test_own_costs_and_limits_are_used(panda, motion, own):
+def test_own_costs_limits_and_weights_are_used(panda, motion, own):
     joints, profile, path = motion
     options = {"time": TIME, "path": path, "start": joints[0]}
     still = track(panda, profile, limits=[StillJoint(7, 1)], **options).arms[0]
@@ -163,6 +156,8 @@ def test_own_costs_and_limits_are_used(panda, motion, own):
         for result in (raised.trajectory, own)
     )
     assert with_cost < 0.5 * without
+    weights = np.repeat(np.diag([1.0, 1, 1, 0, 0, 0])[None], len(TIME), axis=0)
+    assert np.all(np.isfinite(track(panda, profile, weights=weights, **options).arms[0].distance))
 
 
 @pytest.mark.parametrize(("change", "error", "words"), [

@@ -9,7 +9,6 @@ from maniport.arms import load_arm
 from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError
 from maniport.motion import plan_motion, track
-from maniport.pipeline.config import Config
 
 TIME = np.linspace(0.0, 2.0, 12)
 
@@ -56,5 +55,3 @@ def test_wrong_orientations_are_named(panda, motion):
         plan_motion(panda, profile, rotations=2.0 * rotations, time=TIME, paths=path)
     with pytest.raises(InvalidInputError, match=r"rotations must have shape \(12, 3, 3\)"):
         track(panda, profile, rotations=rotations[:5], time=TIME, path=path)
-    with pytest.raises(InvalidInputError, match="orientation"):
-        Config(orientation=(0.0, 0.0, 0.0))

@@ -40,8 +40,8 @@ def test_wrong_files_are_refused(tmp_path, text, words):
 
 @pytest.mark.parametrize("options", [
     {"position_tolerance": 0.0}, {"rate": np.inf}, {"unit": "ft"}, {"joint_limit_margin": 0.5},
-    {"damping": -1.0}, {"orientation": "up"}, {"orientation": [0, 0]}, {"move": "yes"},
-    {"n_teacher": 1}, {"export": ["ros2"], "move": False},
+    {"damping": -1.0}, {"orientation": "up"}, {"orientation": [0, 0]},
+    {"orientation": [0, 0, 0]}, {"move": "yes"}, {"n_teacher": 1}, {"export": ["ros2"], "move": False},
 ])  # fmt: skip
 def test_wrong_values_are_refused(options):
     with pytest.raises(InvalidInputError):

@@ -80,8 +80,7 @@ def test_a_motion_without_a_person_is_drawn(alone, changed):
 
 
 def test_every_arm_is_drawn(several):
-    count = 3
-    animation = animation_of(several(count))
+    animation, count = animation_of(several(3)), 3
     assert [len(stage.bodies) for stage in animation.stages] == [count, count]
     bodies = animation.stages[1].bodies
     assert all(set(body.ellipsoids) == {"target", "achieved"} for body in bodies)
@@ -90,4 +89,4 @@ def test_every_arm_is_drawn(several):
     assert titles[:count] == [f"{name}: Ellipsoid distance" for name in ("Left", "Right", "Middle")[:count]]
     joints = {panel.title for panel in animation.panels["Joints of robot"]}
     assert len(joints) == len(animation.panels["Joints of robot"]) == 7 * count
-    assert len(page_of(several(count)).encode()) < 6_000_000
+    assert len(page_of(several(3)).encode()) < 6_000_000

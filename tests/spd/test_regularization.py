@@ -21,11 +21,6 @@ def test_a_flat_ellipsoid_gets_volume(remedy, shape):
     assert_allclose(REMEDIES[remedy].apply(flat), expected, rtol=1e-14)
 
 
-def test_without_damping_it_is_refused_with_advice():
-    with pytest.raises(NotSPDError, match=r"^points is singular.*give damping=0\.01"):
-        Regularization().apply(FLAT)
-
-
 @pytest.mark.parametrize("remedy", REMEDIES.values(), ids=REMEDIES)
 def test_other_matrices_are_refused_by_name(remedy):
     with pytest.raises(InvalidInputError, match=r"^path must hold 3×3 matrices; found 2×2"):
@@ -34,6 +29,8 @@ def test_other_matrices_are_refused_by_name(remedy):
         remedy.apply([np.eye(3), np.diag([1.0, 1.0, -9.0])], "path", 3)
 
 
-def test_damping_lost_in_rounding_is_refused_by_name():
+def test_without_damping_it_is_refused_with_advice_and_by_name_where_damping_is_lost_in_rounding():
+    with pytest.raises(NotSPDError, match=r"^points is singular.*give damping=0\.01"):
+        Regularization().apply(FLAT)
     with pytest.raises(NotSPDError, match=r"^path is singular"):
         Regularization(epsilon=1e-14).apply(1e6 * FLAT, "path")

@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport import spd
-from maniport.errors import InvalidInputError
 from maniport.transfer import EllipsoidCorrespondence, GeodesicCorrespondence
 from maniport.transfer.icp.correspondence import CORRESPONDENCES
 
@@ -26,16 +25,6 @@ def test_the_smaller_cloud_seeks(kind, d, random_spd, random_rotation):
     assert_allclose(matches.weight, other.weight, rtol=1e-9)
     assert min(matches.weight) > 0
     assert sum(matches.weight) == pytest.approx(1.0, rel=1e-12)
-
-
-@pytest.mark.parametrize(("value", "message"), [
-    ("nearest", "unknown correspondence 'nearest'; available, nearest first: 'geodes"), (None, "correspondence"),
-    (GeodesicCorrespondence, "or a Correspondence; found <class"),
-])  # fmt: skip
-def test_other_correspondences_are_refused(value, message, random_spd):
-    points = random_spd(np.random.default_rng(0), 9, 3)
-    with pytest.raises(InvalidInputError, match=message):
-        mp.RiemannianICP(correspondence=value).fit(points, 2.0 * points)
 
 
 @pytest.mark.parametrize("d", [2, 3, 6])

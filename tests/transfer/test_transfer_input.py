@@ -8,7 +8,7 @@ import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.transfer import EllipsoidCorrespondence, method_of
+from maniport.transfer import EllipsoidCorrespondence, GeodesicCorrespondence, method_of
 
 GOOD = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.0, 2.0, 1.0]), np.eye(3)])
 
@@ -22,6 +22,9 @@ GOOD = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.
     ("icp", {"start": "random"}, "start"), ("icp", {"n_starts": -1}, "n_starts"),
     ("icp", {"n_starts": 2.5}, "n_starts"), ("icp", {"require_improvement": "no"}, "require_improvement"),
     ("icp", {"most_singular": 1}, "most_singular"),
+    ("icp", {"correspondence": "nearest"}, "unknown correspondence 'nearest'; available, nearest first: 'geodes"),
+    ("icp", {"correspondence": GeodesicCorrespondence}, "or a Correspondence; found <class"),
+    ("icp", {"correspondence": None}, "correspondence"),
     ("icp", lambda: {"correspondence": EllipsoidCorrespondence(exponent="large")}, "exponent"),
     ("icp", lambda: {"correspondence": EllipsoidCorrespondence(exponent=-1)}, "exponent"),
     ("length-field", {"n_samples": 1}, "^n_samples"), ("length-field", {"n_centers": 0}, "^n_centers"),

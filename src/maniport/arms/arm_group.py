@@ -213,10 +213,7 @@ def as_group(arm: Arm | ArmGroup) -> ArmGroup:
 def _shared_joints(
     chains: Sequence[Chain], names: Sequence[str]
 ) -> tuple[NDArray[np.intp], list[tuple[int, int, tuple[str, ...]]]]:
-    """Numbers of common joints (n_arms, n_arms), and the coordinates that move them for each pair of arms.
-
-    An error when chains do not share their base, end on one another, or differ in the limits of common joints.
-    """
+    """Numbers of common joints (n_arms, n_arms), and the coordinates that move them for each pair of arms."""
     common = np.diag([len(chain.joints) for chain in chains]).astype(np.intp)
     shared = []
     for i, j in combinations(range(len(chains)), 2):

@@ -151,14 +151,8 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
 
     `rows` are J W (n, d, dof) with M = J W Wᵀ Jᵀ, and `weighted` J W Wᵀ; the derivatives are those at constant W.
 
-    Let v_i and w_i be the linear and the angular column of joint i, both along the axes of the base frame (w_i = 0 for
-    a prismatic joint). A joint k carries everything behind it along, so that
-
-        ∂v_i/∂q_k = w_min(i,k) × v_max(i,k),        ∂w_i/∂q_k = w_k × w_i for k < i, else 0
-
-    (Bruyninckx & De Schutter, "Symbolic differentiation of the velocity mapping for a serial kinematic chain",
-    Mechanism and Machine Theory 31 (1996)). With B = W Wᵀ Jᵀ in all joints the derivative of M is A_k + A_kᵀ with
-    A_k = (∂J/∂q_k) B, whose rows are
+    Equation (2) of docs/method/geometry.md has the derivatives of the linear and angular columns v_i and w_i. With
+    B = W Wᵀ Jᵀ in all joints the derivative of M is A_k + A_kᵀ with A_k = (∂J/∂q_k) B, whose rows are
 
         linear   w_k × Σ_{i≥k} v_i B_i  −  v_k × Σ_{i<k} w_i B_i,        angular   w_k × Σ_{i>k} w_i B_i
 

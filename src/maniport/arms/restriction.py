@@ -197,5 +197,4 @@ def mirrored(chain: Chain) -> Chain:
 def _mirrored_shapes(shapes: Callable[..., Any], links: Collection[str], **options: Any) -> Iterator[Shape]:
     """Mirrored shapes of links; reversed triangles keep their outside."""
     for shape in shapes(links, **options):
-        points, triangles = shape.mesh
-        yield replace(shape, mesh=(points * _MIRROR[:3], triangles[:, ::-1]))
+        yield replace(shape, mesh=(shape.mesh[0] * _MIRROR[:3], shape.mesh[1][:, ::-1]))

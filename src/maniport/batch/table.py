@@ -13,6 +13,7 @@ from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
 from maniport.report.values import SUFFIXES, Report
 from maniport.util.atomic_io import write_text, written_whole
+from maniport.util.files import spreadsheet_cell
 from maniport.util.optional import parquet_writer, pyarrow
 
 Row = Mapping[str, Any]
@@ -94,7 +95,7 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
     stream = StringIO(newline="")
     lines = csv.writer(stream, lineterminator="\n")
     lines.writerow(COLUMNS)
-    lines.writerows([_cell(row[name]) for name in COLUMNS] for row in rows)
+    lines.writerows([spreadsheet_cell(row[name]) for name in COLUMNS] for row in rows)
     write_text(table, stream.getvalue())
     try:
         arrow, writer = pyarrow(), parquet_writer()
@@ -106,12 +107,6 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
     with written_whole(parquet) as temporary:
         writer.write_table(arrow.Table.from_pylist(list(rows), schema), temporary, compression="zstd")
     return TABLES
-
-
-def _cell(value: Any) -> Any:
-    """Return a value as CSV has it; an apostrophe precedes a text that spreadsheets would compute as a formula."""
-    formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
-    return f"'{value}" if formula else value
 
 
 PAGE_METRICS = (

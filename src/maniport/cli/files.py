@@ -143,29 +143,25 @@ def reproduce(
     task: Annotated[Path | None, typer.Option("--task", help="Task study: task of the joints, .json.")] = None,
 ) -> None:
     """Repeat the paper's experiments, or run the task study."""
-    if which != "tasks":
-        if quick or robots or recordings or score or task:
-            raise InvalidInputError("--quick, --robots, --recordings, --score and --task are options of tasks")
-        from maniport.studies.paper.run import reproduce
+    from maniport.studies.paper.run import reproduce
+    from maniport.studies.tasks.run import score_file, study_tasks
 
-        output = output or Path("maniport-paper")
-        with console.progress() as progress:
-            report = reproduce(which, output, config.seed, progress, overwrite=overwrite)
-        console.print_report(report, output=str(output))
-        return
-    if overwrite:
+    if which != "tasks" and (quick or robots or recordings or score or task):
+        raise InvalidInputError("--quick, --robots, --recordings, --score and --task are options of tasks")
+    if which == "tasks" and overwrite:
         raise InvalidInputError("tasks takes no --overwrite")
     if (score is None) != (task is None):
         raise InvalidInputError("--score and --task: expected both or neither")
-    from maniport.studies.tasks.run import score_file, study_tasks
-
     if score is not None and task is not None:
         console.print_report(score_file(score, task))
         return
-    output = output or Path("maniport-tasks")
-    names = [name.strip() for name in robots.split(",")] if robots else ()
+    output = output or Path("maniport-tasks" if which == "tasks" else "maniport-paper")
     with console.progress() as progress:
-        report = study_tasks(output, config.seed, progress, quick=quick, robots=names, recordings=recordings)
+        if which == "tasks":
+            names = [name.strip() for name in robots.split(",")] if robots else ()
+            report = study_tasks(output, config.seed, progress, quick=quick, robots=names, recordings=recordings)
+        else:
+            report = reproduce(which, output, config.seed, progress, overwrite=overwrite)
     console.print_report(report, output=str(output))
 
 

@@ -93,10 +93,7 @@ def without_outliers(recording: Recording) -> Recording:
 
 
 def _outliers(track: Array, step: float, longest: float = 0.1, acceleration: float = 100.0) -> Bools:
-    """Mark runs up to `longest` seconds that are far from the line between the frames around them, track (n, 3).
-
-    Far is farther than `MIN_JUMP`, and than an `acceleration` [m/s²], that of throws, would move it away and back.
-    """
+    """Mark runs up to `longest` seconds that are far from the line between the frames around them, track (n, 3)."""
     track, lost = track.copy(), np.zeros(len(track), dtype=np.bool_)
     for count in range(1, min(int(longest / step + 1e-9), 100, len(track) - 2) + 1):
         far = np.linalg.norm(np.diff(track, axis=0), axis=-1) > 0.49 * MIN_JUMP
@@ -105,7 +102,7 @@ def _outliers(track: Array, step: float, longest: float = 0.1, acceleration: flo
         k = np.arange(1, count + 1)
         offsets = track[first[:, None] + k] - (before + k[:, None] / (count + 1) * (after - before))
         away = np.linalg.norm(offsets, axis=-1).min(axis=1)
-        least = max(MIN_JUMP, acceleration * ((count + 1) * step) ** 2 / 8)
+        least = max(MIN_JUMP, acceleration * ((count + 1) * step) ** 2 / 8)  # as far as throws move it away and back
         with np.errstate(invalid="ignore"):
             first = first[(away > least) & (away > np.linalg.norm(after - before, axis=-1)[:, 0])]
         rows = first[:, None] + k

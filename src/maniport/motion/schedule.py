@@ -116,11 +116,14 @@ def schedules_of(
         d, times = own.size, as_times(time, fewest=2)
         m = d * (d + 1) // 2
         objective.checked(profile, "profile", minimum=2)
+        turns = None if rotations is None else as_square(rotations, "rotations", 3)
+        if turns is not None:
+            turns = np.array([as_rotation(turn, f"rotations[{i}]", 3) for i, turn in enumerate(turns)])
         values = {
             "profile": (as_square(profile, "profile", d), (d, d)),
             "path": (None if path is None else as_metres(path, "path"), (3,)),
             "weights": (None if weights is None else as_positive_semidefinite(weights, "weights", m), (m, m)),
-            "rotations": (None if rotations is None else _as_rotations(rotations), (3, 3)),
+            "rotations": (turns, (3, 3)),
             "reference": (None if reference is None else reference[..., joints], (arm.dof,)),
         }
         for name, (array, shape) in values.items():
@@ -131,11 +134,6 @@ def schedules_of(
         assert targets is not None
         schedules.append(Schedule(replace(objective, axis_weights=axes), times.copy(), targets, *rest))
     return schedules
-
-
-def _as_rotations(value: ArrayLike) -> Array:
-    values = enumerate(as_square(value, "rotations", 3))
-    return np.array([as_rotation(rotation, f"rotations[{i}]", 3) for i, rotation in values])
 
 
 def require_few(samples: float, most: int = 3_000_000) -> None:

@@ -141,7 +141,4 @@ def follow(
     return joints, held
 
 
-@cache
-def _threads() -> ThreadpoolController:
-    """Return the controller of thread pools, whose search of all loaded libraries takes time."""
-    return ThreadpoolController()
+_threads = cache(ThreadpoolController)  # its search of all loaded libraries takes time

@@ -14,6 +14,7 @@ from maniport.arms.collisions import Collisions
 from maniport.arms.joint_space import JointSpace
 from maniport.motion.motion_limits import MotionLimits
 from maniport.util.atomic_io import written_whole
+from maniport.util.files import spreadsheet_cell
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
@@ -102,9 +103,7 @@ class Trajectory(NotebookDisplay):
         accelerations (``NAME_rad/s2``) and, where masses are known, torques (``NAME_Nm``) or forces (``NAME_N``). An
         apostrophe precedes names that a spreadsheet would evaluate. `OutputError` when the file cannot be written.
         """
-        states, formulas = self.control_states, ("=", "+", "-", "@", "\t", "\r")
-        names = ["'" + name if name.startswith(formulas) else name for name in self.joint_names]
-        header = ["time_s"]
+        states, names, header = self.control_states, [*map(spreadsheet_cell, self.joint_names)], ["time_s"]
         for _, units in states.values():
             header += [f"{name}_{unit}" for name, unit in zip(names, units, strict=True)]
         line = ",".join(["%.6f", *len(names) * ["%.12f"], *(len(states) - 1) * len(names) * ["%.6f"]]) + "\n"

@@ -125,8 +125,7 @@ def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
         if any(arm.chain.payload for arm in as_group(robot).arms):  # run.yaml would lose it
             raise InvalidInputError(f"{argument('robot')} must have no payload of its own; use {argument('payload')}")
         return robot
-    options: dict[str, Any] = {"joints": config.joints or None, "lock": config.lock}
-    options["mesh_folders"] = config.mesh_folders
+    options: Any = {"joints": config.joints or None, "lock": config.lock, "mesh_folders": config.mesh_folders}
     if not (both or names_several(config)):
         return load_arm(robot, config.frame[0] if config.frame else None, base=config.base, side=side, **options)
     if config.base is not None:

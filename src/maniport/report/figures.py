@@ -164,11 +164,13 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
     count = -(-len(panels) // columns)
     figure, handles = column_figure(0.6 + 0.62 * count, columns), dict[str, Artist]()
     grid = figure.subplots(count, columns, sharex=True, squeeze=False)
+    gaps = np.flatnonzero(content.is_gap(np.diff(time))) + 1  # lines break there
+    clock = np.insert(time, gaps, time[gaps - 1])
     for item, panel in zip(grid.flat, panels, strict=False):
         for line in panel.lines:
             color, style, width = ROLES[line.role].color, ("-", "--", ":")[line.style], 3.0 if line.wide else 1.0
-            points, alpha = _with_breaks(time, line.values), 0.35 if line.wide else 1.0
-            (drawn,) = item.plot(*points, color=color, ls=style, lw=width, alpha=alpha, label=line.name)
+            values, alpha = np.insert(line.values, gaps, np.nan), 0.35 if line.wide else 1.0
+            (drawn,) = item.plot(clock, values, color=color, ls=style, lw=width, alpha=alpha, label=line.name)
             handles |= {line.name: drawn} if len(panel.lines) > 1 else {}
         item.set_title(f"{panel.title} [{panel.unit}]" if panel.unit else panel.title, fontsize=TEXT, loc="left", pad=2)
         if panel.limits is not None and panel.span is not None:
@@ -301,12 +303,6 @@ def _colors(names: Iterable[str], roles: Mapping[str, str] | None) -> list[str]:
     colors = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
     free = iter([color for color in colors if color not in taken.values()])
     return [taken[name] if name in taken else next(free) for name in names]
-
-
-def _with_breaks(time: Array, values: Array) -> tuple[Array, Array]:
-    """Insert nan at gaps in time, so that lines break there."""
-    jumps = np.flatnonzero(content.is_gap(np.diff(time))) + 1
-    return np.insert(time, jumps, time[jumps - 1]), np.insert(values, jumps, np.nan, axis=0)
 
 
 def _legend(figure: Figure, handles: Sequence[Artist]) -> None:

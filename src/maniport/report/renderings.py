@@ -13,7 +13,7 @@ import numpy as np
 
 from maniport.errors import printable
 from maniport.report.values import SUFFIXES, Metric, Report, Section, Table, sentence
-from maniport.util.atomic_io import written_whole
+from maniport.util.atomic_io import write_text
 
 SUMMARY, PAGE = "summary.json", "report.html"
 """Files of a run: its report as numbers, and the page. A folder with both holds results."""
@@ -133,8 +133,7 @@ def write_report(path: str | os.PathLike[str], report: Report) -> None:
     text = as_markdown(report)
     if Path(path).suffix == ".json":
         text = json.dumps(as_numbers(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def plain(value: Any) -> Any:

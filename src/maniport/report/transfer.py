@@ -110,9 +110,8 @@ def _compare(section: Section, evaluation: Evaluation) -> None:
     if (failures := evaluation.rejected) is not None:
         reason = f"the length field was rejected: {'; '.join(failures)}" if failures else "it passes its checks"
         value = {"method": method, "failures": list(failures)}
-        section.warn(
-            "choice", f"Selected {label(method)}: {reason}. {sentence(compared)}", severity="note", value=value
-        )
+        text = f"Selected {label(method)}: {reason}. {sentence(compared)}"
+        section.warn("choice", text, severity="note", value=value)
     elif not worse or method == "identity":
         section.note(f"{name}{' is better than all baselines' * (not worse)}: {compared}")
     else:

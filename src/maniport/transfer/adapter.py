@@ -101,8 +101,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         InvalidInputError
             When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is invalid.
         """
-        cloud_t, damping_t = _damped_domain(self._damping(), teacher, "teacher")
-        cloud_s, damping_s = _damped_domain(self._damping(), student, "student", cloud_t.shape[-1])
+        damping = Regularization(self.damping)
+        cloud_t, damping_t = _damped_domain(damping, teacher, "teacher")
+        cloud_s, damping_s = _damped_domain(damping, student, "student", cloud_t.shape[-1])
         base_rotation = as_base_rotation(self.base_rotation, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
@@ -250,10 +251,6 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         """Regularization of the student's ellipsoids in the fit."""
         self._dimension()
         return Regularization(epsilon=float(self.student_damping_))
-
-    def _damping(self) -> Regularization:
-        """Return the requested damping of both domains."""
-        return Regularization(self.damping)
 
     def _dimension(self) -> int:
         if not hasattr(self, "teacher_mean_"):

@@ -18,6 +18,12 @@ from maniport.util.input_limits import ARRAYS_BYTES, MEGABYTE, SETTINGS_BYTES, e
 from maniport.util.validation import Array, as_finite, as_positive_semidefinite, as_times, require_shape
 
 
+def spreadsheet_cell(value: Any) -> Any:
+    """Return a value for CSV; an apostrophe precedes a text that spreadsheets would evaluate as a formula."""
+    formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
+    return f"'{value}" if formula else value
+
+
 def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any], compress: bool = True) -> None:
     """Write named arrays to an ``.npz`` file, whole or not at all."""
     with written_whole(path) as temporary, open(temporary, "wb") as stream:

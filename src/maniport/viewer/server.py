@@ -80,11 +80,7 @@ def _silent() -> contextlib.AbstractContextManager[Any]:
 
 @contextlib.contextmanager
 def _own_pages_only() -> Iterator[None]:
-    """Let the server that viser starts in the context refuse other pages of the user's browser.
-
-    viser accepts every connection: any page could connect to this address, or to a host name of its own that leads
-    here, and move the controls. Requests must therefore name this machine, and come from the page itself.
-    """
+    """Let the server that viser starts in the context refuse other pages, which could move the controls."""
     from websockets.asyncio import server as connections
 
     usual, guarded = connections.serve, []

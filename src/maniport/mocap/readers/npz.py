@@ -94,10 +94,7 @@ def _time(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOptions
 
 
 def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses: Sequence[Array]) -> Recording:
-    """Return the joints of a body from its pose parameters, in one array or in those of root and body.
-
-    The arrays are (n, k) or (n, k, 3), with 66 numbers or more for each frame; the root is at `trans` (n, 3) [m].
-    """
+    """Return the joints of a body from its pose parameters, in one array or in those of root and body."""
     count, body_height = len(poses[0]), 1.75  # [m]
     root = arrays.get("trans", np.zeros((count, 3)))
     wrong = any(part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != count for part in (*poses, root))

@@ -107,10 +107,7 @@ class Planner:
     def _joined(
         self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
     ) -> tuple[Trajectory, bool]:
-        """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact.
-
-        Where the result collides, motions of prioritized planning are further starts, then tolerances are larger.
-        """
+        """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact."""
         group, collisions = self.group, problem.collisions
         values = np.full((len(parts), len(parts[0]), group.dof), np.nan)
         for part, columns, own in zip(parts, group.columns, values, strict=True):

@@ -16,7 +16,7 @@ from markupsafe import Markup, escape
 from maniport.errors import InvalidInputError
 from maniport.report.page.content import ROLES, STATES, Animation, as_json
 from maniport.report.values import TIME_COLUMN, Report
-from maniport.util.atomic_io import written_whole
+from maniport.util.atomic_io import write_text
 from maniport.version import __version__
 
 CARDS = ("distance", "position_error", "orientation_error", "limits", "collisions")
@@ -27,9 +27,7 @@ SCRIPTS = ("geometry", "surface", "scene", "curves", "strips", "states", "player
 
 def write_page(path: str | os.PathLike[str], report: Report, animation: Animation | None = None) -> None:
     """Write a report, with an animation in its first section, to an HTML file, whole or not at all."""
-    text = as_html(report, animation)
-    with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(path, as_html(report, animation))
 
 
 def as_html(report: Report, animation: Animation | None = None, largest: int = 6_000_000) -> str:

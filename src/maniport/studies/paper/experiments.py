@@ -109,19 +109,13 @@ def paper_table(number: str) -> list[PaperRow]:
 
 def adapter_of(row: PaperRow, settings: str, base_rotation: ArrayLike | None, damping: float | None) -> DomainAdapter:
     """Return the adapter of a row: by the paper's text, or the same method with maniport's defaults."""
-    if settings == OURS:
-        shared: dict[str, Any] = {"damping": damping, "base_rotation": base_rotation}
-        return (
-            ParallelTransport(**shared)
-            if row.exponent is None
-            else RiemannianICP(**shared, most_singular=row.most_singular)
-        )
+    options: dict[str, Any] = {} if settings == PAPER else {"damping": damping, "base_rotation": base_rotation}
     if row.exponent is None:
-        return ParallelTransport()
-    matching = EllipsoidCorrespondence(row.exponent)
-    return RiemannianICP(
-        correspondence=matching, start=row.start, require_improvement=False, most_singular=row.most_singular
-    )
+        return ParallelTransport(**options)
+    if settings == PAPER:
+        matching = EllipsoidCorrespondence(row.exponent)
+        options |= {"correspondence": matching, "start": row.start, "require_improvement": False}
+    return RiemannianICP(**options, most_singular=row.most_singular)
 
 
 @dataclass(frozen=True)

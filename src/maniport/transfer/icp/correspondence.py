@@ -145,11 +145,7 @@ def _features(points: Array) -> tuple[Array, Array]:
 
 @kernel
 def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, indices, scores):  # type: ignore[no-untyped-def]
-    """Fill `indices` and `scores`, going outward from the student ellipsoid of the nearest condition number.
-
-    The score of a candidate is at most 3 + exp(−|p − p'|), so that the search ends where this falls below the best.
-    The students, sorted by condition number, lie side by side: directions (2, d, m), shapes (2, m).
-    """
+    """Fill `indices` and `scores`, going outward from the student ellipsoid of the nearest condition number."""
     count, d = len(order), directions_t.shape[2]
     minor, major, bound = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
     for i in range(len(positions)):
@@ -190,6 +186,6 @@ def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, in
                     best_index = order[j]
                 if score > best:
                     best = score
-            excess = best - 3.0 - 2.0 * TIE
+            excess = best - 3.0 - 2.0 * TIE  # a candidate scores at most 3 + exp(−|p − p'|)
             reach = -np.log(excess) if excess > 0.0 else np.inf
         indices[i], scores[i] = best_index, best

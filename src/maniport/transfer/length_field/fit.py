@@ -107,10 +107,7 @@ def fitted(base: LengthsMap, samples: Samples, ridge: float, rounds: int) -> tup
 def _lengths(
     lengths: Array, samples: Samples, near: Array, among: Array, error: Array, changes: Array | None, ridge: float
 ) -> Array:
-    """Coefficients (m, 3) that rescale toward the nearest ellipsoids, by weighted ridge regression; (39) and (40).
-
-    `near` and `among` are kernel values (n, m) at the samples and (m, m) between the centers.
-    """
+    """Coefficients (m, 3) of (39) and (40), from kernel values `near` (n, m) and `among` (m, m) of the centers."""
     n, d = samples.values.shape
     t, vector = powers(samples.values), to_vector(error)
     m, rank = near.shape[1], t.shape[2]
