@@ -21,11 +21,9 @@ def slow_motion():
         time = np.linspace(0.0, seconds, n)
         middle, half = (arm.upper + arm.lower) / 2, (arm.upper - arm.lower) / 2
         phase = np.arange(arm.dof)
-        swing = (
-            np.sin(2 * np.pi * 0.2 * time[:, None] + phase)
-            if curved
-            else np.sin(phase) * (2 * time[:, None] / seconds - 1)
-        )
+        swing = np.sin(phase) * (2 * time[:, None] / seconds - 1)
+        if curved:
+            swing = np.sin(2 * np.pi * 0.2 * time[:, None] + phase)
         return time, middle + 0.6 * half * swing
 
     return make
