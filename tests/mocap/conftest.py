@@ -12,10 +12,7 @@ SIDES = ("elbow_medial", "elbow_lateral", "wrist_ulnar", "wrist_radial")
 
 @pytest.fixture
 def slow_motion():
-    """Return a maker of slow joint paths well inside an arm's limits, shape (n, dof).
-
-    Every joint moves at its own constant speed, or with ``curved`` swings at 0.2 Hz.
-    """
+    """Return a maker of joint paths well inside an arm's limits, at constant speeds or with ``curved`` swings."""
 
     def make(arm, n=60, seconds=2.0, curved=False):
         time = np.linspace(0.0, seconds, n)
