@@ -100,7 +100,6 @@ TWO = """<robot name="r"><link name="a"/><link name="b"><inertial>{}</inertial><
 def test_impossible_masses_are_named_with_their_link(tmp_path, name, text, change):
     path = tmp_path / name
     path.write_text(text.replace(*change))
-    with pytest.raises(
-        FileFormatError, match=r"link '[abc]'|<inertial> needs mass|'pitch' needs armature .* not negative; found '-1'"
-    ):
+    message = r"link '[abc]'|<inertial> needs mass|'pitch' needs armature .* not negative; found '-1'"
+    with pytest.raises(FileFormatError, match=message):
         load_arm(path)

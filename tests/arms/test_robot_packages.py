@@ -56,9 +56,8 @@ def test_two_arms_are_named_by_their_side():
 def test_errors_of_unknown_robots_contain_the_installation(monkeypatch):
     for package in PACKAGES.values():
         monkeypatch.setattr(type(package), "installed", lambda self: {})
-    with pytest.raises(
-        MissingPackageError, match=r"'xarm7' comes with the package example-robot-data, .*: pip install"
-    ):
+    message = r"'xarm7' comes with the package example-robot-data, .*: pip install"
+    with pytest.raises(MissingPackageError, match=message):
         load_arm("xarm7")
     with pytest.raises(MissingPackageError, match=r"'sawyer' comes with the package robosuite, .* --no-deps robosuite"):
         load_arm("robosuite/sawyer")

@@ -12,20 +12,15 @@ SIDES = ("elbow_medial", "elbow_lateral", "wrist_ulnar", "wrist_radial")
 
 @pytest.fixture
 def slow_motion():
-    """Return a maker of slow joint paths well inside an arm's limits, shape (n, dof).
-
-    Every joint moves at its own constant speed, or with ``curved`` swings at 0.2 Hz.
-    """
+    """Return a maker of joint paths well inside an arm's limits, at constant speeds or with ``curved`` swings."""
 
     def make(arm, n=60, seconds=2.0, curved=False):
         time = np.linspace(0.0, seconds, n)
         middle, half = (arm.upper + arm.lower) / 2, (arm.upper - arm.lower) / 2
         phase = np.arange(arm.dof)
-        swing = (
-            np.sin(2 * np.pi * 0.2 * time[:, None] + phase)
-            if curved
-            else np.sin(phase) * (2 * time[:, None] / seconds - 1)
-        )
+        swing = np.sin(phase) * (2 * time[:, None] / seconds - 1)
+        if curved:
+            swing = np.sin(2 * np.pi * 0.2 * time[:, None] + phase)
         return time, middle + 0.6 * half * swing
 
     return make

@@ -94,5 +94,3 @@ def test_use_asks_for_a_constant_rate_and_fitting_shapes(crane):
         limits.use([0.0, 0.1, 1.1], np.zeros((3, 2)))
     with pytest.raises(InvalidInputError, match=r"q must have shape \(3, 2\)"):
         limits.use([0.0, 0.1, 0.2], np.zeros((3, 3)))
-    with pytest.raises(InvalidInputError, match="margin"):
-        MotionLimits.of(crane, joint_limit_margin=0.5)

@@ -101,9 +101,8 @@ class ArmGroup(JointSpace):
     @property
     def base_positions(self) -> Array:
         """Origin of the base of each arm in the robot's frame, shape (n_arms, 3) [m]."""
-        return np.array(
-            [np.zeros(3) if arm.chain.base_pose is None else arm.chain.base_pose[:3, 3] for arm in self.arms]
-        )
+        poses = [arm.chain.base_pose for arm in self.arms]
+        return np.array([np.zeros(3) if pose is None else pose[:3, 3] for pose in poses])
 
     @cached_property
     def kinematics(self) -> Kinematics:

@@ -176,9 +176,8 @@ def solve_path(residual: Residual, start: Array, priors: JointPriors, smoothing:
             damping *= 5.0
             if damping > 1e8 or np.abs(trial - q).max() < 1e-10:
                 break
-        trial = np.clip(
-            q + _banded_step(bands.reshape(-1, n * dof), gradient, held, damping), priors.lower, priors.upper
-        )
+        step = _banded_step(bands.reshape(-1, n * dof), gradient, held, damping)
+        trial = np.clip(q + step, priors.lower, priors.upper)
     return q
 
 

@@ -110,9 +110,8 @@ class Objective:
         half = None if weights is None else apply(weights, lambda values: np.sqrt(np.maximum(values, 0.0)))
         damped = self.damped(ellipsoids)
         whitening = apply(damped, lambda values: 1.0 / np.sqrt(values))
-        return Targets(
-            self, EllipsoidCost(self.arm, self.spec, self.shift, damped, whitening, half), positions, rotations
-        )
+        cost = EllipsoidCost(self.arm, self.spec, self.shift, damped, whitening, half)
+        return Targets(self, cost, positions, rotations)
 
 
 class Linearization(NamedTuple):

@@ -104,11 +104,8 @@ class LearnedProfile(SavedResult):
     def reference(self) -> Demonstration:
         """The demonstration that gives the times, with the learned arms and its joint angles."""
         own = self.demonstrations[self.alignment.reference]
-        note = (
-            f"ellipsoids and the hand's path are learned from {len(self.demonstrations)} demonstrations; the "
-            f"configurations are those of {own.name}"
-        )
         source = f"{len(self.demonstrations)} demonstrations"
+        note = f"ellipsoids and the hand's path are learned from {source}; the configurations are those of {own.name}"
         recording = replace(own.recording, source=source, notes=(*own.recording.notes, note))
         fits = tuple(replace(fit, arm=arm) for fit, arm in zip(own.motion.arms, self.arms, strict=True))
         return replace(own, recording=recording, motion=HumanMotion(fits, self.bases))

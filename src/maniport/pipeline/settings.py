@@ -161,11 +161,8 @@ def plan_settings(config: Config, arm: Arm | ArmGroup) -> PlanSettings:
     if not isinstance(limits, MotionLimits):
         limits = MotionLimits.of(arm, limits, config.joint_limit_margin)
     around = {name: getattr(config, name) for name in ("table", "obstacles", "srdf")}
+    surrounded = any(value is not None for value in around.values())
+    model = Collisions.of(limits.arm, **around) if surrounded else config.collisions
     names = {item.name for item in fields(PlanSettings)} - {"motion_limits", "collisions"}
-    return PlanSettings(
-        **{name: getattr(config, name) for name in names},
-        motion_limits=limits,
-        collisions=Collisions.of(limits.arm, **around)
-        if any(value is not None for value in around.values())
-        else config.collisions,
-    ).resolved(arm)
+    options = {name: getattr(config, name) for name in names}
+    return PlanSettings(**options, motion_limits=limits, collisions=model).resolved(arm)

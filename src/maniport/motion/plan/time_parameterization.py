@@ -39,14 +39,9 @@ PATH_TOLERANCE = 1e-4
 def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float = RATE) -> Trajectory:
     """Pass waypoints (n, dof) at the demonstrated times (n,), or as soon as the limits allow where that is later.
 
-    A cubic spline through the waypoints, with the demonstrated time as its parameter, is passed time-optimally within
-    the limits of velocity, acceleration and torque. A moving average over the samples, of at most 0.2 s, then limits
-    the jerk and the torque rate. Where samples exceed a limit between the points of the search grid, the whole motion
-    is slowed down. A joint that gravity alone overloads along the path exceeds its torque limit in the result, by at
-    most 5 % more.
-
     The result goes from rest at 0 s to rest and passes the waypoints at its ``time``. First, second and third
-    differences of its samples, `rate` per second, are within the limits, and so are the positions.
+    differences of its samples, `rate` per second, are within the limits, and so are the positions. A joint that
+    gravity alone overloads along the path exceeds its torque limit, by at most 5 % more.
     """
     path = JointPath.through(np.asarray(time), np.asarray(q, dtype=float), limits.arm.lower, limits.arm.upper)
     require_few(path.grid[-1] * rate)

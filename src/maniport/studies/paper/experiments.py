@@ -245,9 +245,7 @@ def _draw(settings: str, domains: Domains, evaluation: Pairs, samples: int | Non
     """Take every n-th ellipsoid of the domains (§ V-A); the paper's settings raise eigenvalues."""
     raised = (lambda points: points) if settings == OURS else _raised
     teacher, student = (raised(points[:: len(points) // (samples or len(points))]) for points in domains)
-    return Draw(
-        teacher, student, {name: (raised(points), raised(truth)) for name, (points, truth) in evaluation.items()}
-    )
+    return Draw(teacher, student, {name: (raised(own), raised(truth)) for name, (own, truth) in evaluation.items()})
 
 
 def _uniform(arms: tuple[Arm, Arm], samples: int, seed: int) -> Domains:

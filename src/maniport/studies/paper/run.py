@@ -9,7 +9,7 @@ from typing import Any
 
 from maniport.report.page import write_page
 from maniport.report.renderings import write_report
-from maniport.report.values import Metric, Report, Section, Table, software
+from maniport.report.values import Report, Section, Table, software
 from maniport.studies.paper.experiments import DRAWS, OURS, PAPER, Experiment, Line, human_robot, toy, two_dof
 from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.progress import Progress, no_progress
@@ -65,14 +65,10 @@ def reproduce(
 
 def _report(experiments: Sequence[Experiment], seed: int, seconds: float) -> Report:
     """Return a section for each experiment, and the comparison with the paper."""
-    run = Section(
-        "Run",
-        (
-            Metric("Paper", "Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588)"),
-            Metric("Time", f"{seconds:.0f} s", "Of all experiments.", "duration", round(seconds, 1), "s"),
-            *software(seed),
-        ),
-    )
+    run = Section("Run")
+    run.add("Paper", "", None, "Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588)")
+    run.add("Time", "duration", round(seconds, 1), f"{seconds:.0f} s", "Of all experiments.", unit="s")
+    run.metrics += tuple(software(seed))
     groups = compare(experiments)
     table = Table(tuple(groups[0]), tuple(tuple(map(str, group.values())) for group in groups), "", "groups", groups)
     lead = "The paper's numbers against ours with the paper's settings; our defaults use the base rotation and damping."

@@ -12,7 +12,7 @@ import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportError
 from maniport.report.renderings import write_report
-from maniport.report.values import Metric, Report, Section, Table, software
+from maniport.report.values import Report, Section, Table, software
 from maniport.studies.tasks.methods import motions, problem_of
 from maniport.studies.tasks.score import LESS_IS_BETTER, SCORES, Scores, is_valid, read_motion, score, velocity_share
 from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Demonstration, StudyRobot, Task, demonstrations, of_folder
@@ -116,13 +116,11 @@ def score_file(motion: str | os.PathLike[str], task: str | os.PathLike[str]) -> 
     """Score a file of joint positions, see `maniport.studies.tasks.score.read_motion`, on the task of a file."""
     own = Task.load(task)
     scores = score(own, read_motion(motion, own))
-    metrics = [
-        Metric(name.replace("_", " "), f"{value:.4g} {SCORES.get(name, '')}".strip(), "", name, value)
-        for name, value in scores.items()
-    ]
-    good = is_valid(scores)
-    valid = Metric("valid", "yes" if good else "no", "Path within 5 mm, limits kept.", "valid", good)
-    return Report(f"{own.recording} on {own.robot}", "", (Section("Scores", (*metrics, valid)),))
+    section, good = Section("Scores"), is_valid(scores)
+    for name, value in scores.items():
+        section.add(name.replace("_", " "), name, value, f"{value:.4g} {SCORES.get(name, '')}".strip())
+    section.add("valid", "valid", good, "yes" if good else "no", "Path within 5 mm, limits kept.")
+    return Report(f"{own.recording} on {own.robot}", "", (section,))
 
 
 def _unit(folder: Path, robot: StudyRobot, motion: Demonstration, seed: int) -> Unit:
@@ -195,12 +193,11 @@ def study_report(units: Sequence[Unit], seed: int) -> Report:
     """Return a summary, and a table of all methods for each robot."""
     done = [unit for unit in units if not unit.failure]
     robots = list(dict.fromkeys(unit.robot for unit in done))
-    failed = tuple(
-        Metric(f"{unit.recording}, {unit.robot}", unit.failure, key=f"failed_{i}", value=unit.failure)
-        for i, unit in enumerate(unit for unit in units if unit.failure)
-    )
-    run = Section("Run", (Metric("Pairs", f"{len(done)} of {len(units)}", key="pairs", value=len(done)),
-                          *failed, *software(seed)))  # fmt: skip
+    run = Section("Run")
+    run.add("Pairs", "pairs", len(done), f"{len(done)} of {len(units)}")
+    for i, unit in enumerate(unit for unit in units if unit.failure):
+        run.add(f"{unit.recording}, {unit.robot}", f"failed_{i}", unit.failure)
+    run.metrics += tuple(software(seed))
     sections = [_robot_section(robot, [unit for unit in done if unit.robot == robot]) for robot in robots]
     return Report("Task study", "Tasks with a hidden direction: methods of redundancy resolution on equal paths.",
                   (_summary(done), *sections, run))  # fmt: skip
