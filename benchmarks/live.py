@@ -27,8 +27,8 @@ def rows(quick: bool) -> Iterator[Row]:
     for rate, (median, rare, largest) in zip(RATES, run["seconds"], strict=True):
         work = f"live step of the Panda, {rate:g} Hz"
         note = f"processor time, lesser of two runs; largest {duration(largest)}"
-        yield within(f"{work}: median", median, 0.45e-3, duration, note)
-        yield within(f"{work}: 99.9 %", rare, 1.5e-3, duration)
+        yield within(f"{work}: median", median, 0.3e-3, duration, note)
+        yield within(f"{work}: 99.9 %", rare, 1.0e-3, duration)
     text = f"live: longest garbage collection in {run['timed']:,} steps"
     yield within(text, run["pause"], 2e-3, duration)
     text = f"live: growth of memory over the second half of {run['steps']:,} steps"

@@ -189,7 +189,7 @@ TARGETS = {
         b"  panda_joint2:\n    velocity: 2\n    acceleration: 3.5\n"
     ], lambda path: MotionLimits.of(panda(), path)),
     "boxes": Target(".yaml", lambda: [
-        b"boxes:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
+        b"obstacles:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
         b"  crate: {center: [0.4, -0.3, 0.1], size: [0.2, 0.3, 0.2], yaw: 0.5}\n"
     ], read_boxes),
     "frames": Target(".jsonl", lambda: [

@@ -85,7 +85,7 @@ class Option:
         if self.kind == NAMES:
             words = typed if self.repeated else [word.strip() for text in typed for word in text.split(",")]
             if not all(words):
-                raise InvalidInputError(f"{self.name} must be names, none of them empty; found {','.join(typed)!r}")
+                raise InvalidInputError(f"{self.flag} must be names, none of them empty; found {','.join(typed)!r}")
             return tuple(words)
         if self.repeated:
             return tuple(map(self._vector, typed))
