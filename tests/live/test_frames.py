@@ -77,7 +77,7 @@ def test_the_page_shows_the_lines():
     found = {"frames": [dict.fromkeys(NAMES, (0.1 * i, 0.0, 0.0)) for i in range(3)], "answers": (answers := [])}
     with serving(Toy(), transport):
         exec(compile(code, "page", "exec"), found)
-        wait(lambda: answers and answers[-1]["joints"]["lift"] == pytest.approx(0.2))
+        wait(lambda: any(answer["joints"]["lift"] == pytest.approx(0.2) for answer in answers))
     found["link"].shutdown(socket.SHUT_RDWR)
     transport.close()
     assert found["expected"].keys() == json.loads(first).keys()

@@ -38,7 +38,7 @@ def live(
     console: Console,
     udp: Annotated[int | None, _transport("UDP port for frames, instead of standard input; 0: any port.")] = None,
     host: Annotated[str, _transport("Address; others open it to the network.")] = LOOPBACK,
-    send: Annotated[int | None, _transport("UDP port for answers; default: the sender's.")] = None,
+    send: Annotated[int | None, _transport("Local UDP port for answers; default: the sender's.")] = None,
     no_drop: Annotated[
         bool, _transport("Process every frame in order, instead of the newest only.", "--no-drop")
     ] = False,
