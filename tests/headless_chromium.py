@@ -116,7 +116,7 @@ class Browser:
         self.go(f"{Path(path).as_uri()}{fragment}")
         self.wait("document.documentElement?.dataset.ready === 'true' || document.documentElement?.dataset.error")
 
-    def wait(self, condition, seconds=30.0):
+    def wait(self, condition, seconds=90.0):
         """Wait until a script, or a function of this process, is true."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
