@@ -15,7 +15,7 @@ from maniport.motion.objective import Objective
 class EllipsoidTask(Task):
     """Regulate the manipulability ellipsoid of an arm in a Pinocchio model that has its joints.
 
-    The error is log(A^-½ M A^-½) in Mandel form, whose length is the affine-invariant distance of the arm's ellipsoid M
+    The error is log(A^-½ M A^-½) in Mandel form; its length is the affine-invariant distance of the arm's ellipsoid M
     to the target A, both with the damping of `Objective`. `cost` is that of a distance of one.
     """
 

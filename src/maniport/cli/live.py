@@ -64,8 +64,9 @@ def live(
         recording = only_recording(config, console)
         result = pipeline.transfer_recording(recording, config, progress=progress)
         clock = None if transport is None else monotonic
-        for text in (text for arm in result.arms for text in arm.fit.quality_warnings):
-            console.warn(text)
+        for arm in result.arms:
+            for text in arm.fit.quality_warnings:
+                console.warn(text)
         follower = maniport.Live.of(result, delay=delay, progress=progress, clock=clock)
     if (placement := result.arms[0].placement) is not None:
         console.print(f"Scale {placement.scale:.2f} of the person's motion; the robot follows {delay:g} s later")

@@ -34,10 +34,10 @@ class Live:
 
     `step` maps the ellipsoids of the person's arms in a frame with fitted adapters, and moves the robot toward these
     ellipsoids and the positions of the hands in the placed paths, within joint limits and without collisions. Where an
-    arm of the person is not seen or jumps, the robot brakes and rests until it is seen again.
+    arm of the person is not seen or jumps, the robot moves on for the delay, then brakes until it is seen again.
 
     The robot moves for the time that passes on this machine between two steps, whatever times the frames have: its
-    commands keep the limits when they are sent as they are returned. With ``clock=None`` it moves for the time between
+    commands keep the limits over the times of its states. With ``clock=None`` it moves for the time between
     two frames (simulated time), and the same frames give the same motion. Each thread needs its own instance.
 
     Parameters
@@ -61,7 +61,7 @@ class Live:
         get stuck at joint limits.
     delay : float
         Time after which the robot follows, at most 0.5 [s]. It plans with the targets of that time: errors become
-        smaller where the person is fast, but the latency grows. Gaps in which the person is not seen become smooth.
+        smaller where the person is fast, but the latency grows. Short gaps between frames are closed.
     hold_after : float
         After this time and the delay without a usable frame, or without a step, the robot brakes; at most 10 [s].
     clock : callable or None

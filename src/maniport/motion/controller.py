@@ -211,8 +211,8 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
 def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed, multipliers):  # type: ignore[no-untyped-def]
     """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
 
-    The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is the
-    same and whose halved gradients (m, dof) are those at the present configuration. `bounds` and the inequalities
+    The cost is the mean over the durations (m,) of costs at the ends of the intervals, with one Hessian (dof, dof), and
+    halved gradients (m, dof) at the present configuration. `bounds` and the inequalities
     rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the share of the limits
     that may be used, and reached within the limits of acceleration. `relaxed` lets inequalities be violated, as little
     as possible. The solver begins with the constraints that had multipliers.

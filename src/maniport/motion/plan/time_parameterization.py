@@ -104,7 +104,7 @@ class JointPath:
         return cls(spline, grid, spline(grid, 1), spline(grid, 2), knots)
 
     def passed(self, speed: Array) -> Array:
-        """Return times of the grid points [s] for parameter speeds (k,) whose squares are linear between them."""
+        """Return times of the grid points [s] for parameter speeds (k,) with squares that are linear between them."""
         return np.concatenate([[0.0], np.cumsum(2.0 * np.diff(self.grid) / (speed[1:] + speed[:-1]))])
 
 
