@@ -11,7 +11,17 @@ from pathlib import Path
 from .measure import ROOT, Row
 
 GROUPS = ("startup", "spd", "icp", "transfer", "arms", "live", "batch", "recovery")
-PACKAGES = ("maniport", "numpy", "scipy", "numba", "pin", "daqp", "pyriemann", "pymanopt", "roboticstoolbox-python")
+PACKAGES = (
+    "maniport",
+    "numpy",
+    "scipy",
+    "numba",
+    "pin",
+    "daqp",
+    "pyriemann",
+    "pymanopt",
+    "roboticstoolbox-python",
+)
 INTRODUCTION = """\
 # Benchmarks
 

@@ -44,12 +44,20 @@ BUDGETS: dict[str, dict[str, Any]] = {
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
     "no relaxation": (planner, "relaxed", lambda problem, time, q, terms, tolerance: q),
-    "no joint descent of the placement": (search.PlacementTrajectoryCost, "improved", lambda problem, state: state),
+    "no joint descent of the placement": (
+        search.PlacementTrajectoryCost,
+        "improved",
+        lambda problem, state: state,
+    ),
     "1 planned placement": (search, "PLANNED", 1),
     "planning time scale 2": (planner, "PLANNING_TIME_SCALE", 2.0),
     "smoothness / 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS / 3.0),
     "smoothness · 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS * 3.0),
-    "no first optimization at the stages": (planner, "optimize", lambda targets, time, q, terms, weight: q),
+    "no first optimization at the stages": (
+        planner,
+        "optimize",
+        lambda targets, time, q, terms, weight: q,
+    ),
 }
 """Changed functions and constants: module, name and value."""
 VARIANTS = [*BUDGETS, *PATCHES]
@@ -63,7 +71,10 @@ def cases(names: list[str]) -> Iterator[tuple[str, Any, np.ndarray, np.ndarray, 
     for name in ("freeform", "ladder"):
         if name in names or not names:
             fit = fit_arm(read_recording(shipped_recording(name)), "myoarm")
-            profile, path = fit.arm.ellipsoids(fit.joint_angles, VELOCITY), fit.arm.forward(fit.joint_angles)
+            profile, path = (
+                fit.arm.ellipsoids(fit.joint_angles, VELOCITY),
+                fit.arm.forward(fit.joint_angles),
+            )
             yield name, fit.arm, fit.time, profile, path[:, :3, 3]
 
 
@@ -94,7 +105,11 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
             adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3))
             adapter.fit(mp.sample_domain(person, 4096, 0), student)
             target, tolerance = adapter.transform(profile), 0.012 if name == "ladder" else 0.005
-            options = {"damping": adapter.student_regularization, "planner": samples, "position_tolerance": tolerance}
+            options = {
+                "damping": adapter.student_regularization,
+                "planner": samples,
+                "position_tolerance": tolerance,
+            }
             for seed, variant in ((seed, variant) for seed in range(seeds) for variant in variants):
                 if (variant, robot, name, seed) in done:
                     continue
@@ -106,7 +121,13 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                 motion, clearance = result.arm.motion, result.motion.clearance
                 assert motion is not None
                 assert motion.position_error is not None
-                row = {"variant": variant, "robot": robot, "motion": name, "seed": seed, "seconds": seconds} | {
+                row = {
+                    "variant": variant,
+                    "robot": robot,
+                    "motion": name,
+                    "seed": seed,
+                    "seconds": seconds,
+                } | {
                     "rms": float(np.sqrt(np.mean(motion.distance**2))),
                     "duration": float(motion.control_time[-1]),
                     "error_p95": float(np.percentile(motion.position_error, 95)) / tolerance,
@@ -131,9 +152,16 @@ def table(file: Path, base: str) -> None:
     spreads: dict[tuple[Any, ...], list[float]] = {}
     for key, row in reference.items():
         spreads.setdefault(key[:2], []).append(row["rms"])
-    spread = np.median([np.std(values) / np.mean(values) for values in spreads.values() if len(values) > 1] or [0.0])
-    print(f"Base: {base}; seed spread of its rms distance: {spread:.1%} (median standard deviation over the mean)\n")
-    print("| variant | runs | rms | duration | worst position error / tolerance | collisions | computing time |")
+    spread = np.median(
+        [np.std(values) / np.mean(values) for values in spreads.values() if len(values) > 1]
+        or [0.0]
+    )
+    print(
+        f"Base: {base}; seed spread of its rms distance: {spread:.1%} (median standard deviation over the mean)\n"
+    )
+    print(
+        "| variant | runs | rms | duration | worst position error / tolerance | collisions | computing time |"
+    )
     print("|---|---|---|---|---|---|---|")
     for variant, measured in by.items():
         shared = [key for key in measured if key in reference]
@@ -143,7 +171,9 @@ def table(file: Path, base: str) -> None:
             np.median([measured[key][name] / reference[key][name] for key in shared])
             for name in ("rms", "duration", "seconds")
         )
-        error, collides = (max(measured[key][name] for key in shared) for name in ("error_max", "collides"))
+        error, collides = (
+            max(measured[key][name] for key in shared) for name in ("error_max", "collides")
+        )
         print(
             f"| {variant} | {len(shared)} | {rms - 1:+.1%} | {duration - 1:+.1%} | {error:.1f} | {collides:.1%} | "
             f"×{seconds:.2f} |"
@@ -152,13 +182,17 @@ def table(file: Path, base: str) -> None:
 
 def main() -> None:
     """Parse and run."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     verbs = parser.add_subparsers(required=True, dest="verb")
     runner, printer = verbs.add_parser("run"), verbs.add_parser("table")
     for verb in (runner, printer):
         verb.add_argument("file", type=Path)
     runner.add_argument("--variants", nargs="+", default=VARIANTS, choices=VARIANTS)
-    runner.add_argument("--robots", nargs="+", default=["Panda", *ROBOTS], choices=["Panda", *ROBOTS])
+    runner.add_argument(
+        "--robots", nargs="+", default=["Panda", *ROBOTS], choices=["Panda", *ROBOTS]
+    )
     runner.add_argument("--motions", nargs="+", default=[])
     runner.add_argument("--seeds", type=int, default=5)
     printer.add_argument("--base", default="full")

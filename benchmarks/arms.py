@@ -53,7 +53,11 @@ def _domain(n: int, seconds: float) -> Row:
 
 def recording(n: int) -> tuple[Recording, Array]:
     """Return noisy markers of an arm that moves through most of its range, n frames, and the joint angles."""
-    arm, generator, instants = myoarm(0.31, 0.26, 0.06), np.random.default_rng(0), np.arange(n) / RATE
+    arm, generator, instants = (
+        myoarm(0.31, 0.26, 0.06),
+        np.random.default_rng(0),
+        np.arange(n) / RATE,
+    )
     knots = np.arange(0.0, instants[-1] + 2.0, 0.4)
     waves = CubicSpline(knots, generator.uniform(-0.5, 0.5, (len(knots), arm.dof)))(instants)
     q = (arm.upper + arm.lower) / 2 + np.clip(waves, -0.9, 0.9) * (arm.upper - arm.lower) / 2

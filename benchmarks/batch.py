@@ -21,7 +21,10 @@ def rows(quick: bool) -> Iterator[Row]:
     """Yield a batch of clips by one process and by two."""
     clips = 2 if quick else 12
     with tempfile.TemporaryDirectory() as folder:
-        one, two = (fresh_process("-m", __name__, str(clips), str(processes), folder) for processes in (1, 2))
+        one, two = (
+            fresh_process("-m", __name__, str(clips), str(processes), folder)
+            for processes in (1, 2)
+        )
     speed = one["recorded"] / one["cpu"]
     yield Row(
         f"batch of {clips} clips of 9 s on {len(ROBOTS)} robots", duration(one["cpu"]),
@@ -30,7 +33,9 @@ def rows(quick: bool) -> Iterator[Row]:
     )  # fmt: skip
     ratio = one["wall"] / two["wall"]
     peer, met = f"1 process: {duration(one['wall'])}", ratio >= 1.7
-    yield Row("the same by 2 processes", duration(two["wall"]), peer, f"{ratio:.3g}×", "≥ 1.7×", met)
+    yield Row(
+        "the same by 2 processes", duration(two["wall"]), peer, f"{ratio:.3g}×", "≥ 1.7×", met
+    )
 
 
 def main(count: int, processes: int, folder: Path) -> None:
@@ -43,7 +48,9 @@ def main(count: int, processes: int, folder: Path) -> None:
         whole.crop(start, min(start + 9.0, whole.duration)).save(clips / f"{i:02d}.npz")
     warnings.simplefilter("ignore")
     begin = time.perf_counter()
-    batch = mp.transfer_batch([str(clips / "*.npz")], ROBOTS, folder / f"by-{processes}", processes=processes)
+    batch = mp.transfer_batch(
+        [str(clips / "*.npz")], ROBOTS, folder / f"by-{processes}", processes=processes
+    )
     wall = time.perf_counter() - begin
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     print(json.dumps({

@@ -24,7 +24,9 @@ from .peers.pymanopt_rotation import PymanoptRotation
 
 def rows(quick: bool) -> Iterator[Row]:
     """Yield the rotation step, fits of 400 ellipsoids, and a fit of 20 000."""
-    yield from (_rotation_step(n, bound, 0.5 if quick else 5.0) for n, bound in ((100, 80), (400, 40)))
+    yield from (
+        _rotation_step(n, bound, 0.5 if quick else 5.0) for n, bound in ((100, 80), (400, 40))
+    )
     yield from _fits(100 if quick else 400)
     n = 2_000 if quick else 20_000
     run = fresh_process("-m", "benchmarks.icp", str(n))
@@ -44,10 +46,14 @@ def _rotation_step(n: int, bound: float, seconds: float) -> Row:
         for ends in ([problem.minimize(start) for start in starts] for problem in (ours, peer))
     ]
     times = compare(
-        lambda: [ours.minimize(start) for start in starts], lambda: [peer.minimize(start) for start in starts], seconds
+        lambda: [ours.minimize(start) for start in starts],
+        lambda: [peer.minimize(start) for start in starts],
+        seconds,
     )
     note = f"largest gradient norm {norms[0]:.1g}, PyManOpt {norms[1]:.1g}"
-    return faster(f"rotation step, N = {n}, 4 starts", times, "PyManOpt", bound, note, max(norms) < 1e-9)
+    return faster(
+        f"rotation step, N = {n}, 4 starts", times, "PyManOpt", bound, note, max(norms) < 1e-9
+    )
 
 
 def _matched_pairs(n: int) -> tuple[Array, Array, Array]:
@@ -64,10 +70,17 @@ def _fits(n: int) -> Iterator[Row]:
     ours = mp.RiemannianICP(damping=DAMPING, require_improvement=False)
     peer = PaperICP()
     default = mp.RiemannianICP(damping=DAMPING)
-    times = compare(lambda: fit(ours, teacher, student), lambda: peer.fit(damped_teacher, damped_student), 0.0, 2)
+    times = compare(
+        lambda: fit(ours, teacher, student),
+        lambda: peer.fit(damped_teacher, damped_student),
+        0.0,
+        2,
+    )
     note = f"cost {ours.cost_:.3f}, peer {peer.cost_:.3f}"
     agrees = ours.cost_ <= peer.cost_ * (1.0 + 1e-3)
-    yield faster(f"ICP, N = {n}, without acceptance test", times, "PyManOpt and pyRiemann", 300, note, agrees)
+    yield faster(
+        f"ICP, N = {n}, without acceptance test", times, "PyManOpt and pyRiemann", 300, note, agrees
+    )
     seconds = compare(lambda: fit(default, teacher, student), lambda: None).ours
     yield within(f"ICP, N = {n}, default options", seconds, 0.06, duration)
 

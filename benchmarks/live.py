@@ -40,7 +40,9 @@ def frames(rate: float, count: int) -> Iterator[tuple[mp.Live, Array, float]]:
     recording = mp.read_recording(shipped_recording("ladder"))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        result = mp.transfer_recording(recording, method="parallel-transport", n_teacher=1024, n_student=2048)
+        result = mp.transfer_recording(
+            recording, method="parallel-transport", n_teacher=1024, n_student=2048
+        )
     live, instants = mp.Live.of(result, clock=None), recording.time
     points = np.stack([recording.point(name) for name in live.points], axis=1)
     shown = CubicSpline(instants, points)(np.arange(instants[0], instants[-1], 1.0 / rate))
@@ -105,7 +107,13 @@ def main(quick: bool) -> None:
         pause = longest_collection(timed)
         print(
             json.dumps(
-                {"seconds": seconds, "timed": timed, "pause": pause, "megabytes": memory_growth(steps), "steps": steps}
+                {
+                    "seconds": seconds,
+                    "timed": timed,
+                    "pause": pause,
+                    "megabytes": memory_growth(steps),
+                    "steps": steps,
+                }
             )
         )
 

@@ -34,7 +34,12 @@ from maniport.mocap import Recording, shipped_recording
 from .inputs import Array
 
 NOISE, FRAME_RATE = 0.012, 30.0  # [m], [Hz]
-OPTIONS: dict[str, Any] = {"real_time": True, "method": "parallel-transport", "n_teacher": 1024, "n_student": 2048}
+OPTIONS: dict[str, Any] = {
+    "real_time": True,
+    "method": "parallel-transport",
+    "n_teacher": 1024,
+    "n_student": 2048,
+}
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,9 @@ class Case:
     start: float = 0.0  # [s]
     stop: float = 1000.0
     seed: int | None = None  # of the noise of a webcam; None: as recorded
-    calibration: tuple[float, float] | None = None  # part of the recording [s]; None: the same frames
+    calibration: tuple[float, float] | None = (
+        None  # part of the recording [s]; None: the same frames
+    )
 
 
 CASES = {
@@ -99,7 +106,9 @@ def jumping(recording: Recording) -> Recording:
     random, positions = np.random.default_rng(0), recording.positions.copy()
     for first, point in np.argwhere(random.random(positions.shape[:2]) < 0.005):
         direction = random.normal(size=3)
-        positions[first : first + random.integers(1, 4), point] += 0.3 * direction / np.linalg.norm(direction)
+        positions[first : first + random.integers(1, 4), point] += (
+            0.3 * direction / np.linalg.norm(direction)
+        )
     return replace(recording, positions=positions)
 
 
@@ -109,13 +118,18 @@ def leaving(recording: Recording) -> Recording:
     return replace(recording, positions=np.where(gone[:, None, None], np.nan, recording.positions))
 
 
-def transferred(case: Case, options: dict[str, Any], cache: Path | None) -> tuple[Recording, Recording, Any]:
+def transferred(
+    case: Case, options: dict[str, Any], cache: Path | None
+) -> tuple[Recording, Recording, Any]:
     """Return the recording as it is followed, the same without noise, and the result of the calibration."""
     clean = mp.read_recording(shipped_recording(case.recording)).crop(case.start, case.stop)
     followed = clean if case.seed is None else webcam(clean, case.seed)
     calibration = followed if case.calibration is None else followed.crop(*case.calibration)
     if case.recording == "both-arms":
-        options = {**options, "robot": mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])}
+        options = {
+            **options,
+            "robot": mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]),
+        }
     file = None if cache is None else cache / f"{case!r}.pickle"
     if file is not None and file.exists():
         return followed, clean, pickle.loads(file.read_bytes())
@@ -130,7 +144,8 @@ def played(live: mp.Live, recording: Recording) -> list[LiveState]:
     """Follow a recording in simulated time; frames of which no point is seen do not arrive."""
     points = np.stack([recording.point(name) for name in live.points], axis=1)
     return [
-        live.step(None if np.isnan(frame).all() else frame, t) for frame, t in zip(points, recording.time, strict=True)
+        live.step(None if np.isnan(frame).all() else frame, t)
+        for frame, t in zip(points, recording.time, strict=True)
     ]
 
 
@@ -139,24 +154,34 @@ def use_of_limits(limits: Any, time: Array, q: Array) -> tuple[float, float]:
     steps = np.diff(time)[:, None]
     velocity = np.diff(q, axis=0) / steps
     acceleration = np.diff(velocity, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
-    return float((np.abs(velocity) / limits.velocity).max()), float((np.abs(acceleration) / limits.acceleration).max())
+    return float((np.abs(velocity) / limits.velocity).max()), float(
+        (np.abs(acceleration) / limits.acceleration).max()
+    )
 
 
-def measured(case: Case, options: dict[str, Any], cache: Path | None, delay: float) -> dict[str, Any]:
+def measured(
+    case: Case, options: dict[str, Any], cache: Path | None, delay: float
+) -> dict[str, Any]:
     """Follow, and return position errors [mm], ellipsoid distances and shares of limits."""
     followed, clean, result = transferred(case, options, cache)
     states = played(mp.Live.of(result, clock=None, delay=delay), followed)
-    first = next((i for i, state in enumerate(states) if state.state != "reaching"), len(states) - 1)
+    first = next(
+        (i for i, state in enumerate(states) if state.state != "reaching"), len(states) - 1
+    )
     late = [state for state in states[first:] if state.position_error is not None]
     errors = 1e3 * np.array([state.position_error for state in late])
     distance = np.array([[arm.distance for arm in state.arms] for state in late])
     planned = np.stack([arm.motion.distance for arm in result.arms], axis=1)
     hands = [placed_hand(arm, clean) for arm in result.arms]
     delayed, present = (
-        1e3 * np.concatenate([_offsets(states[first:], hand, i, lag) for i, hand in enumerate(hands)])
+        1e3
+        * np.concatenate([_offsets(states[first:], hand, i, lag) for i, hand in enumerate(hands)])
         for lag in (delay, 0.0)
     )
-    limits, q = result.motion.trajectory.limits, np.array([state.joint_positions for state in states])
+    limits, q = (
+        result.motion.trajectory.limits,
+        np.array([state.joint_positions for state in states]),
+    )
     return {
         "scale": result.arms[0].placement.scale,
         "duration": float(result.motion.trajectory.control_time[-1]),
@@ -168,14 +193,20 @@ def measured(case: Case, options: dict[str, Any], cache: Path | None, delay: flo
     }
 
 
-def optimum(case: Case, options: dict[str, Any], cache: Path | None, iterations: int = 12) -> list[Array]:
+def optimum(
+    case: Case, options: dict[str, Any], cache: Path | None, iterations: int = 12
+) -> list[Array]:
     """Minimize the largest position error by sequential linear programs; return percentiles [mm] of each arm."""
     followed, _, result = transferred(case, options, cache)
     states, errors = played(mp.Live.of(result, clock=None, delay=0.0), followed), []
-    states = [state for state in states if all(arm.position_error is not None for arm in state.arms)]
+    states = [
+        state for state in states if all(arm.position_error is not None for arm in state.arms)
+    ]
     dt, limits = float(np.median(np.diff(followed.time))), result.motion.trajectory.limits
     signs = np.array(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)).reshape(3, -1).T
-    sides = signs[signs.any(axis=1)] / np.linalg.norm(signs[signs.any(axis=1)], axis=1, keepdims=True)  # 26 directions
+    sides = signs[signs.any(axis=1)] / np.linalg.norm(
+        signs[signs.any(axis=1)], axis=1, keepdims=True
+    )  # 26 directions
     for i, arm in enumerate(own.robot for own in result.arms):
         columns = slice(arm.dof * i, arm.dof * (i + 1))
         q = np.array([state.joint_positions[columns] for state in states])
@@ -184,17 +215,30 @@ def optimum(case: Case, options: dict[str, Any], cache: Path | None, iterations:
         change = sp.diags([-1.0, 1.0], [0, 1], (n - 1, n))
         second = sp.diags([1.0, -2.0, 1.0], [0, 1, 2], (n - 2, n))
         rows = sp.vstack([sp.kron(change, np.eye(dof)) / dt, sp.kron(second, np.eye(dof)) / dt**2])
-        most = np.append(np.tile(limits.velocity[columns], n - 1), np.tile(limits.acceleration[columns], n - 2))
+        most = np.append(
+            np.tile(limits.velocity[columns], n - 1), np.tile(limits.acceleration[columns], n - 2)
+        )
         error, trust = np.linalg.norm(arm.forward(q)[:, :3, 3] - path, axis=1), 0.15  # [rad]
         for _ in range(iterations):
-            off, jacobian, speeds = arm.forward(q)[:, :3, 3] - path, arm.jacobian(q)[:, :3], rows @ q.ravel()
+            off, jacobian, speeds = (
+                arm.forward(q)[:, :3, 3] - path,
+                arm.jacobian(q)[:, :3],
+                rows @ q.ravel(),
+            )
             ends = sp.block_diag([sides @ own for own in jacobian])
             bound, none = np.ones((ends.shape[0], 1)), sp.csr_matrix((len(speeds), 1))
-            matrix = sp.vstack([sp.hstack([ends, -bound]), sp.hstack([rows, none]), sp.hstack([-rows, none])])
+            matrix = sp.vstack(
+                [sp.hstack([ends, -bound]), sp.hstack([rows, none]), sp.hstack([-rows, none])]
+            )
             right = np.concatenate([-(off @ sides.T).ravel(), most - speeds, most + speeds])
-            step = np.maximum(limits.arm.lower[columns] - q, -trust), np.minimum(limits.arm.upper[columns] - q, trust)
+            step = (
+                np.maximum(limits.arm.lower[columns] - q, -trust),
+                np.minimum(limits.arm.upper[columns] - q, trust),
+            )
             bounds = [*zip(step[0].ravel(), step[1].ravel(), strict=True), (0.0, None)]
-            solution = linprog(np.eye(n * dof + 1)[-1], matrix.tocsr(), right, bounds=bounds, method="highs-ipm").x
+            solution = linprog(
+                np.eye(n * dof + 1)[-1], matrix.tocsr(), right, bounds=bounds, method="highs-ipm"
+            ).x
             trial = q if solution is None else q + solution[:-1].reshape(n, dof)
             trial_error = np.linalg.norm(arm.forward(trial)[:, :3, 3] - path, axis=1)
             if trial_error.max() < error.max():
@@ -245,20 +289,31 @@ def inputs(recording: str, options: dict[str, Any], cache: Path | None) -> dict[
         ("mocap, 60 Hz, jumps", jumping(mocap(clean, 60.0)), precise, 0.15),
         ("mocap, 120 Hz, leaving", leaving(mocap(clean, 120.0)), precise, 0.15),
     ):
-        states, hand = played(mp.Live.of(result, clock=None, delay=delay), followed), placed_hand(result.arm, clean)
+        states, hand = (
+            played(mp.Live.of(result, clock=None, delay=delay), followed),
+            placed_hand(result.arm, clean),
+        )
         late = [state for state in states if state.state in ("following", "lagging")]
         lags = np.arange(0.0, 0.4, 0.002)
         lag = lags[np.argmin([rms(_offsets(late, hand, lag=own)) for own in lags])]
         errors = 1e3 * np.array([state.position_error for state in late])
-        limits, q = result.motion.trajectory.limits, np.array([state.joint_positions for state in states])
+        limits, q = (
+            result.motion.trajectory.limits,
+            np.array([state.joint_positions for state in states]),
+        )
         time, reached = followed.time, np.array([state.arm.position for state in states])
-        is_late = (time <= hand.t[-1]) & np.isin([state.state for state in states], ("following", "lagging"))
+        is_late = (time <= hand.t[-1]) & np.isin(
+            [state.state for state in states], ("following", "lagging")
+        )
         rows = is_late[2:] & is_late[1:-1] & is_late[:-2]
         acceleration = [rms(np.diff(path, n=2, axis=0)[rows]) for path in (reached, hand(time))]
         values = errors, 1e3 * _offsets(late, hand, lag=lag)
         table[name] = [
             f"{lag:.2f}",
-            *(", ".join(f"{value:.0f}" for value in np.percentile(own, (95.0, 100.0))) for own in values),
+            *(
+                ", ".join(f"{value:.0f}" for value in np.percentile(own, (95.0, 100.0)))
+                for own in values
+            ),
             f"{acceleration[0] / acceleration[1]:.2f}",
             ", ".join(f"{value:.2f}" for value in use_of_limits(limits, time, q)),
             ", ".join(f"{value:.2f}" for value in returns(states, limits.velocity)),
@@ -293,18 +348,33 @@ def row(name: str, own: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure, and print a table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.live_following", description=__doc__)
-    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"default: all of {', '.join(CASES)}")
-    parser.add_argument("--options", nargs="*", default=[], help="options of transfer_recording, NAME=VALUE")
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.live_following", description=__doc__
+    )
+    parser.add_argument(
+        "cases", nargs="*", metavar="CASE", help=f"default: all of {', '.join(CASES)}"
+    )
+    parser.add_argument(
+        "--options", nargs="*", default=[], help="options of transfer_recording, NAME=VALUE"
+    )
     parser.add_argument("--delay", type=float, default=0.15, help="delay of the robot [s]")
     parser.add_argument("--cache", type=Path, help="folder of calibrations")
-    parser.add_argument("--optimum", action="store_true", help="print the optimum with known motion, too")
-    parser.add_argument("--inputs", action="store_true", help="compare sensors, with freeform and ladder")
+    parser.add_argument(
+        "--optimum", action="store_true", help="print the optimum with known motion, too"
+    )
+    parser.add_argument(
+        "--inputs", action="store_true", help="compare sensors, with freeform and ladder"
+    )
     parsed = parser.parse_args()
-    options = {name: yaml.safe_load(value) for name, _, value in (text.partition("=") for text in parsed.options)}
+    options = {
+        name: yaml.safe_load(value)
+        for name, _, value in (text.partition("=") for text in parsed.options)
+    }
     warnings.simplefilter("ignore", ManiportWarning)
     if parsed.inputs:
-        print("| input | lag [s] | position error [mm] | to the shifted path | smoothness | v, a | return [s], v |")
+        print(
+            "| input | lag [s] | position error [mm] | to the shifted path | smoothness | v, a | return [s], v |"
+        )
         print("|---" * 7 + "|")
         tables = [inputs(recording, options, parsed.cache) for recording in ("freeform", "ladder")]
         for name in tables[0]:

@@ -41,7 +41,9 @@ class Times:
     peer: float
 
 
-def compare(ours: Callable[[], Any], peer: Callable[[], Any], seconds: float = 3.0, least: int = 3) -> Times:
+def compare(
+    ours: Callable[[], Any], peer: Callable[[], Any], seconds: float = 3.0, least: int = 3
+) -> Times:
     """Time two functions in turn, for `seconds` and at least `least` times each, after one call that compiles."""
     times: tuple[list[float], list[float]] = [], []
     repeats = [_repeats(function) for function in (ours, peer)]
@@ -52,7 +54,9 @@ def compare(ours: Callable[[], Any], peer: Callable[[], Any], seconds: float = 3
     return Times(min(times[0]), min(times[1]))
 
 
-def faster(work: str, times: Times, peer: str, bound: float, note: str = "", agrees: bool = True) -> Row:
+def faster(
+    work: str, times: Times, peer: str, bound: float, note: str = "", agrees: bool = True
+) -> Row:
     """Make a row with a least ratio, which also needs results that agree."""
     ratio = times.peer / times.ours
     return Row(
@@ -61,7 +65,9 @@ def faster(work: str, times: Times, peer: str, bound: float, note: str = "", agr
     )  # fmt: skip
 
 
-def within(work: str, value: float, bound: float, text: Callable[[float], str], note: str = "") -> Row:
+def within(
+    work: str, value: float, bound: float, text: Callable[[float], str], note: str = ""
+) -> Row:
     """Make a row with a largest value."""
     return Row(work, text(value), bound=f"≤ {text(bound)}", met=value <= bound, note=note)
 
@@ -82,7 +88,9 @@ def megabytes(value: float) -> str:
 def fresh_process(*arguments: str, timeout: float = 3600.0) -> dict[str, Any]:
     """Run Python in a new process; return the JSON of its last line of output."""
     command = [sys.executable, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False)
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False
+    )
     if done.returncode:
         raise RuntimeError(f"python {' '.join(arguments)} failed:\n{done.stderr[-2000:]}")
     content: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])

@@ -17,7 +17,15 @@ from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from .inputs import Array
 
 SEGMENTS = {
-    "ladder": ((0.0, 3.9), (3.9, 7.8), (7.8, 11.7), (14.2, 18.3), (18.8, 23.2), (23.2, 27.5), (30.0, 34.9)),
+    "ladder": (
+        (0.0, 3.9),
+        (3.9, 7.8),
+        (7.8, 11.7),
+        (14.2, 18.3),
+        (18.8, 23.2),
+        (23.2, 27.5),
+        (30.0, 34.9),
+    ),
     "freeform": ((3.7, 7.0),),
 }
 """Start and stop in the bundled recordings [s]."""
@@ -60,7 +68,9 @@ def motions() -> Iterator[Motion]:
         yield Motion(name, person, np.linspace(0.0, EVALUATION_SECONDS, len(joints)), joints)
     for recording, segments in SEGMENTS.items():
         fit = fit_arm(read_recording(shipped_recording(recording)), "myoarm")
-        joints = gaussian_filter1d(fit.joint_angles, SMOOTHING / np.median(np.diff(fit.time)), axis=0)
+        joints = gaussian_filter1d(
+            fit.joint_angles, SMOOTHING / np.median(np.diff(fit.time)), axis=0
+        )
         for begin, end in segments:
             inside = np.flatnonzero((fit.time >= begin) & (fit.time <= end))
             rows = inside[np.linspace(0, len(inside) - 1, POINTS).round().astype(int)]

@@ -77,7 +77,11 @@ SETTINGS = (
     *(Setting("skewed", n=n, m=n) for n in (100, 1000)),
     *(Setting("panda", n=n, m=n) for n in (100, 300, 1000, 3000)),
     *(Setting("rhuman", n=n, m=n) for n in (100, 1000)),
-    *(Setting(arms, n, n, copies=False) for arms in ("panda", "rhuman-panda") for n in (12, 60, 300, 1000)),
+    *(
+        Setting(arms, n, n, copies=False)
+        for arms in ("panda", "rhuman-panda")
+        for n in (12, 60, 300, 1000)
+    ),
 )
 
 
@@ -93,7 +97,11 @@ def rows(quick: bool) -> Iterator[Row]:
         bound = None
         if not setting.copies:
             bound = 1.0
-        elif setting.shared >= 0.7 and setting.outliers == 0.0 and setting.cloud in ("covariance", "skewed"):
+        elif (
+            setting.shared >= 0.7
+            and setting.outliers == 0.0
+            and setting.cloud in ("covariance", "skewed")
+        ):
             bound = 0.95
         rejected = sum(f and not r for f, r in zip(found, right, strict=True))
         wrong = sum(not r and not run.start_kept for r, run in zip(right, outcomes, strict=True))
@@ -117,7 +125,10 @@ def outcome(setting: Setting, seed: int) -> Outcome:
     truth = mp.ParallelTransport(damping=DAMPING).fit(teacher, student).rotation_
     if copies is not None:
         truth = best_for_copies(adapter, *copies)
-    errors = [float(np.rad2deg(rotation_angle(end, truth))) for end in (adapter.rotation_, adapter.found_rotation_)]
+    errors = [
+        float(np.rad2deg(rotation_angle(end, truth)))
+        for end in (adapter.rotation_, adapter.found_rotation_)
+    ]
     warned = any(issubclass(warning.category, IdentifiabilityWarning) for warning in caught)
     return Outcome(*errors, adapter.start_kept_, warned, seconds)
 
@@ -138,7 +149,9 @@ def clouds(setting: Setting, seed: int) -> tuple[Array, Array, tuple[Array, Arra
     if not setting.copies:
         first, _, second = setting.cloud.partition("-")
         sides = ((first, setting.n), (second or first, setting.m))
-        teacher, student = (mp.sample_domain(load(arm), n, random.integers(1 << 30)) for arm, n in sides)
+        teacher, student = (
+            mp.sample_domain(load(arm), n, random.integers(1 << 30)) for arm, n in sides
+        )
         return teacher, student, None
     n, m = setting.n, setting.m
     common = round(setting.shared * min(n, m))
@@ -160,16 +173,22 @@ def drawn(cloud: str, count: int, random: np.random.Generator) -> Array:
         return factor @ np.swapaxes(factor, 1, 2)
     if cloud == "skewed":
         mixing = random.standard_normal((6, 6)) / np.sqrt(6.0)
-        return np.asarray(mp.spd.expm(mp.spd.from_vector(random.standard_normal((count, 6)) @ mixing.T)))
+        return np.asarray(
+            mp.spd.expm(mp.spd.from_vector(random.standard_normal((count, 6)) @ mixing.T))
+        )
     points = mp.sample_domain(load(cloud), count, random.integers(1 << 30), sequence="uniform")
     return points + DAMPING * np.trace(points.mean(axis=0)) / 3.0 * np.eye(3)
 
 
-def replaced(points: Array, share: float, random: np.random.Generator) -> tuple[Array, NDArray[np.bool_]]:
+def replaced(
+    points: Array, share: float, random: np.random.Generator
+) -> tuple[Array, NDArray[np.bool_]]:
     """Replace a share of ellipsoids by outliers; also return which."""
     vectors = mp.spd.to_vector(mp.spd.logm(points))
     spread = 1.5 * np.sqrt(np.mean(np.var(vectors, axis=0)))
-    wild = mp.spd.expm(mp.spd.from_vector(vectors.mean(axis=0) + spread * random.standard_normal(vectors.shape)))
+    wild = mp.spd.expm(
+        mp.spd.from_vector(vectors.mean(axis=0) + spread * random.standard_normal(vectors.shape))
+    )
     chosen = np.zeros(len(points), bool)
     chosen[random.choice(len(points), round(share * len(points)), replace=False)] = True
     return np.where(chosen[:, None, None], wild, points), chosen

@@ -59,7 +59,10 @@ class Comparison:
 def transferred(name: str, motion: Motion) -> Comparison:
     """Adapt a motion to a robot, place and plan it, and let the tracker follow the same targets."""
     robot = load_robot(name)
-    student, teacher = mp.sample_domain(robot, STUDENT_SAMPLES, 1), mp.sample_domain(motion.person, TEACHER_SAMPLES, 0)
+    student, teacher = (
+        mp.sample_domain(robot, STUDENT_SAMPLES, 1),
+        mp.sample_domain(motion.person, TEACHER_SAMPLES, 0),
+    )
     adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(teacher, student)
     damping, time = adapter.student_regularization, motion.robot_time
     begin = clock.process_time()
@@ -75,14 +78,27 @@ def transferred(name: str, motion: Motion) -> Comparison:
         damping=damping,
     )
     (plan,) = plan_motion(
-        robot, placed.profile, time=time, paths=placed.path, damping=damping, planner=planner, position_tolerance=1e-3
+        robot,
+        placed.profile,
+        time=time,
+        paths=placed.path,
+        damping=damping,
+        planner=planner,
+        position_tolerance=1e-3,
     ).arms
     seconds = clock.process_time() - begin
     # the tracker has the same margin of the joint limits as the plan
     (tracked,) = track(
-        planner.limits.arm, placed.profile, time=time, path=placed.path, start=plan.joint_positions[0], damping=damping
+        planner.limits.arm,
+        placed.profile,
+        time=time,
+        path=placed.path,
+        start=plan.joint_positions[0],
+        damping=damping,
     ).arms
-    return Comparison(plan.distance, tracked.distance, plan.position_error, plan.clearance.share, seconds)
+    return Comparison(
+        plan.distance, tracked.distance, plan.position_error, plan.clearance.share, seconds
+    )
 
 
 def load_robot(name: str) -> Arm:

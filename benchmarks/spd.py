@@ -26,7 +26,9 @@ def rows(quick: bool) -> Iterator[Row]:
     for d, wanted in ((3, 8), (6, 4)):
         a, b = spd_matrices(10_000, d, seed=1), spd_matrices(10_000, d, seed=2)
         error = float(np.abs(mp.spd.distance(a, b) - distance_riemann(a, b)).max())
-        times = compare(lambda a=a, b=b: mp.spd.distance(a, b), lambda a=a, b=b: distance_riemann(a, b), seconds)
+        times = compare(
+            lambda a=a, b=b: mp.spd.distance(a, b), lambda a=a, b=b: distance_riemann(a, b), seconds
+        )
         yield faster(
             f"affine-invariant distance, {d}×{d}, 10,000 pairs",
             times,
@@ -50,16 +52,22 @@ def gradient_norm(center: Array, points: Array) -> float:
 
 def _pyriemann_mean(points: Array) -> Array:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # that it did not converge; the gradient norm is reported
+        warnings.simplefilter(
+            "ignore", UserWarning
+        )  # that it did not converge; the gradient norm is reported
         return mean_riemann(points, tol=WANTED_GRADIENT, maxiter=500)
 
 
 def _mean(points: Array, work: str, seconds: float) -> Row:
     ours = gradient_norm(mp.spd.mean(points, tol=WANTED_GRADIENT), points)
     peer = gradient_norm(_pyriemann_mean(points), points)
-    times = compare(lambda: mp.spd.mean(points, tol=WANTED_GRADIENT), lambda: _pyriemann_mean(points), seconds)
+    times = compare(
+        lambda: mp.spd.mean(points, tol=WANTED_GRADIENT), lambda: _pyriemann_mean(points), seconds
+    )
     note = f"gradient norm {ours:.1g}, pyRiemann {peer:.1g}"
-    return faster(work, times, "pyRiemann", 8, note, ours < WANTED_GRADIENT and peer < WANTED_GRADIENT)
+    return faster(
+        work, times, "pyRiemann", 8, note, ours < WANTED_GRADIENT and peer < WANTED_GRADIENT
+    )
 
 
 def _hard_mean(n: int) -> Row:
@@ -67,7 +75,12 @@ def _hard_mean(n: int) -> Row:
     points = ill_conditioned(n, 6, seed=3, condition=7e5)
     reached = gradient_norm(mp.spd.mean(points, tol=WANTED_GRADIENT), points)
     peer = gradient_norm(_pyriemann_mean(points), points)
-    times = compare(lambda: mp.spd.mean(points, tol=WANTED_GRADIENT), lambda: _pyriemann_mean(points), 0.0, least=1)
+    times = compare(
+        lambda: mp.spd.mean(points, tol=WANTED_GRADIENT),
+        lambda: _pyriemann_mean(points),
+        0.0,
+        least=1,
+    )
     return Row(
         f"Fréchet mean, 6×6, condition 7e5, {n:,} matrices", duration(times.ours),
         f"pyRiemann: {duration(times.peer)}, gradient norm {peer:.1g}", bound="gradient norm < 1e-10",

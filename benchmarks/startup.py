@@ -38,12 +38,22 @@ def rows(quick: bool) -> Iterator[Row]:
         folder = Path(name)
         teacher, student = domains(400)
         np.savez(folder / "domains.npz", teacher=teacher, student=student)
-        runs = [fresh_process("-c", FIRST_FIT, str(folder / "domains.npz")) for _ in range(count + 1)][1:]
+        runs = [
+            fresh_process("-c", FIRST_FIT, str(folder / "domains.npz")) for _ in range(count + 1)
+        ][1:]
         yield within("import maniport", min(run["import"] for run in runs), 0.3, duration)
         least = min(run["all"] for run in runs)
-        yield within("import and first ICP fit, N = 400", least, 1.2, duration, "warm compile cache")
-        demos = [fresh_process("-c", DEMO, str(folder / "cache"), str(folder / "demo")) for _ in range(count + 1)]
-    for text, bound, chosen in (("empty compile cache", 32.0, demos[:1]), ("warm", 11.0, demos[1:])):
+        yield within(
+            "import and first ICP fit, N = 400", least, 1.2, duration, "warm compile cache"
+        )
+        demos = [
+            fresh_process("-c", DEMO, str(folder / "cache"), str(folder / "demo"))
+            for _ in range(count + 1)
+        ]
+    for text, bound, chosen in (
+        ("empty compile cache", 32.0, demos[:1]),
+        ("warm", 11.0, demos[1:]),
+    ):
         best = min(chosen, key=lambda run: run["wall"])
         note = f"{duration(best['processor'])} of processor time"
         yield within(f"maniport demo, {text}", best["wall"], bound, duration, note)

@@ -25,7 +25,13 @@ def rows(quick: bool) -> Iterator[Row]:
     for work, function, points, ratio, bound in (
         ("one ellipsoid, compiled()", lambda: compiled(point, out), point, 15.0, 2e-6),
         ("one ellipsoid, transform()", lambda: adapter.transform(point), point, 0.5, 40e-6),
-        (f"{n:,} ellipsoids, transform()", lambda: adapter.transform(many), many, 8.0, 0.3 * n / 1e6),
+        (
+            f"{n:,} ellipsoids, transform()",
+            lambda: adapter.transform(many),
+            many,
+            8.0,
+            0.3 * n / 1e6,
+        ),
     ):
         error = float(np.abs(function() - peer(points)).max())
         times = compare(function, lambda points=points: peer(points), seconds)

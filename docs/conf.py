@@ -68,10 +68,20 @@ numpydoc_xref_param_type = True  # link types of parameters
 numpydoc_xref_ignore = "all"
 numpydoc_xref_aliases = (
     {word: word for word in DEFAULT_LINKS}  # numpydoc's own links warn if there is no network
-    | {word: f":obj:`{word} <{word}>`" for word in ("None", "bool", "dict", "float", "int", "list", "str", "tuple")}
-    | {"ndarray": "numpy.ndarray", "array_like": "numpy.typing.ArrayLike", "path-like": "os.PathLike"}
+    | {
+        word: f":obj:`{word} <{word}>`"
+        for word in ("None", "bool", "dict", "float", "int", "list", "str", "tuple")
+    }
+    | {
+        "ndarray": "numpy.ndarray",
+        "array_like": "numpy.typing.ArrayLike",
+        "path-like": "os.PathLike",
+    }
     | {"numpy.random.Generator": ":obj:`numpy.random.Generator`"}
-    | {word: f"collections.abc.{word.title()}" for word in ("callable", "iterable", "mapping", "sequence")}
+    | {
+        word: f"collections.abc.{word.title()}"
+        for word in ("callable", "iterable", "mapping", "sequence")
+    }
     | classes()
 )
 

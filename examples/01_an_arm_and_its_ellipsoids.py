@@ -43,18 +43,25 @@ def main(folder):
     # Semi-axes of the force ellipsoid are the reciprocals of those of the velocity ellipsoid.
     force = mp.spd.lengths(arm.manipulability(BENT, kind="force"))
     velocity = mp.spd.lengths(arm.manipulability(BENT))
-    print(f"force times velocity along each axis of the bent arm: {np.round(force[::-1] * velocity, 6)}")
+    print(
+        f"force times velocity along each axis of the bent arm: {np.round(force[::-1] * velocity, 6)}"
+    )
 
     # Joints have different velocity limits. With these as weights, semi-axes are end-effector velocities in m/s.
     weighted = mp.spd.lengths(arm.manipulability(BENT, joint_weights="joint-limits"))
-    print(f"weighted by the velocity limits: {weighted[2]:.2f}, {weighted[1]:.2f}, {weighted[0]:.2f} m/s")
+    print(
+        f"weighted by the velocity limits: {weighted[2]:.2f}, {weighted[1]:.2f}, {weighted[0]:.2f} m/s"
+    )
 
     # All functions take any number of configurations: here 50 between the two, in joint space.
     time = np.linspace(0.0, 1.0, 50)
     joints = BENT + time[:, None] * (STRETCHED - BENT)
     profile = arm.manipulability(joints)
     roles = {"panda": "achieved"}  # green: the color of the robot in all figures
-    figures.save(figures.arms({"panda": arm.skeleton(joints)}, {"panda": profile}, roles=roles), folder / "arm.png")
+    figures.save(
+        figures.arms({"panda": arm.skeleton(joints)}, {"panda": profile}, roles=roles),
+        folder / "arm.png",
+    )
     figures.save(figures.curves(time, {"achieved": profile}), folder / "curves.png")
     print(f"figures in {folder}")
 

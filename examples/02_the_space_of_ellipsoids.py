@@ -20,7 +20,9 @@ from maniport.report import figures
 def slender(degrees):
     """Return an ellipsoid with semi-axes 0.9, 0.3 and 0.3, rotated in the xy plane."""
     angle = np.radians(degrees)
-    rotation = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    rotation = np.array(
+        [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    )
     return rotation @ np.diag([0.9, 0.3, 0.3]) ** 2 @ rotation.T
 
 
@@ -32,13 +34,21 @@ def main(folder):
 
     # Mean: the arithmetic mean has a larger volume, the Fréchet mean keeps the volume.
     arithmetic, frechet = (a + b) / 2.0, mp.spd.mean([a, b])
-    print(f"volume of the mean: arithmetic {mp.spd.volume(arithmetic):.4f}, Fréchet {mp.spd.volume(frechet):.4f}")
+    print(
+        f"volume of the mean: arithmetic {mp.spd.volume(arithmetic):.4f}, Fréchet {mp.spd.volume(frechet):.4f}"
+    )
 
     # Distance: invariant under changes of unit and frame, even of a frame that is not orthogonal.
-    change = np.array([[1.0, 0.2, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1.0]])  # y in centimeters, x sheared
+    change = np.array(
+        [[1.0, 0.2, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1.0]]
+    )  # y in centimeters, x sheared
     a2, b2 = change @ a @ change.T, change @ b @ change.T
-    print(f"affine-invariant distance: {mp.spd.distance(a, b):.4f}, in other coordinates {mp.spd.distance(a2, b2):.4f}")
-    print(f"Frobenius distance: {np.linalg.norm(a - b):.4f}, in other coordinates {np.linalg.norm(a2 - b2):.1f}")
+    print(
+        f"affine-invariant distance: {mp.spd.distance(a, b):.4f}, in other coordinates {mp.spd.distance(a2, b2):.4f}"
+    )
+    print(
+        f"Frobenius distance: {np.linalg.norm(a - b):.4f}, in other coordinates {np.linalg.norm(a2 - b2):.1f}"
+    )
 
     # Extrapolation: entrywise, the result is soon not positive definite.
     linear, geodesic = a + 2.0 * (b - a), mp.spd.geodesic(a, b, 2.0)
@@ -60,8 +70,14 @@ def main(folder):
     )
 
     fraction = np.linspace(0.0, 1.0, 9)
-    curves = {"entrywise": a + fraction[:, None, None] * (b - a), "geodesic": mp.spd.geodesic(a, b, fraction)}
-    figures.save(figures.ellipsoids(fraction, curves, axis="fraction of the distance"), folder / "geodesics.png")
+    curves = {
+        "entrywise": a + fraction[:, None, None] * (b - a),
+        "geodesic": mp.spd.geodesic(a, b, fraction),
+    }
+    figures.save(
+        figures.ellipsoids(fraction, curves, axis="fraction of the distance"),
+        folder / "geodesics.png",
+    )
     print(f"figure in {folder / 'geodesics.png'}")
 
 

@@ -25,7 +25,9 @@ def sensitivity(fit, profile):
     joints, rng = fit.joint_angles.copy(), np.random.default_rng(0)
     free = ~fit.observable
     joints[:, free] = rng.uniform(fit.arm.lower[free], fit.arm.upper[free], (len(fit), free.sum()))
-    damping = 0.01 * np.trace(profile.mean(axis=0)) / 3.0 * np.eye(3)  # keeps distances of flat ellipsoids finite
+    damping = (
+        0.01 * np.trace(profile.mean(axis=0)) / 3.0 * np.eye(3)
+    )  # keeps distances of flat ellipsoids finite
     return mp.spd.distance(profile + damping, fit.arm.manipulability(joints) + damping)
 
 
@@ -41,7 +43,9 @@ def main(folder):
         fit = mp.fit_arm(recording, "myoarm")
         for warning in fit.quality_warnings:
             print(f"  warning: {warning}")
-        lengths = ", ".join(f"{segment} {length:.3f} m" for segment, length in fit.segment_lengths.items())
+        lengths = ", ".join(
+            f"{segment} {length:.3f} m" for segment, length in fit.segment_lengths.items()
+        )
         print(f"  {lengths}")
         for segment, residual in fit.residual_summary().items():
             print(
@@ -49,18 +53,24 @@ def main(folder):
                 f"{residual['max']:.2f}° (max at {residual['max_at_s']:.1f} s)"
             )
         for reason in dict.fromkeys(fit.unobservable.values()):
-            joints = ", ".join(joint for joint in fit.unobservable if fit.unobservable[joint] == reason)
+            joints = ", ".join(
+                joint for joint in fit.unobservable if fit.unobservable[joint] == reason
+            )
             print(f"  unobservable: {joints} ({reason})")
 
         # 3. The profile: the ellipsoid of the hand in each frame.
         profile = fit.arm.manipulability(fit.joint_angles)
         change, longest = sensitivity(fit, profile), mp.spd.lengths(profile)[:, 2]
-        print(f"  change by unobservable joints: d = {np.median(change):.3f} (median), {change.max():.3f} (max)")
+        print(
+            f"  change by unobservable joints: d = {np.median(change):.3f} (median), {change.max():.3f} (max)"
+        )
         print(f"  longest semi-axis {longest.min():.2f} to {longest.max():.2f} m/s per rad/s")
 
         save_ellipsoids(folder / f"{name}.npz", profile, fit.time)
         skeletons, roles = {"person": fit.arm.skeleton(fit.joint_angles)}, {"person": "person"}
-        figures.save(figures.arms(skeletons, {"person": profile}, roles=roles), folder / f"{name}_arm.png")
+        figures.save(
+            figures.arms(skeletons, {"person": profile}, roles=roles), folder / f"{name}_arm.png"
+        )
         figures.save(figures.curves(fit.time, {"person": profile}), folder / f"{name}_curves.png")
     print(f"profiles and figures in {folder}")
 

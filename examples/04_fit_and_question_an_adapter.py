@@ -18,7 +18,9 @@ import maniport as mp
 from maniport.report import figures
 from maniport.report.renderings import write_report
 
-WALL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # from the teacher's to the student's base frame
+WALL = np.array(
+    [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+)  # from the teacher's to the student's base frame
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
 AMPLITUDE = np.array([0.5, 0.4, -0.3, 0.4, 0.5, -0.4, 0.0])  # [rad]
 
@@ -31,7 +33,9 @@ def on_wall(ellipsoids):
 def main(folder):
     """Compare three fits of the same two domains with the true map."""
     folder.mkdir(parents=True, exist_ok=True)
-    warnings.simplefilter("ignore", mp.errors.IdentifiabilityWarning)  # the example prints identifiability itself
+    warnings.simplefilter(
+        "ignore", mp.errors.IdentifiabilityWarning
+    )  # the example prints identifiability itself
     panda = mp.load_arm("panda")
     teacher, student = mp.sample_domain(panda, 2048, 0), on_wall(mp.sample_domain(panda, 4096, 1))
     profile = panda.manipulability(HOME + AMPLITUDE * np.sin(np.linspace(0.0, np.pi, 40))[:, None])
@@ -40,7 +44,9 @@ def main(folder):
     fits = {
         "parallel transport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
         "ICP": mp.RiemannianICP(damping=0.01).fit(teacher, student),
-        "base_rotation known": mp.ParallelTransport(damping=0.01, base_rotation=WALL).fit(teacher, student),
+        "base_rotation known": mp.ParallelTransport(damping=0.01, base_rotation=WALL).fit(
+            teacher, student
+        ),
     }
     for name, adapter in fits.items():
         error = np.sqrt(np.mean(adapter.errors(profile, truth) ** 2))
@@ -50,13 +56,17 @@ def main(folder):
 
     # Identifiability: axes of the student's base about which the domains do not determine the rotation.
     for axis in fits["ICP"].free_axes_:
-        print(f"ICP cannot determine the rotation about ({', '.join(f'{part:.2f}' for part in axis)})")
+        print(
+            f"ICP cannot determine the rotation about ({', '.join(f'{part:.2f}' for part in axis)})"
+        )
 
     # Evaluation: the same metrics for the adapter and for the baselines.
     adapter = fits["base_rotation known"]
     evaluation = mp.evaluate(adapter, teacher, student, profile, truth=truth)
     least, identity = (evaluation.values[name] for name in (evaluation.recommended, "identity"))
-    print(f"recommended: {evaluation.recommended}; {evaluation.measure} {least:.3f}, identity {identity:.3f}")
+    print(
+        f"recommended: {evaluation.recommended}; {evaluation.measure} {least:.3f}, identity {identity:.3f}"
+    )
     write_report(folder / "evaluation.md", mp.report.report_of(evaluation))
 
     # Save and load; the inverse of the map is exact.
@@ -65,7 +75,10 @@ def main(folder):
     adapted = loaded.transform(profile)
     print(f"error of the inverse: {np.abs(loaded.inverse_transform(adapted) - profile).max():.1e}")
     rows = {"teacher": profile, "adapted": adapted, "truth": truth}
-    figures.save(figures.ellipsoids(np.arange(1, 41), rows, axis="index of the ellipsoid"), folder / "adapted.png")
+    figures.save(
+        figures.ellipsoids(np.arange(1, 41), rows, axis="index of the ellipsoid"),
+        folder / "adapted.png",
+    )
     print(f"adapter, evaluation and figure in {folder}")
 
 

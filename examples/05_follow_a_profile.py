@@ -46,7 +46,9 @@ def follow(arm, profile, path, with_ellipsoids):
     for i in range(len(TIME)):
         ellipsoid.set_target(profile[i])
         position.set_target(pin.SE3(np.eye(3), path[i]))
-        velocity = pink.solve_ik(configuration, tasks, 1.0 / RATE, solver="daqp")  # within the model's limits
+        velocity = pink.solve_ik(
+            configuration, tasks, 1.0 / RATE, solver="daqp"
+        )  # within the model's limits
         configuration.integrate_inplace(velocity, 1.0 / RATE)
         joints[i] = configuration.q
     return joints

@@ -17,7 +17,9 @@ import maniport as mp
 from maniport.mocap import shipped_recording
 from maniport.motion import place_path, plan_motion
 
-TOLERANCE = 0.005  # of the end-effector position [m]; the planner uses it to reduce the ellipsoid distance
+TOLERANCE = (
+    0.005  # of the end-effector position [m]; the planner uses it to reduce the ellipsoid distance
+)
 
 
 def main(folder):
@@ -25,7 +27,9 @@ def main(folder):
     folder.mkdir(parents=True, exist_ok=True)
     # 1. Fit the person's arm; joint angles give ellipsoids and hand path.
     recording = mp.read_recording(shipped_recording("ladder")).crop(22.0, 25.0)
-    recording = mp.Recording(recording.names, recording.positions[::2], recording.time[::2])  # 15 Hz
+    recording = mp.Recording(
+        recording.names, recording.positions[::2], recording.time[::2]
+    )  # 15 Hz
     person = mp.fit_arm(recording)
     profile = person.arm.manipulability(person.joint_angles)
     hand = person.arm.forward(person.joint_angles)[:, :3, 3]
@@ -38,17 +42,31 @@ def main(folder):
     target, damping = adapter.transform(profile), adapter.student_regularization
 
     # 3. Place the path where the robot reaches the target ellipsoids best; it rotates with the ellipsoids.
-    placed = place_path(hand, target, robot, map_rotation=adapter.map_rotation_, scale=(0.5, 1.0), damping=damping)
+    placed = place_path(
+        hand, target, robot, map_rotation=adapter.map_rotation_, scale=(0.5, 1.0), damping=damping
+    )
     print(placed)
 
     # 4. Plan the trajectory: position within the tolerance, smallest ellipsoid distance, within the Panda's limits.
     (motion,) = plan_motion(
-        robot, placed.profile, time=person.time, paths=placed.path, damping=damping, position_tolerance=TOLERANCE
+        robot,
+        placed.profile,
+        time=person.time,
+        paths=placed.path,
+        damping=damping,
+        position_tolerance=TOLERANCE,
     ).arms
-    print(f"duration {motion.control_time[-1]:.1f} s; ratio to the pointwise optimum {motion.pointwise_ratio:.2f}")
-    for name, values in (("distance", motion.distance), ("position error [mm]", 1e3 * motion.position_error)):
+    print(
+        f"duration {motion.control_time[-1]:.1f} s; ratio to the pointwise optimum {motion.pointwise_ratio:.2f}"
+    )
+    for name, values in (
+        ("distance", motion.distance),
+        ("position error [mm]", 1e3 * motion.position_error),
+    ):
         largest = f"{values.max():.2f} (max at {motion.time[values.argmax()]:.1f} s)"
-        print(f"{name}: {np.median(values):.2f} (median), {np.percentile(values, 95):.2f} (95 %), {largest}")
+        print(
+            f"{name}: {np.median(values):.2f} (median), {np.percentile(values, 95):.2f} (95 %), {largest}"
+        )
 
     # 5. Export joint positions for the robot's controller, and all arrays for NumPy.
     motion.save_joints_csv(folder / "joints.csv")

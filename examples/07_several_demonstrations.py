@@ -50,14 +50,22 @@ def main(folder):
     profile, covariance = model.predict(alignment.time, return_covariance=True)
     deviations = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     similar = deviations < np.median(deviations)
-    print(f"{model.n_components_} Gaussians; standard deviation {deviations.min():.2f} to {deviations.max():.2f}")
+    print(
+        f"{model.n_components_} Gaussians; standard deviation {deviations.min():.2f} to {deviations.max():.2f}"
+    )
 
     demonstrated = alignment.warp([arm.forward(q)[:, :3, 3] for q in joints]).mean(axis=0)
     path = demonstrated + np.array([0.0, 0.0, 0.1])
     start = mp.nearest_feasible(arm, profile[:1], positions=path[:1]).joint_positions[0]
     for name, weights in (("without", None), ("with", tracking_weights(covariance))):
         motion = mp.track(
-            arm, profile, time=alignment.time, path=path, weights=weights, start=start, position_cost=10.0
+            arm,
+            profile,
+            time=alignment.time,
+            path=path,
+            weights=weights,
+            start=start,
+            position_cost=10.0,
         ).arms[0]
         error = 1e3 * motion.position_error
         rms = np.sqrt(np.mean(deviation(profile, covariance, motion.achieved) ** 2))

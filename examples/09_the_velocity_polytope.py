@@ -36,7 +36,10 @@ def polytope(jacobian, limits):
 
 def plot(vertices, ellipsoid):
     """Plot side and top view; the outline of a projection is the hull of the projected vertices."""
-    figure, angle = Figure(figsize=(7.0, 3.2), layout="constrained"), np.linspace(0.0, 2.0 * np.pi, 200)
+    figure, angle = (
+        Figure(figsize=(7.0, 3.2), layout="constrained"),
+        np.linspace(0.0, 2.0 * np.pi, 200),
+    )
     for panel, (i, j) in zip(figure.subplots(1, 2), ((0, 2), (0, 1)), strict=True):
         flat = vertices[:, [i, j]]
         outline = flat[ConvexHull(flat).vertices]
@@ -46,7 +49,9 @@ def plot(vertices, ellipsoid):
         panel.plot(*rim, color=ACHIEVED.color, label="ellipsoid")
         panel.plot(*(7**0.5 * rim), "--", color=ACHIEVED.color, label="ellipsoid × √7")
         panel.set(xlabel=f"{'xyz'[i]} [m/s]", ylabel=f"{'xyz'[j]} [m/s]", aspect="equal")
-    figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    figure.legend(
+        *panel.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False
+    )
     return figure
 
 
@@ -56,8 +61,12 @@ def main(folder):
     robot = mp.load_arm("panda")
     jacobian, limits = robot.jacobian(CONFIGURATION)[:3], robot.velocity_limits
     vertices, normals, distances, size = polytope(jacobian, limits)
-    ellipsoid = robot.manipulability(CONFIGURATION, joint_weights="joint-limits")  # J W² Jᵀ, W the limits
-    print(f"polytope: {len(vertices)} vertices, {size:.1f} (m/s)³; ellipsoid: {volume(ellipsoid):.1f} (m/s)³")
+    ellipsoid = robot.manipulability(
+        CONFIGURATION, joint_weights="joint-limits"
+    )  # J W² Jᵀ, W the limits
+    print(
+        f"polytope: {len(vertices)} vertices, {size:.1f} (m/s)³; ellipsoid: {volume(ellipsoid):.1f} (m/s)³"
+    )
 
     # Support of the ellipsoid over the distance of each face: between 1/√n and 1.
     ratio = np.sqrt(np.einsum("ni,ij,nj->n", normals, ellipsoid, normals)) / distances
@@ -67,7 +76,9 @@ def main(folder):
     fastest = vertices[np.linalg.norm(vertices, axis=1).argmax()]
     lengths, directions = axes(ellipsoid)
     angle = np.degrees(np.arccos(abs(directions[:, -1] @ fastest) / np.linalg.norm(fastest)))
-    print(f"fastest {np.linalg.norm(fastest):.2f} m/s, longest semi-axis {lengths[-1]:.2f} m/s, angle {angle:.0f}°")
+    print(
+        f"fastest {np.linalg.norm(fastest):.2f} m/s, longest semi-axis {lengths[-1]:.2f} m/s, angle {angle:.0f}°"
+    )
     plot(vertices, ellipsoid).savefig(folder / "polytope.png", dpi=200)
     print(f"figure in {folder / 'polytope.png'}")
 

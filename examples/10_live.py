@@ -30,9 +30,15 @@ def calibrate(recording, robot, clock):
     adapter.fit(mp.sample_domain(person.arm, 2048, 0), mp.sample_domain(robot, 8192, 1))
     joints = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(joints))
-    path = place_path(person.arm.forward(joints)[:, :3, 3], target, robot, map_rotation=adapter.map_rotation_)
-    plan = plan_motion(robot, path.profile, paths=path.path, time=person.time[::8]).trajectory.joint_positions
-    return person, mp.Live(person, adapter, robot, path=path, start=plan[0], reference=plan, clock=clock)
+    path = place_path(
+        person.arm.forward(joints)[:, :3, 3], target, robot, map_rotation=adapter.map_rotation_
+    )
+    plan = plan_motion(
+        robot, path.profile, paths=path.path, time=person.time[::8]
+    ).trajectory.joint_positions
+    return person, mp.Live(
+        person, adapter, robot, path=path, start=plan[0], reference=plan, clock=clock
+    )
 
 
 def play(live, recording, fast, page):
@@ -54,8 +60,13 @@ def play(live, recording, fast, page):
 def main(folder, *options):
     """Follow eight seconds of climbing a ladder with the Panda."""
     folder.mkdir(parents=True, exist_ok=True)
-    recording, robot = mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0), mp.load_arm("panda")
-    person, live = calibrate(recording.crop(stop=CALIBRATION), robot, None if "--fast" in options else clock.monotonic)
+    recording, robot = (
+        mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0),
+        mp.load_arm("panda"),
+    )
+    person, live = calibrate(
+        recording.crop(stop=CALIBRATION), robot, None if "--fast" in options else clock.monotonic
+    )
     page = None
     if "--view" in options:
         from maniport.viewer.server import Onlooker  # needs viser
@@ -67,13 +78,21 @@ def main(folder, *options):
         times, d = zip(*((state.time, state.distance) for state in group), strict=True)
         print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {name:10} d {np.median(d):.2f} (median)")
     errors = [1e3 * state.position_error for state in states if state.position_error is not None]
-    print("position error [mm], median, 95 %, max: {:.0f}, {:.0f}, {:.0f}".format(*np.quantile(errors, [0.5, 0.95, 1])))
+    print(
+        "position error [mm], median, 95 %, max: {:.0f}, {:.0f}, {:.0f}".format(
+            *np.quantile(errors, [0.5, 0.95, 1])
+        )
+    )
     print(f"computing time of a step: {1e3 * np.median(seconds):.1f} ms (median)")
     names = "time", "joint_positions", "state", "distance"
-    np.savez(folder / "live.npz", **{name: [getattr(state, name) for state in states] for name in names})
+    np.savez(
+        folder / "live.npz", **{name: [getattr(state, name) for state in states] for name in names}
+    )
     print(f"joints in {folder}")
 
 
 if __name__ == "__main__":
-    folders = [word for word in sys.argv[1:] if not word.startswith("--")] or [tempfile.mkdtemp(prefix="maniport-")]
+    folders = [word for word in sys.argv[1:] if not word.startswith("--")] or [
+        tempfile.mkdtemp(prefix="maniport-")
+    ]
     main(Path(folders[0]), *sys.argv[1:])

@@ -26,16 +26,26 @@ def main(folder):
     # Distances between the hands and between the end effectors differ by the scale of the placement.
     hands = mp.fit_arms(recording).hands
     ends = arms.forward(result.motion.trajectory.joint_positions)[:, :, :3, 3]
-    person, robot = np.linalg.norm(hands[1] - hands[0], axis=-1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1)
-    print(f"distance of the hands {person.min():.2f} to {person.max():.2f} m, of the end effectors ", end="")
+    person, robot = (
+        np.linalg.norm(hands[1] - hands[0], axis=-1),
+        np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1),
+    )
+    print(
+        f"distance of the hands {person.min():.2f} to {person.max():.2f} m, of the end effectors ",
+        end="",
+    )
     print(f"{robot.min():.2f} to {robot.max():.2f} m (scale {result.arms[0].placement.scale:.2f})")
 
     for arm in result.arms:
         distance = np.median(arm.motion.distance)
         error = 1e3 * np.percentile(arm.motion.position_error, 95)
-        print(f"{arm.name:>5}: ellipsoid distance {distance:.2f} (median), position error {error:.1f} mm (95 %)")
+        print(
+            f"{arm.name:>5}: ellipsoid distance {distance:.2f} (median), position error {error:.1f} mm (95 %)"
+        )
     clearance, duration = result.motion.clearance, np.ptp(result.motion.trajectory.control_time)
-    print(f"duration {duration:.1f} s; clearance {1e3 * clearance.distance:.0f} mm ({' and '.join(clearance.pair)})")
+    print(
+        f"duration {duration:.1f} s; clearance {1e3 * clearance.distance:.0f} mm ({' and '.join(clearance.pair)})"
+    )
     result.save(folder / "both", overwrite=True)
     print(f"joints in {folder / 'both' / 'joints.csv'}")
     return result

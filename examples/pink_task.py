@@ -34,11 +34,15 @@ class EllipsoidTask(Task):
         """Return the error, shape (d (d + 1) / 2,)."""
         if self.targets is None:
             raise TargetNotSet("no target ellipsoid")
-        return self.targets.ellipsoid.residual(configuration.q[self.joints(configuration, "idx_q")][None])[0]
+        return self.targets.ellipsoid.residual(
+            configuration.q[self.joints(configuration, "idx_q")][None]
+        )[0]
 
     def compute_jacobian(self, configuration):
         """Return the derivatives of the error, shape (d (d + 1) / 2, nv)."""
-        rows = self.targets.ellipsoid.jacobian(configuration.q[self.joints(configuration, "idx_q")][None])[0]
+        rows = self.targets.ellipsoid.jacobian(
+            configuration.q[self.joints(configuration, "idx_q")][None]
+        )[0]
         jacobian = np.zeros((len(rows), configuration.model.nv))
         jacobian[:, self.joints(configuration, "idx_v")] = rows
         return jacobian
@@ -46,4 +50,6 @@ class EllipsoidTask(Task):
     def joints(self, configuration, index):
         """Return the indices of the arm's joints in q or in the velocity."""
         model = configuration.model
-        return [getattr(model.joints[model.getJointId(name)], index) for name in self.arm.joint_names]
+        return [
+            getattr(model.joints[model.getJointId(name)], index) for name in self.arm.joint_names
+        ]

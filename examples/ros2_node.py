@@ -31,22 +31,35 @@ class Follow(Node):
         super().__init__("maniport_live")
         self.live, self.ready, self.state, self.stop = live, False, None, rclpy.Future()
         self.publisher = self.create_publisher(Float64MultiArray, COMMANDS, 1)
-        self.create_subscription(JointState, "/joint_states", self.on_joints, qos_profile_sensor_data)
+        self.create_subscription(
+            JointState, "/joint_states", self.on_joints, qos_profile_sensor_data
+        )
         self.create_subscription(Markers, "/markers", self.on_markers, qos_profile_sensor_data)
         self.create_timer(PERIOD, self.move)
 
     def on_joints(self, message):
         """Wait until the robot is near the start configuration."""
         position = dict(zip(message.name, message.position, strict=True))
-        start = dict(zip(self.live.robot.joint_names, self.live.joint_positions.tolist(), strict=True))
-        self.ready = self.ready or all(abs(position.get(name, 9.0) - q) < NEAR for name, q in start.items())
+        start = dict(
+            zip(self.live.robot.joint_names, self.live.joint_positions.tolist(), strict=True)
+        )
+        self.ready = self.ready or all(
+            abs(position.get(name, 9.0) - q) < NEAR for name, q in start.items()
+        )
         if not self.ready:
-            self.get_logger().info(f"Waiting for the start configuration: {start}", throttle_duration_sec=5.0)
+            self.get_logger().info(
+                f"Waiting for the start configuration: {start}", throttle_duration_sec=5.0
+            )
 
     def on_markers(self, message):
         """Follow new markers."""
-        positions, stamp = {m.marker_name: m.translation for m in message.markers}, message.header.stamp
-        points = {name: (p.x, p.y, p.z) for name, p in positions.items() if name in self.live.points}
+        positions, stamp = (
+            {m.marker_name: m.translation for m in message.markers},
+            message.header.stamp,
+        )
+        points = {
+            name: (p.x, p.y, p.z) for name, p in positions.items() if name in self.live.points
+        }
         self.move(points, stamp.sec + 1e-9 * stamp.nanosec)
 
     def move(self, points=None, stamp=None):
@@ -72,6 +85,8 @@ def run(node):
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
-    result = mp.transfer_recording(sys.argv[1], robot=sys.argv[2] if sys.argv[2:] else "panda", real_time=True)
+    result = mp.transfer_recording(
+        sys.argv[1], robot=sys.argv[2] if sys.argv[2:] else "panda", real_time=True
+    )
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # commands can be sent after Ctrl-C
     run(Follow(mp.Live.of(result)))

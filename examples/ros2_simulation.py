@@ -30,8 +30,16 @@ class Simulation(Node):
     def __init__(self, recording, node):
         super().__init__("simulation")
         self.node, self.frames, self.sent = node, recording.select(node.live.points), 0
-        self.plant, self.command = SimulatedRobot(node.live.robot, node.live.joint_positions), node.live.joint_positions
-        self.errors, self.lag, self.time, self.begin = [], 0.0, time.monotonic(), time.monotonic() + 1.0
+        self.plant, self.command = (
+            SimulatedRobot(node.live.robot, node.live.joint_positions),
+            node.live.joint_positions,
+        )
+        self.errors, self.lag, self.time, self.begin = (
+            [],
+            0.0,
+            time.monotonic(),
+            time.monotonic() + 1.0,
+        )
         self.states = self.create_publisher(JointState, "/joint_states", 1)
         self.markers = self.create_publisher(Markers, "/markers", 1)
         self.create_subscription(Float64MultiArray, COMMANDS, self.on_command, 1)
@@ -48,14 +56,25 @@ class Simulation(Node):
         self.time += 1e-3 * steps
         self.states.publish(JointState(name=list(arm.joint_names), position=self.plant.q.tolist()))
         if (state := self.node.state) is not None and state.state in ("following", "lagging"):
-            self.errors.append(math.dist(arm.forward(self.plant.q)[:3, 3], state.arm.target_position))
+            self.errors.append(
+                math.dist(arm.forward(self.plant.q)[:3, 3], state.arm.target_position)
+            )
             self.lag = max(self.lag, float(np.abs(self.plant.q - self.command).max()))
-        due = int(np.searchsorted(self.frames.time - self.frames.time[0], self.time - self.begin, side="right"))
+        due = int(
+            np.searchsorted(
+                self.frames.time - self.frames.time[0], self.time - self.begin, side="right"
+            )
+        )
         if due > self.sent:
-            self.sent, message = due, Markers(markers=[Marker(marker_name=name) for name in self.node.live.points])
+            self.sent, message = (
+                due,
+                Markers(markers=[Marker(marker_name=name) for name in self.node.live.points]),
+            )
             stamp = message.header.stamp
             stamp.sec, stamp.nanosec = divmod(int(1e9 * self.frames.time[due - 1]), 10**9)
-            for marker, point in zip(message.markers, self.frames.positions[due - 1].tolist(), strict=True):
+            for marker, point in zip(
+                message.markers, self.frames.positions[due - 1].tolist(), strict=True
+            ):
                 marker.translation.x, marker.translation.y, marker.translation.z = point
             self.markers.publish(message)
         if due == len(self.frames.time):
@@ -71,8 +90,12 @@ def main(recording="ladder", robot="panda"):
     rclpy.get_global_executor().add_node(simulation)
     run(node)
     median, rare, largest = 1e3 * np.quantile(simulation.errors, [0.5, 0.95, 1.0])
-    print(f"Position error {median:.0f} mm (median), {rare:.0f} mm (95th percentile), {largest:.0f} mm (max)")
-    print(f"Servo lag {simulation.lag:.3f} rad, torque {100 * simulation.plant.largest_share:.0f} %")
+    print(
+        f"Position error {median:.0f} mm (median), {rare:.0f} mm (95th percentile), {largest:.0f} mm (max)"
+    )
+    print(
+        f"Servo lag {simulation.lag:.3f} rad, torque {100 * simulation.plant.largest_share:.0f} %"
+    )
 
 
 if __name__ == "__main__":

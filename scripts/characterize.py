@@ -37,8 +37,28 @@ from maniport.motion import plan_motion
 Row = tuple[str, dict[str, float]]
 
 LIMITED_ARMS = (
-    *("panda", "ur3", "ur5", "ur10", "ur3e", "ur5e", "xarm7", "kinova", "z1", "so100", "tiago", "talos_left_arm"),
-    *("talos_right_arm", "baxter_left_arm", "g1_left_arm", "g1_right_arm", "romeo_left_arm", "icub_left_arm"),
+    *(
+        "panda",
+        "ur3",
+        "ur5",
+        "ur10",
+        "ur3e",
+        "ur5e",
+        "xarm7",
+        "kinova",
+        "z1",
+        "so100",
+        "tiago",
+        "talos_left_arm",
+    ),
+    *(
+        "talos_right_arm",
+        "baxter_left_arm",
+        "g1_left_arm",
+        "g1_right_arm",
+        "romeo_left_arm",
+        "icub_left_arm",
+    ),
     *("pr2_left_arm", "alex_left_arm"),
 )
 """Arms with limits of velocity and torque: the Panda, and arms of example-robot-data."""
@@ -47,7 +67,9 @@ WORSE = 0.02
 """Relative change above which `compare` marks a value; timings are marked above ten times as much."""
 
 
-def statistics(distance: np.ndarray, error: np.ndarray | None, duration: float, collides: float) -> dict[str, float]:
+def statistics(
+    distance: np.ndarray, error: np.ndarray | None, duration: float, collides: float
+) -> dict[str, float]:
     """Metrics of one motion: distances, position errors [mm], duration [s], share of samples in collision."""
     row = {
         "rms": float(np.sqrt(np.mean(distance**2))),
@@ -56,7 +78,10 @@ def statistics(distance: np.ndarray, error: np.ndarray | None, duration: float, 
         "max": float(distance.max()),
     }
     if error is not None:
-        row |= {"error_p95_mm": 1e3 * float(np.percentile(error, 95)), "error_max_mm": 1e3 * float(error.max())}
+        row |= {
+            "error_p95_mm": 1e3 * float(np.percentile(error, 95)),
+            "error_max_mm": 1e3 * float(error.max()),
+        }
     return row | {"duration_s": duration, "collides": collides}
 
 
@@ -66,7 +91,12 @@ def transfers(recording: str, seeds: int, **options: Any) -> Iterator[Row]:
         begin = time.process_time()
         result = mp.transfer_recording(shipped_recording(recording), seed=seed, **options)
         motion = result.arm.motion
-        row = statistics(motion.distance, motion.position_error, float(motion.control_time[-1]), motion.clearance.share)
+        row = statistics(
+            motion.distance,
+            motion.position_error,
+            float(motion.control_time[-1]),
+            motion.clearance.share,
+        )
         yield f"{recording}, seed {seed}", row | {"seconds": time.process_time() - begin}
 
 
@@ -83,29 +113,48 @@ def ladder(whole: bool) -> Iterator[Row]:
 def short_motions(whole: bool) -> Iterator[Row]:
     """Short motions on other robots: placed and planned, beside the tracker."""
     chosen = [motion for motion in motions() if whole or motion.name == "H-Eval-3"]
-    names = [name for name in (ROBOTS if whole else ("UR5", "xArm7")) if (FILES / ROBOTS[name][0]).is_file()]
+    names = [
+        name
+        for name in (ROBOTS if whole else ("UR5", "xArm7"))
+        if (FILES / ROBOTS[name][0]).is_file()
+    ]
     for name in names:
         for motion in chosen:
             done = transferred(name, motion)
             row = statistics(done.planned, done.planned_error, float("nan"), done.collisions)
-            row |= {"tracker_rms": float(np.sqrt(np.mean(done.tracked**2))), "seconds": done.seconds}
+            row |= {
+                "tracker_rms": float(np.sqrt(np.mean(done.tracked**2))),
+                "seconds": done.seconds,
+            }
             yield f"{name}, {motion.name}", row
 
 
 def both_arms(whole: bool) -> Iterator[Row]:
     """Both arms of the bundled recording on robots with two arms, beside each arm planned alone on the same path."""
-    robots: dict[str, dict[str, Any]] = {"two Pandas": {"robot": "panda", "bases": ((0.0, 0.3, 0.0), (0.0, -0.3, 0.0))}}
+    robots: dict[str, dict[str, Any]] = {
+        "two Pandas": {"robot": "panda", "bases": ((0.0, 0.3, 0.0), (0.0, -0.3, 0.0))}
+    }
     if whole:
         robots["Baxter"] = {"robot": "baxter"}
-        robots["Talos, fixed torso"] = {"robot": "talos", "lock": {"torso_1_joint": 0.0, "torso_2_joint": 0.0}}
+        robots["Talos, fixed torso"] = {
+            "robot": "talos",
+            "lock": {"torso_1_joint": 0.0, "torso_2_joint": 0.0},
+        }
         robots["Talos, shared torso"] = {"robot": "talos"}
     for name, options in robots.items():
         arms = mp.load_arms(**options)
-        result = mp.transfer_recording(shipped_recording("both-arms"), robot=arms, method="parallel-transport")
+        result = mp.transfer_recording(
+            shipped_recording("both-arms"), robot=arms, method="parallel-transport"
+        )
         for side, arm, output in zip(("left", "right"), arms.arms, result.arms, strict=True):
             motion, clearance = output.motion, result.motion.clearance
             alone = plan_motion(arm, motion.target, time=output.time, paths=motion.path).arms[0]
-            row = statistics(motion.distance, motion.position_error, float(motion.control_time[-1]), clearance.share)
+            row = statistics(
+                motion.distance,
+                motion.position_error,
+                float(motion.control_time[-1]),
+                clearance.share,
+            )
             rms = float(np.sqrt(np.mean(alone.distance**2)))
             row |= {"rms_over_alone": row["rms"] / rms, "clearance_mm": 1e3 * clearance.distance}
             yield f"{name}, {side}", row
@@ -147,8 +196,12 @@ def capability(whole: bool) -> Iterator[Row]:
             usable = polytope.min(axis=1) > 0.0
             polytope = polytope[usable]
             for weights, suffix in (("joint-limits", ""), (None, "_unit")):
-                ellipsoid = ellipsoid_extent(own.manipulability(q[usable], kind, joint_weights=weights), u)
-                row[f"{key}{suffix}"] = float(np.corrcoef(np.log(polytope.ravel()), np.log(ellipsoid.ravel()))[0, 1])
+                ellipsoid = ellipsoid_extent(
+                    own.manipulability(q[usable], kind, joint_weights=weights), u
+                )
+                row[f"{key}{suffix}"] = float(
+                    np.corrcoef(np.log(polytope.ravel()), np.log(ellipsoid.ravel()))[0, 1]
+                )
                 row[f"{key}{suffix}_directions"] = resemblance(ellipsoid, polytope)
             if key == "force":
                 row["holds_itself"] = float(usable.mean())
@@ -157,7 +210,12 @@ def capability(whole: bool) -> Iterator[Row]:
 
 FORCE_PAIRS = (
     *(("panda", "freeform"), ("panda", "ladder"), ("panda", "both-arms"), ("iiwa", "freeform")),
-    *(("kinova3", "freeform"), ("xarm7", "freeform"), ("ur5", "freeform"), ("g1_left_arm", "freeform")),
+    *(
+        ("kinova3", "freeform"),
+        ("xarm7", "freeform"),
+        ("ur5", "freeform"),
+        ("g1_left_arm", "freeform"),
+    ),
 )
 """Robots and recordings of the table in docs/capability.md; iiwa and kinova3 are of robosuite."""
 
@@ -171,18 +229,38 @@ def force(whole: bool) -> Iterator[Row]:
     for name, recording in FORCE_PAIRS if whole else FORCE_PAIRS[:1]:
         options: dict[str, Any] = {"robot": name}
         if recording == "both-arms":
-            options = {"robot": mp.load_arms(name, bases=((0.0, 0.3, 0.0), (0.0, -0.3, 0.0))), "side": "both"}
+            options = {
+                "robot": mp.load_arms(name, bases=((0.0, 0.3, 0.0), (0.0, -0.3, 0.0))),
+                "side": "both",
+            }
         for kind, seed in product(("velocity", "force"), range(5 if whole else 1)):
             begin = time.process_time()
-            result = mp.transfer_recording(shipped_recording(recording), ellipsoids=kind, seed=seed, **options)
+            result = mp.transfer_recording(
+                shipped_recording(recording), ellipsoids=kind, seed=seed, **options
+            )
             seconds = time.process_time() - begin
             for arm in result.arms:
-                motion, (own,) = arm.motion, [own for own in arm.capabilities if own.kind == "force"]
-                row = {"force": float(np.median(own.robot)), "force_p5": float(np.percentile(own.robot, 5))}
-                row |= {"position_only": float(np.median(own.position_only)), "r": own.resemblance, "seconds": seconds}
+                motion, (own,) = (
+                    arm.motion,
+                    [own for own in arm.capabilities if own.kind == "force"],
+                )
+                row = {
+                    "force": float(np.median(own.robot)),
+                    "force_p5": float(np.percentile(own.robot, 5)),
+                }
+                row |= {
+                    "position_only": float(np.median(own.position_only)),
+                    "r": own.resemblance,
+                    "seconds": seconds,
+                }
                 duration = float(result.motion.trajectory.control_time[-1])
-                row |= statistics(motion.distance, motion.position_error, duration, motion.clearance.share)
-                yield f"{name}, {recording}, {arm.name}, {kind}, seed {seed}", row | _forces_on_path(arm)
+                row |= statistics(
+                    motion.distance, motion.position_error, duration, motion.clearance.share
+                )
+                yield (
+                    f"{name}, {recording}, {arm.name}, {kind}, seed {seed}",
+                    row | _forces_on_path(arm),
+                )
 
 
 def _forces_on_path(result: Any, waypoints: int = 60, count: int = 700) -> dict[str, float]:
@@ -196,23 +274,45 @@ def _forces_on_path(result: Any, waypoints: int = 60, count: int = 700) -> dict[
     from maniport.motion.plan.reachability_map import ReachabilityMap
     from maniport.motion.plan.roadmap import LARGEST_CHANGE, shortest_path
 
-    motion, fit, place, limits = result.motion, result.fit, result.placement, MotionLimits.of(result.robot)
+    motion, fit, place, limits = (
+        result.motion,
+        result.fit,
+        result.placement,
+        MotionLimits.of(result.robot),
+    )
     rows = np.unique(np.linspace(0, len(result.time) - 1, waypoints).astype(int))
-    strongest = half_sphere()[polytope_extent(fit.arm, fit.joint_angles[rows], half_sphere()).argmax(axis=1)]
+    strongest = half_sphere()[
+        polytope_extent(fit.arm, fit.joint_angles[rows], half_sphere()).argmax(axis=1)
+    ]
     directions = strongest @ (place.rotation @ place.map_rotation).T
     samples = ReachabilityMap(limits.arm, motion.spec, collisions=True)
-    targets = Objective.of(limits.arm, motion.spec, motion.damping).targets(motion.target[rows], motion.path[rows])
+    targets = Objective.of(limits.arm, motion.spec, motion.damping).targets(
+        motion.target[rows], motion.path[rows]
+    )
     nodes = samples.nodes(targets, count, np.random.default_rng(0))
-    nodes = nodes.without(samples.collisions.collides(nodes.q)) if samples.collisions is not None else nodes
+    nodes = (
+        nodes.without(samples.collisions.collides(nodes.q))
+        if samples.collisions is not None
+        else nodes
+    )
     parts = [slice(*ends) for ends in pairwise(nodes.first)]
-    forces = [line_extent(limits.arm, nodes.q[part], u[None])[:, 0] for part, u in zip(parts, directions, strict=True)]
+    forces = [
+        line_extent(limits.arm, nodes.q[part], u[None])[:, 0]
+        for part, u in zip(parts, directions, strict=True)
+    ]
     cost = np.concatenate([4.0 * np.log(own.max() / np.maximum(own, 1e-3)) ** 2 for own in forces])
     times = 4.0 * (result.time[rows] - result.time[0])
     largest = np.array([LARGEST_CHANGE[unit] for unit in limits.arm.joint_units])
-    largest = np.minimum(0.9 * limits.velocity * np.diff(times, prepend=times[0] - 1.0)[:, None], largest)
+    largest = np.minimum(
+        0.9 * limits.velocity * np.diff(times, prepend=times[0] - 1.0)[:, None], largest
+    )
     direct = np.concatenate(forces)[shortest_path(replace(nodes, cost=cost), times, largest, 0.03)]
     best, middle = np.median([(own.max(), np.median(own)) for own in forces], axis=0)
-    return {"best_node": float(best), "median_node": float(middle), "direct": float(np.median(direct))}
+    return {
+        "best_node": float(best),
+        "median_node": float(middle),
+        "direct": float(np.median(direct)),
+    }
 
 
 def recovery(whole: bool) -> Iterator[Row]:
@@ -227,7 +327,10 @@ def recovery(whole: bool) -> Iterator[Row]:
         adapter = mp.RiemannianICP(damping=DAMPING).fit(cloud, turn @ cloud @ turn.T)
         images = adapter.transform(cloud)
         errors.append(float(mp.spd.distance(images, turn @ cloud @ turn.T).max()))
-    yield "ICP, rotated copy", {"largest_distance": max(errors), "recovered": float(np.mean(np.array(errors) < 2e-6))}
+    yield (
+        "ICP, rotated copy",
+        {"largest_distance": max(errors), "recovered": float(np.mean(np.array(errors) < 2e-6))},
+    )
 
 
 def speed(whole: bool) -> Iterator[Row]:
@@ -241,9 +344,20 @@ def speed(whole: bool) -> Iterator[Row]:
     adapter = mp.RiemannianICP(damping=DAMPING)
     clouds = domains(400)
     yield "ICP, N = 400", {"seconds": _least(lambda: adapter.fit(*clouds))}
-    one, many, compiled, out = clouds[0][7], domains(1_000_000)[0], adapter.compiled(), np.empty((3, 3))
-    yield "transform of one", {"seconds": _least(lambda: [adapter.transform(one) for _ in range(1000)]) / 1000}
-    yield "compiled map of one", {"seconds": _least(lambda: [compiled(one, out) for _ in range(10000)]) / 10000}
+    one, many, compiled, out = (
+        clouds[0][7],
+        domains(1_000_000)[0],
+        adapter.compiled(),
+        np.empty((3, 3)),
+    )
+    yield (
+        "transform of one",
+        {"seconds": _least(lambda: [adapter.transform(one) for _ in range(1000)]) / 1000},
+    )
+    yield (
+        "compiled map of one",
+        {"seconds": _least(lambda: [compiled(one, out) for _ in range(10000)]) / 10000},
+    )
     yield "transform of a million", {"seconds": _least(lambda: adapter.transform(many))}
 
 
@@ -254,12 +368,24 @@ def processes(whole: bool) -> Iterator[Row]:
         for name in ("empty cache", "warm"):
             before = resource.getrusage(resource.RUSAGE_CHILDREN)
             begin = time.perf_counter()
-            command = [sys.executable, "-m", "maniport", "demo", "--quiet", "--overwrite", "-o", f"{folder}/results"]
+            command = [
+                sys.executable,
+                "-m",
+                "maniport",
+                "demo",
+                "--quiet",
+                "--overwrite",
+                "-o",
+                f"{folder}/results",
+            ]
             environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/cache"}
             subprocess.run(command, check=True, env=environment)
             wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
             used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-            yield f"maniport demo, {name}", {"seconds": wall, "cpu_seconds": used, "peak_mb": after.ru_maxrss / 1024}
+            yield (
+                f"maniport demo, {name}",
+                {"seconds": wall, "cpu_seconds": used, "peak_mb": after.ru_maxrss / 1024},
+            )
 
 
 GROUPS: dict[str, Callable[[bool], Iterator[Row]]] = {
@@ -282,7 +408,11 @@ def record(file: Path, whole: bool, only: list[str]) -> None:
     for group in only or GROUPS:
         for name, row in GROUPS[group](whole):
             rows[f"{group}: {name}"] = row
-            print(f"{group}: {name}:", ", ".join(f"{key} {value:.4g}" for key, value in row.items()), flush=True)
+            print(
+                f"{group}: {name}:",
+                ", ".join(f"{key} {value:.4g}" for key, value in row.items()),
+                flush=True,
+            )
             file.write_text(json.dumps(rows, indent=1))
 
 
@@ -313,7 +443,9 @@ def _unique(heads: tuple[str, ...]) -> list[str]:
 
 def main() -> None:
     """Parse and run."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     verbs = parser.add_subparsers(required=True)
     recorder = verbs.add_parser("record")
     recorder.add_argument("file", type=Path)

@@ -29,7 +29,9 @@ def run(*command: str | Path, folder: Path = HOME) -> None:
     """Print and run a command without this environment's packages; raise if it fails."""
     print("$", *command, flush=True)
     lent = ("PYTHONPATH", "VIRTUAL_ENV", "PYTHONHOME")
-    subprocess.run(command, cwd=folder, check=True, env={k: v for k, v in os.environ.items() if k not in lent})
+    subprocess.run(
+        command, cwd=folder, check=True, env={k: v for k, v in os.environ.items() if k not in lent}
+    )
 
 
 def environment(folder: Path, *what: str | Path) -> Path:
@@ -44,7 +46,9 @@ def only(folder: Path, pattern: str) -> Path:
     """Return the only file that matches a pattern."""
     found = sorted(folder.glob(pattern))
     if len(found) != 1:
-        raise SystemExit(f"{folder}: {len(found)} files fit {pattern}, not one; empty the folder first")
+        raise SystemExit(
+            f"{folder}: {len(found)} files fit {pattern}, not one; empty the folder first"
+        )
     return found[0]
 
 
@@ -56,7 +60,9 @@ def main(dist: Path) -> None:
     run(sys.executable, "-m", "check_wheel_contents", wheel)
     with tempfile.TemporaryDirectory(prefix="maniport-") as name:
         away = Path(name)
-        run(environment(away / "of-wheel", wheel) / "maniport", "demo", "-o", "results", folder=away)
+        run(
+            environment(away / "of-wheel", wheel) / "maniport", "demo", "-o", "results", folder=away
+        )
         with tarfile.open(sdist) as archive:
             archive.extractall(away, filter="data")
         source = only(away, "maniport-*")

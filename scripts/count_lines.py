@@ -30,7 +30,9 @@ def too_long(folder: Path) -> Iterator[str]:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 first = min([node.lineno, *(line.lineno for line in node.decorator_list)])
                 doc = node.body[0] if ast.get_docstring(node, clean=False) is not None else None
-                count = node.end_lineno - first + 1 - (doc.end_lineno - doc.lineno + 1 if doc else 0)
+                count = (
+                    node.end_lineno - first + 1 - (doc.end_lineno - doc.lineno + 1 if doc else 0)
+                )
                 if count > LONGEST_FUNCTION:
                     yield f"{place}: {node.name} has {count} lines"
 
@@ -40,7 +42,9 @@ def constants(folder: Path) -> int:
     count = 0
     for file in folder.rglob("*.py"):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
-            for target in node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]:
+            for target in (
+                node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+            ):
                 names = target.elts if isinstance(target, ast.Tuple) else [target]
                 count += sum(isinstance(name, ast.Name) and name.id.isupper() for name in names)
     return count
@@ -48,12 +52,18 @@ def constants(folder: Path) -> int:
 
 def words(*pages: Path) -> int:
     """Count words: what has a letter or a digit, so no lines of tables."""
-    return sum(any(map(str.isalnum, word)) for page in pages for word in page.read_text(encoding="utf-8").split())
+    return sum(
+        any(map(str.isalnum, word))
+        for page in pages
+        for word in page.read_text(encoding="utf-8").split()
+    )
 
 
 def main(folder: Path) -> int:
     """Print the counts of each package; 1 when something is over a limit."""
-    counts = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in folder.rglob("*.py")}
+    counts = {
+        file: len(file.read_text(encoding="utf-8").splitlines()) for file in folder.rglob("*.py")
+    }
     packages: dict[str, list[int]] = {}
     for file, count in counts.items():
         packages.setdefault(file.relative_to(folder).parts[0], []).append(count)
@@ -63,9 +73,14 @@ def main(folder: Path) -> int:
         f"{sum(counts.values()):6d} lines {len(counts):4d} files, median {statistics.median(counts.values()):g} lines"
     )
     print(f"{constants(folder):6d} module constants")
-    tests = sum(len(file.read_text(encoding="utf-8").splitlines()) for file in (ROOT / "tests").rglob("*.py"))
+    tests = sum(
+        len(file.read_text(encoding="utf-8").splitlines())
+        for file in (ROOT / "tests").rglob("*.py")
+    )
     print(f"{tests:6d} lines of tests")
-    print(f"{words(ROOT / 'README.md'):6d} words of README.md, {words(*(ROOT / 'docs').rglob('*.md'))} of docs")
+    print(
+        f"{words(ROOT / 'README.md'):6d} words of README.md, {words(*(ROOT / 'docs').rglob('*.md'))} of docs"
+    )
     exceeded = list(too_long(folder))
     print("\n".join(["over the limits:", *exceeded]) if exceeded else "nothing is over the limits")
     return int(bool(exceeded))

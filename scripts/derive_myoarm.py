@@ -23,7 +23,15 @@ from scipy.stats import qmc
 
 TARGET = Path(__file__).parents[1] / "src" / "maniport" / "arms" / "data" / "myoarm.json"
 ROOT, TIP = "myoarm_r_root", "thirdmc_r"
-COORDINATES = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
+COORDINATES = (
+    "elv_angle",
+    "shoulder_elv",
+    "shoulder_rot",
+    "elbow_flexion",
+    "pro_sup",
+    "deviation",
+    "flexion",
+)
 POSTURES = 4096  # for the torques of muscles
 FRAMES = {
     "clavicle": "clavicle_r",
@@ -39,11 +47,16 @@ FRAMES = {
 def main() -> int:
     """Write or check the file; the exit code is 1 when a check fails."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="compare with the file instead of writing it")
+    parser.add_argument(
+        "--check", action="store_true", help="compare with the file instead of writing it"
+    )
     text = render(derive(load_model()))
     if parser.parse_args().check:
         there, made = json.loads(TARGET.read_text(encoding="utf-8")), json.loads(text)
-        same = {**there, "source": ""} == {**made, "source": ""}  # which names the version of the package
+        same = {**there, "source": ""} == {
+            **made,
+            "source": "",
+        }  # which names the version of the package
         print(f"{TARGET.name} is {'up to date' if same else 'different from what myo-sim gives'}")
         return 0 if same else 1
     TARGET.write_text(text, encoding="utf-8")
@@ -70,17 +83,25 @@ def derive(model: mujoco.MjModel) -> dict[str, Any]:
     coordinates = [limits(model, name) for name in COORDINATES]
     for entry, strength in zip(coordinates, strengths(model, coordinates, follows), strict=True):
         entry["effort"] = float(f"{strength:.2g}")
-    offset = np.zeros(3)  # from the last joint's frame to the current body, whose axes are parallel to it
+    offset = np.zeros(
+        3
+    )  # from the last joint's frame to the current body, whose axes are parallel to it
     for body in bodies:
         name = model.body(body).name
         if not np.allclose(model.body_quat[body], [1, 0, 0, 0], atol=1e-15):
-            raise RuntimeError(f"body {name} is rotated; the script expects parallel axes along the arm")
+            raise RuntimeError(
+                f"body {name} is rotated; the script expects parallel axes along the arm"
+            )
         offset = offset + model.body_pos[body]
-        for joint in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
+        for joint in range(
+            model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]
+        ):
             short = shorten(model.joint(joint).name)
             hinge = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
             if not hinge or np.any(model.jnt_pos[joint]) or model.qpos0[model.jnt_qposadr[joint]]:
-                raise RuntimeError(f"joint {short} is not a hinge at its body's origin with zero at rest")
+                raise RuntimeError(
+                    f"joint {short} is not a hinge at its body's origin with zero at rest"
+                )
             entry: dict[str, Any] = {"name": short}
             if short not in COORDINATES:
                 entry["follows"] = follows[short]
@@ -104,7 +125,8 @@ def derive(model: mujoco.MjModel) -> dict[str, Any]:
         "coordinates": coordinates,
         "joints": joints,
         "frames": [
-            {"name": name, "joint": places[body][0], "xyz": clean(places[body][1])} for name, body in FRAMES.items()
+            {"name": name, "joint": places[body][0], "xyz": clean(places[body][1])}
+            for name, body in FRAMES.items()
         ],
         "frame": "hand",
     }
@@ -128,7 +150,9 @@ def couplings(model: mujoco.MjModel) -> dict[str, dict[str, float]]:
         coefficients = model.eq_data[i][:5]
         if coefficients[0] or np.any(coefficients[2:]):
             raise RuntimeError(f"equality {i} is not a plain factor: {coefficients}")
-        follower, leader = (shorten(model.joint(j).name) for j in (model.eq_obj1id[i], model.eq_obj2id[i]))
+        follower, leader = (
+            shorten(model.joint(j).name) for j in (model.eq_obj1id[i], model.eq_obj2id[i])
+        )
         factors[follower] = {leader: float(coefficients[1])}
     return factors
 
@@ -151,18 +175,33 @@ def strengths(
                 motion[model.jnt_dofadr[joint], COORDINATES.index(leader)] = factor
     lower, upper = ([entry[key] for entry in coordinates] for key in ("lower", "upper"))
     postures = qmc.scale(qmc.Sobol(len(COORDINATES), rng=0).random(POSTURES), lower, upper)
-    data, moments, torques = mujoco.MjData(model), np.zeros((model.nu, model.nv)), np.empty((2, *postures.shape))
+    data, moments, torques = (
+        mujoco.MjData(model),
+        np.zeros((model.nu, model.nv)),
+        np.empty((2, *postures.shape)),
+    )
     for k, posture in enumerate(postures):
         data.qpos[:] = motion @ posture
         mujoco.mj_fwdPosition(model, data)
         mujoco.mju_sparse2dense(
-            moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+            moments,
+            data.actuator_moment,
+            data.moment_rownnz,
+            data.moment_rowadr,
+            data.moment_colind,
         )
         muscles = zip(
-            data.actuator_length, model.actuator_lengthrange, model.actuator_acc0, model.actuator_gainprm, strict=True
+            data.actuator_length,
+            model.actuator_lengthrange,
+            model.actuator_acc0,
+            model.actuator_gainprm,
+            strict=True,
         )
         # negative, as muscles pull; at rest
-        forces = [mujoco.mju_muscleGain(length, 0.0, span, scale, curve[:9]) for length, span, scale, curve in muscles]
+        forces = [
+            mujoco.mju_muscleGain(length, 0.0, span, scale, curve[:9])
+            for length, span, scale, curve in muscles
+        ]
         pulls = np.array(forces)[:, None] * (moments @ motion)
         torques[:, k] = np.maximum(pulls, 0.0).sum(axis=0), np.maximum(-pulls, 0.0).sum(axis=0)
     return np.median(torques, axis=1).min(axis=0)

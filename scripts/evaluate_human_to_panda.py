@@ -63,7 +63,9 @@ def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
     person, paths = trajectories.human_arm(), trajectories.human_evaluation()
     for name in (*EVALUATIONS, *RECORDINGS) if names is None else names:
         if name in EVALUATIONS:
-            selected.append(Motion(name, EVALUATIONS[name], person, person.manipulability(paths[name])))
+            selected.append(
+                Motion(name, EVALUATIONS[name], person, person.manipulability(paths[name]))
+            )
             continue
         with warnings.catch_warnings():  # models and people differ
             warnings.simplefilter("ignore", ManiportWarning)
@@ -84,12 +86,17 @@ def study(
     shared: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
     student, evaluated = sample_domain(robot, STUDENT_SAMPLES, random_state + 1), {}
     for motion in motions(names):
-        step, teacher = Step(progress, motion.name), sample_domain(motion.person, TEACHER_SAMPLES, random_state)
+        step, teacher = (
+            Step(progress, motion.name),
+            sample_domain(motion.person, TEACHER_SAMPLES, random_state),
+        )
         options: dict[str, Any] = {"robot": robot, "random_state": random_state}
         if method == AUTO:
             adapter, _ = select_method(teacher, student, motion.profile, **options, **shared)
         else:
-            adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot)
+            adapter = with_feasible_set(
+                method_of(method, random_state=random_state, **shared), robot
+            )
             adapter.fit(teacher, student)
         options["rows"] = (*BASELINES, "nearest-neighbor", *FITTED_METHODS)
         evaluated[motion] = evaluate(adapter, teacher, student, motion.profile, **options)
@@ -105,7 +112,11 @@ def gap_table(results: Results) -> str:
     methods = ("identity", "mean-transport", "parallel-transport", *FITTED_METHODS)
     lines = [f"| motion | method | {' | '.join(methods)} |", f"|---|---|{'---|' * len(methods)}"]
     for motion, evaluation in results.items():
-        gaps = {row.name: row.feasibility_gap for row in evaluation.rows if row.feasibility_gap is not None}
+        gaps = {
+            row.name: row.feasibility_gap
+            for row in evaluation.rows
+            if row.feasibility_gap is not None
+        }
         cells = (f"{gaps[method].mean:.3f}" if method in gaps else "–" for method in methods)
         lines.append(f"| {motion.name} | {evaluation.adapter.name} | {' | '.join(cells)} |")
     return "\n".join(lines)
@@ -139,11 +150,15 @@ def main() -> None:
     options = parser.parse_args()
     with mp.progress() as progress:
         results = study(options.method, options.motions, options.seed, progress)
-    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), gap_table(results)), encoding="utf-8")
+    PAGE.write_text(
+        with_table(PAGE.read_text(encoding="utf-8"), gap_table(results)), encoding="utf-8"
+    )
     if options.details is not None:
         options.details.write_text(details(results), encoding="utf-8")
     if options.json is not None:
-        reports = {motion.name: as_numbers(report_of(evaluation)) for motion, evaluation in results.items()}
+        reports = {
+            motion.name: as_numbers(report_of(evaluation)) for motion, evaluation in results.items()
+        }
         options.json.write_text(json.dumps(reports, indent=1, allow_nan=False), encoding="utf-8")
     print(f"wrote {PAGE}")
 

@@ -49,15 +49,25 @@ C3D_STEP = 3
 
 def main() -> None:
     """Read the arguments, check the originals, write the extracts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bvh", type=Path, help="01_03.bvh from the Debian package assimp-testmodels")
-    parser.add_argument("c3d", type=Path, help="nick_freeform_001.c3d from the Debian package dart-doc")
-    parser.add_argument("--output", type=Path, default=DATA, help="folder to write to (default: the package's data)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "bvh", type=Path, help="01_03.bvh from the Debian package assimp-testmodels"
+    )
+    parser.add_argument(
+        "c3d", type=Path, help="nick_freeform_001.c3d from the Debian package dart-doc"
+    )
+    parser.add_argument(
+        "--output", type=Path, default=DATA, help="folder to write to (default: the package's data)"
+    )
     arguments = parser.parse_args()
     for kind in ("bvh", "c3d"):
         found = hashlib.sha256(getattr(arguments, kind).read_bytes()).hexdigest()
         if found != SHA256[kind]:
-            parser.error(f"{getattr(arguments, kind)} is another file: SHA-256 {found} instead of {SHA256[kind]}")
+            parser.error(
+                f"{getattr(arguments, kind)} is another file: SHA-256 {found} instead of {SHA256[kind]}"
+            )
     arguments.output.mkdir(parents=True, exist_ok=True)
     later = slice(1, None, BVH_STEP)  # the first frame is an added T-pose
     extract_bvh(arguments.bvh, arguments.output / "ladder.bvh", later)
@@ -65,11 +75,17 @@ def main() -> None:
     extract_c3d(arguments.c3d, arguments.output / "both_arms.c3d", MARKERS + LEFT_MARKERS)
     for name in ("ladder.bvh", "freeform.c3d", "both_arms.c3d"):
         file = arguments.output / name
-        print(f"{name}: {file.stat().st_size} bytes, SHA-256 {hashlib.sha256(file.read_bytes()).hexdigest()}")
+        print(
+            f"{name}: {file.stat().st_size} bytes, SHA-256 {hashlib.sha256(file.read_bytes()).hexdigest()}"
+        )
 
 
 def extract_bvh(
-    source: Path, target: Path, frames: slice, joints: tuple[str, ...] = JOINTS, unturned: tuple[str, ...] = UNTURNED
+    source: Path,
+    target: Path,
+    frames: slice,
+    joints: tuple[str, ...] = JOINTS,
+    unturned: tuple[str, ...] = UNTURNED,
 ) -> None:
     """Keep joints in the order of their hierarchy, with angles rounded to 0.01 degrees."""
     skeleton = pybvh.read_bvh_file(source, world_up="+y")
@@ -80,7 +96,9 @@ def extract_bvh(
     motion = np.concatenate(columns, axis=1)
     lines = ["HIERARCHY", *_hierarchy(skeleton.root, 0, joints), "MOTION", f"Frames: {len(motion)}"]
     lines.append(f"Frame Time: {skeleton.frame_time * BVH_STEP:.7f}")
-    lines += [" ".join(_short(value, 3 if i < 3 else 2) for i, value in enumerate(row)) for row in motion]
+    lines += [
+        " ".join(_short(value, 3 if i < 3 else 2) for i, value in enumerate(row)) for row in motion
+    ]
     target.write_text("\n".join(lines) + "\n")
 
 
@@ -95,7 +113,12 @@ def _hierarchy(node: object, depth: int, joints: tuple[str, ...]) -> list[str]:
     for child in kept:
         lines += _hierarchy(child, depth + 1, joints)
     if not kept:
-        lines += [f"{inner}End Site", f"{inner}{{", f"{inner} OFFSET {_vector(node.children[0].offset)}", f"{inner}}}"]
+        lines += [
+            f"{inner}End Site",
+            f"{inner}{{",
+            f"{inner} OFFSET {_vector(node.children[0].offset)}",
+            f"{inner}}}",
+        ]
     return [*lines, f"{tab}}}"]
 
 
@@ -114,7 +137,10 @@ def extract_c3d(source: Path, target: Path, markers: tuple[str, ...] = MARKERS) 
     """Keep some markers; missing points remain zeros with a residual of -1."""
     original = ezc3d.c3d(str(source))
     labels = original["parameters"]["POINT"]["LABELS"]["value"]
-    index = {name: next(i for i, one in enumerate(labels) if one.endswith(f":{name}")) for name in markers}
+    index = {
+        name: next(i for i, one in enumerate(labels) if one.endswith(f":{name}"))
+        for name in markers
+    }
     points, residuals = original["data"]["points"], original["data"]["meta_points"]["residuals"]
     exchanged, count = EXCHANGED
     if set(exchanged) <= index.keys():

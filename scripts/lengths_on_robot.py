@@ -55,7 +55,9 @@ def motions(names: list[str]) -> Iterator[Motion]:
     for name in names:
         if name in EVALUATIONS:
             joints = human_evaluation()[name]
-            yield Motion(name, human_arm(), np.linspace(0.0, EVALUATION_SECONDS, len(joints)), joints)
+            yield Motion(
+                name, human_arm(), np.linspace(0.0, EVALUATION_SECONDS, len(joints)), joints
+            )
         else:
             fit = fit_arm(read_recording(shipped_recording(name)))
             chosen = evenly_spaced(len(fit), POINTS)
@@ -108,16 +110,31 @@ class Line:
         return f"| {' | '.join(cells)} |"
 
 
-HEAD = "robot", "motion", "tip", "map", "seed", "gap", "d to its own target", "d to the rigid target", "tip [mm]", "s"
+HEAD = (
+    "robot",
+    "motion",
+    "tip",
+    "map",
+    "seed",
+    "gap",
+    "d to its own target",
+    "d to the rigid target",
+    "tip [mm]",
+    "s",
+)
 
 
-def compare(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.ndarray, seed: int) -> Iterator[Line]:
+def compare(
+    motion: Motion, name: str, robot: Arm, planner: Planner, student: np.ndarray, seed: int
+) -> Iterator[Line]:
     """Transfer by both maps and plan with and without the path."""
     teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, seed)
     demonstrated, targets = motion.person.manipulability(motion.joint_positions), {}
     for method in (RIGID, LENGTHS):
         adapter = method_of(method, damping=DAMPING, base_rotation=np.eye(3))
-        adapter = with_feasible_set(adapter, robot, VELOCITY, planner.arms[0].bank, seed).fit(teacher, student)
+        adapter = with_feasible_set(adapter, robot, VELOCITY, planner.arms[0].bank, seed).fit(
+            teacher, student
+        )
         targets[method] = adapter.transform(demonstrated)
     damping, time = adapter.student_regularization, SLOWER * (motion.time - motion.time[0])
     for method, target in targets.items():
@@ -133,13 +150,29 @@ def compare(motion: Motion, name: str, robot: Arm, planner: Planner, student: np
                 )  # fmt: skip
                 asked, rigid, path = placed.profile, placed.turned(targets[RIGID]), placed.path
             (plan,) = plan_motion(
-                robot, asked, time=time, paths=path, damping=damping, planner=planner, random_state=seed
+                robot,
+                asked,
+                time=time,
+                paths=path,
+                damping=damping,
+                planner=planner,
+                random_state=seed,
             ).arms
             made = damping.apply(robot.manipulability(plan.joint_positions))
             tip = None if path is None else 1e3 * float(np.percentile(plan.position_error, 95))
             spreads = spread(plan.distance), spread(mp.spd.distance(damping.apply(rigid), made))
             seconds = clock.process_time() - begin
-            yield Line(name, motion.name, path_name, method, seed, float(gap.mean()), *spreads, tip, seconds)
+            yield Line(
+                name,
+                motion.name,
+                path_name,
+                method,
+                seed,
+                float(gap.mean()),
+                *spreads,
+                tip,
+                seconds,
+            )
 
 
 def spread(values: np.ndarray) -> tuple[float, float]:
@@ -154,11 +187,16 @@ def summary(lines: Sequence[Line]) -> str:
         "|---|---|---|---|---|---|",
     ]
     for robot, path in dict.fromkeys((line.robot, line.path) for line in lines):
-        sets = [[x for x in lines if (x.robot, x.path, x.method) == (robot, path, way)] for way in (RIGID, LENGTHS)]
+        sets = [
+            [x for x in lines if (x.robot, x.path, x.method) == (robot, path, way)]
+            for way in (RIGID, LENGTHS)
+        ]
         gaps = " → ".join(f"{np.mean([x.gap for x in some]):.2f}" for some in sets)
         own = [np.mean([x.own for x in some], axis=0) for some in sets]
         spreads = (*own, np.mean([x.rigid for x in sets[1]], axis=0))
-        rows.append(f"| {robot} | {path} | {gaps} | {' | '.join(f'{low:.2f} / {high:.2f}' for low, high in spreads)} |")
+        rows.append(
+            f"| {robot} | {path} | {gaps} | {' | '.join(f'{low:.2f} / {high:.2f}' for low, high in spreads)} |"
+        )
     return "\n".join(rows)
 
 

@@ -40,9 +40,27 @@ def arm_of(side: str, names: list[str]) -> list[str]:
     return [f"{side}_{name}_joint" for name in names]
 
 
-G1_JOINTS = ["shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"]
+G1_JOINTS = [
+    "shoulder_pitch",
+    "shoulder_roll",
+    "shoulder_yaw",
+    "elbow",
+    "wrist_roll",
+    "wrist_pitch",
+    "wrist_yaw",
+]
 TALOS = [f"arm_right_{i}_joint" for i in range(1, 8)]
-ICUB = [f"r_{n}" for n in ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_prosup", "wrist_pitch")]
+ICUB = [
+    f"r_{n}"
+    for n in (
+        "shoulder_pitch",
+        "shoulder_roll",
+        "shoulder_yaw",
+        "elbow",
+        "wrist_prosup",
+        "wrist_pitch",
+    )
+]
 ICUB.append("r_wrist_yaw")
 
 ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -109,7 +127,9 @@ def cases(names: list[str]) -> Iterator[Case]:
         arm = load_arm(file if file == "panda" else FILES / file, **options)
         persons = {"rHuMan": [motion for motion in every if motion.name.startswith("H-Eval")]}
         if name in ALL_PERSONS:
-            persons |= {motion.name: [motion] for motion in every if not motion.name.startswith("H-Eval")}
+            persons |= {
+                motion.name: [motion] for motion in every if not motion.name.startswith("H-Eval")
+            }
         for person, own in persons.items():
             yield Case(name, person, arm, tuple(own))
 
@@ -128,14 +148,21 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
     for motion in case.motions if spec == VELOCITY else ():
         images = adapter.transform(motion.profile)
         gaps.append(gap(adapter, case.arm, images, spec))
-        demonstrated, transferred = adapter.teacher_side(motion.profile), adapter.student_side(images)
+        demonstrated, transferred = (
+            adapter.teacher_side(motion.profile),
+            adapter.student_side(images),
+        )
         steps.append(step_ratio(transferred, demonstrated))
     images = adapter.transform(fresh)
-    kept = distance_preservation(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
+    kept = distance_preservation(
+        adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT
+    )
     along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)
     first, second = (mp.sample_domain(case.arm, TEACHER, random, spec=spec) for _ in range(2))
     changes = clone(adapter).fit(first, second).errors(first, first)  # identity test
-    squeezed, folded, back = inverse(adapter, fresh, images) if isinstance(adapter, LengthField) else (np.nan,) * 3
+    squeezed, folded, back = (
+        inverse(adapter, fresh, images) if isinstance(adapter, LengthField) else (np.nan,) * 3
+    )
     step, report = max(steps, default=np.nan), getattr(adapter, "report_", None)
     checks = (report.reversing, report.nonmonotone, report.moved_axes) if report else (np.nan,) * 3
     return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), step,
@@ -145,10 +172,14 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
 
 def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpec) -> np.ndarray:
     """Return distances of images from the feasible set."""
-    return nearest_feasible(arm, images, spec=spec, damping=adapter.student_regularization, n_starts=STARTS).distance
+    return nearest_feasible(
+        arm, images, spec=spec, damping=adapter.student_regularization, n_starts=STARTS
+    ).distance
 
 
-def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
+def inverse(
+    adapter: LengthField, fresh: np.ndarray, images: np.ndarray
+) -> tuple[float, float, float]:
     """Return the smallest singular value, the orientation-reversing share, and the largest error of the inverse."""
     field = adapter._field()
     squeezed = least_singular(field.slopes(*field.base(adapter.teacher_side(fresh))))
@@ -169,8 +200,12 @@ def main() -> None:
     parser.add_argument("--persons", nargs="+", default=None, help="rHuMan, ladder, freeform")
     parser.add_argument("--draws", type=int, default=5)
     parser.add_argument("--rigid", action="store_true", help="parallel transport instead")
-    parser.add_argument("--samples", action="store_true", help="let the field know the robot's samples only")
-    parser.add_argument("--full", action="store_true", help="6×6 ellipsoids, of translation and rotation")
+    parser.add_argument(
+        "--samples", action="store_true", help="let the field know the robot's samples only"
+    )
+    parser.add_argument(
+        "--full", action="store_true", help="6×6 ellipsoids, of translation and rotation"
+    )
     parsed = parser.parse_args()
     spec = EllipsoidSpec(part="full") if parsed.full else VELOCITY
     print(f"{'robot, person':28s} {' '.join(f'{head:>14s}' for head in HEADS)}")
@@ -181,10 +216,16 @@ def main() -> None:
         rows = []
         for draw in range(parsed.draws):
             options = {"damping": DAMPING, "base_rotation": np.eye(3)}
-            adapter = ParallelTransport(**options) if parsed.rigid else LengthField(**options, projector=projector)
+            adapter = (
+                ParallelTransport(**options)
+                if parsed.rigid
+                else LengthField(**options, projector=projector)
+            )
             rows.append(measured(adapter, case, 100 + draw, spec))
             print(described(f"  draw {draw}", rows[-1]), flush=True)
-        worst = [choose(column) for choose, column in zip(WORST, zip(*rows, strict=True), strict=True)]
+        worst = [
+            choose(column) for choose, column in zip(WORST, zip(*rows, strict=True), strict=True)
+        ]
         print(described(f"{case.robot}, {case.person}", worst), flush=True)
 
 

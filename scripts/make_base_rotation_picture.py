@@ -33,4 +33,10 @@ def main(picture: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "start" / "base_rotation.png"))
+    main(
+        Path(
+            sys.argv[1]
+            if len(sys.argv) > 1
+            else Path(__file__).parents[1] / "docs" / "start" / "base_rotation.png"
+        )
+    )

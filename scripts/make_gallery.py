@@ -38,7 +38,14 @@ def ellipsoid_task(folder: Path) -> Figure:
         figure, (axes,) = panels(1, 1.9)
         for name, role, style in (("without", REFERENCE, "--"), ("with", ACHIEVED, "-")):
             label = f"{name} the ellipsoid task"
-            axes.plot(arrays["time"], arrays[f"distance_{name}"], style, color=role.color, label=label, linewidth=1.4)
+            axes.plot(
+                arrays["time"],
+                arrays[f"distance_{name}"],
+                style,
+                color=role.color,
+                label=label,
+                linewidth=1.4,
+            )
     axes.set(xlabel="time [s]", ylabel="distance d to the target")
     axes.legend(frameon=False, fontsize=TEXT)
     return laid_out(figure)
@@ -48,13 +55,22 @@ def path_and_distance(motion: ArmMotion) -> Figure:
     """Plot the end-effector path, and the distance with the pointwise optimum found (example 06)."""
     figure, (side, axes) = panels(2, 3.6)
     error, best = motion.distance, motion.pointwise_best
-    side.plot(motion.path[:, 1], motion.path[:, 2], color=REFERENCE.color, linewidth=0.8, linestyle="--", zorder=1)
+    side.plot(
+        motion.path[:, 1],
+        motion.path[:, 2],
+        color=REFERENCE.color,
+        linewidth=0.8,
+        linestyle="--",
+        zorder=1,
+    )
     dots = side.scatter(*motion.path[:, 1:].T, c=error, s=9, cmap="viridis", zorder=2)
     side.set(xlabel="y [m]", ylabel="z [m]")
     side.set_title("end-effector path, front view", fontsize=TEXT)
     side.set_aspect("equal", adjustable="datalim")
     figure.colorbar(dots, ax=side).set_label("distance d", fontsize=TEXT)
-    axes.fill_between(motion.time, best, color=REFERENCE.pale, alpha=0.5, label="pointwise optimum found")
+    axes.fill_between(
+        motion.time, best, color=REFERENCE.pale, alpha=0.5, label="pointwise optimum found"
+    )
     axes.plot(motion.time, error, color=ACHIEVED.color, label="planned motion", linewidth=1.4)
     axes.set(xlabel="time [s]", ylabel="distance d", ylim=(0.0, 1.3 * error.max()))
     axes.legend(loc="upper right", frameon=False, fontsize=TEXT)
@@ -64,14 +80,18 @@ def path_and_distance(motion: ArmMotion) -> Figure:
 def learned_profile(folder: Path) -> Figure:
     """Plot sizes of the demonstrated ellipsoids and distances from their mean, with bands (example 07)."""
     with np.load(folder / "profiles.npz") as arrays:
-        time, mean, demonstrated, covariance = (arrays[name] for name in ("time", "mean", "demonstrated", "covariance"))
+        time, mean, demonstrated, covariance = (
+            arrays[name] for name in ("time", "mean", "demonstrated", "covariance")
+        )
     # The size of a mean is the mean of the sizes; single semi-axes of a mean resemble no demonstration.
     draws = np.random.default_rng(0).standard_normal((1000, len(time), 6))
     tangents = np.einsum("nij,snj->sni", np.linalg.cholesky(covariance), draws)
     sizes = size(mean) * np.exp(tangents[..., :3].sum(axis=-1) / 6.0)
     away = np.percentile(np.linalg.norm(tangents, axis=-1), 95.0, axis=0)
     figure, (above, below) = panels(2, 3.4)
-    above.fill_between(time, *np.percentile(sizes, [2.5, 97.5], axis=0), color=TARGET.pale, alpha=0.6)
+    above.fill_between(
+        time, *np.percentile(sizes, [2.5, 97.5], axis=0), color=TARGET.pale, alpha=0.6
+    )
     above.plot(time, size(demonstrated).T, color=PERSON.color, linewidth=0.7)
     above.plot(time, size(mean), color=TARGET.color, linewidth=1.6)
     above.set_ylabel("size: geometric mean of the\nsemi-axes [m/s per rad/s]", fontsize=TEXT)
@@ -125,8 +145,16 @@ def both_paths(result: Any) -> Figure:
     for output in result.arms:
         motion, arm = output.motion, output.robot
         positions = arm.forward(motion.joint_positions)[:, :3, 3]
-        axes.plot(motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="target")
-        axes.plot(positions[:, 1], positions[:, 0], color=ACHIEVED.color, linewidth=0.9, label="end effector")
+        axes.plot(
+            motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="target"
+        )
+        axes.plot(
+            positions[:, 1],
+            positions[:, 0],
+            color=ACHIEVED.color,
+            linewidth=0.9,
+            label="end effector",
+        )
         base = arm.skeleton(motion.joint_positions[:1])[0, 0]
         axes.plot(base[1], base[0], "s", color=REFERENCE.color, markersize=5, label="base")
     axes.set(xlabel="to the left, y [m]", ylabel="forward, x [m]", aspect="equal")

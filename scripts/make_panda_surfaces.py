@@ -29,25 +29,36 @@ ARM_TRIANGLES, HAND_TRIANGLES = 9000, 900
 
 def main() -> None:
     """Read, reduce and write."""
-    places = [Path(sys.argv[1])] if len(sys.argv) > 1 else [Path(entry) / SOURCE for entry in sys.path]
+    places = (
+        [Path(sys.argv[1])] if len(sys.argv) > 1 else [Path(entry) / SOURCE for entry in sys.path]
+    )
     urdf = next((place for place in places if place.exists()), None)
     if urdf is None:
         sys.exit("panda.urdf is not there: install example-robot-data 6.0.0, or give the file")
-    meshes = {shape.link: welded(shape.mesh) for shape in read_shapes(urdf_shapes, urdf, [*LINKS, HAND, *FINGERS])}
+    meshes = {
+        shape.link: welded(shape.mesh)
+        for shape in read_shapes(urdf_shapes, urdf, [*LINKS, HAND, *FINGERS])
+    }
     total = sum(len(meshes[link][1]) for link in LINKS)
-    shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {HAND: HAND_TRIANGLES}
+    shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {
+        HAND: HAND_TRIANGLES
+    }
     shapes = [Shape(link, _reduced(meshes[link], share)) for link, share in shares.items()]
     shapes += [Shape(link, _hull(meshes[link][0])) for link in FINGERS]
     _write(TARGET, shapes)
     for shape in shapes:
         points, triangles = shape.mesh
-        print(f"{shape.link}: {len(points)} points, {len(triangles)} of {len(meshes[shape.link][1])} triangles")
+        print(
+            f"{shape.link}: {len(points)} points, {len(triangles)} of {len(meshes[shape.link][1])} triangles"
+        )
     print(f"{TARGET}: {TARGET.stat().st_size} bytes")
 
 
 def _reduced(mesh: Mesh, most: int) -> Mesh:
     """Reduce a mesh to a number of triangles by quadric error (Garland and Heckbert, SIGGRAPH 1997)."""
-    points, triangles = fast_simplification.simplify(mesh[0].astype(np.float32), mesh[1], target_count=most)
+    points, triangles = fast_simplification.simplify(
+        mesh[0].astype(np.float32), mesh[1], target_count=most
+    )
     return welded((points.astype(np.float64), triangles.astype(np.int32)))
 
 

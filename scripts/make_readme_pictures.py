@@ -48,18 +48,26 @@ def check(now: dict[str, float]) -> None:
     """Exit with code 1 if a figure differs from that of the pictures."""
     before = json.loads((DOCS / "demo.json").read_text(encoding="utf-8"))
     old = [
-        name for name in {*now, *before} if not np.isclose(now.get(name, np.nan), before.get(name, np.nan), TOLERANCE)
+        name
+        for name in {*now, *before}
+        if not np.isclose(now.get(name, np.nan), before.get(name, np.nan), TOLERANCE)
     ]
     if old:
         changes = "; ".join(f"{name} {before.get(name)} → {now.get(name)}" for name in sorted(old))
-        sys.exit(f"the README's pictures are out of date: run python scripts/make_readme_pictures.py ({changes})")
+        sys.exit(
+            f"the README's pictures are out of date: run python scripts/make_readme_pictures.py ({changes})"
+        )
     print("the README's pictures are of this version")
 
 
 def three_rows(result: mp.TransferResult) -> None:
     """Draw demonstrated, target and achieved ellipsoids."""
     arm = result.arm
-    rows = {"person": arm.demonstrated_profile, "target": arm.target_profile, "achieved": in_place(result)}
+    rows = {
+        "person": arm.demonstrated_profile,
+        "target": arm.target_profile,
+        "achieved": in_place(result),
+    }
     roles = {"person": PERSON.name, "target": TARGET.name, "achieved": ACHIEVED.name}
     figure = plots.ellipsoids(result.time, rows, roles=roles)
     plots.save(figure, DOCS / "demo_ellipsoids.png")
@@ -85,7 +93,12 @@ def loop(browser: "Browser") -> None:  # noqa: F821 - tests/headless_chromium
     height = round(shots[0].height * WIDTH / shots[0].width)
     small = [one.resize((WIDTH, height), Image.Resampling.LANCZOS) for one in shots]
     small[0].save(
-        DOCS / "demo.webp", save_all=True, append_images=small[1:], duration=1000 * 8 // FRAMES, loop=0, quality=60
+        DOCS / "demo.webp",
+        save_all=True,
+        append_images=small[1:],
+        duration=1000 * 8 // FRAMES,
+        loop=0,
+        quality=60,
     )
 
 
@@ -98,8 +111,12 @@ def shot(browser: "Browser") -> Image.Image:  # noqa: F821 - tests/headless_chro
 
 def main() -> None:
     """Run the demo and make or check."""
-    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("--check", type=Path, metavar="FOLDER", help="result folder of the demo to compare")
+    words = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    words.add_argument(
+        "--check", type=Path, metavar="FOLDER", help="result folder of the demo to compare"
+    )
     options = words.parse_args()
     if options.check:
         check(figures_of(options.check))

@@ -32,8 +32,13 @@ def main(folder: Path, output: Path) -> None:
             rows = [sections[robot]["methods"][name]["push"] for name in METHODS]
             places = [i + 0.18 * (k - 0.5 * (len(robots) - 1)) for i in range(len(rows))]
             middle = [row["median"] for row in rows]
-            reach = [[row["median"] - row["low"] for row in rows], [row["high"] - row["median"] for row in rows]]
-            axes.errorbar(middle, places, xerr=reach, fmt="o", ms=3, lw=1, color=COLORS[robot], label=robot)
+            reach = [
+                [row["median"] - row["low"] for row in rows],
+                [row["high"] - row["median"] for row in rows],
+            ]
+            axes.errorbar(
+                middle, places, xerr=reach, fmt="o", ms=3, lw=1, color=COLORS[robot], label=robot
+            )
         axes.axvline(1.0, color="0.6", lw=0.8)
         axes.set_xscale("log")
         axes.set_xticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])

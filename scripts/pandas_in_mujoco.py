@@ -26,7 +26,9 @@ FLANGE = "panda_link8"
 FRAMES = {FLANGE: 0.0, "panda_hand_tcp": 0.1034}
 """End effectors, with the distance from the flange along its axis [m]."""
 MESHES = Path(__file__).parents[1] / "src/maniport/arms/data/panda_surfaces.npz"
-MASSES = MESHES.parent / "panda.json"  # of the links, by frame; the hand's frame is turned by -45 deg
+MASSES = (
+    MESHES.parent / "panda.json"
+)  # of the links, by frame; the hand's frame is turned by -45 deg
 FINGERS = {"panda_leftfinger": 0.04, "panda_rightfinger": -0.04}
 """Travel along the y axis of the hand [m]; collisions are checked with closed and open fingers."""
 Base = tuple[float, float, float, float]
@@ -49,7 +51,10 @@ class Pandas:
     """Kinematics, ellipsoids and collisions of Pandas; arms are identified by the prefix of their names."""
 
     def __init__(self, frames: dict[str, str], bases: dict[str, Base], payload: ArrayLike = 0.0):
-        self.meshes, payloads = read_meshes(), np.broadcast_to(payload, len(frames))  # one for all, or of each arm [kg]
+        self.meshes, payloads = (
+            read_meshes(),
+            np.broadcast_to(payload, len(frames)),
+        )  # one for all, or of each arm [kg]
         self.masses = json.loads(MASSES.read_text(encoding="utf-8"))["masses"]
         spec = mujoco.MjSpec()
         spec.option.timestep = 1e-3
@@ -71,25 +76,48 @@ class Pandas:
                 body.add_joint(name=f"{prefix}joint{i}", axis=[0, 0, 1])
             self._add_mesh(spec, body, prefix, f"panda_link{i}")
             self._add_masses(body, f"panda_link{i}")
-        turned = body.add_body(name=f"{prefix}mounted_hand", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)])
+        turned = body.add_body(
+            name=f"{prefix}mounted_hand", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)]
+        )
         self._add_masses(turned, "panda_hand")
         if frame != FLANGE:
-            body = body.add_body(name=f"{prefix}{frame}", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)])
+            body = body.add_body(
+                name=f"{prefix}{frame}", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)]
+            )
             self._add_mesh(spec, body, prefix, "panda_hand")
             for finger, travel in FINGERS.items():
                 for k in (0, 1):
-                    self._add_mesh(spec, body, prefix, finger, np.array([0.0, k * travel, 0.0584]), f"_{k}")
+                    self._add_mesh(
+                        spec, body, prefix, finger, np.array([0.0, k * travel, 0.0584]), f"_{k}"
+                    )
         body.add_site(name=f"{prefix}end_effector", pos=[0.0, 0.0, FRAMES[frame]])
         if payload > 0.0:
             position = [0.0, 0.0, FRAMES[frame]]
-            body.add_body(pos=position, ipos=np.zeros(3), mass=payload, inertia=np.full(3, 1e-9), explicitinertial=True)
+            body.add_body(
+                pos=position,
+                ipos=np.zeros(3),
+                mass=payload,
+                inertia=np.full(3, 1e-9),
+                explicitinertial=True,
+            )
 
     def _add_masses(self, body: Any, link: str) -> None:
         for part in (part for part in self.masses if part["frame"] == link):
-            body.add_body(ipos=part["center"], mass=part["mass"], fullinertia=part["inertia"], explicitinertial=True)
+            body.add_body(
+                ipos=part["center"],
+                mass=part["mass"],
+                fullinertia=part["inertia"],
+                explicitinertial=True,
+            )
 
     def _add_mesh(
-        self, spec: Any, body: Any, prefix: str, link: str, offset: Array | None = None, suffix: str = ""
+        self,
+        spec: Any,
+        body: Any,
+        prefix: str,
+        link: str,
+        offset: Array | None = None,
+        suffix: str = "",
     ) -> None:
         if link not in self.meshes:
             return
@@ -125,11 +153,18 @@ class Pandas:
         model, data = self.model, self.data
         mujoco.mj_resetData(model, data)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-        data.qpos, data.qvel, reached, inertia = q[0], velocity[0], np.empty(q.shape), np.empty((model.nv, model.nv))
+        data.qpos, data.qvel, reached, inertia = (
+            q[0],
+            velocity[0],
+            np.empty(q.shape),
+            np.empty((model.nv, model.nv)),
+        )
         for i, wanted in enumerate(zip(q, velocity, torques, strict=True)):
             reached[i] = data.qpos
             mujoco.mj_step1(model, data)
-            for row, unit in zip(inertia, np.eye(model.nv), strict=True):  # mj_fullM differs between versions
+            for row, unit in zip(
+                inertia, np.eye(model.nv), strict=True
+            ):  # mj_fullM differs between versions
                 mujoco.mj_mulM(model, data, row, unit)
             data.qfrc_applied = servo(*wanted, data.qpos, data.qvel, inertia)
             mujoco.mj_step2(model, data)

@@ -12,7 +12,10 @@ from hypothesis import HealthCheck, settings
 
 from sizes import SMALL, little_search
 
-no_clock = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}  # a machine may be busy
+no_clock = {
+    "deadline": None,
+    "suppress_health_check": [HealthCheck.too_slow],
+}  # a machine may be busy
 settings.register_profile("maniport", derandomize=True, max_examples=15, **no_clock)
 settings.register_profile("long", derandomize=False, max_examples=150, **no_clock)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "maniport"))
@@ -64,8 +67,13 @@ def repeated():
     from maniport.mocap import synthetic_recording
 
     time = np.arange(0.0, 8.0, 1 / 30)
-    way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[:, None]
-    rest, reach = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
+    way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[
+        :, None
+    ]
+    rest, reach = (
+        np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]),
+        np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0]),
+    )
     return synthetic_recording(human_arm("myoarm"), rest + way * reach, time)
 
 

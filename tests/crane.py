@@ -23,7 +23,10 @@ CRANE = """<robot name="crane"><link name="base"/><link name="post"/><link name=
 def limb(side: str) -> Arm:
     """One arm of the crane: four joints and a box on each, on a trunk that turns and rises on a base."""
     sign = 1.0 if side == "left" else -1.0
-    axes, places = np.eye(3)[[2, 2, 2, 1, 2, 1]], [(0, 0, 0.2), (0, 0, 0.3), (0.05, sign * 0.2, 0.1)]
+    axes, places = (
+        np.eye(3)[[2, 2, 2, 1, 2, 1]],
+        [(0, 0, 0.2), (0, 0, 0.3), (0.05, sign * 0.2, 0.1)],
+    )
     places += [(0, sign * 0.1, 0), (0.25, 0, 0), (0.2, 0, 0.0)]
     names = ("turn", "rise", *(f"{side}_{i}" for i in range(1, 5)))
     joints = [
@@ -37,7 +40,9 @@ def limb(side: str) -> Arm:
     def shapes(links):
         return [Shape(link, solid("box", *sizes.get(link, (0.15, 0.06, 0.06)))) for link in links]
 
-    chain = Arm.from_dh("crane", np.zeros((6, 4)), [-2.0, 0, -2, -2, -2, -2], [2.0, 0.3, 2, 2, 2, 2]).chain
+    chain = Arm.from_dh(
+        "crane", np.zeros((6, 4)), [-2.0, 0, -2, -2, -2, -2], [2.0, 0.3, 2, 2, 2, 2]
+    ).chain
     ends = {"frame": f"{side}_link4", "coordinates": names}
     return Arm(replace(chain, joints=tuple(joints), frames=frames, shapes=shapes, **ends))
 

@@ -17,7 +17,9 @@ from maniport.mocap import Recording, synthetic_recording
 UPPER_ARM, FOREARM, HAND = 0.30, 0.26, 0.08
 BONES = (("shoulder", "elbow", UPPER_ARM), ("elbow", "wrist", FOREARM), ("wrist", "hand", HAND))
 
-_DATA = yaml.safe_load((Path(__file__).parent / "mocap" / "data" / "programs.yaml").read_text(encoding="utf-8"))
+_DATA = yaml.safe_load(
+    (Path(__file__).parent / "mocap" / "data" / "programs.yaml").read_text(encoding="utf-8")
+)
 REST, SPINE, POINTS = _DATA["rest"], _DATA["parents"], _DATA["points"]
 BESIDE = ("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar")
 """Points beside the joints of an arm."""
@@ -33,7 +35,9 @@ class Motion:
     trunk: np.ndarray
 
     def recording(self, names):
-        return Recording(tuple(names), np.stack([self.parts[part] for part in names.values()], 1), self.time)
+        return Recording(
+            tuple(names), np.stack([self.parts[part] for part in names.values()], 1), self.time
+        )
 
 
 def motion(n=40, rate=50.0):
@@ -44,7 +48,9 @@ def motion(n=40, rate=50.0):
     q = middle + 0.5 * half * np.sin(2 * np.pi * 0.4 * time[:, None] + phase)
     rest = np.clip(np.radians([0, 8, 0, 15, 0, 0, 0]), arm.lower, arm.upper)
     still = rest + 0.02 * np.sin(2 * np.pi * 0.4 * time[:, None] + phase)
-    trunk = Rotation.from_euler("zyx", np.radians([20, 6, 4]) * np.sin(2 * time[:, None] + np.arange(3))).as_matrix()
+    trunk = Rotation.from_euler(
+        "zyx", np.radians([20, 6, 4]) * np.sin(2 * time[:, None] + np.arange(3))
+    ).as_matrix()
     parts = {name: np.tile(np.array(place, dtype=float), (n, 1)) for name, place in REST.items()}
     for letter, sign, angles in (("r", 1.0, q), ("l", -1.0, still)):
         seen = synthetic_recording(arm, angles, time)
@@ -57,7 +63,9 @@ def motion(n=40, rate=50.0):
             parts[f"{end}_{letter}"] = at
         for name in BESIDE:
             middle = name.split("_")[0]
-            parts[f"{name}_{letter}"] = parts[f"{middle}_{letter}"] + mirror * (seen.point(name) - seen.point(middle))
+            parts[f"{name}_{letter}"] = parts[f"{middle}_{letter}"] + mirror * (
+                seen.point(name) - seen.point(middle)
+            )
     here = np.stack([0.1 * time, -0.05 * time, 0.02 * np.sin(3 * time)], axis=1)
     parts = {name: np.einsum("nij,nj->ni", trunk, place) + here for name, place in parts.items()}
     return Motion(time, q, parts, trunk)
@@ -73,7 +81,13 @@ def mirrored(names):
 
 
 def _left(name):
-    for right, left in (("Right", "Left"), ("right", "left"), ("_R", "_L"), (".R", ".L"), ("R_", "L_")):
+    for right, left in (
+        ("Right", "Left"),
+        ("right", "left"),
+        ("_R", "_L"),
+        (".R", ".L"),
+        ("R_", "L_"),
+    ):
         if right in name:
             return name.replace(right, left)
     if name.endswith("_r"):
@@ -104,7 +118,9 @@ def write_bvh(path, skeleton, made):
     names = mirrored(skeleton.names)
     by_part = {part: name for name, part in names.items()}
     above = mirrored_parts()
-    world = np.eye(3)[[1, 2, 0]] if skeleton.up == "y" else np.eye(3)  # y up: x to the left, z forward
+    world = (
+        np.eye(3)[[1, 2, 0]] if skeleton.up == "y" else np.eye(3)
+    )  # y up: x to the left, z forward
 
     def parent(part):
         part = above.get(part)
@@ -123,7 +139,9 @@ def write_bvh(path, skeleton, made):
         zero[part] = np.eye(3)
         if moves:
             bone = rest[tip] - rest[part]
-            turns[part] = onto(np.einsum("nij,j->ni", trunk, bone), places[tip] - places[part]) @ trunk
+            turns[part] = (
+                onto(np.einsum("nij,j->ni", trunk, bone), places[tip] - places[part]) @ trunk
+            )
             if skeleton.bones == "x":  # the bone's own frame lies otherwise than the body's at rest
                 zero[part] = onto(np.array([[1.0, 0.0, 0.0]]), bone[None])[0]
     lines, rows = ["HIERARCHY"], []
@@ -132,15 +150,24 @@ def write_bvh(path, skeleton, made):
         above_ = parent(part)
         pad = "\t" * depth
         base = np.eye(3) if above_ is None else zero[above_]
-        offset = np.zeros(3) if above_ is None else base.T @ (rest[part] - rest[above_]) / skeleton.unit
+        offset = (
+            np.zeros(3) if above_ is None else base.T @ (rest[part] - rest[above_]) / skeleton.unit
+        )
         lines.append(f"{pad}{'ROOT' if above_ is None else 'JOINT'} {by_part[part]}")
         lines.append(pad + "{")
         lines.append(f"{pad}\tOFFSET " + " ".join(f"{x:.6f}" for x in offset))
         places_too = above_ is None or skeleton.all_move
-        kinds = [*(f"{axis}position" for axis in "XYZ" if places_too), *(f"{axis}rotation" for axis in skeleton.order)]
+        kinds = [
+            *(f"{axis}position" for axis in "XYZ" if places_too),
+            *(f"{axis}rotation" for axis in skeleton.order),
+        ]
         lines.append(f"{pad}\tCHANNELS {len(kinds)} " + " ".join(kinds))
         if places_too:
-            rows.append(places[part] / skeleton.unit if above_ is None else np.tile(offset, (len(made.time), 1)))
+            rows.append(
+                places[part] / skeleton.unit
+                if above_ is None
+                else np.tile(offset, (len(made.time), 1))
+            )
         own = turns[part] @ zero[part]
         local = own if above_ is None else np.swapaxes(turns[above_] @ zero[above_], 1, 2) @ own
         rows.append(Rotation.from_matrix(local).as_euler(skeleton.order, degrees=True))

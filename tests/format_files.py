@@ -12,7 +12,15 @@ DOWN = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
 """From x forward, y to the left, z up to x to the right, y down, z forward, as MediaPipe has it."""
 HIPS = ("left_hip", "right_hip")
 """Where MediaPipe's space begins: in the middle of them."""
-SAUL = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
+SAUL = (
+    "elv_angle",
+    "shoulder_elv",
+    "shoulder_rot",
+    "elbow_flexion",
+    "pro_sup",
+    "deviation",
+    "flexion",
+)
 
 
 def _cell(x, digits=6):
@@ -45,7 +53,12 @@ def write_mot(path, time, angles, names, degrees=True):
     """Joint angles [rad] as OpenSim writes them."""
     table = np.column_stack([time, np.degrees(angles) if degrees else angles])
     head = ["Coordinates", "version=1", f"nRows={len(table)}", f"nColumns={table.shape[1]}"]
-    head += [f"inDegrees={'yes' if degrees else 'no'}", "", "endheader", "\t".join(["time", *names])]
+    head += [
+        f"inDegrees={'yes' if degrees else 'no'}",
+        "",
+        "endheader",
+        "\t".join(["time", *names]),
+    ]
     rows = ["\t".join(f"{x:.8f}" for x in row) for row in table]
     return _written(path, [*head, *rows])
 
@@ -59,7 +72,11 @@ def write_csv(path, recording, long=False, dot=False):
             lines += [f"{time:.6f},{name},{','.join(map(_cell, place))}"
                       for name, place in zip(recording.names, places, strict=True)]  # fmt: skip
     else:
-        lines = [",".join(["time", *(f"{name}{sign}{axis}" for name in recording.names for axis in "xyz")])]
+        lines = [
+            ",".join(
+                ["time", *(f"{name}{sign}{axis}" for name in recording.names for axis in "xyz")]
+            )
+        ]
         lines += [f"{time:.6f}," + ",".join(map(_cell, places.reshape(-1)))
                   for time, places in zip(recording.time, recording.positions, strict=True)]  # fmt: skip
     return _written(path, lines)
@@ -83,7 +100,9 @@ def write_motive(path, recording, solved=True):
     for i, places in enumerate(recording.positions[:, :, [1, 2, 0]]):
         cells = [_cell(1000 * x, 3) for x in places.reshape(-1)]
         before = ["0", "0", "0", *["7"] * len(cells)] if solved else []
-        lines.append(",".join([str(i), f"{recording.time[i]:.6f}", "15:26:46:12.02", *before, *cells]))
+        lines.append(
+            ",".join([str(i), f"{recording.time[i]:.6f}", "15:26:46:12.02", *before, *cells])
+        )
     return _written(path, lines, "\r\n")
 
 
@@ -104,10 +123,15 @@ def write_qualisys(path, recording, columns=True):
              f"FREQUENCY\t{recording.rate:.0f}", "DESCRIPTION\t--", "TIME_STAMP\t2024-01-01, 12:11:10.322\t12345.678",
              "DATA_INCLUDED\t3D", f"MARKER_NAMES\t{names}\t"]  # fmt: skip
     if columns:
-        lines.append("Frame\tTime\t" + "\t".join(f"{name} {axis}" for name in recording.names for axis in "XYZ"))
+        lines.append(
+            "Frame\tTime\t"
+            + "\t".join(f"{name} {axis}" for name in recording.names for axis in "XYZ")
+        )
     for i, places in enumerate(recording.positions):
         cells = [_cell(1000 * x, 3) for x in places.reshape(-1)]
-        lines.append("\t".join([*([str(i + 1), f"{recording.time[i]:.5f}"] if columns else []), *cells, ""]))
+        lines.append(
+            "\t".join([*([str(i + 1), f"{recording.time[i]:.5f}"] if columns else []), *cells, ""])
+        )
     return _written(path, lines)
 
 
@@ -116,7 +140,9 @@ def write_mvnx(path, recording):
     segments = "".join(f'<segment label="{name}" id="{i + 1}"><points/></segment>'
                        for i, name in enumerate(recording.names))  # fmt: skip
     still = " ".join(["1 0 0 0"] * len(recording.names))
-    frames = [f'<frame time="0" type="identity"><orientation>{still}</orientation><position>0 0 0</position></frame>']
+    frames = [
+        f'<frame time="0" type="identity"><orientation>{still}</orientation><position>0 0 0</position></frame>'
+    ]
     for time, places in zip(recording.time, recording.positions, strict=True):
         numbers = " ".join(f"{x:.6f}" for x in places.reshape(-1))
         frames.append(f'<frame time="{1000 * time:.0f}" type="normal"><orientation>{still}</orientation>'
@@ -155,10 +181,16 @@ def amass(made):
     poses[:, 0] = Rotation.from_matrix(trunk).as_rotvec()
     for side, sign, joints in (("l", 1.0, (16, 18, 20)), ("r", -1.0, (17, 19, 21))):
         above = trunk
-        for joint, (start, end) in zip(joints, pairwise(("shoulder", "elbow", "wrist", "hand")), strict=True):
+        for joint, (start, end) in zip(
+            joints, pairwise(("shoulder", "elbow", "wrist", "hand")), strict=True
+        ):
             bone = made.parts[f"{end}_{side}"] - made.parts[f"{start}_{side}"]
             local = np.einsum("nji,nj->ni", above, bone)
             turn = onto(np.array([[sign, 0.0, 0.0]]), local)
             poses[:, joint] = Rotation.from_matrix(turn).as_rotvec()
             above = above @ turn
-    return {"poses": poses.reshape(n, -1), "trans": made.parts["pelvis"], "mocap_framerate": 1 / made.time[1]}
+    return {
+        "poses": poses.reshape(n, -1),
+        "trans": made.parts["pelvis"],
+        "mocap_framerate": 1 / made.time[1],
+    }

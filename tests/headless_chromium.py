@@ -18,7 +18,10 @@ from pathlib import Path
 import pytest
 from websockets.sync.client import connect
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))),
+    None,
+)
 MISSING = "no Chromium here; Debian: apt-get install chromium"
 
 INSTALL = "npm install --no-save axe-core"
@@ -43,9 +46,15 @@ def browser(tmp_path_factory):
 @pytest.fixture(scope="session")
 def axe():
     """axe-core, which looks for what keeps people from using a page, as a script."""
-    path = Path(os.environ.get("MANIPORT_AXE", Path(__file__).parents[1] / "node_modules/axe-core/axe.min.js"))
+    path = Path(
+        os.environ.get(
+            "MANIPORT_AXE", Path(__file__).parents[1] / "node_modules/axe-core/axe.min.js"
+        )
+    )
     if not path.exists():
-        (pytest.fail if os.environ.get("MANIPORT_NEEDS_BROWSER") else pytest.skip)(f"no axe-core at {path}: {INSTALL}")
+        (pytest.fail if os.environ.get("MANIPORT_NEEDS_BROWSER") else pytest.skip)(
+            f"no axe-core at {path}: {INSTALL}"
+        )
     return path.read_text(encoding="utf-8")
 
 
@@ -57,16 +66,23 @@ class Browser:
     """
 
     def __init__(self, profile: Path):
-        words, port = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "about:blank"], profile / "DevToolsActivePort"
+        words, port = (
+            [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
+            profile / "DevToolsActivePort",
+        )
         self.process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         while not port.exists() or len(port.read_text().split()) < 2:
             assert self.process.poll() is None, "Chromium has ended"
             time.sleep(0.05)
-        self.socket = connect("ws://127.0.0.1:{}{}".format(*port.read_text().split()), max_size=None)
+        self.socket = connect(
+            "ws://127.0.0.1:{}{}".format(*port.read_text().split()), max_size=None
+        )
         self.numbers, self.session = itertools.count(1), None
         self.complaints, self.errors, self.requests = [], [], []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
@@ -85,11 +101,17 @@ class Browser:
     def note(self, message):
         method, params = message.get("method"), message.get("params", {})
         if method == "Runtime.exceptionThrown":
-            self.complain("error", params["exceptionDetails"].get("exception", {}).get("description", "exception"))
+            self.complain(
+                "error",
+                params["exceptionDetails"].get("exception", {}).get("description", "exception"),
+            )
         elif method == "Runtime.consoleAPICalled":
             self.complain(params["type"], str(params["args"]))
         elif method == "Log.entryAdded":
-            self.complain(params["entry"]["level"], f"{params['entry']['text']} {params['entry'].get('url', '')}")
+            self.complain(
+                params["entry"]["level"],
+                f"{params['entry']['text']} {params['entry'].get('url', '')}",
+            )
         elif method == "Network.requestWillBeSent":
             self.requests.append(params["request"]["url"])
 
@@ -100,7 +122,9 @@ class Browser:
             self.errors.append(text)
 
     def run(self, script):
-        found = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        found = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         if "exceptionDetails" in found:
             raise RuntimeError(str(found["exceptionDetails"]))
         return found["result"].get("value")
@@ -114,7 +138,9 @@ class Browser:
 
     def open(self, path, fragment=""):
         self.go(f"{Path(path).as_uri()}{fragment}")
-        self.wait("document.documentElement?.dataset.ready === 'true' || document.documentElement?.dataset.error")
+        self.wait(
+            "document.documentElement?.dataset.ready === 'true' || document.documentElement?.dataset.error"
+        )
 
     def wait(self, condition, seconds=90.0):
         """Wait until a script, or a function of this process, is true."""
@@ -127,8 +153,17 @@ class Browser:
 
     def dress(self, width=1280, height=900, scheme="light", touch=False):
         """Take the size of a screen, and what its owner prefers."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=touch)
-        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=touch,
+        )
+        self.call(
+            "Emulation.setEmulatedMedia",
+            features=[{"name": "prefers-color-scheme", "value": scheme}],
+        )
 
     def press(self, key):
         text = {"text": " "} if key == " " else {}
@@ -139,14 +174,25 @@ class Browser:
         """Press the mouse at a place (x, y), move it to another, and release it there."""
         (x, y), (to_x, to_y) = start, end
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
-        self.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
+        self.call(
+            "Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1
+        )
         for i in range(1, steps + 1):
             at = {"x": x + (to_x - x) * i / steps, "y": y + (to_y - y) * i / steps}
             self.call("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **at)
-        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
+        self.call(
+            "Input.dispatchMouseEvent",
+            type="mouseReleased",
+            x=to_x,
+            y=to_y,
+            button="left",
+            clickCount=1,
+        )
 
     def picture(self, path):
-        Path(path).write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
+        Path(path).write_bytes(
+            base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+        )
 
     def close(self):
         self.socket.close()

@@ -43,7 +43,9 @@ class Node:
 def publish(kind, topic, message):
     """Give a message to the nodes that subscribe to its topic by its type."""
     assert type(message) is kind
-    for callback in [node.callbacks[kind, topic] for node in NODES if (kind, topic) in node.callbacks]:
+    for callback in [
+        node.callbacks[kind, topic] for node in NODES if (kind, topic) in node.callbacks
+    ]:
         callback(message)
 
 

@@ -42,5 +42,7 @@ def motion_alone(result):
 def panda_profile(count=11):
     """Return the Panda, and times, joint positions, ellipsoids and end-effector positions of a short motion."""
     panda, time = load_arm("panda"), np.linspace(0.0, 1.0, count)
-    joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], count)
+    joints = np.linspace(
+        [0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], count
+    )
     return panda, time, joints, panda.manipulability(joints), panda.forward(joints)[:, :3, 3]

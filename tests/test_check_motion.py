@@ -47,7 +47,9 @@ def rewrite(folder, change):
     header, *lines = path.read_text().splitlines()
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
     change(table)
-    path.write_text("\n".join([header, *(",".join(f"{cell:.12f}" for cell in row) for row in table)]))
+    path.write_text(
+        "\n".join([header, *(",".join(f"{cell:.12f}" for cell in row) for row in table)])
+    )
 
 
 def test_mujoco_agrees_with_the_package(script, tmp_path):
@@ -73,7 +75,9 @@ def _cut_off(table):
 def test_faults_are_detected(script, tmp_path, change, row):
     export(tmp_path)
     rewrite(tmp_path, change)
-    assert {name: within for name, _, within in script.check(tmp_path, "panda_hand_tcp")}[row] is False
+    assert {name: within for name, _, within in script.check(tmp_path, "panda_hand_tcp")}[
+        row
+    ] is False
 
 
 def test_a_payload_that_was_not_planned_is_detected(script, tmp_path):
@@ -81,5 +85,8 @@ def test_a_payload_that_was_not_planned_is_detected(script, tmp_path):
     arm = load_arm("panda", frame="panda_hand_tcp")
     retime(MotionLimits.of(arm), [0.0, 1.0], [FIRST, LAST]).save_joints_csv(tmp_path / "joints.csv")
     for payload, followed in ((0.0, True), (3.0, False)):
-        rows = {name: within for name, _, within in script.check(tmp_path, "panda_hand_tcp", payload=payload)}
+        rows = {
+            name: within
+            for name, _, within in script.check(tmp_path, "panda_hand_tcp", payload=payload)
+        }
         assert rows["position error of a servo [mm]: median / 95 % / max"] is followed

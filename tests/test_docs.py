@@ -19,7 +19,9 @@ from maniport.cli import app
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "maniport"
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*.md")])
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*.md")]
+)
 HAND_WRITTEN = [page for page in PAGES if page.name not in ("CHANGELOG.md", "BENCHMARKS.md")]
 KNOWN_HOSTS = {
     *("arxiv.org", "github.com", "keepachangelog.com", "maniport.github.io"),
@@ -27,7 +29,9 @@ KNOWN_HOSTS = {
 }
 SITE = runpy.run_path(str(ROOT / "docs" / "_ext" / "public_names.py"))
 HOMES = sorted({home for homes in SITE["every_home"]().values() for home in homes.values()})
-hand_written = pytest.mark.parametrize("page", HAND_WRITTEN, ids=lambda page: str(page.relative_to(ROOT)))
+hand_written = pytest.mark.parametrize(
+    "page", HAND_WRITTEN, ids=lambda page: str(page.relative_to(ROOT))
+)
 every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
 
@@ -57,7 +61,9 @@ def dotted(text):
 @hand_written
 def test_what_a_page_names_exists(page):
     text = page.read_text(encoding="utf-8")
-    short = {f"maniport.{name}" for name in re.findall(r"\bmp\.([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)", text)}
+    short = {
+        f"maniport.{name}" for name in re.findall(r"\bmp\.([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)", text)
+    }
     assert missing(dotted(text) | short) == []
     paths = re.findall(r"`((?:src|tests|docs|examples|scripts|benchmarks)/[\w./-]*)`", text)
     assert [path for path in paths if not (ROOT / path).exists()] == []
@@ -70,18 +76,31 @@ def test_what_a_page_names_exists(page):
 
 
 def test_modules_have_no_other_names():
-    assert not any(hasattr(importlib.import_module(module), "no_such_name") for module in SITE["MODULES"])
+    assert not any(
+        hasattr(importlib.import_module(module), "no_such_name") for module in SITE["MODULES"]
+    )
 
 
 def test_what_docstrings_name_exists():
-    assert missing(set().union(*(dotted(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")))) == []
+    assert (
+        missing(
+            set().union(
+                *(dotted(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py"))
+            )
+        )
+        == []
+    )
 
 
 @every_page
 def test_links_of_a_page_lead_somewhere(page):
     """Relative links lead to files, included parts exist, other addresses are of known hosts (`make links`)."""
     text = page.read_text(encoding="utf-8")
-    local = [target for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text) if not re.match(r"[a-z]+:", target)]
+    local = [
+        target
+        for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text)
+        if not re.match(r"[a-z]+:", target)
+    ]
     assert [target for target in local if not (page.parent / target).exists()] == []
     for block in re.findall(r"```\{include\} (\S+\n.*?)```", text, flags=re.DOTALL):
         other, marks = block.split("\n", 1)
@@ -90,8 +109,16 @@ def test_links_of_a_page_lead_somewhere(page):
             _, found, included = included.partition(mark)
             assert found, f"{other} has no {mark}"
     addresses = re.findall(r"\bhttps?://[^\s)>\"`]+", text)
-    parts = [urlsplit(address) for address in addresses if not re.match(r"http://(localhost|127\.)", address)]
-    assert [part.geturl() for part in parts if part.scheme != "https" or part.hostname not in KNOWN_HOSTS] == []
+    parts = [
+        urlsplit(address)
+        for address in addresses
+        if not re.match(r"http://(localhost|127\.)", address)
+    ]
+    assert [
+        part.geturl()
+        for part in parts
+        if part.scheme != "https" or part.hostname not in KNOWN_HOSTS
+    ] == []
 
 
 def test_the_page_of_the_architecture_has_every_module_and_contract():
@@ -106,7 +133,11 @@ def test_the_page_of_the_architecture_has_every_module_and_contract():
 
 
 def cells(page, row):
-    line = next(line for line in (ROOT / page).read_text(encoding="utf-8").splitlines() if line.startswith(f"| {row}"))
+    line = next(
+        line
+        for line in (ROOT / page).read_text(encoding="utf-8").splitlines()
+        if line.startswith(f"| {row}")
+    )
     return [cell.strip() for cell in line.strip("|").split(" | ")]
 
 
@@ -116,7 +147,10 @@ def test_figures_of_the_readme_are_those_that_were_measured():
     distance = [f"{demo[f'distance_{name}']:.2f}" for name in ("median", "95", "largest")]
     error = [f"{demo[f'position_error_{name}_mm']:.1f}" for name in ("median", "95", "largest")]
     duration, person = f"{demo['duration_s']:.1f} s", f"{demo['person_s']:.1f} s"
-    assert cells("README.md", "Demo (freeform → Panda): ellipsoid")[1:] == [*distance, f"{duration} (person {person})"]
+    assert cells("README.md", "Demo (freeform → Panda): ellipsoid")[1:] == [
+        *distance,
+        f"{duration} (person {person})",
+    ]
     assert cells("README.md", "Demo: position error")[1:4] == [f"{value} mm" for value in error]
     page = " ".join((ROOT / "docs" / "quality.md").read_text(encoding="utf-8").split())
     assert f"distance of {' / '.join(distance)} from their targets" in page
@@ -124,7 +158,10 @@ def test_figures_of_the_readme_are_those_that_were_measured():
     _, method, identity, _, transport, _, field = cells("docs/evaluation.md", "ladder |")
     assert method == "length-field"
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-    assert f"{field} with the length field, {transport} with parallel transport, {identity} with the identity" in text
+    assert (
+        f"{field} with the length field, {transport} with parallel transport, {identity} with the identity"
+        in text
+    )
 
 
 @pytest.mark.parametrize("home", [home for home in HOMES if callable(resolved(home))])
@@ -134,7 +171,10 @@ def test_docstrings_of_public_names_are_complete(home):
     assert re.match(r"\w.{10,}[.:]$", " ".join(text.split("\n\n")[0].split()))
     sections = set(re.findall(r"^(\w[\w ]*)\n-{3,}\n", text, flags=re.MULTILINE))
     is_class = inspect.isclass(thing)
-    if not (is_class and thing.__init__ is object.__init__) and len(inspect.signature(thing).parameters) > 2:
+    if (
+        not (is_class and thing.__init__ is object.__init__)
+        and len(inspect.signature(thing).parameters) > 2
+    ):
         assert sections & {"Parameters", "Attributes"}
     if not is_class:
         back = typing.get_type_hints(inspect.unwrap(thing)).get("return")

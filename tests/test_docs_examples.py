@@ -32,7 +32,9 @@ PAGES = (
     "../README.md", "batch.md", "both_arms.md", "capability.md", "learn.md", "live.md", "outputs.md", "python.md",
     "quickstart.md", "recordings.md", "robots.md",
 )  # fmt: skip
-SAVED = re.compile(r"[Ss]ave \w+ as `([\w.-]+)`:\n\n```\w+\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
+SAVED = re.compile(
+    r"[Ss]ave \w+ as `([\w.-]+)`:\n\n```\w+\n(.*?)^```", flags=re.DOTALL | re.MULTILINE
+)
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 
 
@@ -67,7 +69,10 @@ def short_work():
     def work():
         with (
             little_search(),
-            mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),
+            mock.patch(
+                "maniport.batch.inputs.settings_of",
+                lambda config: settings_of(config.changed(**SMALL)),
+            ),
             mock.patch("maniport.batch.run.cpu_count", return_value=1),
             mock.patch("maniport.pipeline.transfer_recording", quick),
             mock.patch.object(maniport, "transfer_recording", quick, create=True),
@@ -79,7 +84,9 @@ def short_work():
 
 def commands(block):
     """Commands of a block, as (arguments, whether it ends with an error)."""
-    for part in re.split(r"^(?:\$ )?(?=maniport )", block.replace("\\\n", " "), flags=re.MULTILINE)[1:]:
+    for part in re.split(r"^(?:\$ )?(?=maniport )", block.replace("\\\n", " "), flags=re.MULTILINE)[
+        1:
+    ]:
         line, _, shown = part.partition("\n")
         yield shlex.split(line, comments=True)[1:], shown.startswith("maniport:")
 
@@ -90,7 +97,10 @@ def run_commands(block):
 
     for arguments, fails in commands(block):
         result = CliRunner().invoke(app, arguments)
-        assert isinstance(result.exception, ManiportError) if fails else result.exit_code == 0, (arguments, result)
+        assert isinstance(result.exception, ManiportError) if fails else result.exit_code == 0, (
+            arguments,
+            result,
+        )
 
 
 @pytest.mark.filterwarnings("default::maniport.errors.ManiportWarning")

@@ -21,7 +21,9 @@ BUILTINS = {
 
 
 def test_errors_are_builtin_errors_and_survive_pickling():
-    classes = {x for x in vars(errors).values() if isinstance(x, type) and issubclass(x, ManiportError)}
+    classes = {
+        x for x in vars(errors).values() if isinstance(x, type) and issubclass(x, ManiportError)
+    }
     assert classes == {ManiportError, *BUILTINS}
     for error, builtin in BUILTINS.items():
         assert issubclass(error, builtin)
@@ -32,7 +34,9 @@ def test_errors_are_builtin_errors_and_survive_pickling():
 
 def test_unknown_names_are_answered_with_those_there_are():
     error = unknown_name("frame", "hend", ["base", "hand"], "in 'arm.urdf'")
-    assert str(error) == "unknown frame 'hend' in 'arm.urdf'; available, nearest first: 'hand', 'base'"
+    assert (
+        str(error) == "unknown frame 'hend' in 'arm.urdf'; available, nearest first: 'hand', 'base'"
+    )
     message = str(unknown_name("joint", "j", [f"joint{i}" for i in range(30)]))
     assert message.endswith(", and 10 more")
     assert message.count("'joint") == 20
@@ -50,9 +54,15 @@ def test_arguments_are_named_as_they_are_given(name, value, called, typed):
 
 
 ATTACK = "\x1b[2J\x1b]0;title\x07\r\x9b2J\u202e\n"
-KINDS = [one for one in vars(errors).values() if isinstance(one, type) and issubclass(one, Warning | ManiportError)]
+KINDS = [
+    one
+    for one in vars(errors).values()
+    if isinstance(one, type) and issubclass(one, Warning | ManiportError)
+]
 HTML = "<img src=x onerror=alert(1)><script>x</script>&lt;b&gt;"
-MARKDOWN = "[a](http://evil.example) ![b](http://evil.example/c.png) \\<b> <http://evil.example> | x"
+MARKDOWN = (
+    "[a](http://evil.example) ![b](http://evil.example/c.png) \\<b> <http://evil.example> | x"
+)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
@@ -72,7 +82,9 @@ def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
     path = tmp_path / "walk\x1b[2J.npz"
     points = np.broadcast_to([[0.0, 0.0, 1.4], [0.0, 0.0, 1.1], [0.0, 0.0, 0.85]], (9, 3, 3))
     np.savez(path, names=["RSHO", "RELB", f"\x1b[31m{HTML}"], positions=points, rate=10.0, unit="m")
-    ended = subprocess.run([sys.executable, "-m", "maniport", "info", str(path)], capture_output=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-m", "maniport", "info", str(path)], capture_output=True, check=False
+    )
     assert ended.returncode == 0, ended.stderr
     assert "RELB" in ended.stdout.decode()
     for line in (ended.stdout + ended.stderr).decode().split("\n"):
@@ -82,8 +94,14 @@ def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
 @pytest.mark.parametrize("attack", [HTML, MARKDOWN, "# heading", "> quotation"])
 def test_markdown_shows_names_as_they_are(attack):
     table = Table((attack, "b"), ((attack, "c"),), attack)
-    facts = [Metric(attack, attack, attack), Metric("", attack), Metric("", attack, severity="warning")]
-    shown = as_markdown(Report(attack, attack, (Section(attack, tuple(facts), (table,)),), *4 * (attack,)))
+    facts = [
+        Metric(attack, attack, attack),
+        Metric("", attack),
+        Metric("", attack, severity="warning"),
+    ]
+    shown = as_markdown(
+        Report(attack, attack, (Section(attack, tuple(facts), (table,)),), *4 * (attack,))
+    )
     tokens = [
         token
         for block in MarkdownIt("commonmark").enable("table").parse(shown)
@@ -92,7 +110,9 @@ def test_markdown_shows_names_as_they_are(attack):
     assert not {token.type for token in tokens} & {
         "html_inline", "html_block", "link_open", "image", "blockquote_open", "entity"
     }  # fmt: skip
-    headings = [tokens[i + 1].children for i, token in enumerate(tokens) if token.type == "heading_open"]
+    headings = [
+        tokens[i + 1].children for i, token in enumerate(tokens) if token.type == "heading_open"
+    ]
     assert len(headings) == len([1 for line in shown.splitlines() if line.startswith("#")])
     text = "".join(child.content for child in headings[0] if child.type in ("text", "text_special"))
     assert text == attack.rstrip()

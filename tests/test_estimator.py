@@ -34,16 +34,25 @@ def test_clones_are_those_of_scikit_learn(estimator):
 def test_parameters_are_set_by_name():
     model = mp.ProfileGMM().set_params(n_components=2, tol=0.1)
     assert model.get_params() == {**mp.ProfileGMM().get_params(), "n_components": 2, "tol": 0.1}
-    with pytest.raises(InvalidInputError, match=r"ProfileGMM has no parameter 'counts'; it has max_iter, n_components"):
+    with pytest.raises(
+        InvalidInputError,
+        match=r"ProfileGMM has no parameter 'counts'; it has max_iter, n_components",
+    ):
         model.set_params(counts=1)
 
 
 def test_scikit_learn_gets_the_tags_that_it_reads():
     tags = get_tags(mp.ParallelTransport())
-    assert (tags.estimator_type, tags.transformer_tags is None, tags.target_tags.required) == (None, False, False)
+    assert (tags.estimator_type, tags.transformer_tags is None, tags.target_tags.required) == (
+        None,
+        False,
+        False,
+    )
     assert get_tags(mp.ProfileGMM()).transformer_tags is None
 
 
 def test_a_fit_loads_no_scikit_learn():
-    done = subprocess.run([sys.executable, "-c", FIT], capture_output=True, text=True, check=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-c", FIT], capture_output=True, text=True, check=True, timeout=300
+    )
     assert done.stdout.strip() == "[]"

@@ -56,7 +56,9 @@ def test_the_main_job_takes_all_of_them(result, moment, tmp_path):
     assert result.arm.evaluation.adapter.feasibility_gap is not None
     result.arm.adapter.save(tmp_path / "adapter.npz")
     again = mp.load_adapter(tmp_path / "adapter.npz")
-    np.testing.assert_array_equal(again.transform(result.arm.demonstrated_profile), result.arm.target_profile)
+    np.testing.assert_array_equal(
+        again.transform(result.arm.demonstrated_profile), result.arm.target_profile
+    )
     write_page_with_speed(tmp_path / "page.html", result)
     assert "End-effector speed" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
@@ -74,7 +76,9 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
     points = seen.select(renamed)
     across = points.positions.copy()
     across[:, -1] = [[1, -1, 1]] * points.positions[:, 0]  # the other shoulder
-    roles = assign_roles(replace(points, names=tuple(renamed.values()), positions=across), side=side)
+    roles = assign_roles(
+        replace(points, names=tuple(renamed.values()), positions=across), side=side
+    )
     assert roles["elbow"] == (f"Epi_Lat_{r}", f"Epi_Med_{r}")
     assert roles["wrist_axis"] == ((f"Styloid_Uln_{r}",), (f"Styloid_Rad_{r}",))
     assert roles["trunk_left"] == (("Acromion_R",), ("Acromion_L",))
@@ -83,7 +87,10 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
 def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, moment):
     assert result.arm.fit.arm.name == "stiff_shoulder"
     elevation = result.arm.fit.arm.joint_names.index("shoulder_elv")
-    highest = [np.degrees(fit.joint_angles[:, elevation]).max() for fit in (result.arm.fit, mp.fit_arm(moment))]
+    highest = [
+        np.degrees(fit.joint_angles[:, elevation]).max()
+        for fit in (result.arm.fit, mp.fit_arm(moment))
+    ]
     assert highest[0] <= 70.0 + 1e-9 < highest[1]
 
 
@@ -97,7 +104,9 @@ def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
     np.testing.assert_allclose(again.map_rotation_, turn, atol=1e-6)
 
 
-@pytest.mark.parametrize("file", sorted((HERE / "extensions").glob("*.py")), ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file", sorted((HERE / "extensions").glob("*.py")), ids=lambda file: file.stem
+)
 def test_the_page_includes_every_extension(file):
     page = (HERE.parent / "docs" / "extensions.md").read_text(encoding="utf-8")
     assert f"{{literalinclude}} ../tests/extensions/{file.name}\n" in page

@@ -31,7 +31,9 @@ def still(recording, arms):
 
 
 def hands_of(result):
-    return [arm.fit.arm.forward(arm.fit.joint_angles)[:, :3, 3] + arm.person_base for arm in result.arms]
+    return [
+        arm.fit.arm.forward(arm.fit.joint_angles)[:, :3, 3] + arm.person_base for arm in result.arms
+    ]
 
 
 def test_each_arm_of_the_person_leads_the_arm_of_its_side(two_arm_result, arms):
@@ -41,7 +43,9 @@ def test_each_arm_of_the_person_leads_the_arm_of_its_side(two_arm_result, arms):
         demonstrated = result.fit.arm.manipulability(result.fit.joint_angles)
         np.testing.assert_allclose(result.demonstrated_profile, demonstrated)
         np.testing.assert_allclose(result.target_profile, result.adapter.transform(demonstrated))
-    assert not np.array_equal(two_arm_result.arms[0].target_profile, two_arm_result.arms[1].target_profile)
+    assert not np.array_equal(
+        two_arm_result.arms[0].target_profile, two_arm_result.arms[1].target_profile
+    )
 
 
 def test_the_hands_keep_their_relation(two_arm_result):
@@ -50,7 +54,9 @@ def test_the_hands_keep_their_relation(two_arm_result):
     np.testing.assert_array_equal(left.rotation, right.rotation)
     hands = hands_of(two_arm_result)[1] - hands_of(two_arm_result)[0]
     paths = two_arm_result.arms[1].motion.path - two_arm_result.arms[0].motion.path
-    np.testing.assert_allclose(paths, left.scale * hands @ (left.rotation @ left.map_rotation).T, atol=1e-9)
+    np.testing.assert_allclose(
+        paths, left.scale * hands @ (left.rotation @ left.map_rotation).T, atol=1e-9
+    )
 
 
 def test_both_arms_share_one_safe_motion(two_arm_result, arms):
@@ -71,12 +77,17 @@ def test_relative_end_effectors_leave_their_paths_and_keep_an_orientation(record
             recording, robot=arms, hand_targets="relative", orientation="constant", **OPTIONS
         )
     hands = np.linalg.norm(hands_of(result)[1] - hands_of(result)[0], axis=1)
-    np.testing.assert_allclose(np.ptp(np.linalg.norm(result.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        np.ptp(np.linalg.norm(result.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9
+    )
     assert np.percentile(result.motion.relative_error, 95) < 5e-3
     for arm in result.arms:
         assert np.median(arm.motion.orientation_error) < np.radians(10.0)
         assert arm.placement is None
-    assert any(metric.key == "relative_position_error" and metric.unit == "mm" for metric in report_of(result).metrics)
+    assert any(
+        metric.key == "relative_position_error" and metric.unit == "mm"
+        for metric in report_of(result).metrics
+    )
 
 
 def test_a_robot_that_is_not_moved_has_targets_by_its_seed(still, two_arm_result):
@@ -98,13 +109,19 @@ def test_a_folder_holds_the_motion_of_all_and_the_data_of_each(two_arm_result, t
     header = (folder / "joints.csv").read_text().split("\n", 1)[0]
     assert all(f"{name}_rad," in header for name in two_arm_result.robot.joint_names)
     with np.load(folder / "joints.npz") as arrays:
-        np.testing.assert_array_equal(arrays["joint_positions"], two_arm_result.motion.trajectory.joint_positions)
-    assert {"report.html", "motion.rrd", "summary.json", *SIDES} <= {file.name for file in folder.iterdir()}
+        np.testing.assert_array_equal(
+            arrays["joint_positions"], two_arm_result.motion.trajectory.joint_positions
+        )
+    assert {"report.html", "motion.rrd", "summary.json", *SIDES} <= {
+        file.name for file in folder.iterdir()
+    }
     for side in SIDES:
         files = {file.name for file in (folder / side).iterdir()}
         assert {"person.csv", "target_profile.npz", "adapter.npz", "joints.csv"} <= files
     figures = {file.name for file in mp.write_figures(folder)}
-    assert figures == {f"{name}.{suffix}" for name in ("arms", "curves", "motion") for suffix in ("png", "svg")}
+    assert figures == {
+        f"{name}.{suffix}" for name in ("arms", "curves", "motion") for suffix in ("png", "svg")
+    }
     drawn = (folder / "motion.svg").read_text()
     assert "Left: Ellipsoid distance" in drawn
     assert "right_panda_joint1 [°]" in drawn
@@ -123,7 +140,9 @@ def test_targets_without_a_motion_cannot_be_exported(still, tmp_path):
 
 @pytest.fixture
 def no_sampling(monkeypatch):
-    monkeypatch.setattr("maniport.pipeline.stages.sample_domain", lambda *_, **__: pytest.fail("it sampled"))
+    monkeypatch.setattr(
+        "maniport.pipeline.stages.sample_domain", lambda *_, **__: pytest.fail("it sampled")
+    )
 
 
 @pytest.mark.parametrize(("options", "error", "words"), [
@@ -157,7 +176,9 @@ BOTH = ("both-arms", "--side", "both")
     (("both-arms", "--hand-targets", "relative"), "needs several arms"),
 ])  # fmt: skip
 @pytest.mark.usefixtures("no_sampling")
-def test_wrong_options_of_the_command_are_named_before_long_work(monkeypatch, tmp_path, words, message):
+def test_wrong_options_of_the_command_are_named_before_long_work(
+    monkeypatch, tmp_path, words, message
+):
     monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(app, ["transfer", *words, "-o", "out"])
     assert isinstance(result.exception, ManiportError), result.output
@@ -176,7 +197,9 @@ def test_one_arm_of_a_person_leads_three_arms(recording, tmp_path):
     """Each Panda moves in front of its own base, with targets, errors and files of its own; the motion has one time."""
     panda, placed = mp.load_arm("panda"), np.tile(np.eye(4), (3, 1, 1))
     placed[:, 1, 3] = (1.2, 0.0, -1.2)
-    arms = mp.ArmGroup(*(mp.Arm(standing(panda.chain, pose)) for pose in placed), names=("a", "b", "c"))
+    arms = mp.ArmGroup(
+        *(mp.Arm(standing(panda.chain, pose)) for pose in placed), names=("a", "b", "c")
+    )
     with little_search():
         result = mp.transfer_recording(recording, robot=arms, side="right", **OPTIONS)
     assert [arm.name for arm in result.arms] == ["a", "b", "c"]

@@ -40,7 +40,9 @@ def violations(name, lines):
 
 
 def test_source_has_no_banned_words():
-    assert [text for file in SOURCES for text in violations(file.relative_to(ROOT), prose(file))] == []
+    assert [
+        text for file in SOURCES for text in violations(file.relative_to(ROOT), prose(file))
+    ] == []
 
 
 @pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda page: str(page.relative_to(ROOT)))
@@ -53,14 +55,23 @@ def test_pages_have_no_banned_words(page):
 def test_help_pages_have_no_banned_words(command):
     result = CliRunner().invoke(app, [command, "--help-all"])
     assert result.exit_code == 0
-    assert violations(f"maniport {command} --help-all", enumerate(result.output.splitlines(), 1)) == []
+    assert (
+        violations(f"maniport {command} --help-all", enumerate(result.output.splitlines(), 1)) == []
+    )
 
 
 def defined(file):
     nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
-    variables = [node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)]
+    variables = [
+        node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    ]
     return variables + [node.arg for node in nodes if isinstance(node, ast.arg)]
 
 
 def test_variables_are_named_after_their_content():
-    assert [f"{file.relative_to(ROOT)}: {name}" for file in SOURCES for name in defined(file) if name in NAMES] == []
+    assert [
+        f"{file.relative_to(ROOT)}: {name}"
+        for file in SOURCES
+        for name in defined(file)
+        if name in NAMES
+    ] == []

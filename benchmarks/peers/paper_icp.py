@@ -41,7 +41,9 @@ class PaperICP:
     n_iter_ : int
     """
 
-    def __init__(self, n_starts: int = 8, exponent: float = 3.0, max_iter: int = 100, random_state: int = 0):
+    def __init__(
+        self, n_starts: int = 8, exponent: float = 3.0, max_iter: int = 100, random_state: int = 0
+    ):
         self.n_starts = n_starts
         self.exponent = exponent
         self.max_iter = max_iter
@@ -54,7 +56,9 @@ class PaperICP:
         white_t, white_s = invsqrtm(mean_t), invsqrtm(mean_s)
         moved, fixed = white_t @ teacher @ white_t, white_s @ student @ white_s  # eqs. 10 and 11
         identity = np.eye(len(mean_t))
-        ratio = np.mean(distance_riemann(fixed, identity)) / np.mean(distance_riemann(moved, identity))
+        ratio = np.mean(distance_riemann(fixed, identity)) / np.mean(
+            distance_riemann(moved, identity)
+        )
         moved = powm(moved, ratio)  # eq. 12
 
         left, _, right = np.linalg.svd(white_s @ sqrtm(mean_t))
@@ -71,9 +75,14 @@ class PaperICP:
             if iteration - best >= PATIENCE:
                 break
             starts = [rotation, *special_ortho_group.rvs(len(rotation), self.n_starts - 1, random)]
-            minimum = min((step.minimize(start, TOLERANCE) for start in starts), key=step.cost)  # eq. 15
+            minimum = min(
+                (step.minimize(start, TOLERANCE) for start in starts), key=step.cost
+            )  # eq. 15
             state = index.tobytes(), minimum
-            if any(key == state[0] and np.linalg.norm(minimum - old) < 10 * TOLERANCE for key, old in seen):
+            if any(
+                key == state[0] and np.linalg.norm(minimum - old) < 10 * TOLERANCE
+                for key, old in seen
+            ):
                 break
             seen.append(state)
             rotation = minimum
@@ -82,7 +91,9 @@ class PaperICP:
     def _match(self, moved: Array, fixed: Array) -> tuple[NDArray[np.intp], Array]:
         """Return the index of the best student ellipsoid for each teacher ellipsoid, and weights w^k (eq. 18)."""
         (values_t, vectors_t), (values_s, vectors_s) = np.linalg.eigh(moved), np.linalg.eigh(fixed)
-        score = np.abs(vectors_t[:, :, 0] @ vectors_s[:, :, 0].T) + np.abs(vectors_t[:, :, -1] @ vectors_s[:, :, -1].T)
+        score = np.abs(vectors_t[:, :, 0] @ vectors_s[:, :, 0].T) + np.abs(
+            vectors_t[:, :, -1] @ vectors_s[:, :, -1].T
+        )
         for feature in (lambda v: v[:, -1] / v[:, 0], lambda v: np.sqrt(np.prod(v, axis=1))):
             score += np.exp(-np.abs(feature(values_t)[:, None] - feature(values_s)))
         index = np.argmax(score, axis=1)

@@ -44,5 +44,7 @@ class PymanoptRotation:
     def minimize(self, start: Array, tol: float = 1e-9) -> Array:
         """Descend from `start` until the gradient norm, for rotations in radians, is at most `tol`."""
         # PyManOpt holds the gradient as a skew matrix of half its entries, whose norm is 1/√2 of the vector's
-        optimizer = TrustRegions(min_gradient_norm=tol / np.sqrt(2.0), max_iterations=200, verbosity=0)
+        optimizer = TrustRegions(
+            min_gradient_norm=tol / np.sqrt(2.0), max_iterations=200, verbosity=0
+        )
         return np.asarray(optimizer.run(self._problem, initial_point=start).point)

@@ -17,7 +17,9 @@ def displayed(translator: HTML5Translator, node: nodes.math_block) -> None:
     latex, _, tag = node.astext().partition(r"\tag{")
     number = f'<span class="eqno">({tag.strip().rstrip("}")})</span>' if tag else ""
     formula = convert(latex.strip(), display="block")
-    translator.body.append(f'<div class="math-block"><div class="formula">{formula}</div>{number}</div>\n')
+    translator.body.append(
+        f'<div class="math-block"><div class="formula">{formula}</div>{number}</div>\n'
+    )
     raise nodes.SkipNode
 
 

@@ -41,24 +41,48 @@ def write_pages(app: "Sphinx", config: "Config") -> None:
 @cache
 def every_home() -> dict[str, dict[str, str]]:
     """Return the names of each module with the full name of their page: ``maniport.Arm`` is ``maniport.arms.Arm``."""
-    at_home = {id(one): f"{module}.{name}" for module in MODULES[1:] for name, one in public(module).items()}
+    at_home = {
+        id(one): f"{module}.{name}"
+        for module in MODULES[1:]
+        for name, one in public(module).items()
+    }
     return {
-        module: {name: at_home.get(id(one), f"{module}.{name}") for name, one in public(module).items()}
+        module: {
+            name: at_home.get(id(one), f"{module}.{name}") for name, one in public(module).items()
+        }
         for module in MODULES
     }
 
 
 def classes() -> dict[str, str]:
     """Return the full names of classes and errors by their short names."""
-    errors = [name for name, one in vars(importlib.import_module("maniport.errors")).items() if inspect.isclass(one)]
-    named = {name: home for names in every_home().values() for name, home in names.items() if name[0].isupper()}
+    errors = [
+        name
+        for name, one in vars(importlib.import_module("maniport.errors")).items()
+        if inspect.isclass(one)
+    ]
+    named = {
+        name: home
+        for names in every_home().values()
+        for name, home in names.items()
+        if name[0].isupper()
+    }
     capitals = {name: home for name, home in named.items() if not name.isupper()}
-    return capitals | {name: f"maniport.errors.{name}" for name in errors if name.endswith(("Error", "Warning"))}
+    return capitals | {
+        name: f"maniport.errors.{name}" for name in errors if name.endswith(("Error", "Warning"))
+    }
 
 
-def resolve_name(app: "Sphinx", env: "BuildEnvironment", node: "pending_xref", contents: "Element") -> "Element | None":
+def resolve_name(
+    app: "Sphinx", env: "BuildEnvironment", node: "pending_xref", contents: "Element"
+) -> "Element | None":
     """Link a name of any module to its page; common words may be arguments and are not linked."""
-    homes = {name: home for names in every_home().values() for name, home in names.items() if name != "READERS"}
+    homes = {
+        name: home
+        for names in every_home().values()
+        for name, home in names.items()
+        if name != "READERS"
+    }
     homes |= classes()
     target = node.get("reftarget", "")
     name, _, member = target.removeprefix("maniport.").partition(".")
@@ -79,7 +103,11 @@ def public(module: str) -> dict[str, Any]:
     imported = importlib.import_module(module)
     names = getattr(imported, "__all__", None)
     if names is None:
-        names = [name for name, value in vars(imported).items() if getattr(value, "__module__", "") == module]
+        names = [
+            name
+            for name, value in vars(imported).items()
+            if getattr(value, "__module__", "") == module
+        ]
     values = {name: getattr(imported, name) for name in sorted(names) if not name.startswith("_")}
     return {name: value for name, value in values.items() if not isinstance(value, ModuleType)}
 

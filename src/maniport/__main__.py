@@ -35,7 +35,9 @@ class _Output:
             act(*arguments)
         except OSError as error:
             self.fault = error
-            nowhere = os.open(os.devnull, os.O_WRONLY)  # the rest of the buffer goes there when Python ends
+            nowhere = os.open(
+                os.devnull, os.O_WRONLY
+            )  # the rest of the buffer goes there when Python ends
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
 
@@ -45,7 +47,9 @@ def main() -> None:
     signal.signal(signal.SIGINT, _interrupt)
     _occupy_closed_descriptors()
     sys.stdout, sys.stderr = outputs = [
-        _Output(os.fdopen(number, "w", encoding="utf-8", closefd=False) if stream is None else stream)
+        _Output(
+            os.fdopen(number, "w", encoding="utf-8", closefd=False) if stream is None else stream
+        )
         for number, stream in ((1, sys.stdout), (2, sys.stderr))
     ]
     for name in ONE_THREAD:

@@ -26,7 +26,9 @@ def printable(text: str, longest: int | None = None) -> str:
     """Return text, which may be from files, in one line of printable characters; the middle is left out if too long."""
     if not text.isprintable():
         line = _LINE_ENDS.sub(" ", text)
-        text = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in line)
+        text = "".join(
+            char if char.isprintable() else char.encode("unicode_escape").decode() for char in line
+        )
     if longest is None or len(text) <= longest:
         return text
     half = longest // 2 - 4
@@ -37,7 +39,12 @@ class _Message:
     """Base of errors and warnings: makes their text printable, since it may quote files."""
 
     def __init__(self, *args: Any):
-        super().__init__(*(printable(value, LONGEST_MESSAGE) if isinstance(value, str) else value for value in args))
+        super().__init__(
+            *(
+                printable(value, LONGEST_MESSAGE) if isinstance(value, str) else value
+                for value in args
+            )
+        )
 
 
 class ManiportError(_Message, Exception):
@@ -99,22 +106,31 @@ def collected_warnings() -> Iterator[list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ManiportWarning)
         yield texts
-    own = (str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
+    own = (
+        str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning)
+    )
     texts += dict.fromkeys(own)
 
 
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:
     """Sort existing names by their similarity to the requested name."""
     lowered = str(name).lower()
-    return sorted(available, key=lambda other: (-SequenceMatcher(None, lowered, other.lower()).ratio(), other))
+    return sorted(
+        available, key=lambda other: (-SequenceMatcher(None, lowered, other.lower()).ratio(), other)
+    )
 
 
-def unknown_name(what: str, name: object, available: Iterable[str], where: str = "") -> UnknownNameError:
+def unknown_name(
+    what: str, name: object, available: Iterable[str], where: str = ""
+) -> UnknownNameError:
     """Build the error for a name that does not exist; `what` it names, and `where`, such as ``"in 'arm.urdf'"``."""
     names = nearest_first(name, available)
-    listed = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
+    listed = ", ".join(map(repr, names[:20])) + (
+        f", and {len(names) - 20} more" if len(names) > 20 else ""
+    )
     return UnknownNameError(
-        f"unknown {what} {name!r} {where}".rstrip() + f"; available, nearest first: {listed or 'none'}"
+        f"unknown {what} {name!r} {where}".rstrip()
+        + f"; available, nearest first: {listed or 'none'}"
     )
 
 

@@ -39,8 +39,15 @@ class Estimator:
         return self
 
     def __repr__(self) -> str:
-        values = ((name, repr(getattr(self, name)), repr(default)) for name, default in self._parameters().items())
-        changed = (f"{name}={' '.join(value.split())}" for name, value, default in values if value != default)
+        values = (
+            (name, repr(getattr(self, name)), repr(default))
+            for name, default in self._parameters().items()
+        )
+        changed = (
+            f"{name}={' '.join(value.split())}"
+            for name, value, default in values
+            if value != default
+        )
         return f"{type(self).__name__}({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:
@@ -48,7 +55,9 @@ class Estimator:
         from sklearn.utils import Tags, TargetTags, TransformerTags
 
         transforms = TransformerTags() if hasattr(self, "transform") else None
-        return Tags(estimator_type=None, target_tags=TargetTags(required=False), transformer_tags=transforms)
+        return Tags(
+            estimator_type=None, target_tags=TargetTags(required=False), transformer_tags=transforms
+        )
 
 
 def clone(estimator: E) -> E:

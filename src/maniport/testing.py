@@ -16,7 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal, assert_raises_regex
 
-from maniport.errors import IdentifiabilityWarning, InvalidInputError, NotFittedError, NotInvertibleError, NotSPDError
+from maniport.errors import (
+    IdentifiabilityWarning,
+    InvalidInputError,
+    NotFittedError,
+    NotInvertibleError,
+    NotSPDError,
+)
 from maniport.estimator import clone
 from maniport.spd.kernels import congruence
 from maniport.spd.kernels.loops import KAPPA
@@ -29,7 +35,10 @@ ROUNDING = 1e-9
 
 
 def check_adapter(
-    adapter: DomainAdapter, dimensions: Sequence[int] = (3, 2, 6), identity: bool = True, random_state: int = 0
+    adapter: DomainAdapter,
+    dimensions: Sequence[int] = (3, 2, 6),
+    identity: bool = True,
+    random_state: int = 0,
 ) -> None:
     """Check that a method of transfer keeps the contract of `DomainAdapter`, as all shipped methods do.
 
@@ -55,9 +64,14 @@ def check_adapter(
         When a property does not hold; the traceback names it.
     """
     first = dimensions[0]
-    sizes: list[tuple[int, dict[str, float]]] = [(first, {}), *((d, {"damping": 0.01}) for d in dimensions)]
+    sizes: list[tuple[int, dict[str, float]]] = [
+        (first, {}),
+        *((d, {"damping": 0.01}) for d in dimensions),
+    ]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IdentifiabilityWarning)  # small made-up domains determine little
+        warnings.simplefilter(
+            "ignore", IdentifiabilityWarning
+        )  # small made-up domains determine little
         for i, (d, remedy) in enumerate(sizes):
             case = _Case(adapter, d, remedy, random_state)
             for check in (_check_fit, _check_transform, _check_copies, _check_base_rotation):
@@ -109,14 +123,27 @@ def _check_fit(case: _Case) -> None:
     adapter.transform(arrays[2])
     for array, original in zip(arrays, (case.teacher, case.student, case.new), strict=True):
         assert_array_equal(array, original)
-    assert adapter.rotation_.shape == adapter.teacher_mean_.shape == adapter.student_mean_.shape == (d, d)
+    assert (
+        adapter.rotation_.shape
+        == adapter.teacher_mean_.shape
+        == adapter.student_mean_.shape
+        == (d, d)
+    )
     assert len(adapter.history_) == adapter.n_iter_ + 1
     assert isinstance(adapter.converged_, bool)
     assert isinstance(adapter.stop_reason_, str)
     assert adapter.map_rotation_.shape == ((3, 3) if d == 6 else (d, d))
-    assert_allclose(adapter.map_rotation_ @ adapter.map_rotation_.T, np.eye(len(adapter.map_rotation_)), atol=ROUNDING)
-    shuffled = case.make().fit(*(case.random.permutation(points) for points in (case.teacher, case.student)))
-    assert_allclose(shuffled.transform(case.new), case.images, rtol=1e-7, atol=1e-7 * np.abs(case.images).max())
+    assert_allclose(
+        adapter.map_rotation_ @ adapter.map_rotation_.T,
+        np.eye(len(adapter.map_rotation_)),
+        atol=ROUNDING,
+    )
+    shuffled = case.make().fit(
+        *(case.random.permutation(points) for points in (case.teacher, case.student))
+    )
+    assert_allclose(
+        shuffled.transform(case.new), case.images, rtol=1e-7, atol=1e-7 * np.abs(case.images).max()
+    )
 
 
 def _check_transform(case: _Case) -> None:
@@ -149,7 +176,9 @@ def _check_copies(case: _Case) -> None:
         path = os.path.join(folder, "adapter.npz")
         case.fitted.save(path)
         with np.load(path, allow_pickle=False) as archive:
-            assert {archive[name].dtype.kind for name in archive.files} <= set("fibU"), "the file holds pickled objects"
+            assert {archive[name].dtype.kind for name in archive.files} <= set("fibU"), (
+                "the file holds pickled objects"
+            )
         case.require_same(load_adapter(path))
     case.require_same(pickle.loads(pickle.dumps(case.fitted)))
     case.require_same(copy.deepcopy(case.fitted))
@@ -166,13 +195,18 @@ def _check_base_rotation(case: _Case) -> None:
     images = plain.transform(seen)
     assert_allclose(fitted.transform(case.new), images, rtol=1e-7, atol=1e-7 * np.abs(images).max())
     assert_allclose(fitted.map_rotation_, plain.map_rotation_ @ turn, atol=1e-7)
-    assert_allclose(fitted.teacher_side(case.new), plain.teacher_side(seen), atol=1e-7 * np.abs(case.new).max())
+    assert_allclose(
+        fitted.teacher_side(case.new), plain.teacher_side(seen), atol=1e-7 * np.abs(case.new).max()
+    )
 
 
 def _check_regularization(case: _Case, identity: bool) -> None:
     """ε is damping times the mean eigenvalue of each domain, and nearly all of it is removed again; then the score."""
     fitted, student, new = case.fitted, case.student, case.new
-    for points, epsilon in ((case.teacher, fitted.teacher_damping_), (student, fitted.student_damping_)):
+    for points, epsilon in (
+        (case.teacher, fitted.teacher_damping_),
+        (student, fitted.student_damping_),
+    ):
         mean_eigenvalue = np.trace(points, axis1=1, axis2=2).mean() / case.d
         assert_allclose(epsilon, case.remedy.get("damping", 0.0) * mean_eigenvalue, rtol=1e-12)
     errors = fitted.errors(new, student[:6])
@@ -183,26 +217,42 @@ def _check_regularization(case: _Case, identity: bool) -> None:
         adapter = case.make().fit(domain, domain[::-1])
         kept = np.sqrt(KAPPA) * adapter.student_damping_  # of the damping, at most
         allowed = 1.001 * kept + 1e-8 * np.abs(domain).max()
-        assert np.abs(adapter.transform(domain) - domain).max() <= allowed, "equal domains must change nothing"
+        assert np.abs(adapter.transform(domain) - domain).max() <= allowed, (
+            "equal domains must change nothing"
+        )
 
 
 def _check_parameters_and_failed_fits(case: _Case) -> None:
     """`__init__` only stores, unfitted adapters raise NotFittedError, and a failed fit changes nothing."""
     parameters: dict[str, Any] = {name: object() for name in case.prototype.get_params()}
-    assert set(parameters) >= {"damping", "base_rotation"}, "damping and base_rotation are parameters of every method"
+    assert set(parameters) >= {"damping", "base_rotation"}, (
+        "damping and base_rotation are parameters of every method"
+    )
     stored = type(case.prototype)(**parameters)
-    assert all(getattr(stored, name) is value for name, value in parameters.items()), "__init__ must only store"
+    assert all(getattr(stored, name) is value for name, value in parameters.items()), (
+        "__init__ must only store"
+    )
     adapter = case.make()
     _refused("at least 2", adapter.fit, case.teacher, case.student[:1])
     with tempfile.TemporaryDirectory() as folder:
         save = lambda x: adapter.save(os.path.join(folder, "adapter.npz"))  # noqa: E731
-        uses = (lambda x: adapter.score(x, x), lambda x: adapter.map_rotation_, adapter.teacher_side, save)
+        uses = (
+            lambda x: adapter.score(x, x),
+            lambda x: adapter.map_rotation_,
+            adapter.teacher_side,
+            save,
+        )
         for use in (adapter.transform, adapter.inverse_transform, *uses):
             _refused("call fit", use, case.new, kind=NotFittedError)
         assert not os.listdir(folder)
     adapter.fit(case.teacher, case.student)
     _refused("damping", adapter.set_params(damping=-1.0).fit, case.teacher, case.student)
-    _refused("no dispersion", adapter.set_params(damping=None).fit, case.teacher, np.array([np.eye(case.d)] * 3))
+    _refused(
+        "no dispersion",
+        adapter.set_params(damping=None).fit,
+        case.teacher,
+        np.array([np.eye(case.d)] * 3),
+    )
     case.require_same(adapter)
 
 
@@ -216,7 +266,11 @@ def _check_bad_input(case: _Case) -> None:
     broken[1, 1, 1] = np.nan
     bad = {"square": good[:, :1], "finite": broken, "[2] is not symmetric": asymmetric}
     bad |= {"[1] is indefinite": indefinite, "[3] is singular": singular}
-    for words, points in {**bad, "no dispersion": good[:1].repeat(4, axis=0), "at least 2": good[:1]}.items():
+    for words, points in {
+        **bad,
+        "no dispersion": good[:1].repeat(4, axis=0),
+        "at least 2": good[:1],
+    }.items():
         _refused(words, case.make().fit, points, good, start="teacher")
         _refused(words, case.make().fit, good, points, start="student")
     for words, points in {**bad, f"hold {d}×{d}": np.array([np.eye(d + 1)] * 3)}.items():
@@ -226,7 +280,11 @@ def _check_bad_input(case: _Case) -> None:
 
 
 def _refused(
-    words: str, use: Callable[..., Any], *arguments: Any, kind: type[Exception] = InvalidInputError, start: str = ""
+    words: str,
+    use: Callable[..., Any],
+    *arguments: Any,
+    kind: type[Exception] = InvalidInputError,
+    start: str = "",
 ) -> None:
     """Require an error of a kind whose message starts with the argument's name and then holds some words."""
     assert_raises_regex((kind, NotSPDError), f"(?s)^{start}.*{re.escape(words)}", use, *arguments)

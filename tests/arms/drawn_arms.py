@@ -55,13 +55,23 @@ def model_of(chain):
     model = pin.Model()
     model.gravity.linear = np.array(chain.gravity)
     for k, joint in enumerate(chain.joints):
-        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+        kind = (
+            pin.JointModelPrismaticUnaligned
+            if joint.kind == PRISMATIC
+            else pin.JointModelRevoluteUnaligned
+        )
         model.addJoint(k, kind(joint.axis), pin.SE3(joint.placement), joint.name)
         model.armature[-1] = joint.armature
         if chain.inertia is None or not chain.inertia[k + 1].any():
             continue
         own = chain.inertia[k + 1]
-        numbers = [own[0, 0], own[5, 1], own[3, 2], own[4, 0], *own[[3, 3, 4, 3, 4, 5], [3, 4, 4, 5, 5, 5]]]
+        numbers = [
+            own[0, 0],
+            own[5, 1],
+            own[3, 2],
+            own[4, 0],
+            *own[[3, 3, 4, 3, 4, 5], [3, 4, 4, 5, 5, 5]],
+        ]
         body = pin.Inertia.FromDynamicParameters(np.array(numbers))
         model.appendBodyToJoint(k + 1, body, pin.SE3.Identity())
     return model

@@ -6,7 +6,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 _INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-_COMPILER = {"boundmass": "1e-3", "boundinertia": "1e-6", "fusestatic": "false", "strippath": "false"}
+_COMPILER = {
+    "boundmass": "1e-3",
+    "boundinertia": "1e-6",
+    "fusestatic": "false",
+    "strippath": "false",
+}
 
 
 def model_of(mujoco, path):
@@ -20,7 +25,9 @@ def model_of(mujoco, path):
         ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
     else:
         root[:] = [
-            section for section in root if section.tag in ("compiler", "option", "default", "worldbody", "equality")
+            section
+            for section in root
+            if section.tag in ("compiler", "option", "default", "worldbody", "equality")
         ]
         for body in [root.find("worldbody"), *root.iter("body")]:
             body[:] = [part for part in body if part.tag in ("body", "joint", "freejoint", "site")]

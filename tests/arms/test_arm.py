@@ -33,7 +33,9 @@ def test_wrong_arguments_are_named(method, arguments, options, message):
 
 
 def test_singular_force_ellipsoid_is_refused(planar):
-    with pytest.raises(NotSPDError, match=r"jacobian\[0\] is singular.*\(2 of 2\).*kind='velocity'"):
+    with pytest.raises(
+        NotSPDError, match=r"jacobian\[0\] is singular.*\(2 of 2\).*kind='velocity'"
+    ):
         planar.manipulability([[0.3, 0.5], [0.0, 0.0]], kind="force")
     with pytest.raises(NotSPDError, match=r"jacobian\[1\] is singular"):
         manipulability(np.stack([np.eye(6), np.diag([1.0, 0, 1, 1, 1, 1])]), "force")
@@ -41,18 +43,31 @@ def test_singular_force_ellipsoid_is_refused(planar):
 
 def mixed() -> Arm:
     """An arm of eight joints, three of them prismatic, so that all parts are regular."""
-    kinds = ["revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute", "prismatic"]
+    kinds = [
+        "revolute",
+        "prismatic",
+        "revolute",
+        "revolute",
+        "prismatic",
+        "revolute",
+        "revolute",
+        "prismatic",
+    ]
     return Arm.from_dh("mixed", np.random.default_rng(0).uniform(-1, 1, (8, 4)), kinds=kinds)
 
 
-@pytest.fixture(params=["panda", "myoarm", "rhuman", "urdf", "mjcf", "planar", "restricted", "mixed"])
+@pytest.fixture(
+    params=["panda", "myoarm", "rhuman", "urdf", "mjcf", "planar", "restricted", "mixed"]
+)
 def arm(request: pytest.FixtureRequest) -> Arm:
     if request.param in ("urdf", "mjcf"):
         return load_arm(request.getfixturevalue(request.param))
     made = {
         "planar": lambda: request.getfixturevalue("planar"),
         "mixed": mixed,
-        "restricted": lambda: load_arm("myoarm", frame="wrist", joints=["shoulder_elv", "elbow_flexion"]),
+        "restricted": lambda: load_arm(
+            "myoarm", frame="wrist", joints=["shoulder_elv", "elbow_flexion"]
+        ),
     }
     return made.get(request.param, lambda: load_arm(request.param))()
 
@@ -61,7 +76,9 @@ def test_kinematics_agrees_with_pinocchio(arm):
     """Poses and Jacobians are those of Pinocchio's model of the same chain, points those of arms that end there."""
     chain, model = arm.chain, model_of(arm.chain)
     frame = chain.frames[chain.frame]
-    placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
+    placed = pin.Frame(
+        chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME
+    )
     index, data, q = model.addFrame(placed), model.createData(), arm.sample(600, random_state=3)
     poses, jacobians = arm.forward(q), arm.jacobian(q)
     for row, positions in enumerate(q[:16] @ chain.coupling.T + chain.offset):
@@ -92,4 +109,6 @@ def test_derivatives_of_ellipsoids_are_finite_differences(name, kind, part):
         m = {n: regular.ellipsoids(q[:, None] + n * shifts, spec) for n in (-20, -10, 10, 20)}
         expected = (8 * (m[10] - m[-10]) - (m[20] - m[-20])) / (120 * step)
         scale = np.abs(expected).max(axis=(1, 2, 3), keepdims=True) if kind == "force" else 1.0
-        assert_allclose(regular.posed_differentials(q, spec)[3] / scale, expected / scale, rtol=0, atol=1e-7)
+        assert_allclose(
+            regular.posed_differentials(q, spec)[3] / scale, expected / scale, rtol=0, atol=1e-7
+        )

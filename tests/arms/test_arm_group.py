@@ -18,7 +18,12 @@ BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
 def test_three_arms_have_their_own_joints_frames_and_collisions():
     """Names are prefixed, results have an axis of arms, and hulls of different arms are checked with one another."""
     three = mp.load_arms("panda", bases=[(0.0, 0.8 * i, 0.0, 0.7 * i) for i in range(3)])
-    assert (len(three), three.dof, three.names, three.shared) == (3, 21, ("arm1", "arm2", "arm3"), ())
+    assert (len(three), three.dof, three.names, three.shared) == (
+        3,
+        21,
+        ("arm1", "arm2", "arm3"),
+        (),
+    )
     assert three.joint_names[7] == "arm2_panda_joint1"
     q = three.sample(8, 0)
     parts = three.split(q)
@@ -31,8 +36,14 @@ def test_three_arms_have_their_own_joints_frames_and_collisions():
         )
     collisions = mp.Collisions.of(three)
     between = {frozenset(name[:4] for name in pair) for pair in collisions.between.pairs}
-    assert between == {frozenset(("arm1", "arm2")), frozenset(("arm2", "arm3")), frozenset(("arm1", "arm3"))}
-    alone = np.min([own.clearance(part) for own, part in zip(collisions.of_arms, parts, strict=True)], axis=0)
+    assert between == {
+        frozenset(("arm1", "arm2")),
+        frozenset(("arm2", "arm3")),
+        frozenset(("arm1", "arm3")),
+    }
+    alone = np.min(
+        [own.clearance(part) for own, part in zip(collisions.of_arms, parts, strict=True)], axis=0
+    )
     expected = np.minimum(alone, collisions.between.clearance(q))
     np.testing.assert_allclose(collisions.clearance(q), expected, atol=1e-9)
 
@@ -43,8 +54,14 @@ def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
     joints = [*second.chain.joints[:3], *(replace(joint, name=f"third_{i}", placement=pose((0, 0, 0.3)))
               for i, joint in enumerate(second.chain.joints[3:]))]  # fmt: skip
     names = tuple(joint.name for joint in joints)
-    frames = {"base": Frame(0, np.eye(4)), "trunk": Frame(2, np.eye(4)), "third_tip": Frame(6, pose((0.2, 0, 0)))}
-    chain = replace(second.chain, joints=tuple(joints), coordinates=names, frames=frames, frame="third_tip")
+    frames = {
+        "base": Frame(0, np.eye(4)),
+        "trunk": Frame(2, np.eye(4)),
+        "third_tip": Frame(6, pose((0.2, 0, 0))),
+    }
+    chain = replace(
+        second.chain, joints=tuple(joints), coordinates=names, frames=frames, frame="third_tip"
+    )
     group = mp.ArmGroup(*crane.arms, mp.Arm(chain))
     assert (group.dof, group.shared) == (13, ("turn", "rise", "right_1"))
     np.testing.assert_array_equal(group.common, [[6, 2, 2], [2, 6, 3], [2, 3, 6]])
@@ -58,20 +75,30 @@ def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
 
 def test_payloads_of_a_group_pull_its_end_effectors_down(crane):
     """Also on shared joints, of the group and of each arm, which has the other arm's payload in its resting pose."""
-    inertia = np.array([point_mass(1.0, np.array([0.1, 0.0, 0.1])) + 0.1 * np.diag([0, 0, 0, 1, 1, 1])] * 7)
+    inertia = np.array(
+        [point_mass(1.0, np.array([0.1, 0.0, 0.1])) + 0.1 * np.diag([0, 0, 0, 1, 1, 1])] * 7
+    )
     chains = [replace(arm.chain, inertia=inertia.copy()) for arm in crane.arms]
     for chain, other in zip(chains, chains[::-1], strict=True):  # two joints are shared
         chain.inertia[2] += carried_inertia(other, 2)
     arms = map(mp.Arm, chains)
-    group, center, masses = mp.ArmGroup(*arms, names=crane.names), np.array([0.0, 0.05, 0.1]), np.array([2.0, 0.5])
+    group, center, masses = (
+        mp.ArmGroup(*arms, names=crane.names),
+        np.array([0.0, 0.05, 0.1]),
+        np.array([2.0, 0.5]),
+    )
     loaded, q = group.with_payload(masses, center), group.sample(4, 0)
     q[0] = np.clip(0.0, group.lower, group.upper)
     turns, jacobians = group.forward(q)[..., :3, :3], group.jacobian(q)
-    linear = jacobians[..., :3, :] + np.cross(jacobians[..., 3:, :], (turns @ center)[..., None], axis=-2)
+    linear = jacobians[..., :3, :] + np.cross(
+        jacobians[..., 3:, :], (turns @ center)[..., None], axis=-2
+    )
     pulled = 9.81 * np.einsum("a,naj->nj", masses, linear[..., 2, :])
     torques = (InverseDynamics(own).gravity(q) for own in (loaded, group))
     np.testing.assert_allclose(np.subtract(*torques), pulled, atol=1e-9)
-    for arm, own, part, columns in zip(loaded.arms, group.arms, loaded.split(q[:1]), group.columns, strict=True):
+    for arm, own, part, columns in zip(
+        loaded.arms, group.arms, loaded.split(q[:1]), group.columns, strict=True
+    ):
         added = arm.gravity_torques(part) - own.gravity_torques(part)
         np.testing.assert_allclose(added[0], pulled[0, columns], atol=1e-9)
     assert np.abs(pulled[0]).max() > 1.0
@@ -116,7 +143,9 @@ def test_postures_of_arms_that_do_not_agree_are_refused(crane):
 
 
 def test_single_joints_of_a_pair_are_held():
-    arms = mp.load_arms("panda", bases=BASES, lock={"left_panda_joint1": 0.1, "right_panda_joint3": 0.2})
+    arms = mp.load_arms(
+        "panda", bases=BASES, lock={"left_panda_joint1": 0.1, "right_panda_joint3": 0.2}
+    )
     assert [arm.chain.locked for arm in arms.arms] == [{"panda_joint1": 0.1}, {"panda_joint3": 0.2}]
 
 
@@ -135,7 +164,9 @@ def test_jacobians_of_two_arms_are_combined(crane):
     q = crane.sample(4, 0)
     left, right = np.moveaxis(crane.jacobian(q), 1, 0)
     moved = np.any(crane.jacobian(q) != 0, axis=(0, 2))
-    np.testing.assert_array_equal(moved, [[True] * 6 + [False] * 4, [True] * 2 + [False] * 4 + [True] * 4])
+    np.testing.assert_array_equal(
+        moved, [[True] * 6 + [False] * 4, [True] * 2 + [False] * 4 + [True] * 4]
+    )
     moves = (right - left)[:, :3]
     expected = moves @ np.swapaxes(moves, -1, -2)
     np.testing.assert_allclose(crane.cooperative_ellipsoids(q), expected, atol=1e-12)

@@ -18,7 +18,9 @@ from real_robots import NEEDS_ROBOTS
 NIGHTLY = bool(os.environ.get("MANIPORT_NIGHTLY"))
 NAMES = ("panda", *PACKAGES["example-robot-data"].names) if NIGHTLY else ("panda", "ur5")
 COUNT, SAMPLES = (5000, 100) if NIGHTLY else (60, 40)
-OVERLAPPING = 0.9  # meshes that meet in a larger share of the samples, and at rest, overlap by design
+OVERLAPPING = (
+    0.9  # meshes that meet in a larger share of the samples, and at rest, overlap by design
+)
 DEPTH = 1e-3  # contacts that are less deep do not count [m]
 
 
@@ -54,10 +56,16 @@ def meshes(arm):
 
 def touch(arm, q, *ends):
     """Whether two bodies touch at configurations (n, dof), shape (n,)."""
-    request, result, solids = coal.CollisionRequest(), coal.CollisionResult(), [solid_of(*mesh) for *_, mesh in ends]
+    request, result, solids = (
+        coal.CollisionRequest(),
+        coal.CollisionResult(),
+        [solid_of(*mesh) for *_, mesh in ends],
+    )
     touching = np.zeros(len(q), dtype=bool)
     for i, poses in enumerate(arm.link_poses(q)):
-        places = [coal.Transform3s(poses[joint][:3, :3], poses[joint][:3, 3]) for _, joint, _ in ends]
+        places = [
+            coal.Transform3s(poses[joint][:3, :3], poses[joint][:3, 3]) for _, joint, _ in ends
+        ]
         result.clear()
         touching[i] = coal.collide(solids[0], places[0], solids[1], places[1], request, result) > 0
     return touching
@@ -76,4 +84,6 @@ def smaller(mesh):
     """A mesh that is smaller by `DEPTH` on each side of its box."""
     points, triangles = mesh
     middle, size = 0.5 * (points.min(axis=0) + points.max(axis=0)), np.ptp(points, axis=0)
-    return middle + (points - middle) * np.maximum(1.0 - 2 * DEPTH / np.maximum(size, DEPTH), 0.5), triangles
+    return middle + (points - middle) * np.maximum(
+        1.0 - 2 * DEPTH / np.maximum(size, DEPTH), 0.5
+    ), triangles

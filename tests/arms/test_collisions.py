@@ -47,8 +47,13 @@ def gantry(tmp_path):
 def checked(request, crane):
     """The Panda with its hand over a table and before a box, two arms on one trunk, or two robots."""
     if request.param == "panda":
-        return Collisions.of(load_arm("panda"), table=0.0, obstacles=[Box([0.5, 0.1, 0.3], [0.2, 0.3, 0.2], 0.4)])
-    pandas = {"frames": ("panda_link8", "panda_link8"), "bases": ((0, 0.25, 0), (0.1, -0.25, 0, 0.4))}
+        return Collisions.of(
+            load_arm("panda"), table=0.0, obstacles=[Box([0.5, 0.1, 0.3], [0.2, 0.3, 0.2], 0.4)]
+        )
+    pandas = {
+        "frames": ("panda_link8", "panda_link8"),
+        "bases": ((0, 0.25, 0), (0.1, -0.25, 0, 0.4)),
+    }
     return Collisions.of(crane if request.param == "crane" else load_arms("panda", **pandas))
 
 
@@ -81,12 +86,16 @@ def test_distances_are_those_of_mujoco_and_depths_those_of_qhull(checked):
     group, solids = as_group(checked.arm), checked._solids
     hulls = solids.hulls
     meshes = "".join(
-        f'<mesh name="m{i}" vertex="{" ".join(map(str, h.corners.ravel()))}"/>' for i, h in enumerate(hulls)
+        f'<mesh name="m{i}" vertex="{" ".join(map(str, h.corners.ravel()))}"/>'
+        for i, h in enumerate(hulls)
     )
     bodies = "".join(
-        f'<body name="b{i}" mocap="true"><geom name="g{i}" type="mesh" mesh="m{i}"/></body>' for i in range(len(hulls))
+        f'<body name="b{i}" mocap="true"><geom name="g{i}" type="mesh" mesh="m{i}"/></body>'
+        for i in range(len(hulls))
     )
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{meshes}</asset><worldbody>{bodies}</worldbody></mujoco>")
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><asset>{meshes}</asset><worldbody>{bodies}</worldbody></mujoco>"
+    )
     data = mujoco.MjData(model)
     pairs = checked._pairs[checked._pairs[:, 1] >= 0]
     deep = 0
@@ -97,12 +106,23 @@ def test_distances_are_those_of_mujoco_and_depths_those_of_qhull(checked):
             mujoco.mju_mat2Quat(data.mocap_quat[i], turns[hull.joint].ravel())
         mujoco.mj_kinematics(model, data)
         ours = solids.contacts(q[None], pairs).distances
-        theirs = [mujoco.mj_geomDistance(model, data, a, b, 10.0, np.zeros(6)) for a, b in pairs.tolist()]
+        theirs = [
+            mujoco.mj_geomDistance(model, data, a, b, 10.0, np.zeros(6)) for a, b in pairs.tolist()
+        ]
         ours += solids._skins[pairs].sum(axis=1)
         for distance, reference, pair in zip(ours, theirs, pairs, strict=True):
-            if distance < 0:  # MuJoCo measures some too small; hulls leave one another through a face of this one
-                corners = [hulls[i].corners @ turns[hulls[i].joint].T + origins[hulls[i].joint] for i in pair]
-                reference = ConvexHull((corners[0][:, None] - corners[1]).reshape(-1, 3)).equations[:, 3].max()
+            if (
+                distance < 0
+            ):  # MuJoCo measures some too small; hulls leave one another through a face of this one
+                corners = [
+                    hulls[i].corners @ turns[hulls[i].joint].T + origins[hulls[i].joint]
+                    for i in pair
+                ]
+                reference = (
+                    ConvexHull((corners[0][:, None] - corners[1]).reshape(-1, 3))
+                    .equations[:, 3]
+                    .max()
+                )
                 deep += 1
             assert distance == pytest.approx(reference, abs=2e-6)
     assert deep > 3
@@ -138,7 +158,10 @@ def test_the_fast_test_frees_no_configuration_that_collides(checked):
 @pytest.mark.parametrize("checked", ["crane", "pandas"], indirect=True)
 def test_a_group_has_the_pairs_of_its_arms_and_those_between(checked):
     q = checked.arm.sample(256, 3)
-    alone = np.min([own.clearance(x) for own, x in zip(checked.of_arms, checked.arm.split(q), strict=True)], axis=0)
+    alone = np.min(
+        [own.clearance(x) for own, x in zip(checked.of_arms, checked.arm.split(q), strict=True)],
+        axis=0,
+    )
     nearest = checked.nearest(q)
     assert np.all(nearest.distance <= alone + 1e-9)
     between = nearest.distance < alone - 1e-9
@@ -153,8 +176,15 @@ def test_hulls_hold_all_that_is_drawn_and_the_tip():
     panda = load_arm("panda")
     meshes = dict(panda.geometry.shapes)
     hulls = [hull for hull in Collisions.of(panda)._solids.hulls if hull.name in meshes]
-    assert {hull.name for hull in hulls} == set(meshes) == {*(f"panda_link{i}" for i in range(8)), "panda_hand"}
-    meshes["panda_hand"] = np.array([[*panda.chain.frames["panda_hand_tcp"].placement[:3, 3]]]), None
+    assert (
+        {hull.name for hull in hulls}
+        == set(meshes)
+        == {*(f"panda_link{i}" for i in range(8)), "panda_hand"}
+    )
+    meshes["panda_hand"] = (
+        np.array([[*panda.chain.frames["panda_hand_tcp"].placement[:3, 3]]]),
+        None,
+    )
     for link, (points, _) in meshes.items():
         outside = []
         for hull in (hull for hull in hulls if hull.name == link):
@@ -166,7 +196,9 @@ def test_hulls_hold_all_that_is_drawn_and_the_tip():
 
 
 def test_pairs_are_those_that_no_joint_joins():
-    flange, hand = (Collisions.of(load_arm("panda", frame=frame)) for frame in ("panda_link8", "panda_hand_tcp"))
+    flange, hand = (
+        Collisions.of(load_arm("panda", frame=frame)) for frame in ("panda_link8", "panda_hand_tcp")
+    )
     links = [f"panda_link{i}" for i in range(8)]
     apart = {(a, b) for i, a in enumerate(links) for b in links[i + 2 :]}
     assert {*flange.pairs, *flange.never} == apart
@@ -188,7 +220,9 @@ def test_an_arm_without_surface_says_so(tmp_path):
     assert not bare.collides(q).any()
     assert np.all(bare.clearance(q) == np.inf)
     assert len(bare.gradient(q, 1.0)[0]) == 0
-    np.testing.assert_array_equal(free_configurations(bare.arm, 8, 0, collisions=bare), bare.arm.sample(8, 0))
+    np.testing.assert_array_equal(
+        free_configurations(bare.arm, 8, 0, collisions=bare), bare.arm.sample(8, 0)
+    )
     path = write_digger(tmp_path)
     (tmp_path / "boom.stl").unlink()
     assert "boom.stl" in Collisions.of(load_arm(path)).reason
@@ -201,4 +235,6 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     collisions = Collisions.of(load_arm(tmp_path / "gone.urdf"))
     assert collisions.stand_ins == ("load",)
     assert Collisions.of(gantry).stand_ins == ()
-    assert collisions.clearance([[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]) == pytest.approx([0.35, 0.3], abs=1e-3)
+    assert collisions.clearance([[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]) == pytest.approx(
+        [0.35, 0.3], abs=1e-3
+    )

@@ -10,12 +10,21 @@ from maniport.errors import FileFormatError, InvalidInputError
 
 PLINTH = Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")
 WRONG = [
-    ({"table": 0.05}, r"table: the plane at z = 0\.05 m goes through the robot's base .* at most 0\.010 m"),
+    (
+        {"table": 0.05},
+        r"table: the plane at z = 0\.05 m goes through the robot's base .* at most 0\.010 m",
+    ),
     ({"table": 3.0}, "lies above it: 'panda_link0' reaches from z = 0.000 to 0.140 m"),
-    ({"obstacles": [Box((0, 0, 0), (4, 4, 4))]}, r"'box' intersects the robot's base: 'panda_link0' is 2\.\d+ m"),
+    (
+        {"obstacles": [Box((0, 0, 0), (4, 4, 4))]},
+        r"'box' intersects the robot's base: 'panda_link0' is 2\.\d+ m",
+    ),
     ({"obstacles": [PLINTH]}, "'plinth' intersects the robot's base"),
     ({"obstacles": [Box((0, 0, 0.35), (0.2, 0.2, 0.2))]}, "'box' touches 'panda_link1' in all"),
-    ({"obstacles": [[1, 2, 3]]}, r"obstacles must be a file or a sequence of Box; found \[\[1, 2, 3\]\]"),
+    (
+        {"obstacles": [[1, 2, 3]]},
+        r"obstacles must be a file or a sequence of Box; found \[\[1, 2, 3\]\]",
+    ),
 ]
 
 
@@ -27,9 +36,14 @@ def test_what_cannot_be_around_a_robot_is_named(panda, around, message):
 
 def test_bases_and_tables_that_leave_no_room_are_refused(tmp_path):
     arms = load_arms("panda", bases=((0, 0.05, 0), (0, -0.05, 0)))
-    with pytest.raises(InvalidInputError, match=r"bases: 'left_panda_link0' is 0\.\d+ m deep in 'right_panda_link0'"):
+    with pytest.raises(
+        InvalidInputError,
+        match=r"bases: 'left_panda_link0' is 0\.\d+ m deep in 'right_panda_link0'",
+    ):
         Collisions.of(arms)
-    with pytest.raises(InvalidInputError, match=r"table: the plane at z = 1 m touches 'tip' in all"):
+    with pytest.raises(
+        InvalidInputError, match=r"table: the plane at z = 1 m touches 'tip' in all"
+    ):
         Collisions.of(one_link(tmp_path, '<sphere radius="0.1"/>'), table=1.0)
 
 
@@ -42,7 +56,9 @@ def test_boxes_from_a_file_are_those_of_objects(panda, tmp_path):
     nearest = Collisions.of(panda, obstacles=path).nearest(q)
     assert {"shelf", "crate"} < set(nearest.first)
     for obstacles in (read_boxes(path), boxes):
-        np.testing.assert_array_equal(Collisions.of(panda, obstacles=obstacles).clearance(q), nearest.distance)
+        np.testing.assert_array_equal(
+            Collisions.of(panda, obstacles=obstacles).clearance(q), nearest.distance
+        )
 
 
 FAULTY_BOXES = {
@@ -70,7 +86,9 @@ PAIR = '<disable_collisions link1="{}" link2="{}" reason="Never"/>'
 def test_an_srdf_says_which_pairs_are_left_out(panda, tmp_path):
     path = tmp_path / "panda.srdf"
     neighbors = [PAIR.format(f"panda_link{i}", f"panda_link{i + 1}") for i in range(7)]
-    path.write_text(f'<robot name="p">{"".join(neighbors)}{PAIR.format("panda_link5", "panda_link7")}</robot>')
+    path.write_text(
+        f'<robot name="p">{"".join(neighbors)}{PAIR.format("panda_link5", "panda_link7")}</robot>'
+    )
     collisions = Collisions.of(panda, srdf=path)
     named = {*collisions.pairs, *collisions.always, *collisions.never}
     assert len(named) == 8 * 7 // 2 - 8

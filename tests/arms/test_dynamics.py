@@ -18,9 +18,15 @@ def heavy(arm, seed=0):
     random, inertia = np.random.default_rng(seed), []
     for _ in range(len(arm.chain.joints) + 1):
         spread = random.normal(size=(3, 3)) * 0.1
-        inertia.append(pin.Inertia(random.uniform(1, 3), random.normal(size=3) * 0.2, spread @ spread.T).matrix())
+        inertia.append(
+            pin.Inertia(
+                random.uniform(1, 3), random.normal(size=3) * 0.2, spread @ spread.T
+            ).matrix()
+        )
     limits = np.linspace(80.0, 40.0, arm.dof)
-    return Arm(replace(arm.chain, inertia=np.array(inertia), effort_limits=limits, gravity=Chain.gravity))
+    return Arm(
+        replace(arm.chain, inertia=np.array(inertia), effort_limits=limits, gravity=Chain.gravity)
+    )
 
 
 def assert_like_pinocchio(arm):
@@ -30,7 +36,9 @@ def assert_like_pinocchio(arm):
         inertia = pin.crba(model, data, positions)
         inertia = np.triu(inertia) + np.triu(inertia, 1).T
         gravity = pin.computeGeneralizedGravity(model, data, positions)
-        assert_allclose(terms.inertia[i], chain.coupling.T @ inertia @ chain.coupling, rtol=1e-12, atol=1e-12)
+        assert_allclose(
+            terms.inertia[i], chain.coupling.T @ inertia @ chain.coupling, rtol=1e-12, atol=1e-12
+        )
         assert_allclose(terms.gravity[i], chain.coupling.T @ gravity, rtol=1e-12, atol=1e-10)
 
 
@@ -43,10 +51,17 @@ def test_terms_agree_with_pinocchio(arm):
     assert_like_pinocchio(arm)
     assert_like_pinocchio(Arm(mirrored(arm.chain)))
     leaning = np.eye(4)
-    leaning[:3] = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.2, 0.3), np.array([0.1, -0.2, 0.3])).homogeneous[:3]
+    leaning[:3] = pin.SE3(
+        pin.rpy.rpyToMatrix(0.4, 0.2, 0.3), np.array([0.1, -0.2, 0.3])
+    ).homogeneous[:3]
     other = Arm(standing(arm.chain, leaning))
     assert_like_pinocchio(other)
-    assert np.abs(other.gravity_torques(other.sample(3, 0)) - arm.gravity_torques(arm.sample(3, 0))).max() > 1.0
+    assert (
+        np.abs(
+            other.gravity_torques(other.sample(3, 0)) - arm.gravity_torques(arm.sample(3, 0))
+        ).max()
+        > 1.0
+    )
 
 
 def test_restricted_chains_keep_their_masses():
@@ -61,7 +76,9 @@ def test_restricted_chains_keep_their_masses():
             q[3:] = np.clip(0.0, arm.lower, arm.upper)[3:]
             torques, inertia = arm.gravity_torques(q), arm._kinematics.dynamics(q[None]).inertia[0]
         assert_allclose(part.gravity_torques(q[:3]), torques[:3], rtol=1e-9, atol=1e-12)
-        assert_allclose(part._kinematics.dynamics(q[None, :3]).inertia[0], inertia[:3, :3], rtol=1e-9)
+        assert_allclose(
+            part._kinematics.dynamics(q[None, :3]).inertia[0], inertia[:3, :3], rtol=1e-9
+        )
         assert_allclose(part.effort_limits, arm.effort_limits[:3])
     q[:3] = 0.0
     seen = arm.restricted(base="panda_link2")
@@ -95,12 +112,17 @@ def test_changes_of_ellipsoids_are_finite_differences(name, kind, weights, part)
     weights = np.linspace(40.0, 90.0, massive.dof) if weights == "numbers" else weights
     spec, q, step = EllipsoidSpec(kind, part, weights).bounded, massive.sample(60, 1), 1e-5
     held = np.abs(massive.gravity_torques(q))
-    q = q[((held > 0.01) | (held < 1e-9)).all(axis=1) & (np.abs(held - 0.95 * massive.effort_limits) > 0.1).all(1)]
+    q = q[
+        ((held > 0.01) | (held < 1e-9)).all(axis=1)
+        & (np.abs(held - 0.95 * massive.effort_limits) > 0.1).all(1)
+    ]
     shifts = step * np.eye(massive.dof)
     m = {n: massive.ellipsoids(q[:, None] + n * shifts, spec) for n in (-2, -1, 1, 2)}
     expected = (8 * (m[1] - m[-1]) - (m[2] - m[-2])) / (12 * step)
     _, _, ellipsoids, changes = massive.posed_differentials(q, spec)
-    assert_allclose(ellipsoids, massive.ellipsoids(q, spec), rtol=1e-9, atol=1e-12 * np.abs(ellipsoids).max())
+    assert_allclose(
+        ellipsoids, massive.ellipsoids(q, spec), rtol=1e-9, atol=1e-12 * np.abs(ellipsoids).max()
+    )
     scale = np.abs(expected).max(axis=(1, 2, 3), keepdims=True)
     assert len(q) > 20
     assert_allclose(changes / scale, expected / scale, atol=1e-6)
@@ -129,7 +151,9 @@ def test_ellipsoids_hold_the_limits_of_each_joint():
 
 def test_missing_limits_and_masses_are_named():
     arm = Arm(replace(load_arm("panda").chain, effort_limits=None, inertia=None))
-    inertia = np.array([point_mass(1.0, np.array([0.0, 0.0, 0.1]))] * 8)  # without extent about the last axis
+    inertia = np.array(
+        [point_mass(1.0, np.array([0.0, 0.0, 0.1]))] * 8
+    )  # without extent about the last axis
     point = Arm(replace(load_arm("panda", frame="panda_link7").chain, inertia=inertia))
     for robot, kind, weights, message in (
         (arm, "force", "joint-limits", "has no effort limits above 0 for"), (arm, "acceleration", None, "needs masses"),

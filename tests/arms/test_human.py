@@ -30,12 +30,16 @@ def test_myoarm_equals_mujoco():
         coupling[model.jnt_dofadr[model.joint(f"{name}_r").id], j] = 1.0
     for i in range(model.neq):
         if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT:
-            follower, leader = (model.jnt_dofadr[k] for k in (model.eq_obj1id[i], model.eq_obj2id[i]))
+            follower, leader = (
+                model.jnt_dofadr[k] for k in (model.eq_obj1id[i], model.eq_obj2id[i])
+            )
             coupling[follower] = model.eq_data[i][1] * coupling[leader]
     q = arm.sample(200, random_state=0, sequence="uniform")
     data, jacobian = mujoco.MjData(model), np.zeros((6, model.nv))
     root, hand = data.body("myoarm_r_root"), data.body("thirdmc_r")
-    to_trunk = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # x forward, y up, z right → x forward, y left, z up
+    to_trunk = np.array(
+        [[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]
+    )  # x forward, y up, z right → x forward, y left, z up
     worst = 0.0
     for row, pose, expected in zip(q, arm.forward(q), arm.jacobian(q), strict=True):
         data.qpos[:] = coupling @ row
@@ -89,7 +93,11 @@ def test_panda_equals_its_urdf():
         assert_allclose(panda.forward(case["q"]), case["flange"], atol=1e-9)
         assert_allclose(panda.jacobian(case["q"]), case["jacobian"], atol=1e-9)
         assert_allclose(tcp.forward(case["q"]), case["hand_tcp"], atol=1e-9)
-    for limits, key in ((panda.lower, "lower"), (panda.upper, "upper"), (panda.velocity_limits, "velocity")):
+    for limits, key in (
+        (panda.lower, "lower"),
+        (panda.upper, "upper"),
+        (panda.velocity_limits, "velocity"),
+    ):
         assert_array_equal(limits, golden[key])
 
 
@@ -107,7 +115,9 @@ def test_masses_are_de_levas():
     assert_allclose(arm.chain.inertia[:, 0, 0].sum(), mass.sum())
     starts = np.array([0.0, 0.2817, 0.2817 + 0.2689])
     assert_allclose(inertia[1, 1], np.sum(own + mass * (starts + center) ** 2), rtol=1e-9)
-    assert_allclose(inertia[3, 3], np.sum((own + mass * (starts - 0.2817 + center) ** 2)[1:]), rtol=1e-9)
+    assert_allclose(
+        inertia[3, 3], np.sum((own + mass * (starts - 0.2817 + center) ** 2)[1:]), rtol=1e-9
+    )
     turning = mass * (np.array([0.158, 0.121, 0.184]) * length) ** 2
     assert_allclose(inertia[[2, 4], [2, 4]], [turning.sum(), turning[1:].sum()], rtol=1e-9)
     long = rhuman(2 * 0.2817, 0.2689)
@@ -121,12 +131,16 @@ def test_dynamics_of_a_person_are_pinocchios_and_finite(build):
     q[:40, 1] = 0.0  # the arm hangs
     terms, model = arm._kinematics.dynamics(q), model_of(arm.chain)
     data, coupling = model.createData(), arm.chain.coupling
-    for inertia, positions in zip(terms.inertia[::10], q[::10] @ coupling.T + arm.chain.offset, strict=True):
+    for inertia, positions in zip(
+        terms.inertia[::10], q[::10] @ coupling.T + arm.chain.offset, strict=True
+    ):
         full = np.triu(pin.crba(model, data, positions))
         full += np.triu(full, 1).T
         assert_allclose(inertia, coupling.T @ full @ coupling, rtol=1e-9, atol=1e-12)
     assert not terms.gravity.any()
-    extents = np.sqrt(np.linalg.eigvalsh(arm.manipulability(q, "acceleration", joint_weights="joint-limits")))
+    extents = np.sqrt(
+        np.linalg.eigvalsh(arm.manipulability(q, "acceleration", joint_weights="joint-limits"))
+    )
     assert 100.0 < np.median(extents[:, 2]) < 1000.0
     assert extents.max() < 1000.0
 
@@ -140,23 +154,39 @@ def test_equal_angles_are_mirrored_configurations(name):
     assert_allclose(left.forward(q), mirror @ right.forward(q) @ mirror, atol=1e-14)
     assert_allclose(left.point_positions(q, ENDS), right.point_positions(q, ENDS) @ S, atol=1e-14)
     for part in ("translation", "rotation"):
-        assert_allclose(left.manipulability(q, part=part), S @ right.manipulability(q, part=part) @ S, atol=1e-13)
-    assert_allclose(left.axis_direction(q, "pro_sup"), -right.axis_direction(q, "pro_sup") @ S, atol=1e-14)
+        assert_allclose(
+            left.manipulability(q, part=part),
+            S @ right.manipulability(q, part=part) @ S,
+            atol=1e-13,
+        )
+    assert_allclose(
+        left.axis_direction(q, "pro_sup"), -right.axis_direction(q, "pro_sup") @ S, atol=1e-14
+    )
     assert_allclose(left.skeleton(q), right.skeleton(q) @ S, atol=1e-14)
 
 
 def test_the_mirror_image_of_the_mirror_image_is_the_arm():
     """Names, sides, slides and shapes turn, too."""
-    mesh = (np.array([[0.0, 0.1, 0.2], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    mesh = (
+        np.array([[0.0, 0.1, 0.2], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+        np.array([[0, 1, 2]], np.int32),
+    )
     chain = load_arm("rhuman").chain
-    joints = [replace(joint, kind=PRISMATIC) if i == 2 else joint for i, joint in enumerate(chain.joints)]
+    joints = [
+        replace(joint, kind=PRISMATIC) if i == 2 else joint for i, joint in enumerate(chain.joints)
+    ]
     chain = replace(chain, joints=tuple(joints), shapes=lambda links: [Shape("elbow", mesh)])
     left, again = mirrored(chain), mirrored(mirrored(chain))
-    assert [(c.name, c.side) for c in (left, again)] == [("rhuman_left", "left"), ("rhuman", "right")]
+    assert [(c.name, c.side) for c in (left, again)] == [
+        ("rhuman_left", "left"),
+        ("rhuman", "right"),
+    ]
     q, corners = chain.lower + 0.3 * (chain.upper - chain.lower), []
     assert_array_equal(Arm(again).forward(q), Arm(chain).forward(q))
     assert_allclose(Arm(left).forward(q)[:3, 3], S @ Arm(chain).forward(q)[:3, 3], atol=1e-14)
     for arm in (Arm(left), Arm(chain)):
         (surface,) = arm.surfaces()
-        corners.append(arm.link_poses(q)[surface.joint, :3, :3] @ surface.points[surface.triangles[0]].T)
+        corners.append(
+            arm.link_poses(q)[surface.joint, :3, :3] @ surface.points[surface.triangles[0]].T
+        )
     assert_allclose(np.sort(corners[0], axis=1), np.sort(S @ corners[1], axis=1), atol=1e-14)

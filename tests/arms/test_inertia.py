@@ -35,14 +35,20 @@ def test_dynamics_are_those_of_the_whole_robot(robot):
             exact = [at[name]] if joint.nq == 1 else [np.cos(at[name]), np.sin(at[name])]
             whole[joint.idx_q : joint.idx_q + joint.nq] = exact
         data = model.createData()
-        assert_allclose(gravity, pin.computeGeneralizedGravity(model, data, whole)[columns], atol=1e-9)
+        assert_allclose(
+            gravity, pin.computeGeneralizedGravity(model, data, whole)[columns], atol=1e-9
+        )
         upper = np.triu(pin.crba(model, data, whole))
         assert_allclose(inertia, (upper + np.triu(upper, 1).T)[np.ix_(columns, columns)], atol=1e-9)
 
 
 @NEEDS_ROBOTS
 def test_the_embedded_panda_weighs_what_its_urdf_does():
-    ours, urdf, flange = load_arm("panda"), load_arm("example-robot-data/panda"), load_arm("panda", frame="panda_link8")
+    ours, urdf, flange = (
+        load_arm("panda"),
+        load_arm("example-robot-data/panda"),
+        load_arm("panda", frame="panda_link8"),
+    )
     assert_array_equal(ours.effort_limits, urdf.effort_limits)
     assert_allclose(ours.chain.inertia[1:], urdf.chain.inertia[1:], atol=1e-12)
     assert_allclose(ours.chain.inertia[-1, 0, 0] - flange.chain.inertia[-1, 0, 0], 0.76)
@@ -71,11 +77,18 @@ def test_dynamics_of_an_mjcf_are_mujocos(tmp_path):
         assert_allclose(gravity, data.qfrc_bias[:3], atol=1e-9)
         assert_allclose(inertia, matrix[:3, :3], atol=1e-9)
         still, torques = np.zeros((1, 3)), gravity + matrix[:3, :3] @ (1.0, 2.0, 3.0)
-        assert_allclose(inverse.torques(q[None], still, np.array([[1.0, 2.0, 3.0]]))[0], torques, atol=1e-9)
+        assert_allclose(
+            inverse.torques(q[None], still, np.array([[1.0, 2.0, 3.0]]))[0], torques, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize(
-    "change", [("<geom", "<geom name='only'"), (BOX.format(1), ""), ("angle", 'inertiafromgeom="true" angle')]
+    "change",
+    [
+        ("<geom", "<geom name='only'"),
+        (BOX.format(1), ""),
+        ("angle", 'inertiafromgeom="true" angle'),
+    ],
 )
 def test_masses_that_shapes_determine_are_unknown(tmp_path, change):
     path = tmp_path / "bench.xml"
@@ -100,6 +113,8 @@ TWO = """<robot name="r"><link name="a"/><link name="b"><inertial>{}</inertial><
 def test_impossible_masses_are_named_with_their_link(tmp_path, name, text, change):
     path = tmp_path / name
     path.write_text(text.replace(*change))
-    message = r"link '[abc]'|<inertial> needs mass|'pitch' needs armature .* not negative; found '-1'"
+    message = (
+        r"link '[abc]'|<inertial> needs mass|'pitch' needs armature .* not negative; found '-1'"
+    )
     with pytest.raises(FileFormatError, match=message):
         load_arm(path)

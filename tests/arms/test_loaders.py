@@ -40,7 +40,9 @@ def test_mjcf_equals_mujoco(mjcf):
     data = mujoco.MjData(model)
     arm = load_arm(mjcf, frame="tool")
     assert arm.joint_names == ("yaw", "pitch", "roll", "push")
-    np.testing.assert_allclose(np.stack([arm.lower, arm.upper], axis=1), model.jnt_range[:4], atol=1e-12)
+    np.testing.assert_allclose(
+        np.stack([arm.lower, arm.upper], axis=1), model.jnt_range[:4], atol=1e-12
+    )
     for q in arm.sample(20, random_state=0):
         data.qpos[:] = [*q, model.qpos0[4] + 0.1 + 0.5 * (q[2] - model.qpos0[2])]
         mujoco.mj_kinematics(model, data)
@@ -60,12 +62,20 @@ def test_catalog_robots_are_loaded_by_name(monkeypatch, urdf):
     }.items():
         (package / f"{name}.py").write_text(f"{text}\n")
     monkeypatch.syspath_prepend(str(urdf.parent))
-    before = {name: sys.modules.pop(name) for name in list(sys.modules) if name.startswith("robot_descriptions")}
+    before = {
+        name: sys.modules.pop(name)
+        for name in list(sys.modules)
+        if name.startswith("robot_descriptions")
+    }
     try:
         assert load_arm("crane_description", frame="boom").joint_names == ("turn", "raise")
-        with pytest.raises(UnknownNameError, match=r"'cran_description' .*first: 'crane_description', "):
+        with pytest.raises(
+            UnknownNameError, match=r"'cran_description' .*first: 'crane_description', "
+        ):
             load_arm("cran_description")
-        with pytest.raises(UnknownNameError, match=r"'offline_description' could not be fetched.*no network"):
+        with pytest.raises(
+            UnknownNameError, match=r"'offline_description' could not be fetched.*no network"
+        ):
             load_arm("offline_description")
     finally:
         for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
@@ -91,13 +101,27 @@ def test_xacro_is_its_urdf(write, capfd):
     arm = load_arm(write(text, "arm.urdf.xacro"))
     assert (arm.joint_names, arm.frame) == (("j1", "j2"), "link2")
     np.testing.assert_allclose(arm.forward([0.0, 0.0])[:3, 3], [0, 0, 0.4], atol=1e-12)
-    with pytest.raises(FileFormatError, match=r"broken\.xacro: xacro cannot expand it: .*no\.xacro"):
+    with pytest.raises(
+        FileFormatError, match=r"broken\.xacro: xacro cannot expand it: .*no\.xacro"
+    ):
         load_arm(write(f'{header}<xacro:include filename="no.xacro"/></robot>', "broken.xacro"))
-    with pytest.raises(FileFormatError, match=r"there is no package 'nowhere' above its folder or in ROS_PACKAGE_PATH"):
-        load_arm(write(f'{header}<xacro:include filename="$(find nowhere)/a.xacro"/></robot>', "broken.xacro"))
-    load_arm(write(text.replace("<link", '<xacro:property name="len" value="1"/><link'), "shadow.xacro"))
+    with pytest.raises(
+        FileFormatError,
+        match=r"there is no package 'nowhere' above its folder or in ROS_PACKAGE_PATH",
+    ):
+        load_arm(
+            write(
+                f'{header}<xacro:include filename="$(find nowhere)/a.xacro"/></robot>',
+                "broken.xacro",
+            )
+        )
+    load_arm(
+        write(text.replace("<link", '<xacro:property name="len" value="1"/><link'), "shadow.xacro")
+    )
     assert capfd.readouterr() == ("", "")
-    with pytest.raises(FileFormatError, match=r"robot\.urdf: this is a xacro file; let its name end in \.xacro"):
+    with pytest.raises(
+        FileFormatError, match=r"robot\.urdf: this is a xacro file; let its name end in \.xacro"
+    ):
         load_arm(write(text))
 
 
@@ -170,7 +194,10 @@ def test_unusable_files_are_named_with_their_fault(tmp_path, message):
 
 
 def test_limbs_of_a_file_without_movable_joints_are_refused(write):
-    for path in (write(jointed("fixed")), write(world(HINGE.replace("/>{", ' type="ball"/>{').format("")), "r.xml")):
+    for path in (
+        write(jointed("fixed")),
+        write(world(HINGE.replace("/>{", ' type="ball"/>{').format("")), "r.xml"),
+    ):
         with pytest.raises(InvalidInputError, match="has no movable joint"):
             robot_limbs(path)
 
@@ -182,7 +209,9 @@ def test_implausible_segment_lengths_are_refused(build, length):
         build(forearm=length)
 
 
-@pytest.mark.parametrize(("axis", "place"), [("0 0 0", "0 0 1"), ("0 1e-320 0", "0 0 1"), ("0 1 0", "1e300 0 0")])
+@pytest.mark.parametrize(
+    ("axis", "place"), [("0 0 0", "0 0 1"), ("0 1e-320 0", "0 0 1"), ("0 1 0", "1e300 0 0")]
+)
 def test_axes_of_no_length_and_places_out_of_the_world_are_refused(write, axis, place):
     body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
     urdf = write(jointed("revolute", f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'))
@@ -204,4 +233,6 @@ def test_a_part_is_the_whole_arm_with_coordinates_held():
     q = np.array([0.3, -0.2, 0.0, -1.5, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(some.forward(q[:2]), whole.forward(q), atol=1e-12)
     assert some.chain.locked == pytest.approx(dict(zip(whole.joint_names[2:], q[2:], strict=True)))
-    np.testing.assert_array_equal(some.restricted(frame="panda_link3").chain.frames["panda_link0"].placement, np.eye(4))
+    np.testing.assert_array_equal(
+        some.restricted(frame="panda_link3").chain.frames["panda_link0"].placement, np.eye(4)
+    )

@@ -32,7 +32,9 @@ SOLIDS = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_solids_are_closed_and_have_their_size(name):
     (points, triangles), exact, size = SOLIDS[name]
-    edges = {tuple(edge) for edge in np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)])}
+    edges = {
+        tuple(edge) for edge in np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)])
+    }
     assert len(edges) == 3 * len(triangles)
     assert all((b, a) in edges for a, b in edges)
     np.testing.assert_allclose(np.ptp(points, axis=0), size, atol=1e-12)
@@ -46,7 +48,9 @@ def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
     points = np.stack([x, y, 0.02 * np.sin(7 * x) * np.cos(5 * y)], axis=1)
     points += noise * np.random.default_rng(seed).normal(size=points.shape)
     corner = (np.arange(15)[:, None] * 16 + np.arange(15)).reshape(-1, 1)
-    triangles = np.concatenate([np.add(corner, row) for row in ((0, 1, 17), (0, 17, 16))]).astype(np.int32)
+    triangles = np.concatenate([np.add(corner, row) for row in ((0, 1, 17), (0, 17, 16))]).astype(
+        np.int32
+    )
     new_points, new_triangles = reduced((points, triangles), most)
     assert len(new_triangles) <= most
     assert np.all(np.isfinite(new_points))
@@ -112,7 +116,8 @@ OUTSIDE = {
 
 
 @pytest.mark.parametrize(
-    ("case", "suffix"), [*((case, "urdf") for case in OUTSIDE), ("up", "xml"), ("absolute", "xml"), ("link", "xml")]
+    ("case", "suffix"),
+    [*((case, "urdf") for case in OUTSIDE), ("up", "xml"), ("absolute", "xml"), ("link", "xml")],
 )
 def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
     folder = tmp_path / "a" / "b" / "c" / "kit" / "urdf"
@@ -128,7 +133,9 @@ def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
             'range="-9 9"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
         )
         arm = load_arm(folder / "one.xml")
-    with pytest.raises(FileFormatError, match=r"lies outside its folder and its packages.*mesh_folders=|is missing"):
+    with pytest.raises(
+        FileFormatError, match=r"lies outside its folder and its packages.*mesh_folders=|is missing"
+    ):
         arm.surfaces()
     if "package" not in name:
         allowed = load_arm(folder / f"one.{suffix}", mesh_folders=[tmp_path])
@@ -158,7 +165,9 @@ NAMES = {
 
 @pytest.mark.parametrize("case", NAMES)
 def test_meshes_are_found_by_their_names(tmp_path, monkeypatch, case):
-    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'nowhere'}{os.pathsep}{tmp_path / 'elsewhere/ros'}")
+    monkeypatch.setenv(
+        "ROS_PACKAGE_PATH", f"{tmp_path / 'nowhere'}{os.pathsep}{tmp_path / 'elsewhere/ros'}"
+    )
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "elsewhere/ros2"))
     name, place = NAMES[case]
     folder = tmp_path / "ws" / "robot" / "urdf"
@@ -194,10 +203,16 @@ def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
     assert arm.geometry.stand_ins == ("boom",)
     assert whole.geometry.stand_ins == ()
     actual = [volume(surface) for surface in arm.surfaces()]
-    assert actual[1] - lamp == pytest.approx(np.pi * 0.05**2 * 0.3, rel=0.02)  # a mesh of flat sides
+    assert actual[1] - lamp == pytest.approx(
+        np.pi * 0.05**2 * 0.3, rel=0.02
+    )  # a mesh of flat sides
     assert [actual[0], actual[2]] == [volumes[0], volumes[2]]
     assert Arm(mirrored(arm.chain)).geometry.stand_ins == ("boom",)
-    digger.write_text(digger.read_text().replace('<cylinder radius="0.05" length="0.3"/>', '<mesh filename="no.stl"/>'))
+    digger.write_text(
+        digger.read_text().replace(
+            '<cylinder radius="0.05" length="0.3"/>', '<mesh filename="no.stl"/>'
+        )
+    )
     with pytest.raises(FileFormatError, match=r"'gone\.stl' is missing \(1 of 1"):
         load_arm(digger, frame="bucket").surfaces()
 
@@ -268,6 +283,8 @@ def test_mjcf_surfaces_are_where_mujoco_has_them(tmp_path):
         corners @ data.geom(name).xmat.reshape(3, 3).T + data.geom(name).xpos
         for name, corners in (("foot", mesh), ("upper", mesh), ("fore", cube))
     ]
-    np.testing.assert_allclose(drawn(arm, q), ordered(np.concatenate(expected)), atol=1e-6)  # MuJoCo stores floats
+    np.testing.assert_allclose(
+        drawn(arm, q), ordered(np.concatenate(expected)), atol=1e-6
+    )  # MuJoCo stores floats
     assert [surface.joint for surface in arm.surfaces()] == [0, 2, 3]
     assert volume(arm.surfaces()[0]) == pytest.approx(2 * 0.2 * 0.1 * 0.05 / 6, rel=1e-5)

@@ -39,13 +39,18 @@ def write(tmp_path):
 
 def test_a_first_body_that_cannot_move_and_further_trees_are_mujocos(write):
     path = write(robot=f"{HEAD}{MATERIAL}<worldbody>{TABLE}{ARM}</worldbody></mujoco>")
-    assert farthest(mujoco, mujoco.MjModel.from_xml_path(str(path)), load_arm(path, frame="tip")) < 1e-12
+    assert (
+        farthest(mujoco, mujoco.MjModel.from_xml_path(str(path)), load_arm(path, frame="tip"))
+        < 1e-12
+    )
     assert load_arm(path).dof == 2
 
 
 def test_what_has_no_name_is_mujocos(write):
     """Bodies and joints without names move as MuJoCo moves them, within their ranges; a name that is taken stays."""
-    bare = re.sub(r' name="(base|mid|upper|i|j)"', "", ARM).replace('name="lower"', 'name="world_body2"')
+    bare = re.sub(r' name="(base|mid|upper|i|j)"', "", ARM).replace(
+        'name="lower"', 'name="world_body2"'
+    )
     path = write(robot=f"{HEAD}{MATERIAL}<worldbody>{TABLE}{bare}</worldbody></mujoco>")
     arm, model = load_arm(path, frame="tip"), mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
@@ -74,12 +79,20 @@ def test_included_files_are_as_if_written_in_their_place(write):
     assert [s.joint for s in split.surfaces()] == [s.joint for s in whole.surfaces()] == [0, 1, 2]
 
 
-JOINTS = '<joint name="i" class="strong"/>', '<joint name="j" actuatorfrcrange="-30 50"/>', '<joint name="k"/>'
+JOINTS = (
+    '<joint name="i" class="strong"/>',
+    '<joint name="j" actuatorfrcrange="-30 50"/>',
+    '<joint name="k"/>',
+)
 ACTUATORS = {
     "": (10, 30, np.inf),
     '<position joint="i" kp="9" forcerange="-4 5"/>': (4, 30, np.inf),
     '<position joint="j" kp="9"/><motor joint="k" gear="3" ctrlrange="-7 6"/>': (10, 30, 18),
-    '<motor class="geared" joint="k"/><general joint="k" gainprm="4" gear="2" ctrlrange="-1 1"/>': (10, 30, 28),
+    '<motor class="geared" joint="k"/><general joint="k" gainprm="4" gear="2" ctrlrange="-1 1"/>': (
+        10,
+        30,
+        28,
+    ),
     '<motor joint="k" ctrlrange="-7 6" ctrllimited="false"/><motor joint="i" gear="0.1" forcerange="-9 9"/>': (
         0.9,
         30,
@@ -94,8 +107,13 @@ def test_torque_limits_are_those_of_joints_and_actuators(write, actuators):
         '<default><default class="strong"><joint actuatorfrcrange="-11 10"/></default>'
         '<default class="geared"><general gear="5"/><motor ctrlrange="-4 4"/></default></default>'
     )
-    bodies = "".join(f'<body name="{k}">{joint}<geom size="0.1"/>' for k, joint in enumerate(JOINTS)) + 3 * "</body>"
-    text = f"{HEAD}{classes}<worldbody>{bodies}</worldbody><actuator>{actuators}</actuator></mujoco>"
+    bodies = (
+        "".join(f'<body name="{k}">{joint}<geom size="0.1"/>' for k, joint in enumerate(JOINTS))
+        + 3 * "</body>"
+    )
+    text = (
+        f"{HEAD}{classes}<worldbody>{bodies}</worldbody><actuator>{actuators}</actuator></mujoco>"
+    )
     limits = load_arm(write(robot=text)).chain.effort_limits
     np.testing.assert_allclose(limits, ACTUATORS[actuators])
     data, torques = mujoco.MjData(model := mujoco.MjModel.from_xml_string(text)), []
@@ -123,7 +141,10 @@ FINGERS = (
     '<body name="right_finger" pos="0 .02 .05"><geom size=".01"/><joint type="slide" name="right"/></body>'
     '<body name="left_finger" pos="0 -.02 .05"><geom size=".01"/><joint type="slide" name="left"/></body>'
 )
-FLANGE, PINCH = '<site name="{}attachment_site" pos="0 0.045 0" quat="-1 1 0 0"/>', '<site name="{}" pos="0 0 .107"/>'
+FLANGE, PINCH = (
+    '<site name="{}attachment_site" pos="0 0.045 0" quat="-1 1 0 0"/>',
+    '<site name="{}" pos="0 0 .107"/>',
+)
 
 
 ARM_TO = """<mujoco model="arm"><default><joint range="-90 90"/></default><worldbody><body name="base"><geom size=".1"/>
@@ -159,14 +180,19 @@ def test_bodies_in_bodies_count_over_all_files(tmp_path):
         (tmp_path / f"{k}.xml").write_text(f"<mujocoinclude>{content}</mujocoinclude>")
         inner = f'<include file="{k}.xml"/>'
     path = tmp_path / "a.xml"
-    path.write_text(f'<mujoco><worldbody><body name="a"><joint name="j"/>{inner}</body></worldbody></mujoco>')
-    with pytest.raises(FileFormatError, match="levels of elements within elements, with the files that it includes"):
+    path.write_text(
+        f'<mujoco><worldbody><body name="a"><joint name="j"/>{inner}</body></worldbody></mujoco>'
+    )
+    with pytest.raises(
+        FileFormatError, match="levels of elements within elements, with the files that it includes"
+    ):
         load_arm(path)
 
 
 XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><link name="base"/>{}</robot>'
 DOUBLING = "".join(
-    f'<xacro:macro name="m{k}" params=""><xacro:m{k + 1}/><xacro:m{k + 1}/></xacro:macro>' for k in range(40)
+    f'<xacro:macro name="m{k}" params=""><xacro:m{k + 1}/><xacro:m{k + 1}/></xacro:macro>'
+    for k in range(40)
 )
 
 
@@ -179,7 +205,9 @@ DOUBLING = "".join(
 ], ids=["device", "pipe", "settings", "doubling macros", "memory"])  # fmt: skip
 def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, message):
     pytest.importorskip("xacrodoc")
-    monkeypatch.setattr("maniport.arms.loaders.document.LONGEST_XACRO", 2.0 if "2 s" in message else 30.0)
+    monkeypatch.setattr(
+        "maniport.arms.loaders.document.LONGEST_XACRO", 2.0 if "2 s" in message else 30.0
+    )
     os.mkfifo(tmp_path / "pipe.xacro")
     (tmp_path / "a.xacro").write_text(XACRO.format(content))
     with pytest.raises(FileFormatError, match=rf"a\.xacro: xacro cannot expand it: .*{message}"):

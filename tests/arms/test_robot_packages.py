@@ -18,7 +18,9 @@ GOLDEN = json.loads((Path(__file__).parent / "robot_packages.json").read_text())
 
 
 def require(package: str) -> None:
-    if not PACKAGES[package].installed() and not (os.environ.get("CI") and package == "example-robot-data"):
+    if not PACKAGES[package].installed() and not (
+        os.environ.get("CI") and package == "example-robot-data"
+    ):
         pytest.skip(f"{package} is not installed")
 
 
@@ -37,12 +39,16 @@ def test_every_arm_is_taken_at_its_hand_and_equals_mujoco(package):
         arm = load_arm(f"{package}/{name}")
         assert (arm.chain.base, arm.frame, arm.dof) == expected, name
         assert np.all(np.isfinite(arm.manipulability(arm.sample(8, random_state=0)))), name
-        assert farthest(mujoco, model_of(mujoco, find_robot(f"{package}/{name}").path), arm) < 1e-9, name
+        assert (
+            farthest(mujoco, model_of(mujoco, find_robot(f"{package}/{name}").path), arm) < 1e-9
+        ), name
 
 
 def test_two_arms_are_named_by_their_side():
     require("example-robot-data")
-    with pytest.raises(InvalidInputError, match=r"'talos' has two arms: name 'talos_left_arm' or 'talos_right_arm'"):
+    with pytest.raises(
+        InvalidInputError, match=r"'talos' has two arms: name 'talos_left_arm' or 'talos_right_arm'"
+    ):
         load_arm("talos")
     assert load_arm("talos", frame="gripper_right_base_link").dof == 9
     limbs, default = robot_limbs("g1")
@@ -59,7 +65,13 @@ def test_errors_of_unknown_robots_contain_the_installation(monkeypatch):
     message = r"'xarm7' comes with the package example-robot-data, .*: pip install"
     with pytest.raises(MissingPackageError, match=message):
         load_arm("xarm7")
-    with pytest.raises(MissingPackageError, match=r"'sawyer' comes with the package robosuite, .* --no-deps robosuite"):
+    with pytest.raises(
+        MissingPackageError,
+        match=r"'sawyer' comes with the package robosuite, .* --no-deps robosuite",
+    ):
         load_arm("robosuite/sawyer")
-    with pytest.raises(UnknownNameError, match=r"unknown robot 'ur55'.* pip install example-rob.*nearest first: 'ur5'"):
+    with pytest.raises(
+        UnknownNameError,
+        match=r"unknown robot 'ur55'.* pip install example-rob.*nearest first: 'ur5'",
+    ):
         load_arm("ur55")

@@ -23,11 +23,23 @@ from maniport.batch.inputs import Source, digest, find_recordings, find_robots
 from maniport.batch.pair import Pair, work
 from maniport.batch.table import failed_row, write_tables
 from maniport.cli import app
-from maniport.errors import InvalidInputError, ManiportError, ManiportWarning, OutputError, UnknownNameError
+from maniport.errors import (
+    InvalidInputError,
+    ManiportError,
+    ManiportWarning,
+    OutputError,
+    UnknownNameError,
+)
 from maniport.mocap import shipped_recording
 from maniport.pipeline.config import BATCH
 
-SMALL = {"method": "parallel-transport", "n_teacher": 32, "n_student": 64, "move": False, "collisions": False}
+SMALL = {
+    "method": "parallel-transport",
+    "n_teacher": 32,
+    "n_student": 64,
+    "move": False,
+    "collisions": False,
+}
 PART = {"start": 1.0, "stop": 1.5}
 ROBOTS = ("panda", "rhuman")
 NAMES = ("anna/1.c3d", "anna/2.c3d", "ben/1.c3d", "ben/2.c3d")
@@ -60,7 +72,9 @@ def tree(folder):
             return [row | {"computing_s": None} for row in read_table(folder)]
         return b"" if path.name in ("index.html", "table.parquet") else path.read_bytes()
 
-    names = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+    names = {
+        path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()
+    }
     return {name: content(path) for name, path in names.items() if "/." not in f"/{name}"}
 
 
@@ -80,16 +94,26 @@ def whole(recordings, tmp_path_factory):
 
 def test_each_pair_has_a_row_and_a_folder(whole):
     """The table has every pair once, with the numbers of its summary, also as CSV and Parquet; adapters are shared."""
-    assert [(row["recording"], row["robot"]) for row in whole.table] == [(a, b) for a in NAMES for b in ROBOTS]
+    assert [(row["recording"], row["robot"]) for row in whole.table] == [
+        (a, b) for a in NAMES for b in ROBOTS
+    ]
     for row in whole.table:
-        summary = json.loads((whole.folder / row["folder"] / "summary.json").read_text(encoding="utf-8"))
+        summary = json.loads(
+            (whole.folder / row["folder"] / "summary.json").read_text(encoding="utf-8")
+        )
         assert row["state"] == "done"
         assert row["computing_s"] > 0.0
         assert row["adapter.cost"] == summary["adapter"]["cost"]
-        assert row["warning_keys"].split() == list(dict.fromkeys(one["key"] for one in summary["warnings"]))
+        assert row["warning_keys"].split() == list(
+            dict.fromkeys(one["key"] for one in summary["warnings"])
+        )
         assert row["status"] == (summary["status"] or "")
     lines = read_table(whole.folder)
-    table = pytest.importorskip("pyarrow.parquet").read_table(whole.folder / "table.parquet").to_pydict()
+    table = (
+        pytest.importorskip("pyarrow.parquet")
+        .read_table(whole.folder / "table.parquet")
+        .to_pydict()
+    )
     for name in ("recording", "status", "warning_keys", "adapter.cost", "computing_s"):
         assert table[name] == [row[name] for row in whole.table]
         assert [line[name] for line in lines] == [str(row[name]) for row in whole.table]
@@ -135,10 +159,22 @@ def test_one_failure_does_not_stop_the_rest(whole, recordings, tmp_path):
     page = (tmp_path / "dataset" / "index.html").read_text(encoding="utf-8")
     assert page.count("no BVH file") == 1  # one line for both robots
     assert 'href="panda/1.c3d/summary.md"' in page
-    words = ["batch", str(tmp_path / "bad.bvh"), "-o", str(tmp_path / "other"), "--processes", "1", "--json"]
-    ended = CliRunner().invoke(app, [*words, "--no-collisions", "--method", "identity", "--no-move"])
+    words = [
+        "batch",
+        str(tmp_path / "bad.bvh"),
+        "-o",
+        str(tmp_path / "other"),
+        "--processes",
+        "1",
+        "--json",
+    ]
+    ended = CliRunner().invoke(
+        app, [*words, "--no-collisions", "--method", "identity", "--no-move"]
+    )
     assert ended.exit_code == 1
-    assert [(one["recording"], one["robots"]) for one in json.loads(ended.stdout)["failed"]] == [("bad.bvh", ["panda"])]
+    assert [(one["recording"], one["robots"]) for one in json.loads(ended.stdout)["failed"]] == [
+        ("bad.bvh", ["panda"])
+    ]
 
 
 def test_columns_are_metrics_of_a_summary(whole, tmp_path, small_result):
@@ -154,14 +190,20 @@ def test_columns_are_metrics_of_a_summary(whole, tmp_path, small_result):
         return True
 
     missing = {name for name in list(whole.table[0])[10:] if not known(name)}
-    assert missing == {f"motion.orientation_error_deg.{value}" for value in ("median", "p95", "max")}
+    assert missing == {
+        f"motion.orientation_error_deg.{value}" for value in ("median", "p95", "max")
+    }
 
 
 def test_a_killed_batch_continues(whole, recordings, tmp_path):
     """Two processes that are killed in the middle, and one that continues, give the bytes of one alone."""
 
     def done():
-        return [path for path in folder.rglob("pair.json") if "/." not in f"/{path.relative_to(folder).as_posix()}"]
+        return [
+            path
+            for path in folder.rglob("pair.json")
+            if "/." not in f"/{path.relative_to(folder).as_posix()}"
+        ]
 
     def members():
         for status in Path("/proc").glob("[0-9]*/stat"):
@@ -173,7 +215,9 @@ def test_a_killed_batch_continues(whole, recordings, tmp_path):
     folder, script = tmp_path / "dataset", tmp_path / "script.py"
     script.write_text(RUN)
     environment = {**os.environ, "PYTHONWARNINGS": "ignore"}
-    process = subprocess.Popen([sys.executable, script, recordings, folder], env=environment, start_new_session=True)
+    process = subprocess.Popen(
+        [sys.executable, script, recordings, folder], env=environment, start_new_session=True
+    )
     while process.poll() is None and len(done()) < 2:
         time.sleep(0.005)
     process.kill()
@@ -187,13 +231,23 @@ def test_a_killed_batch_continues(whole, recordings, tmp_path):
 
 def test_run_yaml_of_a_pair_repeats_it(whole, tmp_path):
     pair = whole.folder / "panda" / "anna" / "1.c3d"
-    words = ["batch", "--config", str(pair / "run.yaml"), "-o", str(tmp_path / "again"), "--processes", "1"]
+    words = [
+        "batch",
+        "--config",
+        str(pair / "run.yaml"),
+        "-o",
+        str(tmp_path / "again"),
+        "--processes",
+        "1",
+    ]
     ended = CliRunner().invoke(app, words)
     assert ended.exit_code == 0, ended.stderr
     again = tmp_path / "again" / "panda" / "1.c3d"
     for name in ("joints.csv", "target_profile.npz", "adapter.npz", "summary.json", "run.yaml"):
         assert (again / name).exists() == (pair / name).exists()
-        assert not (pair / name).exists() or (again / name).read_bytes() == (pair / name).read_bytes()
+        assert (
+            not (pair / name).exists() or (again / name).read_bytes() == (pair / name).read_bytes()
+        )
 
 
 def test_two_arms_of_a_person_go_to_two_of_a_robot(tmp_path):
@@ -220,7 +274,15 @@ def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeyp
 
         return run(*given, progress=kill, **more)
 
-    words = ["batch", str(recordings / "anna"), "-o", str(tmp_path / "dataset"), "--processes", "1", "--no-move"]
+    words = [
+        "batch",
+        str(recordings / "anna"),
+        "-o",
+        str(tmp_path / "dataset"),
+        "--processes",
+        "1",
+        "--no-move",
+    ]
     words += ["--start", "1", "--stop", "1.5", "--method", "identity", "--no-collisions", "--json"]
     with monkeypatch.context() as patch:
         patch.setattr(batch, "transfer_batch", interrupted)
@@ -235,7 +297,12 @@ def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeyp
 
 def test_dask_gives_the_same_bytes(whole, recordings, tmp_path):
     distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
+    options = {
+        "n_workers": 1,
+        "threads_per_worker": 2,
+        "processes": False,
+        "dashboard_address": None,
+    }
     with distributed.LocalCluster(**options) as cluster:
         small([recordings], tmp_path / "dataset", dask=cluster.scheduler_address)
     assert tree(tmp_path / "dataset") == tree(whole.folder)
@@ -256,7 +323,9 @@ def test_a_lost_cluster_ends_the_batch():
     from concurrent.futures import Future
 
     future = Future()
-    client = SimpleNamespace(nthreads=dict, get_executor=lambda pure: SimpleNamespace(submit=lambda *_: future))
+    client = SimpleNamespace(
+        nthreads=dict, get_executor=lambda pure: SimpleNamespace(submit=lambda *_: future)
+    )
     with pytest.raises(ManiportError, match="no workers"):
         list(completed(dask_executor(client, 0.0), eval, ["1"], period=0.01))
     future.cancel()
@@ -271,7 +340,14 @@ def test_names_of_recordings(tmp_path, monkeypatch, whole):
     def names(*given, without=tmp_path / "dataset"):
         return [source.name for source in find_recordings(given, without)]
 
-    for name in ("a/walk.bvh", "b/walk.bvh", "b/table.csv", "c/1.c3d/2.c3d", "c/1.c3d/x.txt", "d/1.c3d/0.json"):
+    for name in (
+        "a/walk.bvh",
+        "b/walk.bvh",
+        "b/table.csv",
+        "c/1.c3d/2.c3d",
+        "c/1.c3d/x.txt",
+        "d/1.c3d/0.json",
+    ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     (tmp_path / "c" / os.fsdecode(b"3\xff.c3d")).touch()
@@ -294,7 +370,9 @@ def test_each_robot_has_a_folder_of_its_own():
     for k, name in enumerate(("a:b", "a?b", "A-b", "..", "adapters")):
         arms.append(panda.narrowed(panda.lower + 1e-3 * k, panda.upper))
         arms[-1].name = name
-    found = find_robots([*arms, arms[1]], BATCH.changed(method="identity", collisions=False), ["adapters"])
+    found = find_robots(
+        [*arms, arms[1]], BATCH.changed(method="identity", collisions=False), ["adapters"]
+    )
     assert [robot.name for robot in found] == ["a-b", "a-b-2", "A-b-3", "robot", "adapters-2"]
 
 
@@ -314,14 +392,33 @@ def test_tables_hold_no_formulas(tmp_path):
 
 def test_digests_tell_contents_apart(tmp_path):
     arm = mp.load_arm("panda")
-    assert digest(arm) == digest(mp.load_arm("panda")) != digest(arm.narrowed(arm.lower + 0.1, arm.upper))
+    assert (
+        digest(arm)
+        == digest(mp.load_arm("panda"))
+        != digest(arm.narrowed(arm.lower + 0.1, arm.upper))
+    )
     for name in ("1", "2"):
         (tmp_path / name).write_text("same")
     assert digest(tmp_path / "1") == digest(tmp_path / "2") != digest(tmp_path)
     assert digest({"a": 1, "b": {2, 3}}) == digest({"b": {3, 2}, "a": 1})
-    first, second = (np.array([float(text) for text in ("1.5", "2.5")], dtype=object) for _ in range(2))
+    first, second = (
+        np.array([float(text) for text in ("1.5", "2.5")], dtype=object) for _ in range(2)
+    )
     assert digest(first) == digest(second)  # their bytes are addresses
-    things = [1, 1.0, "1", True, [1], {"1": 1}, {1}, np.array([1]), np.array([1.0]), [[1]], b"1", None]
+    things = [
+        1,
+        1.0,
+        "1",
+        True,
+        [1],
+        {"1": 1},
+        {1},
+        np.array([1]),
+        np.array([1.0]),
+        [[1]],
+        b"1",
+        None,
+    ]
     assert len({digest(thing) for thing in things}) == len(things)
 
 

@@ -42,7 +42,11 @@ def test_each_step_on_its_own(run, domains):
     original, _ = load_ellipsoids(person)
     mapped = maniport.load_adapter(adapter).transform(original)
     np.testing.assert_allclose(load_ellipsoids(domains / "adapted.npz")[0], mapped, rtol=1e-12)
-    for what, word in ((adapter, "RiemannianICP"), (person, "128 of 3 × 3"), ("panda", "panda_joint7")):
+    for what, word in (
+        (adapter, "RiemannianICP"),
+        (person, "128 of 3 × 3"),
+        ("panda", "panda_joint7"),
+    ):
         code, out, _ = run("info", what)
         assert (code, word in out) == (0, True)
     save_ellipsoids(domains / "profile.npz", original[:12])
@@ -61,7 +65,14 @@ def test_each_step_on_its_own(run, domains):
 def test_fit_uses_the_robot_where_it_is_named(run, domains):
     adapters = {}
     for options in ((), ("--robot", "panda")):
-        words = (domains / "panda-half.npz", domains / "panda.npz", "-o", domains / "a.npz", "--method", "length-field")
+        words = (
+            domains / "panda-half.npz",
+            domains / "panda.npz",
+            "-o",
+            domains / "a.npz",
+            "--method",
+            "length-field",
+        )
         save_ellipsoids(words[0], 0.5 * load_ellipsoids(domains / "panda.npz")[0][:64])
         assert run("fit", *words, "--quiet", *options)[0] == 0
         adapters[bool(options)] = maniport.load_adapter(domains / "a.npz")
@@ -73,7 +84,9 @@ def test_fit_uses_the_robot_where_it_is_named(run, domains):
 def test_locked_joints_of_any_robot_are_in_degrees(run, tmp_path):
     (tmp_path / "crane.urdf").write_text(CRANE)
     assert "nod at 10°" in run("info", tmp_path / "crane.urdf", "--lock", "nod=10")[1]
-    code, _, err = run("domain", tmp_path / "crane.urdf", "--lock", "nod=100", "-o", tmp_path / "domain.npz")
+    code, _, err = run(
+        "domain", tmp_path / "crane.urdf", "--lock", "nod=100", "-o", tmp_path / "domain.npz"
+    )
     assert (code, "--lock: nod is 100°; allowed are -57.30° to 57.30°" in err) == (2, True)
     code, _, err = run("fit", "a.npz", "b.npz", "--lock", "nod=100", "-o", tmp_path / "a.npz")
     assert (code, "need --robot" in err) == (2, True)
@@ -102,8 +115,16 @@ def test_the_printed_template_completes_the_arm(run, tmp_path):
     replace(recording, names=tuple(renamed.get(name, name) for name in recording.names)).save(file)
     code, out, _ = run("info", file, "--json")
     printed = json.loads(out)
-    assert (code, printed["arms"]["right"]["lacks"]) == (0, ["shoulder", "elbow", "wrist", "trunk_left"])
-    filled = {"shoulder": ["mark 1"], "elbow": ["mark 2"], "wrist": ["mark 3"], "trunk_left": [["mark 1"], ["LeftArm"]]}
+    assert (code, printed["arms"]["right"]["lacks"]) == (
+        0,
+        ["shoulder", "elbow", "wrist", "trunk_left"],
+    )
+    filled = {
+        "shoulder": ["mark 1"],
+        "elbow": ["mark 2"],
+        "wrist": ["mark 3"],
+        "trunk_left": [["mark 1"], ["LeftArm"]],
+    }
     assert filled.keys() == printed["to_complete"]["markers"].keys()
     assert printed["to_complete"]["markers"]["wrist"] == ["NAME"]
     markers = tmp_path / "markers.json"
@@ -129,7 +150,9 @@ def test_transfer_writes_a_folder(run, tmp_path):
     files = {file.name for file in out.iterdir()}
     exported = {exporter.file for name, exporter in FORMATS.items() if name != write.SCENE}
     assert files >= {"summary.md", "run.yaml"} | exported
-    code, _, err = run("transfer", "--config", out / "run.yaml", "-o", tmp_path / "again", "--quiet")
+    code, _, err = run(
+        "transfer", "--config", out / "run.yaml", "-o", tmp_path / "again", "--quiet"
+    )
     assert code == 0, err
     assert (tmp_path / "again" / "joints.csv").read_bytes() == (out / "joints.csv").read_bytes()
     (tmp_path / "run.yaml").write_text((out / "run.yaml").read_text().replace("fps:", "fsp:"))
@@ -145,7 +168,9 @@ def test_track_and_place(run, tmp_path):
     save_path(tmp_path / "h.npz", path)
     profile = tmp_path / "p.npz", "--path", tmp_path / "h.npz"
     box = ("--workspace", "0.2,inf,-0.3,0.3,-inf,inf", "--table", 0.0)
-    code, out, err = run("place", *profile, *box, "--scale", 0.8, "-o", tmp_path / "placed", "--json")
+    code, out, err = run(
+        "place", *profile, *box, "--scale", 0.8, "-o", tmp_path / "placed", "--json"
+    )
     assert code == 0, err
     assert json.loads(out)["placement"]["scale"] == pytest.approx(0.8)
     ranking = json.loads(out)["placement"]["candidates"]
@@ -153,7 +178,9 @@ def test_track_and_place(run, tmp_path):
     path, time = load_path(tmp_path / "placed" / "path.npz")
     assert np.all(path >= np.array([0.2, -0.3, 0.0]) - 1e-8)
     assert path[:, 1].max() <= 0.3 + 1e-8
-    np.testing.assert_array_equal(time, load_ellipsoids(tmp_path / "placed" / "placed_profile.npz")[1])
+    np.testing.assert_array_equal(
+        time, load_ellipsoids(tmp_path / "placed" / "placed_profile.npz")[1]
+    )
     code, out, err = run("track", *profile, "--speed-scale", 0.5, "--json", "-o", tmp_path / "out")
     assert code == 0, err
     assert json.loads(out)["motion"]["distance"]["p95"] < 0.2
@@ -162,7 +189,12 @@ def test_track_and_place(run, tmp_path):
         again = tmp_path / f"{first}-again"
         code, _, err = run(verb, "--config", tmp_path / first / "run.yaml", "-o", again, "--quiet")
         assert code == 0, err
-        for file in ("run.yaml", "placed_profile.npz", "path.npz", *(["joints.csv"] if verb == "track" else [])):
+        for file in (
+            "run.yaml",
+            "placed_profile.npz",
+            "path.npz",
+            *(["joints.csv"] if verb == "track" else []),
+        ):
             assert (again / file).read_bytes() == (tmp_path / first / file).read_bytes(), file
 
 
@@ -204,9 +236,16 @@ def test_wrong_input_ends_with_one_sentence(run, tmp_path, monkeypatch, words, f
 
 @pytest.mark.parametrize("command", ["demo", "transfer", "learn", "track", "place", "reproduce"])
 def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, command):
-    own = {"learn": "path.npz", "place": "path.npz", "reproduce": "paper.md"}.get(command, "joints.csv")
+    own = {"learn": "path.npz", "place": "path.npz", "reproduce": "paper.md"}.get(
+        command, "joints.csv"
+    )
     (tmp_path / own).write_text("earlier")
-    one_file = {"transfer": ("no.bvh",), "learn": ("no.bvh",), "track": ("no.npz",), "reproduce": ("toy",)}
+    one_file = {
+        "transfer": ("no.bvh",),
+        "learn": ("no.bvh",),
+        "track": ("no.npz",),
+        "reproduce": ("toy",),
+    }
     words = {"demo": (), "place": ("no.npz", "--path", "no.npz"), **one_file}[command]
     code, _, err = run(command, *words, "-o", tmp_path)
     assert code == 2
@@ -242,12 +281,26 @@ def track(run, monkeypatch, tmp_path):
         raise ManiportError("no work")
 
     monkeypatch.setattr(pipeline, "follow_profile", stop)
-    return lambda *words: (run("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)[2], configs)
+    return lambda *words: (
+        run("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)[2],
+        configs,
+    )
 
 
 def test_units_of_the_command_line_are_converted(track):
     panda, home = load_arm("panda"), "0,-45,0,-135,0,90,45"
-    words = ("--position-tolerance", 12, "--speed-scale", 0.5, "--joint-limit-margin", 5, "--home", home, "--table", 0)
+    words = (
+        "--position-tolerance",
+        12,
+        "--speed-scale",
+        0.5,
+        "--joint-limit-margin",
+        5,
+        "--home",
+        home,
+        "--table",
+        0,
+    )
     _, (asked,) = track(*words, "--orientation", "0,0,-1")
     assert asked.position_tolerance == pytest.approx(0.012)
     assert asked.speed_scale == 0.5
@@ -273,7 +326,9 @@ def test_units_of_the_command_line_are_converted(track):
     (("--scale", 0), "--scale must be a number in (0, 10]; found '0'"),
     (("--workspace", "0.5,0.2,0,1,0,1"), "workspace[0][1]"),
 ])  # fmt: skip
-def test_wrong_options_end_with_one_sentence_before_any_work(track, tmp_path, monkeypatch, words, found):
+def test_wrong_options_end_with_one_sentence_before_any_work(
+    track, tmp_path, monkeypatch, words, found
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "limits.yaml").write_text("joints: {joint1: {velocity: 1}}")
     err, configs = track(*words)

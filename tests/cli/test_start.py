@@ -25,8 +25,14 @@ main()
 @pytest.mark.parametrize("name", ["maniport.cli", "numpy", "maniport.cli.live"])
 def test_ctrl_c_during_imports(name):
     code = INTERRUPTED_WHEN_STARTED.format(name=name)
-    ended = subprocess.run([sys.executable, "-c", code, "info", "panda"], capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "maniport: interrupted; nothing was written\n")
+    ended = subprocess.run(
+        [sys.executable, "-c", code, "info", "panda"], capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (
+        130,
+        "",
+        "maniport: interrupted; nothing was written\n",
+    )
 
 
 def test_ctrl_c_in_the_middle_of_the_work_leaves_nothing(tmp_path):
@@ -54,7 +60,17 @@ def test_an_output_that_cannot_be_written_is_an_error(closing):
 
 @pytest.mark.skipif(os.name != "posix", reason="descriptors of POSIX")
 def test_no_file_takes_the_number_of_a_closed_output(tmp_path):
-    words = ["sh", "-c", 'exec "$0" "$@" <&- >&- 2>&-', *COMMAND, "domain", "panda", "-n", "10", "-o"]
+    words = [
+        "sh",
+        "-c",
+        'exec "$0" "$@" <&- >&- 2>&-',
+        *COMMAND,
+        "domain",
+        "panda",
+        "-n",
+        "10",
+        "-o",
+    ]
     ended = subprocess.run([*words, str(tmp_path / "domain.npz")], check=False)
     assert ended.returncode == 1
     assert len(load_ellipsoids(tmp_path / "domain.npz")[0]) == 10

@@ -18,7 +18,12 @@ from maniport.evaluation.capability import (
 
 def largest(equalities, bounds):
     """Maximize the first variable, from 0 on."""
-    program = linprog([-1.0] + [0.0] * len(bounds), A_eq=equalities[0], b_eq=equalities[1], bounds=[(0, None), *bounds])
+    program = linprog(
+        [-1.0] + [0.0] * len(bounds),
+        A_eq=equalities[0],
+        b_eq=equalities[1],
+        bounds=[(0, None), *bounds],
+    )
     return program.x[0] if program.success else 0.0
 
 
@@ -63,10 +68,15 @@ def test_missing_limits_and_zero_directions_are_named():
 
 def test_a_motion_is_compared_with_positions_alone():
     robot, person = load_arm("panda"), load_arm("myoarm")
-    home, phase = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8]), np.linspace(0.0, 2.0, 60)[:, None]
+    home, phase = (
+        np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8]),
+        np.linspace(0.0, 2.0, 60)[:, None],
+    )
     q = home + 0.2 * np.sin(phase + np.arange(7))
     alone = follow_positions(robot, q[0], robot.forward(q)[:, :3, 3])
-    np.testing.assert_allclose(robot.forward(alone)[:, :3, 3], robot.forward(q)[:, :3, 3], atol=2e-4)
+    np.testing.assert_allclose(
+        robot.forward(alone)[:, :3, 3], robot.forward(q)[:, :3, 3], atol=2e-4
+    )
     angles = np.clip(0.4 + 0.1 * np.sin(phase + np.arange(7)), person.lower, person.upper)
     force, speed = compare_capabilities(person, angles, robot, q, phase[:, 0], np.eye(3))
     assert speed.person is None

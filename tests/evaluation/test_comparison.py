@@ -19,7 +19,9 @@ TURN = Rotation.from_euler("z", 20.0, degrees=True).as_matrix()
 @pytest.fixture(scope="module")
 def problem(random_spd):
     """Clouds of which the second is a rigid image of the first, with the truth along a motion."""
-    root = np.diag([0.6, 1.3, 2.7])  # a center that is not round, so that the rotation is determined
+    root = np.diag(
+        [0.6, 1.3, 2.7]
+    )  # a center that is not round, so that the rotation is determined
     clouds = root @ random_spd(np.random.default_rng(4), 122, 3, 10.0) @ root
     teacher, ends = clouds[2:], clouds[:2]
     truth = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 5.0]), TURN, 0.8)
@@ -76,7 +78,9 @@ def test_with_the_robot_gaps_join(arms):
     adapter = ParallelTransport(damping=0.01).fit(*domains)
     steps = []
     options = {"robot": robot, "rows": (*BASELINES, "nearest-neighbor")}
-    result = evaluate(adapter, *domains, profile, **options, progress=lambda _, done, text="": steps.append(done))
+    result = evaluate(
+        adapter, *domains, profile, **options, progress=lambda _, done, text="": steps.append(done)
+    )
     assert "parallel-transport" not in [row.name for row in result.rows[1:]]
     assert {row.name: row for row in result.rows}["nearest-neighbor"].feasibility_gap.p95 < 0.01
     assert result.adapter.feasibility_gap.mean > 0.01
@@ -92,7 +96,12 @@ def test_bad_input_is_refused(problem, arms):
         ((adapter, profile[:2]), {}, InvalidInputError, "profile"),
         ((adapter, profile), {"truth": truth[:-1]}, InvalidInputError, "^truth"),
         ((adapter, profile), {"robot": "panda"}, InvalidInputError, "^robot"),
-        ((adapter, profile), {"robot": arms[0], "spec": EllipsoidSpec(part="full")}, InvalidInputError, "student"),
+        (
+            (adapter, profile),
+            {"robot": arms[0], "spec": EllipsoidSpec(part="full")},
+            InvalidInputError,
+            "student",
+        ),
     ):
         with pytest.raises(error, match=word):
             evaluate(arguments[0], teacher, student, arguments[1], **options)
@@ -102,7 +111,9 @@ def test_mean_transport_matches_the_means_and_nothing_else(problem):
     """The teacher's mean becomes the student's, and all distances stay: a congruence by S̄^½ (R_b T̄ R_bᵀ)^-½ R_b."""
     points, student = problem[:2]
     adapter = MeanTransport(base_rotation=TURN).fit(points, student)
-    factor = spd.powm(spd.mean(student), 0.5) @ spd.powm(TURN @ spd.mean(points) @ TURN.T, -0.5) @ TURN
+    factor = (
+        spd.powm(spd.mean(student), 0.5) @ spd.powm(TURN @ spd.mean(points) @ TURN.T, -0.5) @ TURN
+    )
     images = adapter.transform(points)
     np.testing.assert_allclose(images, factor @ points @ factor.T, rtol=1e-8)
     np.testing.assert_allclose(adapter.inverse_transform(images), points, rtol=1e-8)
@@ -115,6 +126,9 @@ def test_a_method_is_not_its_own_baseline(problem):
     baselines = baselines_for(adapter, ("identity", own))
     assert list(baselines) == ["identity", "parallel-transport"]
     assert baselines["parallel-transport"].get_params() == own.get_params()
-    for rows, word in (((ParallelTransport(damping=0.02),), "rows"), (("identity baseline",), "method")):
+    for rows, word in (
+        ((ParallelTransport(damping=0.02),), "rows"),
+        (("identity baseline",), "method"),
+    ):
         with pytest.raises(InvalidInputError, match=word):
             baselines_for(adapter, rows)

@@ -22,19 +22,25 @@ def test_rmse_of_balls_in_three_forms():
     assert measured.per_dispersion == pytest.approx(delta / np.mean(np.abs(t)))
     assert measured.per_squared_dispersion == pytest.approx(delta / (np.sqrt(3.0) * np.mean(t**2)))
     truth[0] *= np.exp(0.8 / np.sqrt(3.0))
-    assert rmse(truth, np.exp(t)[:, None, None] * np.eye(3)).undivided == pytest.approx(0.4)  # one of four
+    assert rmse(truth, np.exp(t)[:, None, None] * np.eye(3)).undivided == pytest.approx(
+        0.4
+    )  # one of four
 
 
 def test_steps_of_a_dilated_profile_are_dilated():
     """M → M^s about the identity multiplies every step by s when the ellipsoids have common axes."""
-    path = np.cumsum(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]]), axis=0)
+    path = np.cumsum(
+        np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]]), axis=0
+    )
     assert step_ratio(diagonals(0.5 * path), diagonals(path)) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(("angle", "turn"), [(25.0, 25.0), (171.0, 9.0)])
 def test_a_rotation_keeps_distances_and_turns_axes(angle, turn):
     """M → R M Rᵀ is an isometry; axes have no sign, so that a rotation by 171° is one by 9°."""
-    shapes = diagonals(np.array([[2.0, 0.5, -1.0]]) + 0.1 * np.random.default_rng(11).standard_normal((20, 3)))
+    shapes = diagonals(
+        np.array([[2.0, 0.5, -1.0]]) + 0.1 * np.random.default_rng(11).standard_normal((20, 3))
+    )
     rotation = Rotation.from_euler("z", angle, degrees=True).as_matrix()
     measured = distance_preservation(rotation @ shapes @ rotation.T, shapes)
     assert measured.rank_correlation == pytest.approx(1.0)
@@ -50,7 +56,9 @@ def test_axes_that_are_not_distinct_are_left_out():
 
 def test_rank_correlation_on_a_line():
     """Points 0, 1, 3 mapped to 0, 2, 3 have the distances 2, 3, 1 for 1, 3, 2."""
-    mapped, original = (diagonals([[x, 0.0, 0.0] for x in points]) for points in ((0, 2, 3), (0, 1, 3)))
+    mapped, original = (
+        diagonals([[x, 0.0, 0.0] for x in points]) for points in ((0, 2, 3), (0, 1, 3))
+    )
     assert distance_preservation(mapped, original).rank_correlation == pytest.approx(0.5)
     a, b = np.random.default_rng(0).integers(9, size=(2, 200))  # ties are averaged
     assert rank_correlation(a, b) == pytest.approx(spearmanr(a, b).statistic, abs=1e-12)

@@ -5,19 +5,34 @@ from maniport.evaluation import RMSE, DistancePreservation, Evaluation, Gaps, Ro
 
 def compared(mine, nothing, transport, **first):
     """Evaluation of ICP with these mean feasibility gaps, of which that of the lookup is zero by construction."""
-    values = {"icp": mine, "identity": nothing, "parallel-transport": transport, "nearest-neighbor": 0.0}
-    rows = (Row(name, feasibility_gap=Gaps(value, 2 * value, 3 * value)) for name, value in values.items())
+    values = {
+        "icp": mine,
+        "identity": nothing,
+        "parallel-transport": transport,
+        "nearest-neighbor": 0.0,
+    }
+    rows = (
+        Row(name, feasibility_gap=Gaps(value, 2 * value, 3 * value))
+        for name, value in values.items()
+    )
     return Evaluation(tuple(Row(**vars(row) | first) if row.name == "icp" else row for row in rows))
 
 
 def test_known_truth_comes_before_gaps_and_includes_the_lookup():
     gaps = {
-        name: Gaps(value, value, value) for name, value in (("icp", 0.0), ("identity", 1.0), ("nearest-neighbor", 0.0))
+        name: Gaps(value, value, value)
+        for name, value in (("icp", 0.0), ("identity", 1.0), ("nearest-neighbor", 0.0))
     }
     errors = {"icp": 0.4, "identity": 0.9, "nearest-neighbor": 0.2}
-    rows = tuple(Row(name, rmse=RMSE(errors[name], 1.0, 1.0), feasibility_gap=gaps[name]) for name in errors)
+    rows = tuple(
+        Row(name, rmse=RMSE(errors[name], 1.0, 1.0), feasibility_gap=gaps[name]) for name in errors
+    )
     evaluation = Evaluation(rows)
-    assert (evaluation.measure, evaluation.values, evaluation.recommended) == ("rmse", errors, "nearest-neighbor")
+    assert (evaluation.measure, evaluation.values, evaluation.recommended) == (
+        "rmse",
+        errors,
+        "nearest-neighbor",
+    )
 
 
 def test_without_truth_and_arms_nothing_is_compared():
@@ -33,7 +48,9 @@ def test_without_truth_and_arms_nothing_is_compared():
 def test_the_cheapest_method_that_no_other_undercuts_is_recommended(gaps, recommended):
     evaluation = compared(*gaps)
     assert evaluation.recommended == recommended
-    own = Row("nearest-neighbor", feasibility_gap=Gaps(0.0, 0.0, 0.0))  # also where it is the evaluated method
+    own = Row(
+        "nearest-neighbor", feasibility_gap=Gaps(0.0, 0.0, 0.0)
+    )  # also where it is the evaluated method
     assert Evaluation((own, *compared(0.9, 0.5, 0.2).rows[1:3])).recommended == "parallel-transport"
 
 
@@ -47,4 +64,7 @@ def test_methods_with_weaknesses_are_recommended_only_where_all_have_some(metric
     assert list(evaluation.adapter.weaknesses) == codes
     assert evaluation.recommended == ("parallel-transport" if codes else "icp")
     assert compared(0.1, 0.5, 0.2, failures=("reversing",)).recommended == "parallel-transport"
-    assert Evaluation((Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), **metrics),)).recommended == "icp"
+    assert (
+        Evaluation((Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), **metrics),)).recommended
+        == "icp"
+    )

@@ -15,7 +15,9 @@ def write_page_with_speed(path, result):
     motion = result.arm.motion
     positions = result.arm.robot.forward(motion.joint_positions)[:, :3, 3]
     speed = np.linalg.norm(np.gradient(positions, motion.time, axis=0), axis=1)
-    panel = Panel("End-effector speed", "m/s", (Line("", speed),), "Speed during the robot's motion.")
+    panel = Panel(
+        "End-effector speed", "m/s", (Line("", speed),), "Speed during the robot's motion."
+    )
     animation = animation_of(result)
     animation = replace(animation, panels={**animation.panels, "Speed": (panel,)})
     write_page(path, report_of(result), animation)

@@ -11,7 +11,9 @@ def read(file, options):
         columns = stream.readline().split()
         table = np.loadtxt(stream, ndmin=2)
     names = [column.removesuffix(".x") for column in columns[1::3]]
-    return options.recording(file, names, table[:, 1:].reshape(len(table), -1, 3), table[:, 0], unit="m")
+    return options.recording(
+        file, names, table[:, 1:].reshape(len(table), -1, 3), table[:, 0], unit="m"
+    )
 
 
 READERS[".pts"] = read

@@ -72,11 +72,15 @@ def run(name: str, count: int) -> Counter[str]:
     results, number = [], 0
     while number < count:
         command = [sys.executable, "-m", "fuzz", "--child", name, str(number), str(count)]
-        ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=False)
+        ended = subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=False
+        )
         results += ended.stdout.splitlines()
         if len(results) < count:
             alarm = ended.returncode == -signal.SIGALRM
-            results.append(f"not read after {SECONDS} s" if alarm else f"ended with {ended.returncode}")
+            results.append(
+                f"not read after {SECONDS} s" if alarm else f"ended with {ended.returncode}"
+            )
         number = len(results)
     first = {result: f"{result} (first: {i})" for i, result in reversed([*enumerate(results)])}
     return Counter(result if result in (READ, REFUSED) else first[result] for result in results)
@@ -88,7 +92,9 @@ def main() -> int:
     if sys.argv[1:2] == ["--child"]:
         child(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
         return 0
-    parser = argparse.ArgumentParser(prog="python -m fuzz", description="Reads mutated files of every format.")
+    parser = argparse.ArgumentParser(
+        prog="python -m fuzz", description="Reads mutated files of every format."
+    )
     parser.add_argument("formats", nargs="*", help=f"some of: {', '.join(TARGETS)}; default: all")
     parser.add_argument("-n", type=int, default=10_000, help="mutations of each format")
     arguments, faults = parser.parse_args(), 0

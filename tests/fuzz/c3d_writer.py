@@ -13,7 +13,11 @@ class Writer:
     """Writes small C3D files as processors of each kind do; the points are those of a slowly moving arm [mm]."""
 
     def __init__(self, processor=84, integer=False, analog=0, frames=7, labels=LABELS):
-        self.order, self.processor, self.integer = ">" if processor == MIPS else "<", processor, integer
+        self.order, self.processor, self.integer = (
+            ">" if processor == MIPS else "<",
+            processor,
+            integer,
+        )
         self.analog, self.frames, self.labels = analog, frames, labels
         grid = np.arange(frames * 12).reshape(frames, 4, 3)
         base = np.array([[0, -200, 1400], [0, -200, 1100], [0, 0, 1450], [0, 0, 1200]])
@@ -34,7 +38,9 @@ class Writer:
 
     def parameter(self, group, name, kind, extents, data):
         body = struct.pack("bB", kind, len(extents)) + bytes(extents) + data + b"\0"
-        return struct.pack("bb", len(name), group) + name.encode() + self.short(len(body) + 2) + body
+        return (
+            struct.pack("bb", len(name), group) + name.encode() + self.short(len(body) + 2) + body
+        )
 
     def group(self, number, name):
         return struct.pack("bb", len(name), -number) + name.encode() + self.short(3) + b"\0"
@@ -58,14 +64,22 @@ class Writer:
                 self.parameter(2, "OFFSET", 2, (self.analog,), self.short(*(0,) * self.analog)),
                 self.parameter(2, "LABELS", -1, (2, self.analog), b"F1" * self.analog),
             ])  # fmt: skip
-        section = (bytes([1, 0x50, 2, self.processor]) + section + more + b"\0\0").ljust(1024, b"\0")
+        section = (bytes([1, 0x50, 2, self.processor]) + section + more + b"\0\0").ljust(
+            1024, b"\0"
+        )
         last = self.frames if frames is None else frames
         head = bytes([2, 0x50]) + self.short(4, 2 * self.analog, 1, last, 10) + self.real(scale)
         head += self.short(4, 2 if self.analog else 0) + self.real(50.0)
         rows = []
         for points, lost in zip(self.points, self.lost, strict=True):
-            words = np.concatenate([points / (scale if self.integer else 1), np.where(lost, -1, 0)[:, None]], axis=1)
+            words = np.concatenate(
+                [points / (scale if self.integer else 1), np.where(lost, -1, 0)[:, None]], axis=1
+            )
             numbers = np.concatenate([words.ravel(), np.full(2 * self.analog, 7.0)])
-            rows.append(np.round(numbers).astype(f"{self.order}i2").tobytes() if self.integer else self.real(*numbers))
+            rows.append(
+                np.round(numbers).astype(f"{self.order}i2").tobytes()
+                if self.integer
+                else self.real(*numbers)
+            )
         data = b"".join(rows)
         return head.ljust(512, b"\0") + section + data.ljust(-(-len(data) // 512) * 512, b"\0")

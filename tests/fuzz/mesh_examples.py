@@ -7,12 +7,21 @@ import struct
 import numpy as np
 
 CORNERS = np.array([[0.0, 0, 0], [0.2, 0, 0], [0, 0.1, 0], [0, 0, 0.05]])
-TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # counter-clockwise seen from outside
+TETRAHEDRON = np.array(
+    [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+)  # counter-clockwise seen from outside
 
 
 def stl(points: np.ndarray = CORNERS, triangles: np.ndarray = TETRAHEDRON) -> bytes:
-    facets = [np.concatenate([np.zeros(3), points[row].reshape(-1)]).astype("<f4").tobytes() for row in triangles]
-    return bytes(80) + len(facets).to_bytes(4, "little") + b"".join(facet + b"\0\0" for facet in facets)
+    facets = [
+        np.concatenate([np.zeros(3), points[row].reshape(-1)]).astype("<f4").tobytes()
+        for row in triangles
+    ]
+    return (
+        bytes(80)
+        + len(facets).to_bytes(4, "little")
+        + b"".join(facet + b"\0\0" for facet in facets)
+    )
 
 
 NUMBERS = " ".join(f"{x:g}" for x in CORNERS.ravel())
@@ -35,7 +44,11 @@ def dae(shape=f'<triangles count="4"><input semantic="VERTEX" source="#v" offset
 
 def gltf(count=12, positions=4, buffer=None, nodes=({"mesh": 0},), view_length=None, **more):
     content = TETRAHEDRON.astype("<u4").tobytes() + CORNERS.astype("<f4").tobytes()
-    uri = "data:application/octet-stream;base64," + base64.b64encode(content).decode() if buffer is None else buffer
+    uri = (
+        "data:application/octet-stream;base64," + base64.b64encode(content).decode()
+        if buffer is None
+        else buffer
+    )
     return json.dumps({
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": list(nodes),
         "meshes": [{"primitives": [{"attributes": {"POSITION": 1}, "indices": 0}]}],

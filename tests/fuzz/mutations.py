@@ -36,30 +36,49 @@ def _place(content: bytes, generator: random.Random) -> int:
 def _flip(content: bytes, generator: random.Random) -> bytes:
     changed = bytearray(content)
     for _ in range(generator.choice((1, 1, 3, 20)) if changed else 0):
-        changed[generator.randrange(len(changed))] = generator.choice((0, 255, 127, 128, generator.randrange(256)))
+        changed[generator.randrange(len(changed))] = generator.choice(
+            (0, 255, 127, 128, generator.randrange(256))
+        )
     return bytes(changed)
 
 
 def _cut(content: bytes, generator: random.Random) -> bytes:
-    start, length = _place(content, generator), generator.choice((1, 2, 4, 16, 100, 512, len(content)))
+    start, length = (
+        _place(content, generator),
+        generator.choice((1, 2, 4, 16, 100, 512, len(content))),
+    )
     return content[:start] + content[start + length :]
 
 
 def _repeat(content: bytes, generator: random.Random) -> bytes:
     start, length = _place(content, generator), generator.choice((1, 4, 30, 300, 3000))
-    return content[:start] + content[start : start + length] * generator.choice((1, 5, 50)) + content[start:]
+    return (
+        content[:start]
+        + content[start : start + length] * generator.choice((1, 5, 50))
+        + content[start:]
+    )
 
 
 def _insert(content: bytes, generator: random.Random) -> bytes:
     place = _place(content, generator)
-    return content[:place] + generator.choice(WORDS) * generator.choice((1, 1, 1, 300)) + content[place:]
+    return (
+        content[:place]
+        + generator.choice(WORDS) * generator.choice((1, 1, 1, 300))
+        + content[place:]
+    )
 
 
 def _binary_number(content: bytes, generator: random.Random) -> bytes:
     width = generator.choice((2, 4))
     place = max(0, _place(content, generator) - width)
-    value = generator.choice((0, 1, 2 ** (8 * width) - 1, 2 ** (8 * width - 1), 2 ** (8 * width - 1) - 1))
-    return content[:place] + value.to_bytes(width, generator.choice(("little", "big"))) + content[place + width :]
+    value = generator.choice(
+        (0, 1, 2 ** (8 * width) - 1, 2 ** (8 * width - 1), 2 ** (8 * width - 1) - 1)
+    )
+    return (
+        content[:place]
+        + value.to_bytes(width, generator.choice(("little", "big")))
+        + content[place + width :]
+    )
 
 
 def _line(content: bytes, generator: random.Random) -> bytes:
@@ -81,11 +100,17 @@ def _name(content: bytes, generator: random.Random) -> bytes:
 
 def _element(content: bytes, generator: random.Random) -> bytes:
     """Replace an opening tag of XML by several of another one."""
-    tags = [tag * count for tag in re.findall(rb"<[a-z][^>]*>", content[:20_000]) for count in (0, 1, 2, 40)]
+    tags = [
+        tag * count
+        for tag in re.findall(rb"<[a-z][^>]*>", content[:20_000])
+        for count in (0, 1, 2, 40)
+    ]
     return _replaced(content, rb"<[a-z][^>]*>", tags, generator)
 
 
-def _replaced(content: bytes, pattern: bytes, values: Sequence[bytes], generator: random.Random) -> bytes:
+def _replaced(
+    content: bytes, pattern: bytes, values: Sequence[bytes], generator: random.Random
+) -> bytes:
     found = list(re.finditer(pattern, content[:20_000]))
     if not found:
         return _flip(content, generator)
@@ -99,10 +124,16 @@ def _other_arrays(content: bytes, generator: random.Random) -> bytes:
         arrays = dict(archive)
     name = generator.choice(sorted(arrays))
     value = arrays.pop(name)
-    changes = [value[..., :-1] if value.ndim else np.array([value, value]), value.reshape(-1), value[None]]
+    changes = [
+        value[..., :-1] if value.ndim else np.array([value, value]),
+        value.reshape(-1),
+        value[None],
+    ]
     if value.dtype.kind in "fi" and value.size > 0:
         wild = value.astype(np.float64)
-        wild.reshape(-1)[generator.randrange(value.size)] = generator.choice((np.nan, np.inf, -1.0, 0.0, 1e308, 1e18))
+        wild.reshape(-1)[generator.randrange(value.size)] = generator.choice(
+            (np.nan, np.inf, -1.0, 0.0, 1e308, 1e18)
+        )
         kind = generator.choice(("S3", "U3", "c16", "i1", "?", "f2"))
         changes += [wild, wild, wild, -value, value * 1e300, value.astype(kind, casting="unsafe")]
     if value.dtype.kind == "U":

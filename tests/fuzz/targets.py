@@ -53,7 +53,9 @@ def _read_robot(path: Path) -> Arm:
         (path.parent / "boom.stl").write_bytes(stl())
     arm = load_arm(path)
     q = np.stack([arm.lower, arm.upper])
-    require_finite(arm.forward(q), arm.manipulability(q), *(surface.points for surface in arm.surfaces()))
+    require_finite(
+        arm.forward(q), arm.manipulability(q), *(surface.points for surface in arm.surfaces())
+    )
     return arm
 
 
@@ -105,11 +107,15 @@ def _adapters() -> list[bytes]:
 def _recordings() -> list[bytes]:
     names = np.array(["shoulder", "elbow", "wrist"])
     positions = 0.05 * np.arange(45.0).reshape(5, 3, 3)
-    arrays = _saved(lambda path: np.savez(path, names=names, positions=positions, rate=30.0, unit="m"))
+    arrays = _saved(
+        lambda path: np.savez(path, names=names, positions=positions, rate=30.0, unit="m")
+    )
     return [arrays, _saved(read_recording("freeform").crop(0, 0.3).save)]
 
 
-def _written(*writers: Callable[[Path, Any], Any], names: str = "MVNX") -> Callable[[], list[bytes]]:
+def _written(
+    *writers: Callable[[Path, Any], Any], names: str = "MVNX"
+) -> Callable[[], list[bytes]]:
     """Return a maker of files in which some writers write a short motion."""
 
     def seeds() -> list[bytes]:
@@ -139,7 +145,9 @@ def _keypoints_by_name(path: Path, recording: Any) -> None:
 
 
 def _people(path: Path, recording: Any) -> None:
-    format_files.write_json(path, {"people": [{"pose_keypoints_3d": (np.arange(100) / 30).round(2).tolist()}]})
+    format_files.write_json(
+        path, {"people": [{"pose_keypoints_3d": (np.arange(100) / 30).round(2).tolist()}]}
+    )
 
 
 def _skeleton(path: Path) -> None:

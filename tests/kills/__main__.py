@@ -38,7 +38,15 @@ class Command:
     longest: float = 0.0  # of a run [s]
 
     def arguments(self, which: int) -> list[str]:
-        return ["maniport", *self.words, "--damping", ("0.01", "0.02")[which], "-o", str(self.target), "--quiet"]
+        return [
+            "maniport",
+            *self.words,
+            "--damping",
+            ("0.01", "0.02")[which],
+            "-o",
+            str(self.target),
+            "--quiet",
+        ]
 
     def warm(self) -> None:
         """Run both in this process, which loads and compiles what children need, and learn their results."""
@@ -55,7 +63,9 @@ class Command:
     def _digest(self) -> str:
         files = sorted(self.target.iterdir()) if self.target.is_dir() else [self.target]
         contents = [file.name.encode() + file.read_bytes() for file in files]
-        return hashlib.sha256(b"".join(hashlib.sha256(content).digest() for content in contents)).hexdigest()
+        return hashlib.sha256(
+            b"".join(hashlib.sha256(content).digest() for content in contents)
+        ).hexdigest()
 
 
 def works(folder: Path) -> dict[str, Command]:
@@ -64,7 +74,16 @@ def works(folder: Path) -> dict[str, Command]:
         (folder / name).mkdir()
     for arm in ("myoarm", "panda"):
         save_ellipsoids(folder / f"{arm}.npz", sample_domain(load_arm(arm), 256, 0))
-    words = ("transfer", str(shipped_recording("freeform")), "--start", "2", "--stop", "2.2", "--overwrite", *SMALL)
+    words = (
+        "transfer",
+        str(shipped_recording("freeform")),
+        "--start",
+        "2",
+        "--stop",
+        "2.2",
+        "--overwrite",
+        *SMALL,
+    )
     domains = (str(folder / "myoarm.npz"), str(folder / "panda.npz"))
     return {
         "transfer": Command(folder / "transfer" / "out", words),
@@ -124,15 +143,21 @@ def strike(work: Command, number: int, times: int, generator: random.Random, log
         count["old" if after == before else after if after in (HALF, MISSING) else "new"] += 1
         if code not in (0, 130 if number == signal.SIGINT else -number):
             count[f"fault: ended with {code}: {log.read_text()[-500:]}"] += 1
-        if number == signal.SIGINT and (rest := {*work.target.parent.iterdir()} - earlier - {work.target}):
+        if number == signal.SIGINT and (
+            rest := {*work.target.parent.iterdir()} - earlier - {work.target}
+        ):
             count[f"fault: left {sorted(path.name for path in rest)}"] += 1
     return count
 
 
 def main() -> int:
     """Strike all works, or some; the exit code is 1 if anything is half or missing, or ended with an error."""
-    parser = argparse.ArgumentParser(prog="python -m kills", description="Kill commands at random moments.")
-    parser.add_argument("works", nargs="*", default=NAMES, help=f"some of: {', '.join(NAMES)}; default: all")
+    parser = argparse.ArgumentParser(
+        prog="python -m kills", description="Kill commands at random moments."
+    )
+    parser.add_argument(
+        "works", nargs="*", default=NAMES, help=f"some of: {', '.join(NAMES)}; default: all"
+    )
     parser.add_argument("-n", type=int, default=200, help="strikes of each work by each signal")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()

@@ -5,7 +5,14 @@ from maniport import spd
 
 
 def _truth(time):
-    parts = [np.sin(2 * time), np.cos(3 * time), 0.5 * time, 0.4 * np.sin(5 * time), 0.3 * np.cos(4 * time), 0.2 * time]
+    parts = [
+        np.sin(2 * time),
+        np.cos(3 * time),
+        0.5 * time,
+        0.4 * np.sin(5 * time),
+        0.3 * np.cos(4 * time),
+        0.2 * time,
+    ]
     return spd.expm(spd.from_vector(np.stack(parts, axis=-1)))
 
 

@@ -50,19 +50,25 @@ def test_small_spread_equals_the_euclidean_mixture():
     rng = np.random.default_rng(3)
     small = 1e-4
     time = rng.random(400)
-    kinks = np.abs(time - 0.5)[:, None] * rng.standard_normal(6) + time[:, None] * rng.standard_normal(6)
+    kinks = np.abs(time - 0.5)[:, None] * rng.standard_normal(6) + time[
+        :, None
+    ] * rng.standard_normal(6)
     vectors = kinks + 0.05 * rng.standard_normal((400, 6))
     points = spd.expm(spd.from_vector(small * vectors))
     ridge, options = 1e-6, {"n_components": 2, "tol": 1e-9, "max_iter": 500}
     model = ProfileGMM(regularization=ridge * small**2, **options).fit(time, points)
     scaled = np.column_stack([time, vectors])
-    flat = GaussianMixture(reg_covar=ridge, random_state=0, means_init=_in_flat(model, small), **options).fit(scaled)
+    flat = GaussianMixture(
+        reg_covar=ridge, random_state=0, means_init=_in_flat(model, small), **options
+    ).fit(scaled)
     assert_allclose(model.weights_, flat.weights_, atol=2e-3)
     assert_allclose(_in_flat(model, small), flat.means_, atol=2e-3)
     scale = np.r_[1.0, np.full(6, small)]
     assert_allclose(model.covariances_ / np.outer(scale, scale), flat.covariances_, atol=2e-3)
     assert model.log_likelihood_ + 6 * np.log(small) == pytest.approx(flat.score(scaled), abs=1e-4)
-    assert model.bic_curve_[0] - 2 * 400 * 6 * np.log(small) == pytest.approx(flat.bic(scaled), abs=0.1)
+    assert model.bic_curve_[0] - 2 * 400 * 6 * np.log(small) == pytest.approx(
+        flat.bic(scaled), abs=0.1
+    )
 
 
 def _in_flat(model, small):
@@ -109,7 +115,13 @@ def test_congruence_of_the_data_is_congruence_of_the_prediction(demonstrate):
     mean_moved, covariance_moved = moved.predict(TIME, return_covariance=True)
     assert_allclose(mean_moved, change @ mean @ change.T, rtol=1e-6, atol=1e-8)
     tensor = np.einsum(
-        "ia,jb,kc,ld,nabcd->nijkl", change, change, change, change, covariance_tensor(mean, covariance), optimize=True
+        "ia,jb,kc,ld,nabcd->nijkl",
+        change,
+        change,
+        change,
+        change,
+        covariance_tensor(mean, covariance),
+        optimize=True,
     )
     found = covariance_tensor(mean_moved, covariance_moved)
     assert_allclose(found, tensor, atol=1e-6 * np.abs(tensor).max())
@@ -117,10 +129,15 @@ def test_congruence_of_the_data_is_congruence_of_the_prediction(demonstrate):
 
 
 def test_weights_are_the_precision_without_damping():
-    factors = np.random.default_rng(0).standard_normal((7, 6, 6)) * np.linspace(0.1, 1.0, 7)[:, None, None]
+    factors = (
+        np.random.default_rng(0).standard_normal((7, 6, 6))
+        * np.linspace(0.1, 1.0, 7)[:, None, None]
+    )
     covariance = factors @ np.swapaxes(factors, -1, -2)
     ratio = tracking_weights(covariance, damping=0.0) @ covariance
-    assert_allclose(ratio, ratio[0, 0, 0] * np.broadcast_to(np.eye(6), ratio.shape), atol=1e-7 * ratio[0, 0, 0])
+    assert_allclose(
+        ratio, ratio[0, 0, 0] * np.broadcast_to(np.eye(6), ratio.shape), atol=1e-7 * ratio[0, 0, 0]
+    )
 
 
 GOOD = np.broadcast_to(np.eye(3), (4, 3, 3)).copy()

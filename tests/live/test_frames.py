@@ -22,7 +22,9 @@ POSITION = st.none() | st.lists(st.floats(-1e3, 1e3) | st.integers(-9, 9), min_s
 def test_a_frame_by_name_or_in_order_is_the_same(t, positions):
     named = dict(reversed(list(zip(NAMES, positions, strict=True))))
     seen = {name: position for name, position in named.items() if position is not None}
-    wanted = np.array([[np.nan] * 3 if position is None else position for position in positions], dtype=float)
+    wanted = np.array(
+        [[np.nan] * 3 if position is None else position for position in positions], dtype=float
+    )
     for points in (positions, named, seen):
         frame = read_frame(json.dumps({"points": points, "t": t}).encode(), NAMES)
         assert frame.t == t
@@ -33,7 +35,9 @@ def test_a_frame_by_name_or_in_order_is_the_same(t, positions):
 def test_masked_points_are_not_seen():
     masked = np.ma.masked_array(np.ones((2, 3), dtype=int), mask=[[True] * 3, [False] * 3])
     for points in (masked, {"wrist": [1, 1, 1], "elbow": None}):
-        np.testing.assert_array_equal(as_frame(points, ("elbow", "wrist")), [[np.nan] * 3, [1.0] * 3])
+        np.testing.assert_array_equal(
+            as_frame(points, ("elbow", "wrist")), [[np.nan] * 3, [1.0] * 3]
+        )
 
 
 @pytest.mark.parametrize(("text", "word"), [
@@ -73,8 +77,13 @@ def test_the_page_shows_the_lines():
     assert encoded(error=str(caught.value), line=7).decode() == error
     transport = Datagrams(0)
     (code,) = blocks("py")
-    code = code.replace("9000", str(transport.about["udp"])).replace("...", "answers.append(answer)")
-    found = {"frames": [dict.fromkeys(NAMES, (0.1 * i, 0.0, 0.0)) for i in range(3)], "answers": (answers := [])}
+    code = code.replace("9000", str(transport.about["udp"])).replace(
+        "...", "answers.append(answer)"
+    )
+    found = {
+        "frames": [dict.fromkeys(NAMES, (0.1 * i, 0.0, 0.0)) for i in range(3)],
+        "answers": (answers := []),
+    }
     with serving(Toy(), transport):
         exec(compile(code, "page", "exec"), found)
         wait(lambda: any(answer["joints"]["lift"] == pytest.approx(0.2) for answer in answers))

@@ -18,7 +18,9 @@ from sizes import SMALL, little_search
 def frames(small_result):
     """Two seconds of the recording of which one calibrated the person, three times as slow, at 50 Hz, and times."""
     recording = mp.read_recording(shipped_recording("ladder")).crop(9.5, 11.5)
-    points = np.stack([recording.point(name) for name in mp.Live.of(small_result, clock=None).points], axis=1)
+    points = np.stack(
+        [recording.point(name) for name in mp.Live.of(small_result, clock=None).points], axis=1
+    )
     time, slow = np.arange(0.0, 5.7, 0.02), 3.0 * (recording.time - recording.time[0])
     return make_interp_spline(slow, points)(time), time
 
@@ -45,7 +47,9 @@ def test_limits_are_kept_whatever_comes(small_result, frames):
     """Drop-outs, jumps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
     points, _ = frames
     draw, count = np.random.default_rng(0), 250
-    time = np.cumsum(draw.choice([0.002, 0.005, 0.01, 0.03, 0.3], count, p=[0.2, 0.3, 0.3, 0.18, 0.02]))
+    time = np.cumsum(
+        draw.choice([0.002, 0.005, 0.01, 0.03, 0.3], count, p=[0.2, 0.3, 0.3, 0.18, 0.02])
+    )
     at, shown = 0, []
     for kind in draw.choice(6, count, p=[0.7, 0.06, 0.06, 0.06, 0.06, 0.06]):
         at += draw.integers(0, 3)
@@ -63,7 +67,9 @@ def test_limits_are_kept_whatever_comes(small_result, frames):
         shown.append(frame)
     first, second = (played(mp.Live.of(small_result, clock=None), shown, time) for _ in range(2))
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, first)
-    assert_array_equal([state.joint_positions for state in first], [state.joint_positions for state in second])
+    assert_array_equal(
+        [state.joint_positions for state in first], [state.joint_positions for state in second]
+    )
 
 
 def test_a_person_is_followed_as_offline(small_result, live, frames):
@@ -77,7 +83,9 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
     offline = small_result.arm.placement.turned(
         small_result.arm.adapter.transform(fit.arm.ellipsoids(fit.joint_angles))
     )
-    differences = np.linalg.norm(np.array([state.arm.target for state in states]) - offline, axis=(1, 2))
+    differences = np.linalg.norm(
+        np.array([state.arm.target for state in states]) - offline, axis=(1, 2)
+    )
     assert np.median(differences / np.linalg.norm(offline, axis=(1, 2))) < 0.1
     assert np.median([state.position_error for state in states]) < 1e-3
     assert (states[0].state, states[-1].state) == ("reaching", "following")
@@ -103,7 +111,9 @@ def test_both_arms_lead_two_robots(two_arm_result):
     live = mp.Live.of(result, clock=None)
     slow, time = np.arange(0.0, 0.3, 0.003), recording.time - recording.time[0]
     columns = [
-        np.interp(slow, time[~np.isnan(x)], x[~np.isnan(x)]) for name in live.points for x in recording.point(name).T
+        np.interp(slow, time[~np.isnan(x)], x[~np.isnan(x)])
+        for name in live.points
+        for x in recording.point(name).T
     ]
     points = np.reshape(np.transpose(columns), (len(slow), -1, 3))
     hidden = points[-1].copy()
@@ -117,7 +127,9 @@ def test_both_arms_lead_two_robots(two_arm_result):
         for arm, own, columns in zip(state.arms, result.arms, arms.columns, strict=True):
             pose = own.robot.forward(state.joint_positions[columns])
             assert_allclose(arm.position, pose[:3, 3], atol=1e-9)
-            assert_allclose(arm.achieved, own.robot.manipulability(state.joint_positions[columns]), atol=1e-9)
+            assert_allclose(
+                arm.achieved, own.robot.manipulability(state.joint_positions[columns]), atol=1e-9
+            )
     assert held.state == "holding"
     assert not held.joint_velocities.any()
     require_safe(result.motion.trajectory, mp.Collisions.of(arms), times, states)
@@ -136,7 +148,9 @@ def test_force_ellipsoids_are_followed_within_limits(second, frames):
     assert states[-1].state == "following"
     assert np.median([state.position_error for state in states[100:]]) < 1e-3
     last = states[-1].arm
-    forces = result.arm.adapter.transform(live._arms[0].person.arm.ellipsoids(last.person, result.config.spec)[None])[0]
+    forces = result.arm.adapter.transform(
+        live._arms[0].person.arm.ellipsoids(last.person, result.config.spec)[None]
+    )[0]
     turn = result.arm.placement.rotation
     assert_allclose(last.target @ turn @ forces @ turn.T, np.eye(3), atol=1e-6)
 
@@ -150,8 +164,14 @@ def test_who_is_not_seen_is_waited_for(live, frames):
     assert_array_equal(gone[-1].joint_positions, gone[-5].joint_positions)
     assert np.isfinite(gone[-1].distance)
     back = [live.step(points[200], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
-    assert (back[0].state, back[2].state, back[-1].state) == ("recovering", "recovering", "following")
-    assert_allclose(back[0].arm.target_position, back[-1].arm.target_position, atol=0.005)  # without a delay
+    assert (back[0].state, back[2].state, back[-1].state) == (
+        "recovering",
+        "recovering",
+        "following",
+    )
+    assert_allclose(
+        back[0].arm.target_position, back[-1].arm.target_position, atol=0.005
+    )  # without a delay
     assert back[-1].position_error < 0.01
     live.hold()
     assert live.step(None, back[-1].time + 0.02).state == "holding"
@@ -201,7 +221,10 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames)
     ):  # fmt: skip
         with pytest.raises(InvalidInputError, match=words):
             live.step(points, time)
-    assert_array_equal(live.step(frames[0][1], 0.02).joint_positions, other.step(frames[0][1], 0.02).joint_positions)
+    assert_array_equal(
+        live.step(frames[0][1], 0.02).joint_positions,
+        other.step(frames[0][1], 0.02).joint_positions,
+    )
 
 
 @pytest.mark.parametrize(("options", "word"), [
@@ -223,7 +246,10 @@ def test_wrong_types_are_errors(small_result):
         ((small_result.recording, arm.adapter, arm.robot), "person"),
         ((arm.fit, arm.adapter, "panda"), "robot"),
         ((arm.fit, arm.adapter, pair), "person .* 2"),
-        ((mp.mocap.HumanMotion((arm.fit,) * 2, np.zeros((2, 3))), arm.adapter, pair), "adapter .* 2"),
+        (
+            (mp.mocap.HumanMotion((arm.fit,) * 2, np.zeros((2, 3))), arm.adapter, pair),
+            "adapter .* 2",
+        ),
     ):
         with pytest.raises(InvalidInputError, match=name):
             mp.Live(*arguments, start=np.zeros(7))
@@ -241,22 +267,38 @@ def test_a_delay_shifts_targets_and_lowers_errors(small_result, frames):
     at = np.array([[state.time - 0.15] for state in delayed])
     around = at + np.clip(fast[-1] - at, 0.0, 0.05) * ((np.arange(200) + 0.5) / 100.0 - 1.0)
     for name, tolerance in (("target_position", 1e-5), ("target", 1e-4)):
-        path, later = (np.array([getattr(state.arm, name) for state in own]) for own in (states, delayed))
-        new = np.append(True, np.diff(path.reshape(len(path), -1), axis=0).any(axis=1))  # a frame that is followed
+        path, later = (
+            np.array([getattr(state.arm, name) for state in own]) for own in (states, delayed)
+        )
+        new = np.append(
+            True, np.diff(path.reshape(len(path), -1), axis=0).any(axis=1)
+        )  # a frame that is followed
         wanted = make_interp_spline(fast[new], path[new], k=1)(np.clip(around, 0.0, fast[new][-1]))
         assert_allclose(later, wanted.mean(axis=1), atol=tolerance)
-    first, new = (live.step(points[0], fast[-1] + 0.2).arm.target_position for live in (late, present))
+    first, new = (
+        live.step(points[0], fast[-1] + 0.2).arm.target_position for live in (late, present)
+    )
     last = states[-1].arm.target_position
     assert_allclose(first, last + (new - last) / 12.0, atol=1e-9)
     after = [late.step(None, fast[-1] + 0.2 + t) for t in (0.05, 0.1, 0.15, 0.24, 0.26)]
     shares = np.array([[1.0 / 3.0], [2.0 / 3.0], [1.0], [1.0], [1.0]])
-    assert_allclose([state.arm.target_position for state in after], last + shares * (new - last), atol=1e-9)
+    assert_allclose(
+        [state.arm.target_position for state in after], last + shares * (new - last), atol=1e-9
+    )
     delayed += after
     assert {state.state for state in delayed[-9:-1]} <= {"following", "lagging"}
     assert delayed[-1].state == "holding"
-    high = [np.percentile([state.position_error for state in own[50:]], 95.0) for own in (states, delayed)]
+    high = [
+        np.percentile([state.position_error for state in own[50:]], 95.0)
+        for own in (states, delayed)
+    ]
     assert high[1] < 0.6 * high[0]
-    require_safe(small_result.arm.motion, small_result.arm.collisions, [state.time for state in delayed], delayed)
+    require_safe(
+        small_result.arm.motion,
+        small_result.arm.collisions,
+        [state.time for state in delayed],
+        delayed,
+    )
 
 
 def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
@@ -264,7 +306,8 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
     states = played(live, points, time / 6.0)
     states += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 150)]
     errors = {
-        name: [state.position_error for state in states if state.state == name] for name in ("following", "lagging")
+        name: [state.position_error for state in states if state.state == name]
+        for name in ("following", "lagging")
     }
     assert max(errors["following"]) <= FAR
     assert max(errors["lagging"]) > FAR
@@ -273,7 +316,15 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
 
 
 def test_neither_unit_nor_axes_of_frames_matter(small_result, live, frames):
-    turn, other = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix(), mp.Live.of(small_result, clock=None)
+    turn, other = (
+        Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix(),
+        mp.Live.of(small_result, clock=None),
+    )
     for points, t in zip(frames[0][:15], frames[1][:15], strict=True):
         there = 1e3 * points @ turn.T + [50.0, -7.0, 300.0]
-        assert_allclose(live.step(points, t).joint_positions, other.step(there, t).joint_positions, atol=1e-6, rtol=0.0)
+        assert_allclose(
+            live.step(points, t).joint_positions,
+            other.step(there, t).joint_positions,
+            atol=1e-6,
+            rtol=0.0,
+        )

@@ -26,10 +26,15 @@ def led(small_result, second):
     limits = small_result.arm.motion.limits
 
     def make(clock):
-        return mp.Live.of(small_result, clock=clock, start=0.5 * (limits.arm.lower + limits.arm.upper))
+        return mp.Live.of(
+            small_result, clock=clock, start=0.5 * (limits.arm.lower + limits.arm.upper)
+        )
 
     shown = second.select(make(None).points)
-    time, flat = np.linspace(shown.time[0], shown.time[-1], 300), shown.positions.reshape(len(shown.time), -1)
+    time, flat = (
+        np.linspace(shown.time[0], shown.time[-1], 300),
+        shown.positions.reshape(len(shown.time), -1),
+    )
     columns = [np.interp(time, shown.time, column) for column in flat.T]
     return make, np.stack(columns, axis=1).reshape(300, -1, 3)
 
@@ -89,7 +94,10 @@ def compiled():
     """Signatures of all numba functions of the package, and of others, by their names."""
     gc.collect()
     functions = [item for item in gc.get_objects() if isinstance(item, Dispatcher)]
-    return {(item.py_func.__module__, item.py_func.__qualname__, str(item.signatures)) for item in functions}
+    return {
+        (item.py_func.__module__, item.py_func.__qualname__, str(item.signatures))
+        for item in functions
+    }
 
 
 def test_nothing_is_compiled_after_preparation(led):

@@ -19,7 +19,11 @@ def recorded(small_result, second, tmp_path):
     second.save(tmp_path / "person.npz")
     positions = second.select(Live.of(small_result).points).positions
     rows = zip(second.time.tolist(), positions.tolist(), strict=True)
-    return tmp_path / "person.npz", [json.dumps({"t": t, "points": points}) for t, points in rows], second.time
+    return (
+        tmp_path / "person.npz",
+        [json.dumps({"t": t, "points": points}) for t, points in rows],
+        second.time,
+    )
 
 
 @pytest.fixture
@@ -37,7 +41,11 @@ def live(monkeypatch, capfdbinary, small_result):
             with pytest.raises(SystemExit) as stop:
                 cli.main()
         out, err = capfdbinary.readouterr()
-        return int(stop.value.code or 0), [json.loads(line) for line in out.splitlines()], err.decode()
+        return (
+            int(stop.value.code or 0),
+            [json.loads(line) for line in out.splitlines()],
+            err.decode(),
+        )
 
     return call
 
@@ -45,7 +53,9 @@ def live(monkeypatch, capfdbinary, small_result):
 def test_every_line_is_answered(live, recorded, small_result):
     """First the expected points, then a line for each frame; at the end the robot rests, and a summary is printed."""
     path, lines, time = recorded
-    code, (first, start, error, *rest), err = live(path, "--no-drop", lines=[lines[0], "nonsense", *lines[1:]])
+    code, (first, start, error, *rest), err = live(
+        path, "--no-drop", lines=[lines[0], "nonsense", *lines[1:]]
+    )
     arm = small_result.arm.robot
     assert code == 0
     assert first["points"] == list(Live.of(small_result).points)

@@ -41,7 +41,9 @@ def test_unseen_joints_come_to_rest():
     arm, q, time = moving("right")
     q[:, 3] = 0.0
     recording = synthetic_recording(arm, q, time)
-    found = estimates(Person(mp.fit_arm(recording)), recording, ("elbow_medial", "wrist_radial"), q[0])
+    found = estimates(
+        Person(mp.fit_arm(recording)), recording, ("elbow_medial", "wrist_radial"), q[0]
+    )
     assert np.isfinite([estimate.covariance for estimate in found]).all()
     assert np.abs(found[-1].velocity).max() < 5.0
     assert np.linalg.norm(arm.forward(found[-1].q)[:3, 3] - arm.forward(q[-1])[:3, 3]) < 0.03
@@ -53,7 +55,10 @@ def turning(speed, time):
 
 
 def test_filter_reduces_noise_at_rest_and_lags_by_its_cutoff():
-    time, noise = np.arange(0.0, 4.0, 1 / 30.0), np.random.default_rng(0).normal(0.0, 0.04, (120, 1, 3))
+    time, noise = (
+        np.arange(0.0, 4.0, 1 / 30.0),
+        np.random.default_rng(0).normal(0.0, 0.04, (120, 1, 3)),
+    )
     low_pass = OneEuroFilter(1)
     still = np.array([low_pass(turning(0.0, t) + noise[i], t) for i, t in enumerate(time)])
     assert still[60:].std(axis=0).max() < 0.02
@@ -82,8 +87,13 @@ def test_noisy_recordings_are_filtered():
 
 
 def test_hidden_points_move_with_the_points_around_them():
-    linear = np.array([[-1.0, 0.5, 0.5, 0.0], [0.0, -0.5, -0.5, 1.0]])  # shoulder, two markers of the elbow, wrist
-    frame, turn = np.array([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0.05, 0.01], [0.5, 0.2, 0]]), rotation_about(2, 0.5)
+    linear = np.array(
+        [[-1.0, 0.5, 0.5, 0.0], [0.0, -0.5, -0.5, 1.0]]
+    )  # shoulder, two markers of the elbow, wrist
+    frame, turn = (
+        np.array([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0.05, 0.01], [0.5, 0.2, 0]]),
+        rotation_about(2, 0.5),
+    )
     moved, points = frame @ turn.T + 0.1, HiddenPoints(linear)
     points.remember(frame, frame, 0.0)
     for i, longest in ((2, 2.0), (3, 0.1)):

@@ -37,13 +37,18 @@ def node(examples, small_result):
     node, sent = examples[0].Follow(mp.Live.of(small_result, clock=TIME.monotonic)), []
     array, joints = (ros_stand_in.MESSAGES[name][0] for name in ("std_msgs", "sensor_msgs"))
     marker, markers = ros_stand_in.MESSAGES["mocap4r2_msgs"]
-    ros_stand_in.Node("controller").create_subscription(array, COMMANDS, lambda message: sent.append(message.data), 1)
+    ros_stand_in.Node("controller").create_subscription(
+        array, COMMANDS, lambda message: sent.append(message.data), 1
+    )
 
     def send(points=None, time=0.0, **q):
         if points is None:
             return publish(joints, STATES, joints(name=[*q], position=[*q.values()]))
         message = markers(markers=[marker(marker_name=name) for name in points])
-        message.header.stamp.sec, message.header.stamp.nanosec = int(time), round(1e9 * (time % 1.0))
+        message.header.stamp.sec, message.header.stamp.nanosec = (
+            int(time),
+            round(1e9 * (time % 1.0)),
+        )
         for item, xyz in zip(message.markers, points.values(), strict=True):
             item.translation.x, item.translation.y, item.translation.z = xyz
         return publish(markers, MARKERS, message)
@@ -71,7 +76,9 @@ def test_a_simulated_robot_follows_markers(examples, small_result, second, monke
 def test_nothing_is_sent_before_the_robot_is_at_its_start(node, second):
     node, sent, send = node
     start = dict(zip(node.live.robot.joint_names, node.live.joint_positions.tolist(), strict=True))
-    points = dict(zip(node.live.points, second.select(node.live.points).positions[0].tolist(), strict=True))
+    points = dict(
+        zip(node.live.points, second.select(node.live.points).positions[0].tolist(), strict=True)
+    )
     for q in ({}, dict(list(start.items())[1:]), {**start, "panda_joint2": 1.0}):
         send(**q)
         send(points)
@@ -88,7 +95,9 @@ def test_wrong_markers_and_times_do_not_stop_the_node(node, second):
     node, sent, send = node
     send(**dict(zip(node.live.robot.joint_names, node.live.joint_positions.tolist(), strict=True)))
     frames = second.select(node.live.points)
-    rows = [dict(zip(node.live.points, points.tolist(), strict=True)) for points in frames.positions]
+    rows = [
+        dict(zip(node.live.points, points.tolist(), strict=True)) for points in frames.positions
+    ]
     first, wrong = rows[0], {node.live.points[0]: (np.inf, 0.0, 0.0)}
     for points, time, refused in (
         (first, 1.0, False), (wrong, 1.1, True), (first, 1.0, True), (first, 0.5, True), ({}, 1.1, False),

@@ -39,7 +39,10 @@ class Ends(contextlib.ExitStack):
         return super().__enter__()
 
     def write(self, *lines):
-        os.write(self._to, b"".join(line if isinstance(line, bytes) else line.encode() + b"\n" for line in lines))
+        os.write(
+            self._to,
+            b"".join(line if isinstance(line, bytes) else line.encode() + b"\n" for line in lines),
+        )
 
     def read(self):
         return json.loads(self.lines.readline())
@@ -143,7 +146,10 @@ def test_a_full_disk_is_an_error():
         def flush(self):
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    with open("/dev/full", "wb") as full, contextlib.closing(Datagrams(0, sink=Full())) as datagrams:
+    with (
+        open("/dev/full", "wb") as full,
+        contextlib.closing(Datagrams(0, sink=Full())) as datagrams,
+    ):
         for transport in (Pipe(0, full.fileno()), datagrams):
             with pytest.raises(OutputError, match="No space left"):
                 transport.send(b"{}")
@@ -159,7 +165,12 @@ def test_a_line_without_end_takes_no_memory(ends, guest):
     with contextlib.closing(Datagrams(0)) as transport:
         for text in (b"[" * 60_000, b"x" * (FRAME_BYTES + 1), b"y" * FRAME_BYTES, *[b"z"] * 20):
             guest.sendto(text, ("127.0.0.1", transport.about["udp"]))
-        assert [line.text for line in transport.receive(most=4)] == [None, None, b"y" * FRAME_BYTES, b"z"]
+        assert [line.text for line in transport.receive(most=4)] == [
+            None,
+            None,
+            b"y" * FRAME_BYTES,
+            b"z",
+        ]
 
 
 def test_a_reader_that_leaves_ends_it(ends):
@@ -178,7 +189,9 @@ def test_a_reader_that_does_not_read_is_not_waited_for(ends):
         for i in range(60):
             ends.write(frame(0.01 * i))
             wait(lambda: len(toy.times) > i)  # noqa: B023 - it is called before the next `i`
-        assert [ends.read().get("frame", -0.01) for _ in range(20)] == [0.01 * i for i in range(-1, 19)]
+        assert [ends.read().get("frame", -0.01) for _ in range(20)] == [
+            0.01 * i for i in range(-1, 19)
+        ]
     assert 0 < summaries[0].lost < 60
     assert f"{summaries[0].lost} answers not delivered" in str(summaries[0])
 
@@ -197,7 +210,9 @@ def test_datagrams_are_answered_to_their_sender_or_one_port(guest):
     assert (summaries[0].answered, summaries[0].refused) == (1, 1)
     transport = Datagrams(0, send=guest.getsockname()[1])
     with serving(Toy(), transport), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        while json.loads(guest.recv(9999)).get("points") != [*NAMES]:  # states of the first server's robot that brakes
+        while json.loads(guest.recv(9999)).get("points") != [
+            *NAMES
+        ]:  # states of the first server's robot that brakes
             pass
         other.sendto(frame(0.0).encode(), ("127.0.0.1", transport.about["udp"]))
         assert json.loads(guest.recv(9999))["state"] == "following"
@@ -236,7 +251,9 @@ class Script:
         stop, signal = socket.socketpair()
         with stop, signal:
             summary = Server(live, self, stop, clock=self.clock).run()
-        times, states = zip(*(answer for answer in self.answers if "state" in answer[1]), strict=True)
+        times, states = zip(
+            *(answer for answer in self.answers if "state" in answer[1]), strict=True
+        )
         return summary, np.array(times), states
 
 
@@ -244,7 +261,9 @@ def test_junk_does_not_delay_braking():
     clock = FakeClock()
     clock.delays = [1e-3] * 100_000
     junk = ["[" + "0," * (FRAME_BYTES // 2 - 2) + "0]"] * 64
-    script = Script(clock, [(1000.0, [frame(0.0)]), (1000.05, [frame(0.05, 0.1)]), *[(0.0, junk)] * 2])
+    script = Script(
+        clock, [(1000.0, [frame(0.0)]), (1000.05, [frame(0.05, 0.1)]), *[(0.0, junk)] * 2]
+    )
     _, times, states = script.serve(Toy())
     assert (states[1]["frame"], states[2]["state"]) == (0.05, "holding")
     assert times[2] - times[1] <= 0.1 + 5e-3
@@ -262,7 +281,10 @@ def test_the_robot_brakes_after_an_unexpected_error():
 
     toy.step = failing
     with pytest.raises(RuntimeError):
-        Script(clock, [(1000.0, [frame(0.0)]), (1000.05, [frame(0.05, 0.1)]), (1000.1, [frame(0.1, 0.2)])]).serve(toy)
+        Script(
+            clock,
+            [(1000.0, [frame(0.0)]), (1000.05, [frame(0.05, 0.1)]), (1000.1, [frame(0.1, 0.2)])],
+        ).serve(toy)
     assert toy.held
     assert toy.change == 0.0
 
@@ -274,7 +296,10 @@ def test_answers_are_consistent_under_overload(small_result, second):
     positions = second.select(live.points).positions
     for i in range(250):
         sent += draw.choice([0.01, 0.09, -0.5, 30.0], p=[0.9, 0.06, 0.02, 0.02])
-        pause, size = draw.choice([0.0, 4e-4, 0.01, 0.2], p=[0.1, 0.2, 0.6, 0.1]), draw.integers(0, 4)
+        pause, size = (
+            draw.choice([0.0, 4e-4, 0.01, 0.2], p=[0.1, 0.2, 0.6, 0.1]),
+            draw.integers(0, 4),
+        )
         lines = [frame(sent + 1e-3 * k, positions[i % len(positions)]) for k in range(size)]
         events.append((1000.0 + 0.007 * i + pause, [*lines, *["junk"] * draw.integers(0, 3)]))
     clock.delays = draw.uniform(0.0, 1e-3, 100_000).tolist()
@@ -282,10 +307,17 @@ def test_answers_are_consistent_under_overload(small_result, second):
     assert summary.answered > 50
     assert len([state for state in states if state["frame"] is None]) > 10
     assert summary.states.total() == len(states)
-    times, q = [state["t"] for state in states], np.array([list(state["joints"].values()) for state in states])
+    times, q = (
+        [state["t"] for state in states],
+        np.array([list(state["joints"].values()) for state in states]),
+    )
     assert (np.diff(times) > 0.0).all()
     assert times[-1] - times[0] <= clock.now - 1000.0
     require_limits(small_result.arm.motion.limits, times, q)
-    errors = [answer["position_error"] for answer in states if answer["state"] not in ("reaching", "holding")]
+    errors = [
+        answer["position_error"]
+        for answer in states
+        if answer["state"] not in ("reaching", "holding")
+    ]
     assert list(summary.errors) == [error for error in errors if error is not None]
     assert len(summary.times) == summary.answered

@@ -28,7 +28,12 @@ def test_the_inertia_is_that_of_the_robot(name):
     robot._data.qvel[:] = velocity = rng.normal(size=arm.dof)
     robot._data.qfrc_applied[:] = torque = rng.normal(size=arm.dof)
     robot._mujoco.mj_forward(robot._model, robot._data)
-    assert_allclose(robot._data.qacc, pin.aba(model, model.createData(), q, velocity, torque), rtol=1e-3, atol=1e-3)
+    assert_allclose(
+        robot._data.qacc,
+        pin.aba(model, model.createData(), q, velocity, torque),
+        rtol=1e-3,
+        atol=1e-3,
+    )
 
 
 def test_commands_are_followed_within_the_torque_limits():
@@ -57,7 +62,9 @@ def test_unknown_torque_limits_are_named(small_result):
     simulation = Simulation(mp.Live.of(small_result, clock=None))
     assert "torque at most 0 %" in str(simulation)
     arm = small_result.arm.robot
-    simulation.robot = SimulatedRobot(type(arm)(replace(arm.chain, effort_limits=None)), arm.sample(1, 0)[0])
+    simulation.robot = SimulatedRobot(
+        type(arm)(replace(arm.chain, effort_limits=None)), arm.sample(1, 0)[0]
+    )
     assert "torque without limits" in str(simulation)
 
 
@@ -66,7 +73,9 @@ def test_two_arms_are_simulated_together(two_arm_result):
     names = simulation._live.points
     frames = np.random.default_rng(0).normal(size=(len(names), 3)) + np.zeros((30, 1, 1))
     states = [simulation.step(points, 0.02 * i) for i, points in enumerate(frames)]
-    for arm, pose in zip(states[-1].arms, two_arm_result.robot.forward(simulation.robot.q), strict=True):
+    for arm, pose in zip(
+        states[-1].arms, two_arm_result.robot.forward(simulation.robot.q), strict=True
+    ):
         assert_allclose(arm.position, pose[:3, 3])
     assert simulation.lag < 0.05
 
@@ -81,10 +90,14 @@ def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monk
     """As the library does it, and by the command, which prints the errors and ends without the extra for the view."""
     simulation = Simulation(mp.Live.of(small_result, clock=None))
     frames = second.select(mp.Live.of(small_result, clock=None).points)
-    states = [simulation.step(points, t) for points, t in zip(frames.positions, frames.time, strict=True)]
+    states = [
+        simulation.step(points, t) for points, t in zip(frames.positions, frames.time, strict=True)
+    ]
     arm, last = small_result.arm.robot, states[-1]
     assert_allclose(last.arm.position, arm.forward(last.joint_positions)[:3, 3])
-    assert_allclose(last.position_error, np.linalg.norm(last.arm.position - last.arm.target_position))
+    assert_allclose(
+        last.position_error, np.linalg.norm(last.arm.position - last.arm.target_position)
+    )
     assert 0.0 < simulation.lag < 0.05
     monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
     monkeypatch.setattr("maniport.cli.live.find_spec", lambda name: None)

@@ -49,7 +49,9 @@ class Toy:
 def serving(live, transport, every=False):
     """Run a server in a thread; yield the list that will hold its summary, and end it."""
     (stop, signal), summaries = socket.socketpair(), []
-    loop = threading.Thread(target=lambda: summaries.append(Server(live, transport, stop, every).run()))
+    loop = threading.Thread(
+        target=lambda: summaries.append(Server(live, transport, stop, every).run())
+    )
     with stop, signal:
         loop.start()
         try:

@@ -93,9 +93,15 @@ def test_short_gaps_are_interpolated_and_long_ones_omitted(arm, slow_motion, rec
     assert "20 frames in the middle" in fit.quality_warnings[-1]
 
 
-@pytest.mark.parametrize("file", sorted([*DATA.glob("*.npy"), *DATA.glob("*.bvh")]), ids=lambda file: file.name)
+@pytest.mark.parametrize(
+    "file", sorted([*DATA.glob("*.npy"), *DATA.glob("*.bvh")]), ids=lambda file: file.name
+)
 def test_recordings_of_others_are_fitted(file):
-    recording = read_recording(file, rate=30.0).crop(0, 1.17) if file.suffix == ".npy" else read_recording(file)
+    recording = (
+        read_recording(file, rate=30.0).crop(0, 1.17)
+        if file.suffix == ".npy"
+        else read_recording(file)
+    )
     for side in SIDES:
         angles = np.degrees(fit_arm(recording, side=side).joint_angles)
         assert np.all(np.isfinite(angles))
@@ -105,13 +111,18 @@ def test_recordings_of_others_are_fitted(file):
 def test_shipped_recordings_are_followed_closely(ladder):
     """Residuals [°] are small except briefly at limits; without points of the hand the wrist is unobservable."""
     freeform = fit_arm(read_recording("freeform"))
-    for fit, bounds, hand, largest in ((ladder, (0.1, 0.1), 1.5, 7.0), (freeform, (0.8, 1.0), 5.0, 8.0)):
+    for fit, bounds, hand, largest in (
+        (ladder, (0.1, 0.1), 1.5, 7.0),
+        (freeform, (0.8, 1.0), 5.0, 8.0),
+    ):
         summary = fit.residual_summary()
         for segment, bound in zip(("upper arm", "forearm"), bounds, strict=True):
             assert summary[segment]["median"] < bound
             assert summary[segment]["max"] < largest
         assert summary["hand"]["median"] < hand
-    assert max(ladder.residual_summary()[segment]["p95"] for segment in ("upper arm", "forearm")) < 1.0
+    assert (
+        max(ladder.residual_summary()[segment]["p95"] for segment in ("upper arm", "forearm")) < 1.0
+    )
     assert tuple(ladder.unobservable) == ("pro_sup", "deviation", "flexion")
     assert len(ladder) == 1128
     assert ladder.segment_lengths["upper arm"] == pytest.approx(0.2959, abs=1e-4)
@@ -121,7 +132,10 @@ def test_shipped_recordings_are_followed_closely(ladder):
 
 @pytest.mark.parametrize(
     ("person", "pair", "segment", "axis"),
-    [("myoarm", ("ROWR", "RIWR"), "forearm", "wrist_axis"), ("rhuman", ("RIEL", "RELB"), "upper arm", "elbow_axis")],
+    [
+        ("myoarm", ("ROWR", "RIWR"), "forearm", "wrist_axis"),
+        ("rhuman", ("RIEL", "RELB"), "upper arm", "elbow_axis"),
+    ],
 )
 def test_exchanged_markers_are_reported(person, pair, segment, axis):
     recording = read_recording("freeform")
@@ -133,7 +147,10 @@ def test_exchanged_markers_are_reported(person, pair, segment, axis):
     assert f"'{axis}': [['{pair[1]}'], ['{pair[0]}']]" in text
     row = fit.residual_summary()[f"{segment} about its axis"]
     assert 30 < row["median"] <= row["p95"] <= row["max"] <= 180
-    assert abs(fit.residuals[f"{segment} about its axis"][fit.time == row["max_at_s"]][0]) == row["max"]
+    assert (
+        abs(fit.residuals[f"{segment} about its axis"][fit.time == row["max_at_s"]][0])
+        == row["max"]
+    )
     repaired = fit_arm(wrong, person, markers={axis: ([pair[1]], [pair[0]])})
     assert not any("exchanged" in text for text in repaired.quality_warnings)
     assert repaired.residual_summary()[f"{segment} about its axis"]["median"] < 16
@@ -151,7 +168,9 @@ def test_noise_and_outliers_of_video_are_reduced(record, slow_motion):
     noisy += np.where(generator.random(noisy.shape[:2]) < 0.03, 1.0, 0.0)[..., None] * away
     video, truth = replace(clean, positions=noisy), fit_arm(clean, side="right")
     fits = [fit_arm(video, side="right", smooth=smooth) for smooth in ("auto", "off")]
-    joints, raw_joints = (np.sqrt(np.mean((fit.joint_angles - truth.joint_angles)[:, :4] ** 2)) for fit in fits)
+    joints, raw_joints = (
+        np.sqrt(np.mean((fit.joint_angles - truth.joint_angles)[:, :4] ** 2)) for fit in fits
+    )
     wanted = truth.arm.manipulability(truth.joint_angles)
     ellipsoids, raw_ellipsoids = (
         np.mean(spd.distance(fit.arm.manipulability(fit.joint_angles), wanted)) for fit in fits
@@ -172,8 +191,14 @@ def test_repaired_faults_leave_the_fit_as_it_is(slow_motion):
     positions[40:43, names.index("hand")] = 0.0
     wrist = names.index("RightWrist")
     positions[100:120, [wrist, -1]] = positions[100:120, [-1, wrist]]
-    fit = fit_arm(Recording((*names, "LeftWrist"), positions, time), markers={"wrist": "RightWrist"}, side="right")
-    assert np.degrees(np.abs(fit.joint_angles - fit_arm(clean, side="right").joint_angles).max()) < 0.3
+    fit = fit_arm(
+        Recording((*names, "LeftWrist"), positions, time),
+        markers={"wrist": "RightWrist"},
+        side="right",
+    )
+    assert (
+        np.degrees(np.abs(fit.joint_angles - fit_arm(clean, side="right").joint_angles).max()) < 0.3
+    )
     assert any("hand: exactly at the origin in 3 frames" in note for note in fit.notes)
     assert any("swapped in 20 frames" in text for text in fit.quality_warnings)
 
@@ -195,15 +220,25 @@ def test_repetitions_are_found(repeated):
 @pytest.mark.parametrize(("name", "person"), [("ladder", "rhuman"), ("freeform", "myoarm")])
 def test_a_mirrored_recording_gives_mirrored_angles_and_ellipsoids(name, person):
     recording, s = read_recording(name).crop(0, 1), np.diag([1.0, -1.0, 1.0])
-    names, flipped = tuple(map(other_side, recording.names)), recording.positions * np.array([1.0, 1.0, -1.0])
-    right, left = fit_arm(recording, person), fit_arm(replace(recording, names=names, positions=flipped), person)
+    names, flipped = (
+        tuple(map(other_side, recording.names)),
+        recording.positions * np.array([1.0, 1.0, -1.0]),
+    )
+    right, left = (
+        fit_arm(recording, person),
+        fit_arm(replace(recording, names=names, positions=flipped), person),
+    )
     assert (right.arm.side, left.arm.side, left.arm.name) == ("right", "left", f"{person}_left")
     q = right.joint_angles
     np.testing.assert_allclose(left.joint_angles, q, atol=1e-9)
     np.testing.assert_allclose(left.arm.ellipsoids(q), s @ right.arm.ellipsoids(q) @ s, atol=1e-9)
-    np.testing.assert_allclose(left.arm.forward(q)[:, :3, 3], right.arm.forward(q)[:, :3, 3] @ s, atol=1e-9)
+    np.testing.assert_allclose(
+        left.arm.forward(q)[:, :3, 3], right.arm.forward(q)[:, :3, 3] @ s, atol=1e-9
+    )
     for name, values in right.residuals.items():
-        np.testing.assert_allclose(left.residuals[name], -values if "axis" in name else values, atol=1e-6)
+        np.testing.assert_allclose(
+            left.residuals[name], -values if "axis" in name else values, atol=1e-6
+        )
     assert left.summary == right.summary.replace("right arm", "left arm")
     assert left.unobservable == right.unobservable
 
@@ -216,10 +251,20 @@ def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, 
         time, q = slow_motion(arm, n=60)
         angles.append(q[::-1] if k else q)
         single = synthetic_recording(arm, angles[k], time)
-        points = dict(zip(single.names, np.moveaxis(single.positions, 1, 0) - [0, middle_of(arm), 0], strict=True))
-        tracks |= {name if "trunk" in name else f"{side}_{name}": track for name, track in points.items()}
+        points = dict(
+            zip(
+                single.names,
+                np.moveaxis(single.positions, 1, 0) - [0, middle_of(arm), 0],
+                strict=True,
+            )
+        )
+        tracks |= {
+            name if "trunk" in name else f"{side}_{name}": track for name, track in points.items()
+        }
         paths.append(arm.forward(angles[k])[:, :3, 3] - [0, middle_of(arm), 0])
-    motion = fit_arms(Recording(tuple(tracks), np.stack(list(tracks.values()), axis=1), time), person)
+    motion = fit_arms(
+        Recording(tuple(tracks), np.stack(list(tracks.values()), axis=1), time), person
+    )
     assert motion.names == SIDES
     for fit, q in zip(motion.arms, angles, strict=True):
         np.testing.assert_allclose(fit.joint_angles, q, atol=1e-6)
@@ -230,7 +275,9 @@ def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, 
 
 def test_the_shipped_recording_of_both_arms():
     motion = fit_arms(read_recording("both-arms"))
-    assert motion.quality_warnings[0].startswith("left arm: the model of the arm and the person differ")
+    assert motion.quality_warnings[0].startswith(
+        "left arm: the model of the arm and the person differ"
+    )
     assert [len(motion), *map(len, motion.arms)] == [272] * 3
     np.testing.assert_array_equal(motion.arms[0].frames, motion.arms[1].frames)
     for fit in motion.arms:

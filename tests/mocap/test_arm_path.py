@@ -17,7 +17,10 @@ def test_a_path_agrees_with_one_large_problem(width):
     weights[1:-1] = smoothing
     priors = JointPriors(np.full(DOF, -width), np.full(DOF, width), pull, neutral)
     q = solve_path(
-        lambda q: (np.einsum("nri,ni->nr", matrices, q) - targets, matrices.copy()), np.zeros((n, DOF)), priors, weights
+        lambda q: (np.einsum("nri,ni->nr", matrices, q) - targets, matrices.copy()),
+        np.zeros((n, DOF)),
+        priors,
+        weights,
     )
     difference = np.diff(np.eye(n), 2, axis=0)
     blocks = np.zeros((n, 4, n, DOF))

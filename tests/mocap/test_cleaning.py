@@ -33,7 +33,10 @@ def test_frames_whose_time_does_not_increase_are_omitted():
     assert "2 frames" in notes[0]
     assert in_order(time, positions)[0] is time
     twice, rounded = np.r_[np.arange(90), np.arange(90)] / 30, np.round(np.arange(90) / 30, 1)
-    for wrong, words in ((twice, "90 of 180 frames .* index 90, 0 s"), (rounded, "59 of 90 frames .* index 1")):
+    for wrong, words in (
+        (twice, "90 of 180 frames .* index 90, 0 s"),
+        (rounded, "59 of 90 frames .* index 1"),
+    ):
         with pytest.raises(InvalidInputError, match=words):
             in_order(wrong, np.zeros((len(wrong), 1)))
 
@@ -42,9 +45,16 @@ def test_outliers_are_missing(slow_motion, record):
     arm = arms.rhuman(0.3, 0.27, 0.06)
     swinging = record(arm, *slow_motion(arm, n=300, seconds=10.0, curved=True))
     far = changed(swinging, "wrist", 70, swinging.point("wrist")[70] + np.array([0.0, 0.2, 0.0]))
-    far = changed(far, "wrist", slice(90, 92), swinging.point("wrist")[90:92] + np.array([0.3, 0.0, 0.0]))
+    far = changed(
+        far, "wrist", slice(90, 92), swinging.point("wrist")[90:92] + np.array([0.3, 0.0, 0.0])
+    )
     clean = without_outliers(far)
     assert np.flatnonzero(np.isnan(clean.point("wrist")[:, 0])).tolist() == [70, 90, 91]
     assert any("wrist: outlier in 3 frames" in note for note in clean.notes)
-    away = changed(swinging, "wrist", slice(150, 300), swinging.point("wrist")[150:] + np.array([0.3, 0.0, 0.0]))
+    away = changed(
+        swinging,
+        "wrist",
+        slice(150, 300),
+        swinging.point("wrist")[150:] + np.array([0.3, 0.0, 0.0]),
+    )
     assert without_outliers(away) is away

@@ -143,7 +143,9 @@ def test_faulty_arrays_are_rejected(markers, tmp_path, change, words):
 
 @pytest.mark.filterwarnings("error")
 def test_points_out_of_reach(tmp_path):
-    np.savez(tmp_path / "a.npz", names=["a", "b"], positions=[[[1e300, 0, 0], [1, 2, 3]]] * 2, rate=30.0)
+    np.savez(
+        tmp_path / "a.npz", names=["a", "b"], positions=[[[1e300, 0, 0], [1, 2, 3]]] * 2, rate=30.0
+    )
     assert read_recording(tmp_path / "a.npz", unit="m").missing.tolist() == [1, 0]
     np.save(tmp_path / "b.npy", np.full((2, 22, 3), 1e300) * np.linspace(0, 1, 66).reshape(22, 3))
     with pytest.raises(FileFormatError, match="22 joints without names"):

@@ -32,7 +32,12 @@ from maniport.mocap.readers import UNITS
 from maniport.mocap.readers.c3d import DEC, MIPS
 from maniport.mocap.roles import load_names
 
-TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
+TRUNK = {
+    "trunk_low": "pelvis",
+    "trunk_high": "neck",
+    "trunk_right": "shoulder_r",
+    "trunk_left": "shoulder_l",
+}
 JOINTS = {"shoulder": "shoulder_r", "elbow": "elbow_r", "wrist": "wrist_r"}
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup")
 ORDERS = load_names("joint_orders.yaml")
@@ -52,7 +57,9 @@ def smpl(made):
 
 
 def angles(recording):
-    return fit_arm(recording, markers={"hand": None, "elbow_axis": None, "wrist_axis": None}).joint_angles
+    return fit_arm(
+        recording, markers={"hand": None, "elbow_axis": None, "wrist_axis": None}
+    ).joint_angles
 
 
 def noted(recording, *words):
@@ -70,7 +77,9 @@ def test_tables_of_points_come_back(tmp_path, markers, write, name, unit, up):
     recording = read_recording(write(tmp_path / name, markers))
     names = tuple(name.rpartition(":")[2] for name in recording.names)
     assert names == markers.names
-    assert_allclose(recording.positions, markers.positions @ (Y_UP if up == "y" else np.eye(3)).T, atol=1e-6)
+    assert_allclose(
+        recording.positions, markers.positions @ (Y_UP if up == "y" else np.eye(3)).T, atol=1e-6
+    )
     assert_allclose(recording.time, markers.time, atol=1e-6)
     assert noted(recording, "unit", unit)
 
@@ -92,10 +101,15 @@ def test_text_of_windows_is_read(tmp_path, made, markers, encoding):
 
 @pytest.mark.parametrize(("separator", "comma"), [(",", "."), (";", "."), (";", ","), ("\t", ",")])
 def test_separators_and_decimal_commas(tmp_path, markers, separator, comma):
-    trc, csv = write_trc(tmp_path / "a.trc", markers, "mm", 0.001), write_csv(tmp_path / "a.csv", markers)
+    trc, csv = (
+        write_trc(tmp_path / "a.trc", markers, "mm", 0.001),
+        write_csv(tmp_path / "a.csv", markers),
+    )
     for file, old in ((trc, "\t"), (csv, ",")):
         before = read_recording(file)
-        file.write_text(file.read_text().replace(old, "|").replace(".", comma).replace("|", separator))
+        file.write_text(
+            file.read_text().replace(old, "|").replace(".", comma).replace("|", separator)
+        )
         after = read_recording(file)
         assert after.names == before.names
         assert_allclose(after.positions, before.positions, atol=1e-12)
@@ -121,7 +135,9 @@ def test_every_skeleton_gives_the_points_and_angles_of_the_motion(tmp_path, made
     turn = Y_UP if skeleton.up == "y" else np.eye(3)
     for point, part in mirrored(skeleton.names).items():
         assert_allclose(recording.point(point), made.parts[part] @ turn.T, atol=2e-6)
-    assert_allclose(fit_arm(recording, markers={"hand": None}, side="right").joint_angles, plain, atol=1e-4)
+    assert_allclose(
+        fit_arm(recording, markers={"hand": None}, side="right").joint_angles, plain, atol=1e-4
+    )
 
 
 @pytest.mark.parametrize("unit", ["m", "cm", "mm", "inch", "CMU"])
@@ -153,7 +169,9 @@ def test_mvnx_gives_the_origins_of_segments(tmp_path, made, plain):
 
 @pytest.mark.parametrize("degrees", [True, False])
 def test_joint_angles_of_saul_come_back(tmp_path, made, degrees):
-    fit = fit_arm(read_recording(write_mot(tmp_path / "a.mot", made.time, made.joint_angles, SAUL, degrees)))
+    fit = fit_arm(
+        read_recording(write_mot(tmp_path / "a.mot", made.time, made.joint_angles, SAUL, degrees))
+    )
     assert fit.observable.all()
     assert_allclose(np.degrees(fit.joint_angles), np.degrees(made.joint_angles), atol=0.1)
 
@@ -161,14 +179,20 @@ def test_joint_angles_of_saul_come_back(tmp_path, made, degrees):
 def test_joint_angles_of_rajagopal_in_known_configurations(tmp_path):
     poses = np.radians([[0, 0, 0, 0, 90], [90, 0, 0, 0, 90], [0, -90, 0, 0, 90], [0, 0, 0, 90, 90]])
     names = [f"{name}_{side}" for side in "rl" for name in RAJAGOPAL]
-    recording = read_recording(write_mot(tmp_path / "a.sto", np.arange(4) / 10, np.tile(poses, 2), names))
+    recording = read_recording(
+        write_mot(tmp_path / "a.sto", np.arange(4) / 10, np.tile(poses, 2), names)
+    )
     upper = recording.point("right_elbow") - recording.point("right_shoulder")
     upper /= np.linalg.norm(upper, axis=1, keepdims=True)
     assert_allclose(upper, [[0, 0, -1], [1, 0, 0], [0, -1, 0], [0, 0, -1]], atol=0.06)
     fore = recording.point("right_hand") - recording.point("right_elbow")
     assert fore[3, 0] > 0.25 > abs(fore[3, 2])
-    assert (recording.point("right_wrist_radial") - recording.point("right_wrist_ulnar"))[0, 0] > 0.05
-    assert_allclose(recording.point("left_hand"), recording.point("right_hand") * [1.0, -1.0, 1.0], atol=1e-12)
+    assert (recording.point("right_wrist_radial") - recording.point("right_wrist_ulnar"))[
+        0, 0
+    ] > 0.05
+    assert_allclose(
+        recording.point("left_hand"), recording.point("right_hand") * [1.0, -1.0, 1.0], atol=1e-12
+    )
 
 
 def test_an_array_with_names_beside_it(tmp_path, markers):
@@ -212,7 +236,9 @@ def test_keypoints_of_mediapipe_in_every_layout(tmp_path, made):
     assert first.rate == pytest.approx(50)
     assert noted(first, "below 0.5")
     bone = first.point("right_wrist") - first.point("right_elbow")
-    assert_allclose(bone, (recording.point("right_wrist") - recording.point("right_elbow")) @ DOWN.T, atol=1e-12)
+    assert_allclose(
+        bone, (recording.point("right_wrist") - recording.point("right_elbow")) @ DOWN.T, atol=1e-12
+    )
     frames = [frame["pose_world_landmarks"] for frame in timed]
     named = [dict(zip(ORDERS["by_count"][33], frame, strict=True)) for frame in frames]
     for i, content in enumerate((
@@ -227,7 +253,10 @@ def test_keypoints_of_mediapipe_in_every_layout(tmp_path, made):
         assert_allclose(again.point("right_wrist"), first.point("right_wrist"))
     (tmp_path / "a.jsonl").write_text("\n".join(map(json.dumps, frames)))
     assert_allclose(read_recording(tmp_path / "a.jsonl", rate=50).positions, first.positions)
-    flat = [[{"x": 0.5 + p["x"] / 3, "y": 0.5 + p["y"] / 3, "z": p["z"]} for p in frame] for frame in frames]
+    flat = [
+        [{"x": 0.5 + p["x"] / 3, "y": 0.5 + p["y"] / 3, "z": p["z"]} for p in frame]
+        for frame in frames
+    ]
     with pytest.raises(FileFormatError, match="in an image"):
         read_recording(write_json(tmp_path / "b.json", flat), rate=30)
 
@@ -238,7 +267,10 @@ def test_a_folder_of_openpose(tmp_path, made):
     index = [recording.names.index(name) if name in recording.names else None for name in names]
     for i, places in enumerate(recording.positions[:5]):
         flat = [x for j in index for x in ([*places[j], 0.9] if j is not None else [0, 0, 0, 0])]
-        write_json(tmp_path / f"walk_{i:012}_keypoints.json", {"version": 1.3, "people": [{"pose_keypoints_3d": flat}]})
+        write_json(
+            tmp_path / f"walk_{i:012}_keypoints.json",
+            {"version": 1.3, "people": [{"pose_keypoints_3d": flat}]},
+        )
     again = read_recording(tmp_path, rate=50, unit="m")
     assert_allclose(again.point("RWrist"), recording.point("RWrist")[:5])
     assert np.isnan(again.point("LBigToe")).all()
@@ -250,14 +282,42 @@ def test_a_folder_of_openpose(tmp_path, made):
 @pytest.mark.parametrize("order", ["COCO", "human36m"])
 def test_the_order_of_seventeen_keypoints_is_recognized(tmp_path, made, order):
     """Of COCO and Human3.6M the one in which arms keep their lengths is used, of the first person."""
-    parts = {"pelvis": "pelvis", "spine": "spine2", "thorax": "neck", "neck": "neck2", "head": "head"}
-    limbs = {"hip": "hip", "knee": "knee", "ankle": "foot", "shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist"}
-    parts |= {f"{side}_{part}": f"{own}_{side[0]}" for side in ("left", "right") for part, own in limbs.items()}
-    parts |= {"nose": "nose", "left_eye": "eye_l", "right_eye": "eye_r", "left_ear": "ear_l", "right_ear": "ear_r"}
-    recording = made.recording({name: parts[name] for name in ORDERS.get(order) or ORDERS["by_count"][17]})
+    parts = {
+        "pelvis": "pelvis",
+        "spine": "spine2",
+        "thorax": "neck",
+        "neck": "neck2",
+        "head": "head",
+    }
+    limbs = {
+        "hip": "hip",
+        "knee": "knee",
+        "ankle": "foot",
+        "shoulder": "shoulder",
+        "elbow": "elbow",
+        "wrist": "wrist",
+    }
+    parts |= {
+        f"{side}_{part}": f"{own}_{side[0]}"
+        for side in ("left", "right")
+        for part, own in limbs.items()
+    }
+    parts |= {
+        "nose": "nose",
+        "left_eye": "eye_l",
+        "right_eye": "eye_r",
+        "left_ear": "ear_l",
+        "right_ear": "ear_r",
+    }
+    recording = made.recording(
+        {name: parts[name] for name in ORDERS.get(order) or ORDERS["by_count"][17]}
+    )
     people = [[{"keypoints": (places + i).tolist(), "keypoint_scores": [0.9] * 17} for i in (0, 1)]
               for places in recording.positions]  # fmt: skip
-    file = write_json(tmp_path / "a.json", {"instance_info": [{"frame_id": 1, "instances": one} for one in people]})
+    file = write_json(
+        tmp_path / "a.json",
+        {"instance_info": [{"frame_id": 1, "instances": one} for one in people]},
+    )
     again = read_recording(file, rate=50)
     assert again.names == recording.names
     assert_allclose(again.positions, recording.positions)
@@ -281,7 +341,9 @@ def test_every_kind_of_c3d_is_read(tmp_path, processor, integer, analog):
 
 def test_long_c3d_files_state_their_length_elsewhere(tmp_path):
     writer, file = Writer(), tmp_path / "a.c3d"
-    more = writer.group(3, "TRIAL") + writer.parameter(3, "ACTUAL_START_FIELD", 2, (2,), writer.short(1, 0))
+    more = writer.group(3, "TRIAL") + writer.parameter(
+        3, "ACTUAL_START_FIELD", 2, (2,), writer.short(1, 0)
+    )
     more += writer.parameter(3, "ACTUAL_END_FIELD", 2, (2,), writer.short(7, 0))
     file.write_bytes(writer.content(frames=0xFFFF, more=more))
     assert len(read_recording(file)) == 7
@@ -295,7 +357,10 @@ def test_missing_points_and_names_of_c3d(tmp_path):
     recording = read_recording(file)
     assert_allclose(recording.missing, [0.1, 0.1, 1.0, 0.0])
     assert noted(recording, "30.0 %", "always: C7")
-    for labels, names in ((("Nick01:RSHO", "'Nick01:RELB'", '"C7"', " T10 "), LABELS), (clashing, clashing)):
+    for labels, names in (
+        (("Nick01:RSHO", "'Nick01:RELB'", '"C7"', " T10 "), LABELS),
+        (clashing, clashing),
+    ):
         file.write_bytes(Writer(labels=labels).content())
         assert read_recording(file, unit="mm").names == names
 

@@ -31,17 +31,23 @@ def test_of_several_bodies_one_is_used(tmp_path, made):
     assert "several bodies: A, B" in both.quality_warnings[0]
     for own, body in ((None, "A"), ({"shoulder": "B:RSHO"}, "B")):
         roles = assign_roles(both, own)
-        assert {name[:2] for role in ("shoulder", "elbow", "wrist") for name in roles[role]} == {f"{body}:"}
+        assert {name[:2] for role in ("shoulder", "elbow", "wrist") for name in roles[role]} == {
+            f"{body}:"
+        }
         assert roles["trunk_up"][0][0].startswith(body)
     positions[:, names.index("A:RELB")] = np.nan
     Recording(names, positions, markers.time).save(file)
     assert assign_roles(read_recording(file))["wrist"] == ("B:RWRA", "B:RWRB")
 
 
-@pytest.mark.parametrize(("scale", "word"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+@pytest.mark.parametrize(
+    ("scale", "word"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")]
+)
 def test_times_that_cannot_be_seconds_are_recognized(tmp_path, markers, scale, word):
     file = tmp_path / "slow.npz"
-    np.savez(file, names=np.array(markers.names), positions=markers.positions, time=markers.time * scale)
+    np.savez(
+        file, names=np.array(markers.names), positions=markers.positions, time=markers.time * scale
+    )
     recording = read_recording(file)
     assert any(f"recognized as {word}" in note for note in recording.notes)
     np.testing.assert_allclose(recording.time, markers.time, atol=1e-12)

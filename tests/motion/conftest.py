@@ -9,7 +9,9 @@ from sizes import little_search
 @pytest.fixture(scope="session")
 def crane():
     rows = [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]]
-    return Arm.from_dh("crane", rows, [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3])
+    return Arm.from_dh(
+        "crane", rows, [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3]
+    )
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,9 @@ from maniport.motion.arm_model import model_prefixes
 from real_robots import NEEDS_ROBOTS
 
 
-@pytest.mark.parametrize("robot", ["panda", "few", "pandas", pytest.param("talos", marks=NEEDS_ROBOTS)])
+@pytest.mark.parametrize(
+    "robot", ["panda", "few", "pandas", pytest.param("talos", marks=NEEDS_ROBOTS)]
+)
 def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
     """Poses and Jacobians of all end effectors are the group's, column by column; shared joints are there once."""
     if robot == "talos":
@@ -25,7 +27,9 @@ def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
     assert_array_equal(model.lowerPositionLimit, arms.lower)
     assert_array_equal(model.upperPositionLimit, arms.upper)
     assert_array_equal(model.velocityLimit, arms.velocity_limits)
-    frames = [prefix + arm.frame for prefix, arm in zip(model_prefixes(group), group.arms, strict=True)]
+    frames = [
+        prefix + arm.frame for prefix, arm in zip(model_prefixes(group), group.arms, strict=True)
+    ]
     data = model.createData()
     for q in arms.sample(4, 0):
         pin.computeJointJacobians(model, data, q)
@@ -37,7 +41,14 @@ def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
             assert_allclose(computed, jacobian, atol=1e-12)
 
 
-TREE = {"trunk": "base", "left1": "trunk", "left2": "left1", "right1": "trunk", "right2": "right1", "third2": "right1"}
+TREE = {
+    "trunk": "base",
+    "left1": "trunk",
+    "left2": "left1",
+    "right1": "trunk",
+    "right2": "right1",
+    "third2": "right1",
+}
 
 
 @pytest.mark.parametrize("frames", [("left2", "right2", "third2"), ("third2", "left2", "right2")])
@@ -50,7 +61,9 @@ def test_arms_that_fork_one_after_another_have_all_masses_once(tmp_path, frames)
         f'<origin xyz="0.2 0.1 {0.1 * k}"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
         for k, (name, parent) in enumerate(TREE.items())
     )
-    (path := tmp_path / "tree.urdf").write_text(f'<robot name="tree"><link name="base"/>{links}</robot>')
+    (path := tmp_path / "tree.urdf").write_text(
+        f'<robot name="tree"><link name="base"/>{links}</robot>'
+    )
     group, whole = mp.load_arms(path, frames=frames), pin.buildModelFromUrdf(str(path))
     columns = [whole.joints[whole.getJointId(name)].idx_v for name in group.joint_names]
     model, state = robot_model(group), np.zeros((3, whole.nv))

@@ -14,7 +14,12 @@ class NoTargets:
 
     def linearize(self, q, differentials=None):
         return Linearization(
-            np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None], np.zeros((1, 6, 7))
+            np.zeros(1),
+            np.zeros(1),
+            np.zeros((1, 7)),
+            np.zeros((1, 7, 7)),
+            np.eye(4)[None],
+            np.zeros((1, 6, 7)),
         )
 
 
@@ -29,7 +34,10 @@ def test_limits_never_contradict_one_another(panda, seed):
         if i % 200 == 0:
             desired = 10.0 * rng.choice([-1.0, 1.0], 7)
         dt = 0.01 if i < 1000 else rng.uniform(0.001, 0.03)
-        before, state = state, driver.step(ControlProblem((NoTargets(),), state.q + desired, 1.0), state, dt)
+        before, state = (
+            state,
+            driver.step(ControlProblem((NoTargets(),), state.q + desired, 1.0), state, dt),
+        )
         assert state.solved
         change = 0.5 * accelerations * (dt + (before.dt or dt))
         assert np.all(np.abs(state.velocity - before.velocity) <= change * (1 + 1e-9) + 1e-9)
@@ -88,13 +96,22 @@ class OneAxis:
         slope = 200.0 * jacobian[:, 0]
         square, gradient = (200.0 * offset) ** 2, 200.0 * offset * slope
         return Linearization(
-            np.zeros(1), square, gradient, slope[:, :, None] @ slope[:, None], np.eye(4)[None], jacobian
+            np.zeros(1),
+            square,
+            gradient,
+            slope[:, :, None] @ slope[:, None],
+            np.eye(4)[None],
+            jacobian,
         )
 
 
 def approached(horizon, limits=(), steps=150):
     """States of a joint that accelerates by at most 2/s² and goes from 0 to 1 by steps of 0.01 s."""
-    driver, state, states = Controller(WIDE, *SLOW, limits=limits), ControlState.at_rest(np.zeros(7)), []
+    driver, state, states = (
+        Controller(WIDE, *SLOW, limits=limits),
+        ControlState.at_rest(np.zeros(7)),
+        [],
+    )
     for _ in range(steps):
         problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, horizon)
         states.append(state := driver.step(problem, state, 0.01))
@@ -119,7 +136,9 @@ def test_later_positions_start_an_arm_before_its_target_moves():
     speeds = []
     for ends in (None, [1.0, 1.0, 1.0], [1.0, 1.05, 1.2]):
         positions = None if ends is None else (np.outer(ends, [1.0, 0.0, 0.0]),)
-        problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, (0.05, 0.1), positions=positions)
+        problem = ControlProblem(
+            (OneAxis(),), np.zeros(7), 1e-3, 0.0, None, (0.05, 0.1), positions=positions
+        )
         speeds.append(driver.step(problem, rest, 0.01).velocity[0])
     assert speeds[0] == speeds[1] == pytest.approx(0.0, abs=1e-6)
     assert speeds[2] == pytest.approx(0.02)
@@ -137,7 +156,11 @@ def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
     wall = Wall()
     states = approached((0.05, 0.1), (wall,), steps=60)
     assert all(state.solved for state in states)
-    driver, state, wall.at = Controller(WIDE, *SLOW, limits=(wall,)), states[-1], states[-1].q[0] + 0.01
+    driver, state, wall.at = (
+        Controller(WIDE, *SLOW, limits=(wall,)),
+        states[-1],
+        states[-1].q[0] + 0.01,
+    )
     problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, (0.05, 0.1))
     for _ in range(20):
         last, state = state, driver.step(problem, state, 0.01)
@@ -147,7 +170,9 @@ def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
 
 def test_inequalities_that_contradict_one_another_do_not_stop_the_arm():
     """Joints 0 and 1 must have a sum of velocities below −1 and above 1 rad/s: a sum of 0 violates both the least."""
-    sides = SimpleNamespace(inequalities=lambda q, dt: (np.outer([1.0, -1.0], np.arange(7) < 2), np.full(2, -dt)))
+    sides = SimpleNamespace(
+        inequalities=lambda q, dt: (np.outer([1.0, -1.0], np.arange(7) < 2), np.full(2, -dt))
+    )
     state = approached((0.05, 0.1), (sides,), steps=60)[-1]
     assert state.q[0] > 0.1
     assert state.q[:2].sum() == pytest.approx(0.0, abs=1e-3)
@@ -156,9 +181,14 @@ def test_inequalities_that_contradict_one_another_do_not_stop_the_arm():
 def test_position_has_priority_over_the_ellipsoid():
     """While the target ellipsoid departs from the feasible ones, the distance grows and the end effector stays."""
     panda, start = load_arm("panda"), np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
-    shapes = panda.manipulability(start) + np.linspace(0.0, 3.0, 60)[:, None, None] * np.diag([0.0, 0.0, 1.0])
+    shapes = panda.manipulability(start) + np.linspace(0.0, 3.0, 60)[:, None, None] * np.diag(
+        [0.0, 0.0, 1.0]
+    )
     position = panda.forward(start)[:3, 3]
-    driver, state = Controller(panda, panda.velocity_limits, np.full(7, 10.0)), ControlState.at_rest(start)
+    driver, state = (
+        Controller(panda, panda.velocity_limits, np.full(7, 10.0)),
+        ControlState.at_rest(start),
+    )
     objective = Objective.of(panda, position_weight=FOLLOWING_WEIGHT)
     distances, errors = [], []
     for shape in shapes:

@@ -30,7 +30,10 @@ def own(panda, motion):
 
 def keeps_limits(result, arm, velocity_limits=None):
     """Whether positions and velocities stay within their limits to 1e-9 at every control step."""
-    q, speeds = result.control_positions, arm.velocity_limits if velocity_limits is None else velocity_limits
+    q, speeds = (
+        result.control_positions,
+        arm.velocity_limits if velocity_limits is None else velocity_limits,
+    )
     inside = np.all((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9))
     velocity = np.abs(np.diff(q, axis=0) / np.diff(result.control_time)[:, None])
     return inside and np.all(velocity <= speeds + 1e-9)
@@ -48,8 +51,12 @@ def test_own_ellipsoids_and_path_are_followed(panda, motion, own):
     assert_allclose(own.achieved, panda.manipulability(own.joint_positions))
     tips = panda.forward(own.joint_positions)[:, :3, 3]
     assert_allclose(own.position_error, np.linalg.norm(tips - path, axis=1))
-    assert_allclose(own.joint_positions[:, :6], joints[:, :6], atol=0.02)  # the last joint changes nothing
-    assert_allclose(own.joint_velocities[5:-5, :6], np.gradient(joints, TIME, axis=0)[5:-5, :6], atol=0.1)
+    assert_allclose(
+        own.joint_positions[:, :6], joints[:, :6], atol=0.02
+    )  # the last joint changes nothing
+    assert_allclose(
+        own.joint_velocities[5:-5, :6], np.gradient(joints, TIME, axis=0)[5:-5, :6], atol=0.1
+    )
 
 
 def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
@@ -67,13 +74,16 @@ def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
 
 
 @pytest.mark.parametrize(
-    ("turn", "speed", "status"), [((2.0, 3.4), None, "joint limit"), ((0.0, 1.5), 0.3, "velocity limit")]
+    ("turn", "speed", "status"),
+    [((2.0, 3.4), None, "joint limit"), ((0.0, 1.5), 0.3, "velocity limit")],
 )
 def test_joint_and_velocity_limits_are_named(panda, turn, speed, status):
     joints = np.repeat(START[None], len(TIME), axis=0)
     joints[:, 0] = np.linspace(*turn, len(TIME))
     path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
-    result = track(panda, profile, time=TIME, path=path, start=joints[0], velocity_limits=speed).arms[0]
+    result = track(
+        panda, profile, time=TIME, path=path, start=joints[0], velocity_limits=speed
+    ).arms[0]
     assert result.status[-1] == status
     assert ("too-fast" in report_of(result).warning_keys) == (status == "velocity limit")
     assert keeps_limits(result, panda, speed)
@@ -82,7 +92,9 @@ def test_joint_and_velocity_limits_are_named(panda, turn, speed, status):
 def test_acceleration_limits_are_kept(panda):
     turn = np.stack([np.cos(TIME), np.sin(TIME), 0 * TIME], axis=1)
     needles = 0.01 * np.eye(3) + turn[:, :, None] * turn[:, None, :]
-    result = track(panda, needles, time=TIME, start=START, acceleration_limits=5.0, velocity_limits=1.0).arms[0]
+    result = track(
+        panda, needles, time=TIME, start=START, acceleration_limits=5.0, velocity_limits=1.0
+    ).arms[0]
     step = np.diff(result.control_time)[0]
     assert np.abs(np.diff(result.control_positions, 2, axis=0)).max() <= 5.0 * step**2 + 1e-12
     assert keeps_limits(result, panda, 1.0)
@@ -100,8 +112,14 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     monkeypatch.setattr(controller.daqp, "solve", sometimes)
     result = track(panda, profile, time=TIME, path=path, start=joints[0]).arms[0]
     assert_array_equal(np.flatnonzero(result.held), np.arange(101, 111))
-    assert_array_equal(result.control_positions[101:111], np.repeat(result.control_positions[[100]], 10, axis=0))
-    assert {i for i, word in enumerate(result.status) if word == "QP failed; last safe configuration held"} == {21, 22}
+    assert_array_equal(
+        result.control_positions[101:111], np.repeat(result.control_positions[[100]], 10, axis=0)
+    )
+    assert {
+        i
+        for i, word in enumerate(result.status)
+        if word == "QP failed; last safe configuration held"
+    } == {21, 22}
     assert result.distance[-1] < 0.05
     assert result.position_error[-1] < 1e-3
 
@@ -111,7 +129,9 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
 ])  # fmt: skip
 def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):
     joints, uneven = motion[0], np.cumsum(np.concatenate([[0.5], np.linspace(0.02, 0.08, 40)]))
-    result = track(panda, panda.ellipsoids(joints, spec), time=uneven, start=joints[0], rate=50, spec=spec).arms[0]
+    result = track(
+        panda, panda.ellipsoids(joints, spec), time=uneven, start=joints[0], rate=50, spec=spec
+    ).arms[0]
     assert np.percentile(result.distance, 95) < 0.05
     assert result.spec == spec
 
@@ -119,13 +139,24 @@ def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):
 def test_results_are_written_and_read_back(panda, own, tmp_path):
     own.save_joints_csv(tmp_path / "joints.csv")
     header = (tmp_path / "joints.csv").read_text().split("\n", 1)[0].split(",")
-    assert header == ["time_s", *(f"panda_joint{i}_rad{per}" for per in ("", "/s", "/s2") for i in range(1, 8))]
-    steps = own.control_time, own.control_positions, own.control_velocities, own.control_accelerations
+    assert header == [
+        "time_s",
+        *(f"panda_joint{i}_rad{per}" for per in ("", "/s", "/s2") for i in range(1, 8)),
+    ]
+    steps = (
+        own.control_time,
+        own.control_positions,
+        own.control_velocities,
+        own.control_accelerations,
+    )
     rows = np.loadtxt(tmp_path / "joints.csv", delimiter=",", skiprows=1)
     assert_allclose(rows, np.column_stack(steps), atol=1e-6)
     own.save_joints(tmp_path / "joints.npz")
     with np.load(tmp_path / "joints.npz") as arrays:
-        assert (tuple(arrays["joint_names"]), tuple(arrays["status"])) == (panda.joint_names, own.status)
+        assert (tuple(arrays["joint_names"]), tuple(arrays["status"])) == (
+            panda.joint_names,
+            own.status,
+        )
         for name in ("joint_positions", "control_positions", "control_velocities"):
             assert_array_equal(arrays[name], getattr(own, name))
     assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], own.achieved)
@@ -152,7 +183,9 @@ def test_own_costs_limits_and_weights_are_used(panda, motion, own):
     assert keeps_limits(still, panda)
     raised = track(panda, profile, costs=[HeightCost(panda, "panda_link4", 0.4, 50.0)], **options)
     with_cost, without = (
-        np.abs(panda.point_positions(result.joint_positions[10:], ["panda_link4"])[:, 0, 2] - 0.4).mean()
+        np.abs(
+            panda.point_positions(result.joint_positions[10:], ["panda_link4"])[:, 0, 2] - 0.4
+        ).mean()
         for result in (raised.trajectory, own)
     )
     assert with_cost < 0.5 * without
@@ -208,7 +241,9 @@ def targets(group, *joints, scale=1.0):
 
 
 def test_arms_far_from_each_other_follow_as_each_alone(pandas):
-    swing = START + 0.3 * np.sin(np.outer(np.linspace(0.0, 2.0, 9), [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5]))
+    swing = START + 0.3 * np.sin(
+        np.outer(np.linspace(0.0, 2.0, 9), [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5])
+    )
     both = targets(pandas, swing, swing[::-1], scale=0.9)
     options = {"rate": 50.0, "acceleration_limits": 10.0}
     group = track(pandas, **both, **options)
@@ -226,7 +261,10 @@ def test_arms_far_from_each_other_follow_as_each_alone(pandas):
 def test_arms_keep_clear_of_one_another(pandas):
     collisions = Collisions.of(pandas)
     end, share = np.array([0.9, 0.2, 0.3, -1.9, 0.4, 1.8, 0.5]), np.linspace(0.0, 1.0, 9)[:, None]
-    left, right = START + share * (end * [-1, 1, 1, 1, 1, 1, 1] - START), START + share * (end - START)
+    left, right = (
+        START + share * (end * [-1, 1, 1, 1, 1, 1, 1] - START),
+        START + share * (end - START),
+    )
     for model in (None, collisions):
         motion = track(pandas, **targets(pandas, left, right), rate=25.0, collisions=model)
         assert collisions.collides(motion.trajectory.control_positions).any() == (model is None)

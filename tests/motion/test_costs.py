@@ -27,7 +27,9 @@ COSTS = {
     "ellipsoid": ellipsoid_cost(VELOCITY),
     "force ellipsoid": ellipsoid_cost(EllipsoidSpec("force")),
     "position": PositionCost(ARM, np.array([[0.3, 0.2, 0.5]]), 50.0),
-    "orientation": OrientationCost(ARM, Rotation.random(1, np.random.default_rng(1)).as_matrix(), (3.0, 0.0, 7.0)),
+    "orientation": OrientationCost(
+        ARM, Rotation.random(1, np.random.default_rng(1)).as_matrix(), (3.0, 0.0, 7.0)
+    ),
     "posture": PostureCost(ARM.sample(1, 3)[0], 0.7),
 }
 
@@ -36,7 +38,10 @@ COSTS = {
 def test_jacobian_is_the_derivative_of_the_residual(name):
     (cost,), q, step = as_costs([COSTS[name]], ARM, TIME), ARM.sample(len(TIME), 1), 1e-6
     assert isinstance(cost, Cost)
-    slopes = [(cost.residual(q + e, TIME) - cost.residual(q - e, TIME)) / (2 * step) for e in step * np.eye(7)]
+    slopes = [
+        (cost.residual(q + e, TIME) - cost.residual(q - e, TIME)) / (2 * step)
+        for e in step * np.eye(7)
+    ]
     jacobian = cost.jacobian(q, TIME)
     assert jacobian == pytest.approx(np.stack(slopes, axis=-1), abs=1e-6 * np.abs(jacobian).max())
 
@@ -44,9 +49,14 @@ def test_jacobian_is_the_derivative_of_the_residual(name):
 def test_costs_added_to_a_problem_are_those_of_its_targets():
     objective, limits, q = Objective.of(ARM), MotionLimits.of(ARM), ARM.sample(len(TIME), 2)
     ellipsoids, position = ARM.ellipsoids(ARM.sample(len(TIME), 4)), COSTS["position"]
-    free, bound = objective.targets(ellipsoids), objective.targets(ellipsoids, np.tile(position.positions, (5, 1)))
+    free, bound = (
+        objective.targets(ellipsoids),
+        objective.targets(ellipsoids, np.tile(position.positions, (5, 1))),
+    )
     added = MotionProblem(TIME, (free,), limits, costs=(position,)).evaluate(q)
-    for part, expected in zip(added, MotionProblem(TIME, (bound,), limits).evaluate(q), strict=True):
+    for part, expected in zip(
+        added, MotionProblem(TIME, (bound,), limits).evaluate(q), strict=True
+    ):
         assert part == pytest.approx(expected, rel=1e-9)
 
 
@@ -84,8 +94,13 @@ class Level:
 
 
 def test_own_cost_of_a_tolerance_is_weighed_and_its_error_counts():
-    q, free = ARM.sample(len(TIME), 2), Objective.of(ARM).targets(ARM.ellipsoids(ARM.sample(len(TIME), 4)))
-    problem = MotionProblem(TIME, (free,), MotionLimits.of(ARM), costs=as_costs([Level()], ARM, TIME))
+    q, free = (
+        ARM.sample(len(TIME), 2),
+        Objective.of(ARM).targets(ARM.ellipsoids(ARM.sample(len(TIME), 4))),
+    )
+    problem = MotionProblem(
+        TIME, (free,), MotionLimits.of(ARM), costs=as_costs([Level()], ARM, TIME)
+    )
     assert isinstance(problem.costs[0], ToleranceCost)
     assert problem.position_error(q)[:, 0] == pytest.approx(np.abs(ARM.forward(q)[:, 2, 3] - 0.4))
     assert problem.weighing(70.0).costs[0].weight == 70.0

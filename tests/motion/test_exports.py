@@ -57,7 +57,9 @@ def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
     starts = [point["time_from_start"] for point in message["points"]]
     states = ([p[key] for p in message["points"]] for key in FIELDS)
     require_states(motion, [start["sec"] + 1e-9 * start["nanosec"] for start in starts], states)
-    assert {tuple(point) for point in message["points"]} == {(*FIELDS, "time_from_start")}  # no effort
+    assert {tuple(point) for point in message["points"]} == {
+        (*FIELDS, "time_from_start")
+    }  # no effort
     assert not any(message["points"][-1]["velocities"])  # joint_trajectory_controller requires it
 
 
@@ -66,7 +68,9 @@ def test_mcap_gets_messages(motion, tmp_path):
     export_motion(tmp_path / "m.mcap", motion, "mcap")
     with open(tmp_path / "m.mcap", "rb") as stream:
         actual = list(reader.make_reader(stream).iter_messages())
-    assert {(schema.encoding, channel.topic) for schema, channel, _ in actual} == {("jsonschema", "/joint_states")}
+    assert {(schema.encoding, channel.topic) for schema, channel, _ in actual} == {
+        ("jsonschema", "/joint_states")
+    }
     texts = [json.loads(message.data) for _, _, message in actual]
     assert tuple(texts[0]["name"]) == NAMES
     states = ([text[key] for text in texts] for key in ("position", "velocity", "acceleration"))
@@ -106,7 +110,9 @@ def test_mujoco_makes_the_same_motion(motion, tmp_path):
         tips[row] = data.site("tip").xpos
     passed = np.round((motion.time - motion.control_time[0]) / step).astype(int)
     assert_allclose(tips[passed], motion.path, atol=2e-3)  # at most half a step away
-    assert_allclose(np.diff(qpos, axis=0)[1:] + np.diff(qpos, axis=0)[:-1], 2 * step * qvel[1:-1], atol=1e-9)
+    assert_allclose(
+        np.diff(qpos, axis=0)[1:] + np.diff(qpos, axis=0)[:-1], 2 * step * qvel[1:-1], atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(("file", "format", "robot", "error", "word"), [
@@ -114,7 +120,9 @@ def test_mujoco_makes_the_same_motion(motion, tmp_path):
     ("m.parquet", "parquet", "planar", InvalidInputError, "robot"),
     ("m.rrd", "rerun", None, InvalidInputError, "write_results"), ("m.mcap", "mcap", None, MissingPackageError, "mcap"),
 ])  # fmt: skip
-def test_impossible_exports_are_errors(motion, tmp_path, monkeypatch, file, format, robot, error, word):
+def test_impossible_exports_are_errors(
+    motion, tmp_path, monkeypatch, file, format, robot, error, word
+):
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     with pytest.raises(error, match=word):
         export_motion(tmp_path / file, motion, format, robot)

@@ -28,7 +28,10 @@ def swung(phase=0.0, size=0.4):
 def task(arms, *joints):
     """Ellipsoids that are a little larger than at these configurations of each arm, and their paths."""
     parts = list(zip(arms.arms, joints, strict=True))
-    profiles, paths = [1.2 * arm.manipulability(q) for arm, q in parts], [arm.forward(q)[:, :3, 3] for arm, q in parts]
+    profiles, paths = (
+        [1.2 * arm.manipulability(q) for arm, q in parts],
+        [arm.forward(q)[:, :3, 3] for arm, q in parts],
+    )
     return {"profiles": profiles, "paths": paths, "time": TIME}
 
 
@@ -88,7 +91,9 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept():
     assert_allclose(plan.relative[:, 0], targets["paths"][1] - targets["paths"][0])
     tips = arms.forward(plan.trajectory.joint_positions)[:, :, :3, 3]
     assert_allclose(
-        np.linalg.norm(tips[:, 1] - tips[:, 0] - plan.relative[:, 0], axis=1), plan.relative_error[:, 0], atol=1e-9
+        np.linalg.norm(tips[:, 1] - tips[:, 0] - plan.relative[:, 0], axis=1),
+        plan.relative_error[:, 0],
+        atol=1e-9,
     )
     assert np.percentile(plan.relative_error, 95) < 5e-3
     assert placed.relative is None
@@ -105,7 +110,9 @@ def test_slopes_in_the_joints_of_both():
     crane = two_arms()
     q = 0.5 * crane.sample(4, 0)
     each = [
-        Objective.of(arm).targets(1.3 * arm.manipulability(arm.sample(4, 2)), arm.forward(arm.sample(4, 3))[:, :3, 3])
+        Objective.of(arm).targets(
+            1.3 * arm.manipulability(arm.sample(4, 2)), arm.forward(arm.sample(4, 3))[:, :3, 3]
+        )
         for arm in crane.arms
     ]
     time = np.arange(4.0)
@@ -120,13 +127,17 @@ def test_slopes_in_the_joints_of_both():
     for one in (both, between):
         _, gradient, hessian = one.evaluate(q)
         steps = 1e-6 * np.eye(crane.dof)
-        numeric = [(one.evaluate(q + h)[0] ** 2 - one.evaluate(q - h)[0] ** 2) / 4e-6 for h in steps]
+        numeric = [
+            (one.evaluate(q + h)[0] ** 2 - one.evaluate(q - h)[0] ** 2) / 4e-6 for h in steps
+        ]
         assert_allclose(gradient, np.stack(numeric, axis=1), rtol=1e-5, atol=1e-4)
         assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
 
 
 def test_three_arms_of_which_two_have_crossing_paths_keep_clear_of_one_another():
-    arms = mp.load_arms("panda", bases=[(0.75, 0.0, 0.0, np.pi), (-0.75, 0.0, 0.0), (0.0, 3.0, 0.0)])
+    arms = mp.load_arms(
+        "panda", bases=[(0.75, 0.0, 0.0, np.pi), (-0.75, 0.0, 0.0), (0.0, 3.0, 0.0)]
+    )
     options = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
     *crossing, other = options["paths"]
     options["paths"] = [*(path - 0.8 * path.mean(axis=0) * [1, 1, 0] for path in crossing), other]
@@ -195,7 +206,9 @@ def test_files_name_the_joints_of_both(separate, apart, tmp_path):
     tips = arms.forward(separate.trajectory.control_positions)[:, :, :3, 3]
     assert_array_equal(table["right_end_effector_y"].to_numpy(), tips[:, 1, 1])
     for i, name in enumerate(arms.joint_names):
-        assert_array_equal(table[f"{name}_position"].to_numpy(), separate.trajectory.control_positions[:, i])
+        assert_array_equal(
+            table[f"{name}_position"].to_numpy(), separate.trajectory.control_positions[:, i]
+        )
 
 
 def test_wrong_arguments_are_named(apart, panda):

@@ -9,7 +9,9 @@ from maniport.motion.motion_limits import MotionLimits
 
 @pytest.fixture(scope="module")
 def crane():
-    return Arm.from_dh("crane", [[0, 0, 0.5, 0], [0, 0, 0, 0]], [-2, 0], [2, 1], kinds=["revolute", "prismatic"])
+    return Arm.from_dh(
+        "crane", [[0, 0, 0.5, 0], [0, 0, 0, 0]], [-2, 0], [2, 1], kinds=["revolute", "prismatic"]
+    )
 
 
 def test_the_pandas_limits_are_those_of_its_maker(panda):
@@ -40,12 +42,19 @@ def test_what_nobody_knows_is_assumed_and_said(crane):
     both = ("joint1", "joint2")
     assert limits.assumed == {"position": (), "velocity": both, "acceleration": both, "jerk": both}
     some = MotionLimits.of(crane, {"joints": {"joint2": {"velocity": 1.0, "acceleration": 2.0}}})
-    assert some.assumed == {"position": (), "velocity": both[:1], "acceleration": both[:1], "jerk": both}
+    assert some.assumed == {
+        "position": (),
+        "velocity": both[:1],
+        "acceleration": both[:1],
+        "jerk": both,
+    }
 
 
 def test_a_file_goes_before_everything_else(panda, tmp_path):
     file = tmp_path / "limits.yaml"
-    file.write_text("joints:\n  panda_joint1: {jerk: 1e3, effort: 40, lower: -1}\ndefault: {velocity: 0.5}\n")
+    file.write_text(
+        "joints:\n  panda_joint1: {jerk: 1e3, effort: 40, lower: -1}\ndefault: {velocity: 0.5}\n"
+    )
     limits = MotionLimits.of(panda, file)
     assert_array_equal(limits.velocity, np.full(7, 0.5))
     assert_array_equal(limits.jerk[:2], [1000.0, 3750.0])
@@ -74,7 +83,9 @@ def test_limits_that_cannot_be_are_refused(panda, tmp_path, given, message):
 
 def test_use_is_found_where_it_is(crane):
     limits = MotionLimits.of(
-        crane, {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 100.0}}, joint_limit_margin=0.0
+        crane,
+        {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 100.0}},
+        joint_limit_margin=0.0,
     )
     time = np.arange(1201) / 1000.0
     q = np.column_stack([np.sin(2.0 * time + 1.0), np.full(len(time), 0.75)])
@@ -90,7 +101,9 @@ def test_use_is_found_where_it_is(crane):
 
 def test_use_asks_for_a_constant_rate_and_fitting_shapes(crane):
     limits = MotionLimits.of(crane)
-    with pytest.raises(InvalidInputError, match=r"time must have a constant rate; found steps of 0\.1 to 1 s"):
+    with pytest.raises(
+        InvalidInputError, match=r"time must have a constant rate; found steps of 0\.1 to 1 s"
+    ):
         limits.use([0.0, 0.1, 1.1], np.zeros((3, 2)))
     with pytest.raises(InvalidInputError, match=r"q must have shape \(3, 2\)"):
         limits.use([0.0, 0.1, 0.2], np.zeros((3, 3)))

@@ -17,9 +17,21 @@ from maniport.spd.regularization import Regularization
 @pytest.mark.parametrize("weighed", [False, True])
 def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
     """√f, Jᵀr and JᵀJ of ellipsoid, position and two axes agree with the residual in public terms."""
-    random, n, step, spec, epsilon = np.random.default_rng(0), 4, 1e-6, EllipsoidSpec(kind, part), 0.05
-    weights, m, lift = (3.0, 0.0, 7.0), spec.size * (spec.size + 1) // 2, epsilon * np.eye(spec.size)
-    objective = replace(Objective.of(panda, spec, Regularization(epsilon=epsilon), 5.0), axis_weights=weights)
+    random, n, step, spec, epsilon = (
+        np.random.default_rng(0),
+        4,
+        1e-6,
+        EllipsoidSpec(kind, part),
+        0.05,
+    )
+    weights, m, lift = (
+        (3.0, 0.0, 7.0),
+        spec.size * (spec.size + 1) // 2,
+        epsilon * np.eye(spec.size),
+    )
+    objective = replace(
+        Objective.of(panda, spec, Regularization(epsilon=epsilon), 5.0), axis_weights=weights
+    )
     target, positions = panda.ellipsoids(panda.sample(n, 2), spec), random.normal(size=(n, 3))
     rotations = Rotation.random(n, random).as_matrix()
     half = random.normal(size=(n, m, m)) if weighed else np.tile(np.eye(m), (n, 1, 1))
@@ -31,15 +43,21 @@ def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
         log = spd.to_vector(spd.logm(root @ (panda.ellipsoids(q, spec) + lift) @ root))
         poses = panda.forward(q)
         axes = [weights[k] * (poses[:, :3, k] - rotations[:, :, k]) for k in (0, 2)]
-        return np.hstack([(half @ log[..., None])[..., 0], 5.0 * (poses[:, :3, 3] - positions), *axes])
+        return np.hstack(
+            [(half @ log[..., None])[..., 0], 5.0 * (poses[:, :3, 3] - positions), *axes]
+        )
 
     q = panda.sample(n, 1)
     length, gradient, hessian = targets.evaluate(q)
-    jacobian = np.stack([(residual(q + step * e) - residual(q - step * e)) / (2 * step) for e in np.eye(7)], axis=-1)
+    jacobian = np.stack(
+        [(residual(q + step * e) - residual(q - step * e)) / (2 * step) for e in np.eye(7)], axis=-1
+    )
     r, scale = residual(q), np.abs(jacobian).max()
     assert length == pytest.approx(np.linalg.norm(r, axis=1), rel=1e-8)
     assert length**2 == pytest.approx(targets.cost(q), rel=1e-8)
-    assert gradient == pytest.approx(np.einsum("nmk,nm->nk", jacobian, r), abs=1e-6 * scale * length.max())
+    assert gradient == pytest.approx(
+        np.einsum("nmk,nm->nk", jacobian, r), abs=1e-6 * scale * length.max()
+    )
     assert hessian == pytest.approx(np.swapaxes(jacobian, -1, -2) @ jacobian, abs=1e-6 * scale**2)
 
 

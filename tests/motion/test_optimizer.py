@@ -9,7 +9,9 @@ from maniport.motion.objective import Objective
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, optimize, time_weights
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path
 
-ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
+ARM = Arm.from_dh(
+    "four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2
+)
 UNEVEN = np.array([0.0, 0.3, 0.5, 0.9, 1.0, 1.6, 1.7, 2.2])
 
 
@@ -33,7 +35,9 @@ def terms():
 def targets():
     """Ellipsoids of the arm at eight waypoints, with positions that do not fit them."""
     q, other = ARM.sample(len(UNEVEN), 3), ARM.sample(len(UNEVEN), 4)
-    return Objective.of(ARM, position_weight=5.0).targets(ARM.manipulability(q), ARM.forward(other)[:, :3, 3])
+    return Objective.of(ARM, position_weight=5.0).targets(
+        ARM.manipulability(q), ARM.forward(other)[:, :3, 3]
+    )
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -47,7 +51,9 @@ def test_shortest_path_is_the_best_of_all_paths(seed):
     def total(path):
         change = np.abs(np.diff(q[path], axis=0))
         jumps = 1000.0 * np.maximum((change / largest[1:]) ** 2 - 1.0, 0.0).sum()
-        return cost[path] @ weights + JOINT_MOTION_WEIGHT * np.sum(change**2 / gaps[:, None]) + jumps
+        return (
+            cost[path] @ weights + JOINT_MOTION_WEIGHT * np.sum(change**2 / gaps[:, None]) + jumps
+        )
 
     solution = shortest_path(Roadmap(q, cost, first), time, largest)
     assert ((solution >= first[:-1]) & (solution < first[1:])).all()
@@ -62,7 +68,9 @@ def test_gradient_is_that_of_the_cost(targets, terms):
         change = np.zeros_like(q)
         change[i, j] = step
         slope = (cost.evaluate(q + change)[0] - cost.evaluate(q - change)[0]) / (2 * step)
-        assert slope == pytest.approx(2.0 * gradient[i, j], rel=1e-4, abs=1e-4 * np.abs(gradient).max())
+        assert slope == pytest.approx(
+            2.0 * gradient[i, j], rel=1e-4, abs=1e-4 * np.abs(gradient).max()
+        )
 
 
 def test_optimizer_never_raises_the_cost_and_keeps_limits(targets, terms):

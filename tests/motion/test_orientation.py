@@ -27,8 +27,14 @@ def test_the_hand_points_from_the_wrist_along_itself(name):
     q = person.sample(5, 0)
     rotations, points = hand_rotations(person, q), person.point_positions(q, ("wrist", "hand"))
     along = points[:, 1] - points[:, 0]
-    assert_allclose(rotations[:, :, 2], along / np.linalg.norm(along, axis=1, keepdims=True), atol=1e-9)
-    assert_allclose(rotations @ np.swapaxes(rotations, 1, 2), np.broadcast_to(np.eye(3), rotations.shape), atol=1e-9)
+    assert_allclose(
+        rotations[:, :, 2], along / np.linalg.norm(along, axis=1, keepdims=True), atol=1e-9
+    )
+    assert_allclose(
+        rotations @ np.swapaxes(rotations, 1, 2),
+        np.broadcast_to(np.eye(3), rotations.shape),
+        atol=1e-9,
+    )
     assert hand_rotations(person, np.zeros(7))[1, 1] > 0.95
 
 
@@ -39,11 +45,19 @@ def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, axe
     options = {"time": 2.0 * TIME, "paths": path, "damping": 0.01, "planner": planner}
     free = plan_motion(panda, profile, **options).arms[0]
     assert free.orientation_error is None
-    kept = plan_motion(panda, profile, rotations=rotations, orientation_axes=axes, **options).arms[0]
+    kept = plan_motion(panda, profile, rotations=rotations, orientation_axes=axes, **options).arms[
+        0
+    ]
     assert max(share for _, share, _ in kept.limit_use.values()) <= 1.0 + 1e-9
     tips = panda.forward(free.joint_positions)[:, :3, 2]
     free_error = np.arccos(np.clip(np.sum(tips * rotations[:, :, 2], axis=1), -1.0, 1.0))
-    options = {"time": kept.time, "path": path, "damping": 0.01, "rotations": rotations, "orientation_axes": axes}
+    options = {
+        "time": kept.time,
+        "path": path,
+        "damping": 0.01,
+        "rotations": rotations,
+        "orientation_axes": axes,
+    }
     tracked = track(panda, profile, reference=kept.joint_positions, rate=50.0, **options).arms[0]
     for motion in (kept, tracked):
         assert np.median(motion.orientation_error) < 0.1 < np.median(free_error)

@@ -27,7 +27,9 @@ from maniport.spd.regularization import Regularization
 DAMPING = Regularization(epsilon=0.003)
 TIME = np.linspace(0.0, 2.0, 12)
 START = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
-FOUR = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
+FOUR = Arm.from_dh(
+    "four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2
+)
 COUNT = 6
 TERMS = TrajectoryTerms(0.02, 1e-4, np.full(COUNT, 1.0 / COUNT))
 PLACE = np.array([0.1, 0.5, 0.4, 0.7, 0.4, 0.1, 0.5])
@@ -55,13 +57,17 @@ def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):
     middle = np.concatenate(tips).mean(axis=0)
     world = [(tip - middle) @ turn for tip in tips]
     turned = [congruence(turn.T, ellipsoids) for ellipsoids in (profile, profile[::-1])]
-    placements = place_path(world, turned, (panda, aside), scale=1.0, yaw=0.7, offset=middle, **both)
+    placements = place_path(
+        world, turned, (panda, aside), scale=1.0, yaw=0.7, offset=middle, **both
+    )
     for placed, tip in zip(placements, tips, strict=True):
         assert_allclose(placed.path, tip, atol=1e-12)
         assert placed.pointwise_best.max() < 1e-3
     first, second = place_path(world, turned, (panda, aside), **both, workspace=[(0.2, 0.8)] * 3)
     assert (first.scale, first.yaw, *first.offset) == (second.scale, second.yaw, *second.offset)
-    assert_allclose(first.path - second.path, first.scale * (world[0] - world[1]) @ first.rotation.T, atol=1e-12)
+    assert_allclose(
+        first.path - second.path, first.scale * (world[0] - world[1]) @ first.rotation.T, atol=1e-12
+    )
     assert min(first.path.min(), second.path.min()) >= 0.2 - 1e-8
 
 
@@ -106,13 +112,17 @@ def test_other_parts_turn_too(panda, motion, part):
 
 def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
     path, profile = motion
-    placed = place_path(path, profile, panda, tilt=0.6, scale=0.8, yaw=0.2, offset=(None, None, 0.5), **common)
+    placed = place_path(
+        path, profile, panda, tilt=0.6, scale=0.8, yaw=0.2, offset=(None, None, 0.5), **common
+    )
     assert (placed.scale, placed.yaw, placed.offset[2]) == pytest.approx((0.8, 0.2, 0.5), abs=1e-12)
     lean = [np.sin(0.6) * np.cos(placed.heading), np.sin(0.6) * np.sin(placed.heading), np.cos(0.6)]
     assert_allclose(placed.base_orientation @ [0, 0, 1], lean, atol=1e-12)
     world, yaw = (placed.path - placed.offset) @ placed.base_orientation.T, rotation_about(2, 0.2)
     assert_allclose(world, 0.8 * (path - path.mean(axis=0)) @ yaw.T, atol=1e-12)
-    assert_allclose(congruence(placed.base_orientation, placed.profile), congruence(yaw, profile), atol=1e-12)
+    assert_allclose(
+        congruence(placed.base_orientation, placed.profile), congruence(yaw, profile), atol=1e-12
+    )
     assert_allclose(placed.turned(profile), placed.profile, atol=1e-12)
     assert "tilted by 34.4°" in repr(placed)
 
@@ -147,7 +157,10 @@ def test_candidates_are_ranked(panda, common, motion):
 
 def problem_of(spec=VELOCITY, demands=(), **fixed):
     """A placement problem of a small arm in which all is free that is not fixed."""
-    profile, path = FOUR.ellipsoids(FOUR.sample(COUNT, 1), spec), np.random.default_rng(0).normal(size=(COUNT, 3))
+    profile, path = (
+        FOUR.ellipsoids(FOUR.sample(COUNT, 1), spec),
+        np.random.default_rng(0).normal(size=(COUNT, 3)),
+    )
     place = fixed_place(*(fixed.get(name) for name in ("scale", "yaw", "tilt", "offset")))
     arm = ArmPath(Objective.of(FOUR, spec, 0.05, 200.0), 0.1 * path, profile, None, demands)
     return PlacementProblem((arm,), arm.path, np.arange(COUNT) * 0.3, *place, as_workspace(None))
@@ -156,14 +169,25 @@ def problem_of(spec=VELOCITY, demands=(), **fixed):
 @pytest.mark.parametrize("kind", ["velocity", "force"])
 def test_slopes_are_those_of_the_cost(kind):
     vectors = np.random.default_rng(2).normal(size=(COUNT, 3))
-    demands = (EllipsoidSpec(joint_weights=np.full(4, 2.0)), vectors[::-1]), (EllipsoidSpec(), vectors)
-    problem, q, step = problem_of(EllipsoidSpec(kind), demands, tilt="free"), FOUR.sample(COUNT, 3), 1e-6
+    demands = (
+        (EllipsoidSpec(joint_weights=np.full(4, 2.0)), vectors[::-1]),
+        (EllipsoidSpec(), vectors),
+    )
+    problem, q, step = (
+        problem_of(EllipsoidSpec(kind), demands, tilt="free"),
+        FOUR.sample(COUNT, 3),
+        1e-6,
+    )
     (arm,) = problem.arms
-    both = PlacementTrajectoryCost(replace(problem, arms=(arm, replace(arm, path=arm.path[::-1]))), [TERMS, TERMS])
+    both = PlacementTrajectoryCost(
+        replace(problem, arms=(arm, replace(arm, path=arm.path[::-1]))), [TERMS, TERMS]
+    )
     _, (arms, place_gradient, place_hessian) = both.evaluate((PLACE, (q, q)))
     for k, change in enumerate(step * np.eye(len(PLACE))):
         ends = [both.evaluate((PLACE + side * change, (q, q))) for side in (1.0, -1.0)]
-        assert (ends[0][0] - ends[1][0]) / (4.0 * step) == pytest.approx(place_gradient[k], rel=1e-5, abs=1e-4)
+        assert (ends[0][0] - ends[1][0]) / (4.0 * step) == pytest.approx(
+            place_gradient[k], rel=1e-5, abs=1e-4
+        )
     assert np.linalg.eigvalsh(place_hessian).min() > -1e-9 * np.trace(place_hessian)
     change = step * np.random.default_rng(5).normal(size=q.shape)
     ends = [both.evaluate((PLACE, (q + side * change, q)))[0] for side in (1.0, -1.0)]
@@ -173,14 +197,19 @@ def test_slopes_are_those_of_the_cost(kind):
 def test_demands_make_the_path_smaller(panda, common, motion):
     path, profile = motion
     acceleration = np.gradient(np.gradient(path, TIME, axis=0), TIME, axis=0)
-    spec, options = EllipsoidSpec(joint_weights=MotionLimits.of(panda).acceleration), common | {"scale": (0.2, 1.0)}
+    spec, options = (
+        EllipsoidSpec(joint_weights=MotionLimits.of(panda).acceleration),
+        common | {"scale": (0.2, 1.0)},
+    )
     free, slow, fast = (
         place_path(path, profile, panda, **options, demands=[(spec, factor * acceleration)])
         for factor in (0.0, 1e-3, 30.0)
     )
     assert_array_equal(slow.path, free.path)
     assert fast.scale < 0.7 * free.scale
-    fixed = place_path(path, profile, panda, **common | {"scale": 0.8}, demands=[(spec, 30.0 * acceleration)])
+    fixed = place_path(
+        path, profile, panda, **common | {"scale": 0.8}, demands=[(spec, 30.0 * acceleration)]
+    )
     assert fixed.scale == pytest.approx(0.8)
     with pytest.raises(InvalidInputError, match="demands must have shape"):
         place_path(path, profile, panda, **common, demands=[(spec, acceleration[1:])])
@@ -197,17 +226,26 @@ def test_demands_of_a_circle(panda):
     assert np.linalg.norm(velocity, axis=1).max() < 0.65
 
 
-@pytest.mark.parametrize("fixed", [{}, {"tilt": "free"}, {"scale": 0.9, "offset": (None, 0.1, None)}])
+@pytest.mark.parametrize(
+    "fixed", [{}, {"tilt": "free"}, {"scale": 0.9, "offset": (None, 0.1, None)}]
+)
 def test_placement_and_motion_improve_together(fixed):
     problem = problem_of(**fixed)
-    place, q, (arm,) = np.where(problem.free, PLACE, problem.fixed), FOUR.sample(COUNT, 3), problem.arms
+    place, q, (arm,) = (
+        np.where(problem.free, PLACE, problem.fixed),
+        FOUR.sample(COUNT, 3),
+        problem.arms,
+    )
     moved, (improved,) = PlacementTrajectoryCost(problem, [TERMS]).improved((place, (q,)))
     alone = TrajectoryCost(FOUR, arm.targets(place), problem.time, TERMS)
     there = TrajectoryCost(FOUR, arm.targets(moved), problem.time, TERMS)
     without = levenberg_marquardt(alone, q, TERMS.rel_tol)
     assert there.evaluate(improved)[0] < alone.evaluate(without)[0] < alone.evaluate(q)[0]
     assert np.all((improved >= FOUR.lower) & (improved <= FOUR.upper))
-    assert np.all((moved[SCALE:TILT] >= problem.lower[SCALE:TILT]) & (moved[SCALE:TILT] <= problem.upper[SCALE:TILT]))
+    assert np.all(
+        (moved[SCALE:TILT] >= problem.lower[SCALE:TILT])
+        & (moved[SCALE:TILT] <= problem.upper[SCALE:TILT])
+    )
     assert_array_equal(moved[~problem.free], place[~problem.free])
 
 

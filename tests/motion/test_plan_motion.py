@@ -32,7 +32,11 @@ def targets_of(arm, stretch=1.0, pace=1.5, seed=0):
     waves = np.sin(np.outer(TIME - TIME[0], generator.uniform(0.6, 1.4, arm.dof) * pace))
     q = middle + half * (generator.uniform(-0.4, 0.4, arm.dof) + 0.25 * waves)
     frame = np.diag([stretch, 1.0, 1.0 / stretch])
-    return {"profile": frame @ arm.manipulability(q) @ frame, "path": arm.forward(q)[:, :3, 3], "time": TIME}
+    return {
+        "profile": frame @ arm.manipulability(q) @ frame,
+        "path": arm.forward(q)[:, :3, 3],
+        "time": TIME,
+    }
 
 
 def rows_of(targets, rows):
@@ -68,7 +72,9 @@ def test_path_is_followed_between_sparse_waypoints(panda, planner):
 
 def test_an_exceeded_torque_is_reported(planned):
     arm = planned.arms[0]
-    report = report_of(replace(arm, limits=replace(arm.limits, effort=np.array([87.0, 5.0, *[87.0] * 5]))))
+    report = report_of(
+        replace(arm, limits=replace(arm.limits, effort=np.array([87.0, 5.0, *[87.0] * 5])))
+    )
     (text,) = (text for text in report.warnings if "torque" in text)
     joint, share, _at = arm.limit_use["torque"]
     assert joint == "panda_joint2"
@@ -80,13 +86,18 @@ def test_clearance_is_measured_between_the_waypoints(planned, planner):
     arm = planned.arms[0]
     at = int(np.argmin(planner.collisions.clearance(arm.joint_positions)))
     near = np.abs(arm.control_time - arm.time[at]) < 0.02
-    assert planned.clearance.distance <= planner.collisions.clearance(arm.control_positions[near]).min() + 1e-4
+    assert (
+        planned.clearance.distance
+        <= planner.collisions.clearance(arm.control_positions[near]).min() + 1e-4
+    )
 
 
 @pytest.mark.parametrize("name", ["panda", "crane"])
 def test_any_arm_follows_itself(panda, crane, planner, name):
     arm = {"panda": panda, "crane": crane}[name]
-    plan = plan_motion(arm, **targets_of(arm), rate=500.0, planner=planner if name == "panda" else None)
+    plan = plan_motion(
+        arm, **targets_of(arm), rate=500.0, planner=planner if name == "panda" else None
+    )
     result = require_laws(plan)
     assert np.median(result.distance) < 0.1
     assert np.percentile(result.position_error, 95) <= result.position_tolerance
@@ -119,7 +130,12 @@ def test_speed_scale_is_the_largest_speed(panda, planner):
     slow, fast = (plan_motion(panda, **options, speed_scale=scale) for scale in (0.5, 20.0))
     assert 2.4 <= require_laws(slow, 0.5).control_time[-1] < 2.6
     assert require_laws(fast, 20.0).control_time[-1] < 1.0
-    assert max(share for name, (_, share, _) in fast.trajectory.limit_use.items() if name != "position") > 0.95
+    assert (
+        max(
+            share for name, (_, share, _) in fast.trajectory.limit_use.items() if name != "position"
+        )
+        > 0.95
+    )
 
 
 def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, targets, planned):
@@ -130,7 +146,9 @@ def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, targets, p
 
 
 def test_out_of_reach_is_reported_and_no_error(panda, planner, targets):
-    far = plan_motion(panda, **targets | {"path": targets["path"] + [2.0, 0.0, 0.0]}, planner=planner)
+    far = plan_motion(
+        panda, **targets | {"path": targets["path"] + [2.0, 0.0, 0.0]}, planner=planner
+    )
     arm = require_laws(far)
     assert set(arm.status) <= {"position missed", "joint limit"}
     assert arm.position_error.min() > 1.0
@@ -182,11 +200,16 @@ def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(
     limits = MotionLimits.of(robot, {"joints": {"panda_joint2": {"effort": 25.0}}})
     ends = np.array([[0.0, -0.6, 0.0, -2.6, 0.0, 2.0, 0.0], [0.0, 1.1, 0.0, -0.6, 0.0, 1.7, 0.0]])
     q = ends[0] + np.linspace(0.0, 1.0, len(TIME))[:, None] * (ends[1] - ends[0])
-    targets = {"profiles": robot.manipulability(q), "paths": robot.forward(q)[:, :3, 3], "time": TIME}
+    targets = {
+        "profiles": robot.manipulability(q),
+        "paths": robot.forward(q)[:, :3, 3],
+        "time": TIME,
+    }
     with little_search():
         loaded = Planner.of(limits, VELOCITY, collisions=False)
         with pytest.raises(
-            InvalidInputError, match=r"on the path [01]\.\d+ s after the start; at best panda_joint2 needs .* is 25 N m"
+            InvalidInputError,
+            match=r"on the path [01]\.\d+ s after the start; at best panda_joint2 needs .* is 25 N m",
         ):
             motion.plan_motion(robot, **targets, planner=loaded)
     objective = Objective.of(loaded.limits.arm)
@@ -195,25 +218,36 @@ def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(
     nodes = loaded.arms[0].roadmap(problem, 100, np.random.default_rng(0))
     torques = np.abs(loaded.limits.arm.gravity_torques(nodes.q))
     assert np.all(torques < loaded.limits.effort)
-    light = replace(loaded.arms[0].limits, arm=panda.narrowed(loaded.limits.arm.lower, loaded.limits.arm.upper))
+    light = replace(
+        loaded.arms[0].limits, arm=panda.narrowed(loaded.limits.arm.lower, loaded.limits.arm.upper)
+    )
     free = replace(loaded.arms[0], limits=light).roadmap(problem, 100, np.random.default_rng(0))
     assert len(free.q) > len(nodes.q)
 
 
 def test_a_planner_of_another_arm_is_refused(crane, planner, targets):
-    with pytest.raises(InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'crane'"):
+    with pytest.raises(
+        InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'crane'"
+    ):
         plan_motion(crane, **targets, planner=planner)
     with pytest.raises(InvalidInputError, match="does not fit"):
-        plan_motion(planner.limits.arm, **targets, planner=planner, spec=EllipsoidSpec(part="rotation"))
+        plan_motion(
+            planner.limits.arm, **targets, planner=planner, spec=EllipsoidSpec(part="rotation")
+        )
 
 
 @pytest.mark.parametrize("kind", ["force", "acceleration"])
 def test_ellipsoids_of_joint_torques_are_planned(panda, kind):
-    robot, spec = panda.with_payload(1.0, (0.0, 0.0, 0.1)), EllipsoidSpec(kind, joint_weights="joint-limits")
+    robot, spec = (
+        panda.with_payload(1.0, (0.0, 0.0, 0.1)),
+        EllipsoidSpec(kind, joint_weights="joint-limits"),
+    )
     middle = 0.5 * (robot.lower + robot.upper) + 0.3
     q = middle + 0.2 * np.sin(np.outer(TIME - TIME[0], np.linspace(0.5, 2.0, 7)))
     options = {"ellipsoids": kind, "joint_weights": "joint-limits"}
-    result = follow_profile(robot, [robot.ellipsoids(q, spec)], TIME, [robot.forward(q)[:, :3, 3]], **options)
+    result = follow_profile(
+        robot, [robot.ellipsoids(q, spec)], TIME, [robot.forward(q)[:, :3, 3]], **options
+    )
     arm = require_laws(result.motion)
     assert arm.spec == spec.bounded
     assert np.median(arm.distance) < 0.1

@@ -13,7 +13,9 @@ from maniport.motion.plan.roadmap import shortest_path
 from sizes import SIX_ROWS
 
 SIX = Arm.from_dh("six", SIX_ROWS, -3.1, 3.1)
-SHOULDER = Arm(standing(SIX.chain, pose((0.1, 0.2, 0.3), (-np.pi / 2, 0.0, 0.0))))  # its first axis is horizontal
+SHOULDER = Arm(
+    standing(SIX.chain, pose((0.1, 0.2, 0.3), (-np.pi / 2, 0.0, 0.0)))
+)  # its first axis is horizontal
 
 
 def targets_of(arm, count=6, spec=VELOCITY, seed=3):
@@ -26,7 +28,13 @@ def test_joints_without_effect_stay_in_the_middle(panda):
     reachability_map = ReachabilityMap(panda, VELOCITY, 64)
     assert_array_equal(reachability_map.idle, [False] * 6 + [True])
     assert_allclose(reachability_map.q[:, 6], 0.5 * (panda.lower[6] + panda.upper[6]))
-    assert not ReachabilityMap(load_arm("panda", frame="panda_hand_tcp"), EllipsoidSpec(part="full"), 64).idle[:6].any()
+    assert (
+        not ReachabilityMap(
+            load_arm("panda", frame="panda_hand_tcp"), EllipsoidSpec(part="full"), 64
+        )
+        .idle[:6]
+        .any()
+    )
     assert not ReachabilityMap(SIX, VELOCITY, 64).idle[:5].any()
 
 
@@ -45,7 +53,9 @@ def test_nodes_have_their_tips_in_place(panda, crane, name):
     away = targets[owner].position_error(nodes.q)
     assert np.median(away) <= IN_PLACE
     in_place = np.bincount(owner[away <= IN_PLACE], minlength=len(targets))
-    assert ((in_place == counts) | (in_place < 16)).all()  # what is out of place stands in for what is missing
+    assert (
+        (in_place == counts) | (in_place < 16)
+    ).all()  # what is out of place stands in for what is missing
 
 
 def test_a_first_joint_of_two_turns_goes_on_around_the_arm():

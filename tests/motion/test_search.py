@@ -37,9 +37,14 @@ def test_own_ellipsoids_are_found_again(panda, bank):
 
 
 def test_results_do_not_depend_on_company(panda, bank):
-    target, settings = panda.manipulability(panda.sample(140, 3)), {"damping": DAMPING, "bank": bank, "n_starts": 4}
+    target, settings = (
+        panda.manipulability(panda.sample(140, 3)),
+        {"damping": DAMPING, "bank": bank, "n_starts": 4},
+    )
     among = nearest_feasible(panda, target, **settings)
-    assert_allclose(nearest_feasible(panda, target[5:6], **settings).distance, among.distance[5], atol=1e-6)
+    assert_allclose(
+        nearest_feasible(panda, target[5:6], **settings).distance, among.distance[5], atol=1e-6
+    )
 
 
 def test_flat_ellipsoids_need_damping(panda, bank):
@@ -50,7 +55,9 @@ def test_flat_ellipsoids_need_damping(panda, bank):
     planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
     with pytest.raises(NotSPDError, match="'planar' is singular at all starts"):
         nearest_feasible(planar, np.eye(3)[None], damping=None)
-    assert nearest_feasible(planar, planar.manipulability(planar.sample(20, 0))).distance.max() < 1e-3
+    assert (
+        nearest_feasible(planar, planar.manipulability(planar.sample(20, 0))).distance.max() < 1e-3
+    )
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -60,7 +67,9 @@ def test_flat_ellipsoids_need_damping(panda, bank):
     ({"spec": EllipsoidSpec("force"), "bank": "panda"}, r"built for 'panda'.*kind='force'"),
 ])  # fmt: skip
 def test_wrong_arguments_are_named(panda, bank, arguments, message):
-    options = {"ellipsoids": np.eye(3)[None], **arguments} | ({"bank": bank} if "bank" in arguments else {})
+    options = {"ellipsoids": np.eye(3)[None], **arguments} | (
+        {"bank": bank} if "bank" in arguments else {}
+    )
     with pytest.raises(InvalidInputError, match=message):
         nearest_feasible(panda, **options)
 
@@ -76,7 +85,9 @@ def points(panda, projector):
     return projector.objective.damped(1.2 * panda.ellipsoids(panda.sample(40, 7)))
 
 
-def test_projections_are_feasible_and_about_as_near_as_a_thorough_search(panda, bank, projector, points):
+def test_projections_are_feasible_and_about_as_near_as_a_thorough_search(
+    panda, bank, projector, points
+):
     objective = projector.objective
     search = projector.search(objective.damping.epsilon)
     nearest, changes = search.nearest(points)
@@ -84,7 +95,9 @@ def test_projections_are_feasible_and_about_as_near_as_a_thorough_search(panda, 
     assert np.all(panda.within_limits(q))
     assert np.all(changes[(q <= panda.lower) | (q >= panda.upper)] == 0.0)
     assert_allclose(nearest, objective.damped(panda.ellipsoids(q)), rtol=1e-12)
-    thorough = nearest_feasible(panda, objective.undamped(points), damping=objective.damping, bank=bank)
+    thorough = nearest_feasible(
+        panda, objective.undamped(points), damping=objective.damping, bank=bank
+    )
     first = spd.distance(points, nearest)
     assert first.mean() < 1.05 * thorough.distance.mean()
     assert_array_equal(projector(points), nearest)
@@ -98,9 +111,21 @@ def test_bad_input_of_projections_is_refused(panda, bank, projector, points):
     search = projector.search(0.01)
     search.nearest(points[:3])
     for call, error, message in (
-        (lambda: projector(np.array([np.eye(3), -np.eye(3)])), NotSPDError, r"points\[1\] is indefinite"),
-        (lambda: search.nearest(points[:2]), InvalidInputError, r"points must have shape \(3, 3, 3\), as in the first"),
-        (lambda: FeasibleProjector(panda, damping=None, bank=bank), InvalidInputError, "damping must be above 0"),
+        (
+            lambda: projector(np.array([np.eye(3), -np.eye(3)])),
+            NotSPDError,
+            r"points\[1\] is indefinite",
+        ),
+        (
+            lambda: search.nearest(points[:2]),
+            InvalidInputError,
+            r"points must have shape \(3, 3, 3\), as in the first",
+        ),
+        (
+            lambda: FeasibleProjector(panda, damping=None, bank=bank),
+            InvalidInputError,
+            "damping must be above 0",
+        ),
     ):
         with pytest.raises(error, match=message):
             call()

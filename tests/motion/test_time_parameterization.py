@@ -14,19 +14,27 @@ from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.time_parameterization import retime, with_approach
 
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
-CRANE = Arm.from_dh("crane", [[0, 0, 0, 0], [0, 0, 0.5, 0]], [0, -2], [1, 2], kinds=["prismatic", "revolute"])
+CRANE = Arm.from_dh(
+    "crane", [[0, 0, 0, 0], [0, 0, 0.5, 0]], [0, -2], [1, 2], kinds=["prismatic", "revolute"]
+)
 SIX = Arm.from_dh("six", [[0, 0.1, 0.3, 1.5]] * 6, -6, 6).with_limits(velocity=3.0)
 HARD = {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 5000.0}}
 
 
 def waves(limits, time, share=0.5, pace=0.7):
-    middle, half = 0.5 * (limits.arm.lower + limits.arm.upper), 0.5 * (limits.arm.upper - limits.arm.lower)
+    middle, half = (
+        0.5 * (limits.arm.lower + limits.arm.upper),
+        0.5 * (limits.arm.upper - limits.arm.lower),
+    )
     return middle + share * half * np.sin(pace * np.outer(time, np.arange(1, limits.arm.dof + 1)))
 
 
 def require_laws(limits, time, q, timed, rate=1000.0):
     positions = timed.control_positions
-    assert max(share for _, share, _ in limits.use(timed.control_time, positions).values()) <= 1.0 + 1e-9
+    assert (
+        max(share for _, share, _ in limits.use(timed.control_time, positions).values())
+        <= 1.0 + 1e-9
+    )
     assert_allclose(np.diff(timed.control_time), 1.0 / rate)
     assert timed.control_time[0] == 0.0
     assert_allclose(positions[[0, -1]], q[[0, -1]], atol=1e-9)
@@ -34,20 +42,30 @@ def require_laws(limits, time, q, timed, rate=1000.0):
         assert values.shape == (len(timed.control_time), limits.arm.dof)
     assert_array_equal(np.diff(positions[:4], axis=0), 0.0)  # at rest
     assert_array_equal(np.diff(positions[-4:], axis=0), 0.0)
-    assert np.all(np.diff(timed.time) >= np.diff(time) * (1.0 - 1e-9))  # never faster than the person
+    assert np.all(
+        np.diff(timed.time) >= np.diff(time) * (1.0 - 1e-9)
+    )  # never faster than the person
     assert 0.0 <= timed.time[0] < timed.time[-1] <= timed.control_time[-1]
 
 
 @pytest.mark.parametrize(("payload", "share"), [(0.0, 1.0), (3.0, 1.0), (0.0, 0.45)])
 def test_torques_of_samples_keep_their_limits(payload, share):
     arm = load_arm("panda").with_payload(payload)
-    entries = {name: {"effort": share * own} for name, own in zip(arm.joint_names, arm.effort_limits, strict=True)}
-    limits, q = MotionLimits.of(arm, {"joints": entries}), np.array([[0, -0.6, 0, -2.2, 0, 1.6, 0.5]] * 9)
+    entries = {
+        name: {"effort": share * own}
+        for name, own in zip(arm.joint_names, arm.effort_limits, strict=True)
+    }
+    limits, q = (
+        MotionLimits.of(arm, {"joints": entries}),
+        np.array([[0, -0.6, 0, -2.2, 0, 1.6, 0.5]] * 9),
+    )
     q[:, :6] += 0.4 * np.sin(np.outer(np.linspace(0.0, 3.0, 9), np.arange(1, 7)))
     timed = retime(limits, np.linspace(0.0, 1.0, 9), q)
     require_laws(limits, timed.time, q, timed)
     model = robot_model(arm)
-    states = zip(timed.control_positions, timed.control_velocities, timed.control_accelerations, strict=True)
+    states = zip(
+        timed.control_positions, timed.control_velocities, timed.control_accelerations, strict=True
+    )
     torques = np.array([pin.rnea(model, model.createData(), *state) for state in states])
     assert_allclose(timed.control_torques, torques, atol=1e-9)
     assert np.all(np.abs(torques) <= limits.effort)
@@ -55,7 +73,10 @@ def test_torques_of_samples_keep_their_limits(payload, share):
 
 
 def test_a_joint_that_gravity_overloads_is_reported():
-    arm, q = load_arm("panda"), [[0.0, 0.5, 0.0, -1.5, 0.0, 1.5, 0.0], [0.2, 0.6, 0.0, -1.3, 0.0, 1.5, 0.0]]
+    arm, q = (
+        load_arm("panda"),
+        [[0.0, 0.5, 0.0, -1.5, 0.0, 1.5, 0.0], [0.2, 0.6, 0.0, -1.3, 0.0, 1.5, 0.0]],
+    )
     weak = {"joints": {"panda_joint2": {"effort": 20.0}}}
     limits = MotionLimits.of(arm, weak)
     timed = retime(limits, [0.0, 1.0], q)
@@ -71,12 +92,31 @@ def test_a_joint_that_gravity_overloads_is_reported():
 
 @pytest.mark.parametrize("arm", [CRANE, SIX, PLANAR], ids=lambda arm: arm.name)
 @pytest.mark.parametrize(
-    "name", ["assumed", "slow", "fast", "still", "pause", "tiny", "one step", "hurried", "along the limits"]
+    "name",
+    [
+        "assumed",
+        "slow",
+        "fast",
+        "still",
+        "pause",
+        "tiny",
+        "one step",
+        "hurried",
+        "along the limits",
+    ],
 )
 def test_samples_keep_all_limits(arm, name):
     """Slow or fast, at rest, with equal postures, rounding, or a person ten thousand times faster."""
-    limits, time = MotionLimits.of(arm, None if name == "assumed" else HARD), np.linspace(3.0, 9.0, 61)
-    q = waves(limits, time, 1.3 if name == "along the limits" else 0.5, {"slow": 0.05, "fast": 5.0}.get(name, 0.7))
+    limits, time = (
+        MotionLimits.of(arm, None if name == "assumed" else HARD),
+        np.linspace(3.0, 9.0, 61),
+    )
+    q = waves(
+        limits,
+        time,
+        1.3 if name == "along the limits" else 0.5,
+        {"slow": 0.05, "fast": 5.0}.get(name, 0.7),
+    )
     q = np.clip(q, limits.arm.lower, limits.arm.upper)
     if name == "still":
         q[:] = q[0]
@@ -95,7 +135,9 @@ def test_samples_keep_all_limits(arm, name):
 
 
 @settings(max_examples=5)
-@given(seed=st.integers(0, 1000), n=st.integers(2, 30), step=st.sampled_from([1 / 120, 1 / 30, 1.0]))
+@given(
+    seed=st.integers(0, 1000), n=st.integers(2, 30), step=st.sampled_from([1 / 120, 1 / 30, 1.0])
+)
 def test_jerky_noise_is_passed_slowly(seed, n, step):
     generator = np.random.default_rng(seed)
     limits, time = MotionLimits.of(CRANE, HARD), step * np.cumsum(generator.uniform(0.5, 1.5, n))
@@ -134,7 +176,10 @@ def test_home_and_back():
     timed, home = retime(limits, time, waves(limits, time)), np.array([0.5, -1.0, 1.5])
     longer = with_approach(timed, limits, home)
     positions = longer.control_positions
-    assert max(share for _, share, _ in limits.use(longer.control_time, positions).values()) <= 1.0 + 1e-9
+    assert (
+        max(share for _, share, _ in limits.use(longer.control_time, positions).values())
+        <= 1.0 + 1e-9
+    )
     assert_allclose(np.diff(longer.control_time), 1e-3)
     assert_allclose(positions[[0, -1]], [home, home], atol=1e-9)
     shift = longer.time - timed.time
@@ -145,4 +190,6 @@ def test_home_and_back():
     ahead, line = positions[:first] - home, own[0] - home
     assert_allclose(ahead, np.outer(ahead @ line / (line @ line), line), atol=1e-9)
     use = limits.use(longer.control_time[:first], positions[:first])
-    assert 0.25 < max(share for name, (_, share, _) in use.items() if name != "position") <= 0.3 + 1e-6
+    assert (
+        0.25 < max(share for name, (_, share, _) in use.items() if name != "position") <= 0.3 + 1e-6
+    )

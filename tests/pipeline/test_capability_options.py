@@ -14,7 +14,11 @@ from maniport.pipeline.stages import sample_robot
 
 @pytest.mark.parametrize(
     ("options", "weights"),
-    [({}, None), ({"ellipsoids": "force"}, "joint-limits"), ({"ellipsoids": "force", "joint_weights": "unit"}, None)],
+    [
+        ({}, None),
+        ({"ellipsoids": "force"}, "joint-limits"),
+        ({"ellipsoids": "force", "joint_weights": "unit"}, None),
+    ],
 )
 def test_force_ellipsoids_have_torque_limits_by_default(options, weights):
     assert Config().changed(**options).spec.joint_weights == weights
@@ -48,7 +52,9 @@ def test_a_robot_without_torque_limits_or_masses_is_refused():
 
 def test_forces_without_gravity_are_said_to_be_so():
     weightless = Arm(replace(load_arm("panda").chain, inertia=None))
-    settings = replace(settings_of(Config().changed(ellipsoids="force", n_student=8, move=False)), robot=weightless)
+    settings = replace(
+        settings_of(Config().changed(ellipsoids="force", n_student=8, move=False)), robot=weightless
+    )
     with pytest.warns(ManiportWarning, match="forces are without gravity: .* has no masses"):
         sample_robot(settings)
 
@@ -61,14 +67,19 @@ def test_payloads_of_several_arms_are_those_of_each(payload, masses):
     q = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
     for arm, mass in zip(group.arms, masses, strict=True):
         np.testing.assert_allclose(
-            arm.gravity_torques(q), load_arm("panda").with_payload(mass).gravity_torques(q), atol=1e-12
+            arm.gravity_torques(q),
+            load_arm("panda").with_payload(mass).gravity_torques(q),
+            atol=1e-12,
         )
 
 
 def test_payloads_and_limits_of_a_file_reach_the_robot(tmp_path):
     (tmp_path / "limits.yaml").write_text("default: {effort: 60.0}", encoding="utf-8")
     config = Config(
-        payload=2.0, payload_center=(0.0, 0.0, 0.1), ellipsoids="force", limits=str(tmp_path / "limits.yaml")
+        payload=2.0,
+        payload_center=(0.0, 0.0, 0.1),
+        ellipsoids="force",
+        limits=str(tmp_path / "limits.yaml"),
     )
     robot, q = settings_of(config).robot, np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
     loaded = load_arm("panda").with_payload(2.0, (0.0, 0.0, 0.1))

@@ -23,7 +23,11 @@ REACHES = [(1.4, 2.1), (2.5, 3.2), (6.8, 7.7)]
 
 
 def reach(side="right", scale=1.0, lift=0.0, name="reach"):
-    arm = human_arm("myoarm", side, lengths={"upper arm": 0.3 * scale, "forearm": 0.25 * scale, "hand": 0.08 * scale})
+    arm = human_arm(
+        "myoarm",
+        side,
+        lengths={"upper arm": 0.3 * scale, "forearm": 0.25 * scale, "hand": 0.08 * scale},
+    )
     time = np.linspace(0.0, 1.0, 31)
     way = np.sin(np.pi * time**scale)[:, None]
     q = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]) + way * np.radians(
@@ -34,17 +38,25 @@ def reach(side="right", scale=1.0, lift=0.0, name="reach"):
 
 def reach_with_both(scale=1.0, lift=0.0):
     right, left = reach("right", scale, lift), reach("left", scale, lift)
-    between = right.point("trunk_low") - left.point("trunk_low")  # both stand before their own shoulder
+    between = right.point("trunk_low") - left.point(
+        "trunk_low"
+    )  # both stand before their own shoulder
     points = {f"right_{name}": right.point(name) for name in right.names if "trunk" not in name}
-    points |= {f"left_{name}": left.point(name) + between for name in left.names if "trunk" not in name}
+    points |= {
+        f"left_{name}": left.point(name) + between for name in left.names if "trunk" not in name
+    }
     points |= {name: right.point(name) for name in right.names if "trunk" in name}
-    return Recording(tuple(points), np.stack(list(points.values()), axis=1), right.time, source="both")
+    return Recording(
+        tuple(points), np.stack(list(points.values()), axis=1), right.time, source="both"
+    )
 
 
 @pytest.fixture(scope="module")
 def people():
     """What three people of unequal size teach, one of them with the left arm."""
-    return mp.learn([reach(), reach(scale=1.2), reach("left", lift=3.0, name="lefty")], components=2)
+    return mp.learn(
+        [reach(), reach(scale=1.2), reach("left", lift=3.0, name="lefty")], components=2
+    )
 
 
 def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes():
@@ -52,7 +64,11 @@ def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes():
     n, agreement = len(reached.time), reached.agreement
     start, stop = REACHES[reached.alignment.reference]
     assert start <= reached.time[0] < reached.time[-1] <= stop
-    assert (len(reached.demonstrations), reached.profile.shape, reached.path.shape) == (3, (n, 3, 3), (n, 3))
+    assert (len(reached.demonstrations), reached.profile.shape, reached.path.shape) == (
+        3,
+        (n, 3, 3),
+        (n, 3),
+    )
     assert_allclose(reached.profile, reached.model.predict(reached.time), rtol=1e-12)
     assert agreement.after < agreement.before
     assert agreement.share < 0.5
@@ -61,7 +77,11 @@ def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes():
 
 def test_both_arms_are_learned_together(tmp_path):
     """The ellipsoids of the arms are blocks, each aligned with the other; a robot of two arms takes them."""
-    learned = mp.learn([reach_with_both(), reach_with_both(1.2), reach_with_both(lift=3.0)], side="both", components=2)
+    learned = mp.learn(
+        [reach_with_both(), reach_with_both(1.2), reach_with_both(lift=3.0)],
+        side="both",
+        components=2,
+    )
     n = len(learned.time)
     assert (learned.profile.shape, learned.path.shape) == ((n, 6, 6), (n, 6))
     assert_allclose(learned.profile[:, :3, 3:], 0.0, atol=1e-9)
@@ -89,7 +109,9 @@ def test_both_arms_are_learned_together(tmp_path):
 def test_left_and_right_are_mirrored_and_said(people):
     assert people.arms[0].side == "right"
     assert people.agreement.after < 0.2
-    assert any("irrored to the right arm: lefty" in text for text in as_numbers(report_of(people))["notes"])
+    assert any(
+        "irrored to the right arm: lefty" in text for text in as_numbers(report_of(people))["notes"]
+    )
 
 
 def test_a_robot_follows_what_was_learned(people):
@@ -108,8 +130,15 @@ def test_files_are_whole_and_can_be_read(people, tmp_path):
     """What is written is what was learned; data alone are written by `save`."""
     mp.write_results(people, tmp_path / "all")
     files = {file.name for file in (tmp_path / "all").iterdir()}
-    assert files == {"profile.npz", "path.npz", "model.npz", "demonstrations.npz", "run.yaml", *REPORTS} <= RESULT_FILES
-    assert {file.name for file in mp.write_figures(tmp_path / "all")} == {"learned.png", "learned.svg"}
+    assert (
+        files
+        == {"profile.npz", "path.npz", "model.npz", "demonstrations.npz", "run.yaml", *REPORTS}
+        <= RESULT_FILES
+    )
+    assert {file.name for file in mp.write_figures(tmp_path / "all")} == {
+        "learned.png",
+        "learned.svg",
+    }
     ellipsoids, time = load_ellipsoids(tmp_path / "all" / "profile.npz")
     path, path_time = load_path(tmp_path / "all" / "path.npz")
     assert_allclose(ellipsoids, people.profile)

@@ -31,20 +31,35 @@ def result(small_result):
 
 def test_a_method_is_chosen_or_named(clip, result):
     rejected, numbers = result.arm.evaluation.rejected, as_numbers(report_of(result))
-    assert numbers["evaluation"]["choice"] == {"method": result.arm.method, "failures": list(rejected)}
-    assert set(numbers["evaluation"]["rows"]) >= {"identity", "mean-transport", "parallel-transport", "length-field"}
+    assert numbers["evaluation"]["choice"] == {
+        "method": result.arm.method,
+        "failures": list(rejected),
+    }
+    assert set(numbers["evaluation"]["rows"]) >= {
+        "identity",
+        "mean-transport",
+        "parallel-transport",
+        "length-field",
+    }
     named = transfer_recording(clip, method="mean-transport", **STILL)
     assert (named.arm.method, named.arm.evaluation.rejected) == ("mean-transport", None)
 
 
 def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
     arm, angles, target = result.arm.fit.arm, result.arm.fit.joint_angles, result.arm.target_profile
-    assert len(result.time) == len(angles) == len(target) == len(result.arm.demonstrated_profile) == 31
+    assert (
+        len(result.time) == len(angles) == len(target) == len(result.arm.demonstrated_profile) == 31
+    )
     np.testing.assert_array_equal(result.arm.demonstrated_profile, arm.manipulability(angles))
     assert arm.within_limits(angles).all()
-    np.testing.assert_array_equal(target, result.arm.adapter.transform(result.arm.demonstrated_profile))
+    np.testing.assert_array_equal(
+        target, result.arm.adapter.transform(result.arm.demonstrated_profile)
+    )
     assert np.linalg.eigvalsh(target).min() > 0
-    back, scale = result.arm.adapter.inverse_transform(target), np.abs(result.arm.demonstrated_profile).max()
+    back, scale = (
+        result.arm.adapter.inverse_transform(target),
+        np.abs(result.arm.demonstrated_profile).max(),
+    )
     np.testing.assert_allclose(back, result.arm.demonstrated_profile, atol=1e-9 * scale)
 
 
@@ -72,7 +87,9 @@ def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
     files = sorted(file.name for file in (tmp_path / "first").iterdir())
     assert {"joints.csv", "joints.npz", "path.npz", "target_profile.npz"} <= set(files)
     for file in files:
-        assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "again" / file).read_bytes(), file
+        assert (tmp_path / "first" / file).read_bytes() == (
+            tmp_path / "again" / file
+        ).read_bytes(), file
     other = transfer_recording(clip, **job | {"move": False}, seed=7)
     assert not np.array_equal(other.arm.target_profile, first.arm.target_profile)
     for name in dict.fromkeys(step[0] for step in steps):
@@ -85,7 +102,9 @@ def test_force_ellipsoids_are_followed_as_their_inverses(clip, tmp_path):
     job = SMALL | {"method": "parallel-transport", "ellipsoids": "force"}
     forces = transfer_recording(clip, **job)
     yaw = forces.arm.placement.yaw
-    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    turn = np.array(
+        [[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]]
+    )
     expected = turn @ np.linalg.inv(forces.arm.target_profile) @ turn.T
     np.testing.assert_allclose(forces.arm.motion.target, expected, rtol=1e-6, atol=1e-9)
     forces.save(tmp_path / "results")
@@ -108,7 +127,9 @@ def test_the_mounting_turns_results_and_baselines(clip):
         for base_rotation in (None, turn, half_turn)
     )
     copy = turn @ turned.arm.demonstrated_profile @ turn.T
-    gaps = mp.nearest_feasible(turned.arm.robot, copy, damping=turned.arm.adapter.student_regularization).distance
+    gaps = mp.nearest_feasible(
+        turned.arm.robot, copy, damping=turned.arm.adapter.student_regularization
+    ).distance
     assert turned.arm.evaluation.values["identity"] == pytest.approx(gaps.mean(), rel=0.02)
     as_seen = half_turn @ half.arm.target_profile @ half_turn
     assert np.median(mp.spd.distance(as_seen, plain.arm.target_profile)) < 0.3
@@ -122,18 +143,31 @@ def test_a_result_is_written_whole_and_can_be_read_back(result, tmp_path):
     result.save(folder)
     assert {entry.name for entry in folder.iterdir()} < RESULT_FILES
     mp.write_results(result, folder, overwrite=True)
-    assert {"report.html", "summary.md", "joints.csv"} <= {entry.name for entry in folder.iterdir()} <= RESULT_FILES
+    assert (
+        {"report.html", "summary.md", "joints.csv"}
+        <= {entry.name for entry in folder.iterdir()}
+        <= RESULT_FILES
+    )
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     rows = list(csv.reader((folder / "person.csv").open()))
     assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.arm.fit.arm.joint_names)]
-    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], np.degrees(result.arm.fit.joint_angles), atol=1e-4)
-    for name, profile in (("demonstrated", result.arm.demonstrated_profile), ("target", result.arm.target_profile)):
+    np.testing.assert_allclose(
+        np.array(rows[1:], float)[:, 1:], np.degrees(result.arm.fit.joint_angles), atol=1e-4
+    )
+    for name, profile in (
+        ("demonstrated", result.arm.demonstrated_profile),
+        ("target", result.arm.target_profile),
+    ):
         ellipsoids, time = load_ellipsoids(folder / f"{name}_profile.npz")
         np.testing.assert_array_equal(ellipsoids, profile)
         np.testing.assert_array_equal(time, result.time)
     adapter = mp.load_adapter(folder / "adapter.npz")
-    np.testing.assert_array_equal(adapter.transform(result.arm.demonstrated_profile), result.arm.target_profile)
-    assert json.loads((folder / "summary.json").read_text())["run"]["ellipsoids"]["count"] == len(result.time)
+    np.testing.assert_array_equal(
+        adapter.transform(result.arm.demonstrated_profile), result.arm.target_profile
+    )
+    assert json.loads((folder / "summary.json").read_text())["run"]["ellipsoids"]["count"] == len(
+        result.time
+    )
 
 
 def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
@@ -150,7 +184,9 @@ def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
         result.save(folder, overwrite=True)
     assert (folder / "person.csv").read_bytes() == before
     (folder / "thesis.tex").write_text("precious")
-    alone = mp.pipeline.MotionResult(robot=result.robot, arms=result.arms, config=result.config, motion=result.motion)
+    alone = mp.pipeline.MotionResult(
+        robot=result.robot, arms=result.arms, config=result.config, motion=result.motion
+    )
     for run in (result, alone):
         with pytest.raises(OutputError, match=r"thesis\.tex"):
             mp.write_results(run, folder, overwrite=True)
@@ -178,8 +214,15 @@ def own():
     """A motion of the Panda: the arm, times, ellipsoids and path of the end effector."""
     panda = mp.load_arm("panda")
     phase = np.sin(np.linspace(0.0, np.pi, 21))[:, None]
-    joints = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.8, 0.0]) + 0.3 * phase * np.array([1, 0.5, -1, 0.7, 0.5, -0.5, 0])
-    return panda, np.linspace(0.0, 2.0, 21), panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
+    joints = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.8, 0.0]) + 0.3 * phase * np.array(
+        [1, 0.5, -1, 0.7, 0.5, -0.5, 0]
+    )
+    return (
+        panda,
+        np.linspace(0.0, 2.0, 21),
+        panda.manipulability(joints),
+        panda.forward(joints)[:, :3, 3],
+    )
 
 
 def test_the_robot_repeats_its_own_motion(own, tmp_path):
@@ -192,11 +235,19 @@ def test_the_robot_repeats_its_own_motion(own, tmp_path):
     assert np.percentile(motion.position_error, 95) < motion.position_tolerance
     assert execution.arm.placement is None
     mp.write_results(execution, tmp_path / "out")
-    assert {"report.html", "summary.md"} <= {file.name for file in (tmp_path / "out").iterdir()} <= RESULT_FILES
+    assert (
+        {"report.html", "summary.md"}
+        <= {file.name for file in (tmp_path / "out").iterdir()}
+        <= RESULT_FILES
+    )
     rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
     assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
-    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:8], motion.control_positions, atol=1e-8)
-    np.testing.assert_array_equal(load_ellipsoids(tmp_path / "out" / "joints.npz")[0], motion.achieved)
+    np.testing.assert_allclose(
+        np.array(rows[1:], float)[:, 1:8], motion.control_positions, atol=1e-8
+    )
+    np.testing.assert_array_equal(
+        load_ellipsoids(tmp_path / "out" / "joints.npz")[0], motion.achieved
+    )
     np.testing.assert_array_equal(load_path(tmp_path / "out" / "path.npz")[0], motion.path)
     numbers = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert numbers == json.loads(json.dumps(as_numbers(report_of(execution))))
@@ -222,4 +273,6 @@ def test_wrong_targets_are_named(own, change, word):
     panda, time, profile, path = own
     arguments = {"time": time, "positions": path} | change
     with pytest.raises(InvalidInputError, match=word):
-        follow_profile(panda, [profile], arguments.pop("time"), [arguments.pop("positions")], **arguments)
+        follow_profile(
+            panda, [profile], arguments.pop("time"), [arguments.pop("positions")], **arguments
+        )

@@ -68,7 +68,9 @@ class Case:
 def cases(draw, most=12.0, least=0.0, sizes=SIZES):
     """Draw a size, a condition number from 10^least to 10^most, a unit from 1e-6 to 1e6 and a seed."""
     condition, scale = draw(st.floats(least, most)), draw(st.floats(-6.0, 6.0))
-    return Case(draw(st.sampled_from(sizes)), 10.0**condition, 10.0**scale, draw(st.integers(0, 2**32 - 1)))
+    return Case(
+        draw(st.sampled_from(sizes)), 10.0**condition, 10.0**scale, draw(st.integers(0, 2**32 - 1))
+    )
 
 
 TAME = cases(most=2.0).map(lambda case: replace(case, scale=1e4))
@@ -154,9 +156,17 @@ def require_same_for_every_form(call, arrays, forms=FORMS):
         assert len(found) == len(expected)
         for result, wanted in zip(found, expected, strict=True):
             assert np.asarray(result).dtype == np.float64, form
-            np.testing.assert_array_equal(result, wanted, err_msg=form, strict=isinstance(wanted, np.ndarray))
+            np.testing.assert_array_equal(
+                result, wanted, err_msg=form, strict=isinstance(wanted, np.ndarray)
+            )
             for one in given:
-                assert not (isinstance(one, np.ndarray) and np.may_share_memory(result, one)), f"{form}: not fresh"
-            assert not isinstance(result, np.ndarray) or result.flags.writeable, f"{form}: the result is read-only"
+                assert not (isinstance(one, np.ndarray) and np.may_share_memory(result, one)), (
+                    f"{form}: not fresh"
+                )
+            assert not isinstance(result, np.ndarray) or result.flags.writeable, (
+                f"{form}: the result is read-only"
+            )
         for one, before in zip(given, plain, strict=True):
-            np.testing.assert_array_equal(np.array(one, dtype=np.float64), before, err_msg=f"{form}: written to")
+            np.testing.assert_array_equal(
+                np.array(one, dtype=np.float64), before, err_msg=f"{form}: written to"
+            )

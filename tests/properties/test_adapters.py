@@ -35,7 +35,10 @@ def assert_same_images(found, wanted, rounding):
 
 @methods
 @fewer(0.35)
-@given(case=cases(least=0.3, most=5.0, sizes=SMALL), units=st.tuples(st.floats(-5, 5), st.floats(-5, 5)))
+@given(
+    case=cases(least=0.3, most=5.0, sizes=SMALL),
+    units=st.tuples(st.floats(-5, 5), st.floats(-5, 5)),
+)
 def test_units_only_scale_images_and_a_common_frame_turns_them(name, case, units):
     teacher, student, new = domains(name, case)
     one, other = 10.0 ** np.array(units)

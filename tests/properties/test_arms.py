@@ -16,7 +16,11 @@ ARMS = {
     "slide": lambda: Arm.from_dh("slide", [[0, 0.1, 0.4, 1.0], [0.2, 0.3, 0, 0.5]], 0.0, 1.0, kinds=KINDS),
 }  # fmt: skip
 KINDS = ("revolute", "prismatic")
-SPECS = [EllipsoidSpec(kind, part) for kind in ("velocity", "force") for part in ("translation", "rotation", "full")]
+SPECS = [
+    EllipsoidSpec(kind, part)
+    for kind in ("velocity", "force")
+    for part in ("translation", "rotation", "full")
+]
 arms = pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS, indirect=True)
 seeds = st.integers(0, 2**32 - 1)
 
@@ -31,7 +35,11 @@ def arm(request):
 def test_kinematics_are_consistent(arm, seed):
     q = arm.sample(3, seed)
     poses, jacobian = arm.forward(q), arm.jacobian(q)
-    for method, batch in ((arm.forward, poses), (arm.jacobian, jacobian), (arm.ellipsoids, arm.ellipsoids(q))):
+    for method, batch in (
+        (arm.forward, poses),
+        (arm.jacobian, jacobian),
+        (arm.ellipsoids, arm.ellipsoids(q)),
+    ):
         assert_allclose(method(q[1]), batch[1], rtol=0, atol=1e-13 * np.abs(batch).max())
         assert method(q[:0]).shape == (0, *batch.shape[1:])
     turns = poses[:, :3, :3]
@@ -62,7 +70,9 @@ def test_ellipsoids_agree_with_the_jacobian(arm, seed, spec):
     weights = np.arange(1.0, arm.dof + 1.0)
     weighted = arm.ellipsoids(q, EllipsoidSpec("velocity", spec.part, weights))
     assert_allclose(weighted, (rows * weights**2) @ np.swapaxes(rows, 1, 2), atol=1e-10)
-    for actual, expected in zip(arm.posed_differentials(q, velocity), (poses, jacobian, matrices), strict=False):
+    for actual, expected in zip(
+        arm.posed_differentials(q, velocity), (poses, jacobian, matrices), strict=False
+    ):
         assert_allclose(actual, expected, rtol=0, atol=1e-12)
     if spec.kind == "force" and arm.dof >= spec.size and np.linalg.cond(matrices).max() < 1e8:
         assert_allclose(arm.ellipsoids(q, spec) @ matrices, [np.eye(spec.size)] * 3, atol=1e-5)

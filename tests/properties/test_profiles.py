@@ -37,11 +37,15 @@ def test_alignment_runs_from_start_to_end(case, reference):
     assert reference in (None, result.reference)
     for path, one in zip(result.paths, data, strict=True):
         assert_array_equal(path[[0, -1]], [[0, 0], [n - 1, len(one) - 1]])
-        assert np.all((np.diff(path, axis=0) >= 0).all(axis=1) & (np.diff(path, axis=0).max(axis=1) == 1))
+        assert np.all(
+            (np.diff(path, axis=0) >= 0).all(axis=1) & (np.diff(path, axis=0).max(axis=1) == 1)
+        )
     assert_array_equal(result.ellipsoids[result.reference], data[result.reference])
     change = case.change()
     moved = [congruent(change, profile) for profile in data]
-    costs, moved_costs = ([matched(profiles[0], other)[1] for other in profiles[1:]] for profiles in (data, moved))
+    costs, moved_costs = (
+        [matched(profiles[0], other)[1] for other in profiles[1:]] for profiles in (data, moved)
+    )
     assert_allclose(moved_costs, costs, atol=10.0 * case.rounding)
     inputs, ellipsoids, groups = result.stacked()
     assert len(inputs) == len(ellipsoids) == len(groups) == 3 * n
@@ -61,7 +65,9 @@ def test_profiles_do_not_depend_on_order_and_follow_congruences(case):
     wanted = profile(data)
     assert_allclose(spd.distance(profile(data[order]), wanted), 0.0, atol=1e-6)
     assert_allclose(spd.distance(profile(1e3 * data), 1e3 * wanted), 0.0, atol=1e-6)
-    assert_allclose(spd.distance(profile(congruent(change, data)), congruent(change, wanted)), 0.0, atol=1e-6)
+    assert_allclose(
+        spd.distance(profile(congruent(change, data)), congruent(change, wanted)), 0.0, atol=1e-6
+    )
 
 
 @fewer(0.7)

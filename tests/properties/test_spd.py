@@ -60,12 +60,18 @@ def test_a_batch_is_its_members(name, case):
     given_to = arguments(case, kinds, 2, 3)
     batch = results_of(function, given_to)
     for index in np.ndindex(2, 3):
-        for whole, alone in zip(batch, results_of(function, [one[index] for one in given_to]), strict=True):
+        for whole, alone in zip(
+            batch, results_of(function, [one[index] for one in given_to]), strict=True
+        ):
             assert_array_equal(whole[index], alone)
     if len(kinds) > 1:
-        for row, whole in zip(results_of(function, [given_to[0][1], *given_to[1:]]), batch, strict=True):
+        for row, whole in zip(
+            results_of(function, [given_to[0][1], *given_to[1:]]), batch, strict=True
+        ):
             assert_array_equal(row[1], whole[1])
-    for whole, nothing in zip(batch, results_of(function, [one[:, :0] for one in given_to]), strict=True):
+    for whole, nothing in zip(
+        batch, results_of(function, [one[:, :0] for one in given_to]), strict=True
+    ):
         assert nothing.shape == (2, 0, *whole.shape[2:])
 
 
@@ -84,7 +90,11 @@ def test_distance_is_a_metric_at_every_condition(case):
 def test_distance_is_invariant_under_congruence(case):
     a, b = case.spd(2, 4)
     change = case.change()
-    assert_allclose(spd.distance(congruent(change, a), congruent(change, b)), spd.distance(a, b), atol=case.rounding)
+    assert_allclose(
+        spd.distance(congruent(change, a), congruent(change, b)),
+        spd.distance(a, b),
+        atol=case.rounding,
+    )
     chords = np.linalg.norm(spd.logm(a) - spd.logm(b), axis=(-2, -1))
     assert np.all(chords <= spd.distance(a, b) + case.rounding)
 
@@ -96,12 +106,16 @@ def test_exponential_inverts_the_logarithm(case):
         tangent, middle, apart = spd.log(a, b), spd.geodesic(a, b, 0.5), spd.distance(a, b)
         for symmetric in (tangent, middle):
             assert_array_equal(symmetric, np.swapaxes(symmetric, -1, -2))
-        assert_allclose(np.sqrt(spd.inner(a, tangent, tangent)), apart, rtol=case.rounding, atol=case.rounding)
+        assert_allclose(
+            np.sqrt(spd.inner(a, tangent, tangent)), apart, rtol=case.rounding, atol=case.rounding
+        )
         assert_allclose(spd.distance(a, middle), 0.5 * apart, atol=case.rounding)
         for end, t in ((a, 0.0), (b, 1.0)):
             assert_allclose(spd.distance(spd.geodesic(a, b, t), end), 0.0, atol=case.rounding)
         with refused_only_above(case.rounding_between):
-            assert_allclose(spd.distance(spd.exp(a, 0.5 * tangent), middle), 0.0, atol=case.rounding_between)
+            assert_allclose(
+                spd.distance(spd.exp(a, 0.5 * tangent), middle), 0.0, atol=case.rounding_between
+            )
             assert_allclose(spd.distance(spd.exp(a, tangent), b), 0.0, atol=case.rounding_between)
 
 
@@ -115,7 +129,9 @@ def test_transport_keeps_inner_products(case):
         kept = spd.inner(end, *there) - spd.inner(start, one, two)
         assert np.all(np.abs(kept) <= 10.0 * case.rounding * (1.0 + lengths))
         back = spd.transport(there[0], end, start) - one
-        assert np.all(np.sqrt(spd.inner(start, back, back)) <= 10.0 * case.rounding * (1.0 + lengths))
+        assert np.all(
+            np.sqrt(spd.inner(start, back, back)) <= 10.0 * case.rounding * (1.0 + lengths)
+        )
 
 
 @given(case=cases())
@@ -133,7 +149,11 @@ def test_axes_give_the_ellipsoid_back(case):
     lengths, directions = spd.axes(x)
     assert np.all(np.diff(lengths) >= 0.0)
     assert_allclose(np.swapaxes(directions, -1, -2) @ directions, [np.eye(case.d)] * 4, atol=1e-12)
-    assert_allclose((directions * lengths[:, None] ** 2) @ np.swapaxes(directions, -1, -2), x, atol=1e-12 * case.scale)
+    assert_allclose(
+        (directions * lengths[:, None] ** 2) @ np.swapaxes(directions, -1, -2),
+        x,
+        atol=1e-12 * case.scale,
+    )
     assert_array_equal(spd.lengths(x), lengths)
     assert_allclose(spd.volume(9.0 * x), 3.0**case.d * spd.volume(x), rtol=1e-9 + case.rounding)
     ball = spd.volume(np.eye(case.d))
@@ -147,7 +167,9 @@ def test_mean_and_dispersion_are_equivariant_under_congruence(case):
     center, order = spd.mean(x, weights), case.rng.permutation(5)
     moved = spd.mean(congruent(change, x), 7.0 * weights)
     assert_allclose(spd.distance(moved, congruent(change, center)), 0.0, atol=case.rounding)
-    assert_allclose(spd.distance(spd.mean(x[order], weights[order]), center), 0.0, atol=case.rounding)
+    assert_allclose(
+        spd.distance(spd.mean(x[order], weights[order]), center), 0.0, atol=case.rounding
+    )
     spread = spd.dispersion(x)
     assert_allclose(spd.dispersion(congruent(change, x)), spread, atol=case.rounding)
     assert_allclose(spd.dispersion(x[order]), spread, atol=case.rounding)

@@ -16,7 +16,9 @@ def motion():
     def make(d=3, count=60):
         time = np.linspace(0.0, 4.0, count)
         time[count // 2 :] += 1.5
-        swing = np.sin(np.linspace(0, 3, count))[:, None, None] * np.arange(d * d).reshape(d, d) / d**2
+        swing = (
+            np.sin(np.linspace(0, 3, count))[:, None, None] * np.arange(d * d).reshape(d, d) / d**2
+        )
         shear = np.cos(np.linspace(0, 2, count))[:, None, None] * np.eye(d)[::-1]
         tangents = 0.5 * (swing + np.swapaxes(swing, 1, 2)) + 0.4 * shear
         return time, spd.expm(tangents + np.diag(np.linspace(-2.0, -0.5, d)))
@@ -41,7 +43,11 @@ def changed():
     def change(result, arm=None, **motion):
         own = replace(result.arm, **(arm or {}))
         own = replace(own, motion=replace(own.motion, **motion)) if motion else own
-        return replace(result, arms=(own,), motion=replace(result.motion, arms=(own.motion,), trajectory=own.motion))
+        return replace(
+            result,
+            arms=(own,),
+            motion=replace(result.motion, arms=(own.motion,), trajectory=own.motion),
+        )
 
     return change
 
@@ -57,7 +63,11 @@ def several(result):
         columns = np.split(np.arange(len(joints)), count)
         robot = SimpleNamespace(name="robot", joint_names=joints, shared=(), columns=columns)
         error = np.full((len(arm.motion.time), count - 1), 1e-3)
-        whole = replace(motion, arms=count * motion.arms, relative_error=error) if count > 1 else motion
-        return replace(result, robot=robot, arms=tuple(replace(arm, name=name) for name in names), motion=whole)
+        whole = (
+            replace(motion, arms=count * motion.arms, relative_error=error) if count > 1 else motion
+        )
+        return replace(
+            result, robot=robot, arms=tuple(replace(arm, name=name) for name in names), motion=whole
+        )
 
     return make

@@ -35,7 +35,9 @@ class Page(HTMLParser):
 
 def page_of(*parts, animation=None, warnings=("a warning",), title="a title"):
     """The page of metrics, tables and an animation, as text."""
-    metrics, tables = ([part for part in parts if isinstance(part, kind)] for kind in (Metric, Table))
+    metrics, tables = (
+        [part for part in parts if isinstance(part, kind)] for kind in (Metric, Table)
+    )
     section = Section("a section", tuple(metrics), tuple(tables), text="one\ntwo")
     section.warn("some", *warnings)
     return as_html(Report(title, "a lead", (section,)), animation)

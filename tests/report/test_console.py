@@ -27,7 +27,9 @@ def terminal(monkeypatch):
 
 
 def test_json_has_no_nan(capsys):
-    Console(as_json=True).finish({"a": float("nan"), "b": [1.0, (float("inf"),)], "c": {"d": -float("inf")}}, "")
+    Console(as_json=True).finish(
+        {"a": float("nan"), "b": [1.0, (float("inf"),)], "c": {"d": -float("inf")}}, ""
+    )
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.0, [None]], "c": {"d": None}}
 
 
@@ -65,4 +67,14 @@ def test_lines_in_a_pipe(capsys):
             report(far := "walk/from/here/to/there", 1.0, "done")
             report(f"{far} → again", 1.0, "done")
     words = ["!", "slow", "!", "slow", "✓", "walk", "[b]3", "km[/b]"]
-    assert capsys.readouterr().err.split() == [*words, "✓", far, "done", "✓", far, "→", "again", "done"]
+    assert capsys.readouterr().err.split() == [
+        *words,
+        "✓",
+        far,
+        "done",
+        "✓",
+        far,
+        "→",
+        "again",
+        "done",
+    ]

@@ -8,7 +8,13 @@ import pytest
 from matplotlib.figure import Figure
 
 import maniport as mp
-from maniport.errors import FileFormatError, InvalidInputError, ManiportError, MissingPackageError, OutputError
+from maniport.errors import (
+    FileFormatError,
+    InvalidInputError,
+    ManiportError,
+    MissingPackageError,
+    OutputError,
+)
 from maniport.report import figures
 from maniport.spd.ellipsoid import lengths
 from maniport.util.optional import matplotlib
@@ -43,7 +49,9 @@ def test_arms_have_one_scale_and_share_a_panel(motion):
     _, profile = motion(count=8)
     line = np.cumsum(np.full((8, 4, 3), 0.1), axis=1)
     skeletons = {"left": line, "right": -line, "other": 0.5 * line}
-    figure = figures.arms(skeletons, dict.fromkeys(skeletons, profile), count=2, within={"left": "x", "right": "x"})
+    figure = figures.arms(
+        skeletons, dict.fromkeys(skeletons, profile), count=2, within={"left": "x", "right": "x"}
+    )
     assert [panel.get_title() for panel in figure.axes] == ["x", "other"]
     assert [len(panel.lines) for panel in figure.axes] == [4, 2]
     assert len({round(float(np.ptp(panel.get_xlim())), 9) for panel in figure.axes}) == 1

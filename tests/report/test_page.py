@@ -25,22 +25,32 @@ def animation(motion):
 
 
 def read(text):
-    return unpacked(json.loads(next(data for names, data in Page(text).scripts if names.get("id") == "motion")))
+    return unpacked(
+        json.loads(next(data for names, data in Page(text).scripts if names.get("id") == "motion"))
+    )
 
 
 def test_the_page_loads_nothing(animation):
     """The page is well-formed; it has no address with http and no link out, and a policy forbids all but its parts."""
-    text = page_of(Metric("n", "1", "what"), Table(("a",), (("b",),), "caption"), animation=animation)
+    text = page_of(
+        Metric("n", "1", "what"), Table(("a",), (("b",),), "caption"), animation=animation
+    )
     page = Page(text)
     assert page.open == []
     assert ("html", {"lang": "en"}) in page.elements
-    assert {"title", "h1", "main", "footer", "table", "dl", "noscript"} <= {tag for tag, _ in page.elements}
+    assert {"title", "h1", "main", "footer", "table", "dl", "noscript"} <= {
+        tag for tag, _ in page.elements
+    }
     for tag, attributes in page.elements:
         for name in ("src", "href", "action", "srcset", "poster", "data"):
             assert attributes.get(name, "data:").startswith(("data:", "#")), (tag, attributes)
     rest = text.replace("http://www.w3.org/2000/svg", "")  # a name, not an address
-    assert not re.search(r"https?://|//[a-z]+\.|@import|fetch\(|XMLHttpRequest|WebSocket|import\(|url\(", rest)
-    policy = next(a["content"] for _, a in page.elements if a.get("http-equiv") == "Content-Security-Policy")
+    assert not re.search(
+        r"https?://|//[a-z]+\.|@import|fetch\(|XMLHttpRequest|WebSocket|import\(|url\(", rest
+    )
+    policy = next(
+        a["content"] for _, a in page.elements if a.get("http-equiv") == "Content-Security-Policy"
+    )
     assert "default-src 'none'" in policy
     assert not re.search("connect|unsafe", policy)
     script = next(data for attributes, data in page.scripts if not attributes)
@@ -55,9 +65,14 @@ def test_data_are_the_arrays_of_the_animation(animation):
     pairs = [
         (data["time"], animation.time - animation.time[0]),
         (decoded["skeleton"], body.skeleton),
-        (decoded["ellipsoids"]["person"], body.ellipsoids["person"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]),
+        (
+            decoded["ellipsoids"]["person"],
+            body.ellipsoids["person"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]],
+        ),
     ]
-    for panel, drawn in zip(animation.panels["Ellipsoids"], data["panels"]["Ellipsoids"], strict=True):
+    for panel, drawn in zip(
+        animation.panels["Ellipsoids"], data["panels"]["Ellipsoids"], strict=True
+    ):
         pairs += [(b["values"], a.values) for a, b in zip(panel.lines, drawn["lines"], strict=True)]
     for values, array in pairs:
         np.testing.assert_array_equal(values, array.astype(np.float32))
@@ -69,7 +84,9 @@ def test_the_page_of_a_long_motion_is_small():
     skeleton = np.random.default_rng(1).normal(size=(count, 8, 3))
     shells = np.broadcast_to(np.eye(3), (count, 3, 3))
     drawn = dict.fromkeys(("person", "target", "achieved"), shells)
-    stages = tuple(Stage(name, (Body(name, skeleton, drawn, skeleton[:, -1]),)) for name in ("a", "b"))
+    stages = tuple(
+        Stage(name, (Body(name, skeleton, drawn, skeleton[:, -1]),)) for name in ("a", "b")
+    )
     panels = {"all": tuple(Panel(str(k), "", (Line("x", values),)) for k in range(50))}
     text = page_of(animation=Animation(time, stages, panels))
     assert len(text.encode()) < 6_000_000

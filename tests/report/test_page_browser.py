@@ -16,17 +16,32 @@ def page(motion, tmp_path_factory):
     time, teacher = motion(3, 60)
     target = 1.5 * teacher
     swing = np.linspace(0, 1, 60)
-    arm = np.stack([0 * swing, 0 * swing, 0.3 + 0 * swing, 0.4 * np.cos(swing), 0.4 * np.sin(swing), 0.4 + 0.2 * swing])
+    arm = np.stack(
+        [
+            0 * swing,
+            0 * swing,
+            0.3 + 0 * swing,
+            0.4 * np.cos(swing),
+            0.4 * np.sin(swing),
+            0.4 + 0.2 * swing,
+        ]
+    )
     skeleton = np.concatenate([np.zeros((60, 1, 3)), arm.T.reshape(60, 2, 3)], axis=1)
     bend = Panel("bend", "rad", (Line("", swing),), limits=(-1.0, 2.0), span=(-1.2, 2.2))
     stages = (
         Stage("person", (Body("person", skeleton, {"person": teacher}),)),
-        Stage("robot", (Body("robot", skeleton, {"target": target, "achieved": teacher}, skeleton[:, -1]),)),
+        Stage(
+            "robot",
+            (Body("robot", skeleton, {"target": target, "achieved": teacher}, skeleton[:, -1]),),
+        ),
     )
     animation = Animation(
         time,
         stages,
-        {"Ellipsoids": semi_axis_panels({"person": teacher, "target": target}, "m"), "Joints": (bend,)},
+        {
+            "Ellipsoids": semi_axis_panels({"person": teacher, "target": target}, "m"),
+            "Joints": (bend,),
+        },
         clocks={"robot": 4.0 * time},
     )
     path = tmp_path_factory.mktemp("page") / "report.html"
@@ -43,7 +58,9 @@ def opened(browser, page):
 
 def test_the_page_is_drawn_without_errors(opened):
     counts = {".stage canvas": 2, ".chart": 4, "input[type=range]": 1, ".mind li": 1}
-    assert {name: opened.run(f"document.querySelectorAll('{name}').length") for name in counts} == counts
+    assert {
+        name: opened.run(f"document.querySelectorAll('{name}').length") for name in counts
+    } == counts
     assert opened.run("document.title") == "A <b>title</b>"
     assert opened.run("document.documentElement.dataset.error || null") is None
     assert opened.complaints == []
@@ -92,10 +109,15 @@ def test_the_first_screen_has_the_summary(browser, results, small_result):
     browser.dress(1024, 768)
     browser.open(results)
     order = [".summary", ".cards", ".controls input", ".states", ".stages"]
-    ends = [browser.run(f"document.querySelector('{one}').getBoundingClientRect().bottom") for one in order]
+    ends = [
+        browser.run(f"document.querySelector('{one}').getBoundingClientRect().bottom")
+        for one in order
+    ]
     assert ends == sorted(ends)
     assert ends[3] < 768
-    time = round(report_of(small_result).main_metrics[0].value["max_at_s"], 1) - small_result.time[0]
+    time = (
+        round(report_of(small_result).main_metrics[0].value["max_at_s"], 1) - small_result.time[0]
+    )
     browser.run("document.querySelector('.card a').click()")
     browser.wait(f"Math.abs(maniport.player.now - {time}) < 1e-3")
     assert browser.complaints == []
@@ -104,7 +126,9 @@ def test_the_first_screen_has_the_summary(browser, results, small_result):
 def test_all_arms_are_drawn_in_one_view(browser, several, tmp_path):
     animation = animation_of(several(2))
     curves = {"Distance": animation.panels["Distance and position error"]}
-    (tmp_path / "report.html").write_text(page_of(animation=replace(animation, panels=curves)), encoding="utf-8")
+    (tmp_path / "report.html").write_text(
+        page_of(animation=replace(animation, panels=curves)), encoding="utf-8"
+    )
     browser.dress()
     browser.open(tmp_path / "report.html")
     assert browser.complaints == []
@@ -124,5 +148,7 @@ def test_axe_has_no_violations(browser, results, axe, scheme):
     browser.open(results)
     browser.run("for (const one of document.querySelectorAll('details')) one.open = true")
     browser.run(f"{axe}; null")
-    found = browser.run("axe.run(document).then(found => found.violations.map(one => one.id + one.nodes[0].html))")
+    found = browser.run(
+        "axe.run(document).then(found => found.violations.map(one => one.id + one.nodes[0].html))"
+    )
     assert found == []

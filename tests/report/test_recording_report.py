@@ -17,7 +17,9 @@ def test_reported_roles_are_an_input():
     roles = json.loads(json.dumps(as_numbers(report_of(recording))))["arms"]["right"]["markers"]
     renamed = replace(recording, names=tuple(map(prefixed, recording.names)))
     markers = {role: prefixed(names) for role, names in roles.items()}
-    np.testing.assert_array_equal(fit_arm(renamed, markers=markers).joint_angles, fit_arm(recording).joint_angles)
+    np.testing.assert_array_equal(
+        fit_arm(renamed, markers=markers).joint_angles, fit_arm(recording).joint_angles
+    )
 
 
 def test_contradictions_are_warnings(small_result):

@@ -39,14 +39,22 @@ def test_info_describes_chain_and_other_ends(crane):
     ):  # fmt: skip
         assert part in text
     found = json.loads(info(str(crane), "--base", "post", "--json"))
-    assert (found["base"], list(found["joints"]), list(found["ends"])) == ("post", ["up", "nod"], ["eye"])
+    assert (found["base"], list(found["joints"]), list(found["ends"])) == (
+        "post",
+        ["up", "nod"],
+        ["eye"],
+    )
 
 
 def test_info_warns_of_assumptions_and_omitted_checks(crane, tmp_path):
     warned = warnings_of(str(crane))
     limits = {"position": "-3.14 to 3.14 rad for turn", "velocity": "1 rad/s for turn",
               "acceleration": "4 rad/s² for turn", "jerk": "100 rad/s³ for turn"}  # fmt: skip
-    assert set(warned) == {*(f"assumed-{one}-limits" for one in limits), "unchecked-collisions", "unchecked-torques"}
+    assert set(warned) == {
+        *(f"assumed-{one}-limits" for one in limits),
+        "unchecked-collisions",
+        "unchecked-torques",
+    }
     assert all(text in warned[f"assumed-{one}-limits"] for one, text in limits.items())
     assert all(text in info(str(crane)).split("## Warnings")[1] for text in warned.values())
     assert warnings_of("panda") == warnings_of("myoarm") == {}
@@ -58,7 +66,10 @@ def test_info_warns_of_assumptions_and_omitted_checks(crane, tmp_path):
 
 @NEEDS_ROBOTS
 def test_info_warns_of_pairs_of_links_that_hulls_cannot_decide():
-    assert "left_lowerarm against left_hand" in warnings_of("human_left_arm")["unchecked-links"].lower()
+    assert (
+        "left_lowerarm against left_hand"
+        in warnings_of("human_left_arm")["unchecked-links"].lower()
+    )
 
 
 def test_an_arm_is_the_same_after_a_configuration_file(crane, tmp_path):
@@ -68,7 +79,9 @@ def test_an_arm_is_the_same_after_a_configuration_file(crane, tmp_path):
     q = arm.sample(4, random_state=0)
     np.testing.assert_allclose(again.jacobian(q), arm.jacobian(q), atol=1e-6)
     Config().changed(robot=load_arm("panda")).save(tmp_path / "run.yaml")
-    assert load_robot(Config.load(tmp_path / "run.yaml")).joint_names == load_arm("panda").joint_names
+    assert (
+        load_robot(Config.load(tmp_path / "run.yaml")).joint_names == load_arm("panda").joint_names
+    )
 
 
 def test_a_robot_with_two_arms_lists_its_ends():
@@ -76,7 +89,9 @@ def test_a_robot_with_two_arms_lists_its_ends():
         pytest.skip("example-robot-data is not installed")
     text = info("talos")
     assert "choose one with --frame, or name talos_left_arm or talos_right_arm." in text
-    assert "| gripper_left_base_link | 9 | torso_1_joint … arm_left_7_joint | torso_2_link |" in text
+    assert (
+        "| gripper_left_base_link | 9 | torso_1_joint … arm_left_7_joint | torso_2_link |" in text
+    )
 
 
 @pytest.mark.parametrize(("words", "message"), [

@@ -23,7 +23,8 @@ def test_the_recording_has_the_content_of_the_page(alone, tmp_path):
     for role, ellipsoids in body.ellipsoids.items():
         rows = moving[f"/{robot}/{role}"]
         sizes, quaternions, centers = (
-            np.array(rows[f"Ellipsoids3D:{name}"])[:, 0] for name in ("half_sizes", "quaternions", "centers")
+            np.array(rows[f"Ellipsoids3D:{name}"])[:, 0]
+            for name in ("half_sizes", "quaternions", "centers")
         )
         rotation = Rotation.from_quat(quaternions).as_matrix()
         squares = ((sizes / motion.size) ** 2)[..., None]
@@ -33,10 +34,16 @@ def test_the_recording_has_the_content_of_the_page(alone, tmp_path):
     assert body.parts
     for k, part in enumerate(body.parts):
         rows = moving[f"/{body.name}/links/{k}"]
-        assert_allclose(np.array(rows["Transform3D:translation"])[:, 0], part.poses[:, :3, 3], atol=1e-6)
+        assert_allclose(
+            np.array(rows["Transform3D:translation"])[:, 0], part.poses[:, :3, 3], atol=1e-6
+        )
         assert static[f"/{body.name}/links/{k}"]
     curves = {path: rows for path, rows in moving.items() if path.startswith("/curves/")}
-    assert len(curves) == sum(len(panel.lines) for panels in motion.panels.values() for panel in panels)
-    scalars = next(rows["Scalars:scalars"] for path, rows in curves.items() if "panda_joint3" in path)
+    assert len(curves) == sum(
+        len(panel.lines) for panels in motion.panels.values() for panel in panels
+    )
+    scalars = next(
+        rows["Scalars:scalars"] for path, rows in curves.items() if "panda_joint3" in path
+    )
     positions = alone.arm.motion.joint_positions[:, 2]
     assert_allclose(np.array(scalars)[:, 0], np.degrees(positions), atol=1e-12)

@@ -32,27 +32,45 @@ def complete(result, changed):
                "achieved": arm.motion.target}  # fmt: skip
     fit = replace(arm.fit, unobservable={}, quality_warnings=())
     config = Config().changed(recording=("ladder",))
-    return replace(changed(result, {"fit": fit, "gap": np.zeros(n)}, **tracked), warnings=(), config=config)
+    return replace(
+        changed(result, {"fit": fit, "gap": np.zeros(n)}, **tracked), warnings=(), config=config
+    )
 
 
 def test_the_status_is_the_worst_of_all_metrics(complete, changed):
     """Green without warnings; each assumption, omitted check and missed target is amber; red prohibits the motion."""
     report = report_of(complete)
-    assert (report.warning_keys, report.status, as_numbers(report)["status"]) == ((), "green", "green")
+    assert (report.warning_keys, report.status, as_numbers(report)["status"]) == (
+        (),
+        "green",
+        "green",
+    )
     assert report.outcome.startswith("Position tracked; ellipsoids tracked")
     assert not report.advice + report.command
     motion, n = complete.arm.motion, len(complete.time)
-    assumed = replace(motion.limits, assumed={**motion.limits.assumed, "acceleration": motion.joint_names[:2]})
-    target, achieved = (np.tile(np.diag(axes), (n, 1, 1)) for axes in ([1.0, 2.0, 4.0], [4.0, 2.0, 1.0]))
+    assumed = replace(
+        motion.limits, assumed={**motion.limits.assumed, "acceleration": motion.joint_names[:2]}
+    )
+    target, achieved = (
+        np.tile(np.diag(axes), (n, 1, 1)) for axes in ([1.0, 2.0, 4.0], [4.0, 2.0, 1.0])
+    )
     outlier = np.where(np.arange(n) == 0, 3.1 * motion.position_tolerance, 0.0)
     fit = replace(complete.arm.fit, quality_warnings=("model and person differ",))
     for key, status, changes in (
         ("assumed-acceleration-limits", "amber", {"limits": assumed}),
         ("unchecked-collisions", "amber", {"clearance": Clearance()}),
-        ("missing-meshes", "amber", {"clearance": replace(motion.clearance, stand_ins=("panda_link3",))}),
+        (
+            "missing-meshes",
+            "amber",
+            {"clearance": replace(motion.clearance, stand_ins=("panda_link3",))},
+        ),
         ("position-error", "amber", {"position_error": outlier}),
         ("longest-axis", "amber", {"target": target, "achieved": achieved}),
-        ("targets-missed", "amber", {"status": ("ellipsoid missed",) * 2 + ("followed",) * (n - 2)}),
+        (
+            "targets-missed",
+            "amber",
+            {"status": ("ellipsoid missed",) * 2 + ("followed",) * (n - 2)},
+        ),
         ("infeasible-targets", "amber", {"arm": {"gap": np.ones(n)}}),
         ("human-model", "amber", {"arm": {"fit": fit}}),
         ("limits-exceeded", "red", {"control_time": 0.5 * motion.control_time}),
@@ -61,7 +79,11 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
     ):
         report = report_of(changed(complete, **changes))
         keys = report.warning_keys
-        assert (keys[0], set(keys) <= {key, "torques-exceeded"}, report.status) == (key, True, status)
+        assert (keys[0], set(keys) <= {key, "torques-exceeded"}, report.status) == (
+            key,
+            True,
+            status,
+        )
         assert report.advice.startswith("Do not execute") == (status == "red")
         assert ("--speed-scale 0.5" in report.command) == (key == "limits-exceeded")
         assert key.replace("-", " ") in as_markdown(report).split("## Warnings")[0]
@@ -72,17 +94,27 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
 
 
 def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch):
-    for height, table, key in ((0.1, None, ()), (-0.136, None, ("below-base-plane",)), (-0.136, -0.2, ())):
+    for height, table, key in (
+        (0.1, None, ()),
+        (-0.136, None, ("below-base-plane",)),
+        (-0.136, -0.2, ()),
+    ):
         monkeypatch.setattr(ArmResult, "lowest", Lowest("panda_link5", height, 0.0))
         collisions = mp.Collisions.of(complete.arm.robot, table=table)
         report = report_of(changed(complete, {"collisions": collisions}))
         assert report.warning_keys == key
-        value = {name: as_numbers(report)["motion"]["lowest_point"][name] for name in ("link", "height_mm")}
+        value = {
+            name: as_numbers(report)["motion"]["lowest_point"][name]
+            for name in ("link", "height_mm")
+        }
         assert value == {"link": "panda_link5", "height_mm": pytest.approx(1e3 * height)}
         if key:
             assert re.search("136 mm below the base plane.* table=0 ", report.warnings[0])
             with on_the_command_line():
-                assert "--table 0" in report_of(changed(complete, {"collisions": collisions})).warnings[0]
+                assert (
+                    "--table 0"
+                    in report_of(changed(complete, {"collisions": collisions})).warnings[0]
+                )
     monkeypatch.setattr(ArmResult, "lowest", None)
     assert report_of(changed(complete)).warning_keys == ("unchecked-floor",)
 
@@ -94,12 +126,21 @@ def test_the_advice_suits_a_missed_path(result, changed):
         ("--speed-scale 0.25", 0.005, placement),
         ("--place", 0.005, None),
     ):
-        missed = {"distance": np.zeros(n), "position_error": np.full(n, 0.05), "position_tolerance": tolerance}
+        missed = {
+            "distance": np.zeros(n),
+            "position_error": np.full(n, 0.05),
+            "position_tolerance": tolerance,
+        }
         config = Config().changed(speed_scale=0.5, recording=("ladder",))
         report = report_of(replace(changed(result, {"placement": own}, **missed), config=config))
         assert words in report.command
         assert report.outcome.startswith("Position not tracked; ellipsoids tracked")
-        assert shlex.split(report.command)[:4] == ["maniport", "transfer", "--config", "{folder}/run.yaml"]
+        assert shlex.split(report.command)[:4] == [
+            "maniport",
+            "transfer",
+            "--config",
+            "{folder}/run.yaml",
+        ]
 
 
 def test_all_renderings_have_the_same_sentences(result, changed):
@@ -142,8 +183,13 @@ def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
     assert summary["status"] == report.status
     assert [one["text"] for one in summary["warnings"]] == list(report.warnings)
     distance = summary["motion"]["distance"]
-    assert (distance["max"], distance["max_at_s"]) == (motion.distance.max(), motion.time[np.argmax(motion.distance)])
-    assert summary["motion"]["position_error_mm"]["max"] == pytest.approx(1e3 * motion.position_error.max())
+    assert (distance["max"], distance["max_at_s"]) == (
+        motion.distance.max(),
+        motion.time[np.argmax(motion.distance)],
+    )
+    assert summary["motion"]["position_error_mm"]["max"] == pytest.approx(
+        1e3 * motion.position_error.max()
+    )
     assert "/root" not in json.dumps(as_numbers(report_of(small_result)), allow_nan=False)
 
 
@@ -172,7 +218,9 @@ def test_all_arms_are_reported(result, several):
     names, keys = ("left", "right", "middle"), [section.key for section in report.sections]
     assert keys[0] == "arms"
     for name in names:
-        assert {f"{name}_motion", f"{name}_placement", f"{name}_adapter", f"{name}_person"} <= set(keys)
+        assert {f"{name}_motion", f"{name}_placement", f"{name}_adapter", f"{name}_person"} <= set(
+            keys
+        )
     assert keys.count("recording") == 1
     assert [report.outcome.count(f"{name.capitalize()}: position") for name in names] == [1] * 3
     labels = [metric.label for metric in report.main_metrics]
@@ -184,6 +232,8 @@ def test_all_arms_are_reported(result, several):
 
 
 def test_parts_of_the_mean_distance_add_up(result):
-    text = next(metric.text for metric in report_of(result).metrics if metric.key == "mean_distance")
+    text = next(
+        metric.text for metric in report_of(result).metrics if metric.key == "mean_distance"
+    )
     mean, *parts = [round(1000 * float(number)) for number in re.findall(r"-?\d+\.\d+", text)]
     assert mean == sum(parts) == pytest.approx(1000 * result.arm.motion.distance.mean(), abs=1.5)

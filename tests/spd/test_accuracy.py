@@ -36,8 +36,12 @@ def test_logarithms_of_eigenvalues_lose_no_more_than_they_must(d, condition, kin
     rng = np.random.default_rng(d)
     matrices = np.stack([kind(rng, d, condition) for _ in range(20)])
     with mpmath.workdps(40):
-        spectra = [mpmath.eigsy(mpmath.matrix(matrix.tolist()), eigvals_only=True) for matrix in matrices]
-        exact = np.array([sorted(float(mpmath.log(value)) for value in spectrum) for spectrum in spectra])
+        spectra = [
+            mpmath.eigsy(mpmath.matrix(matrix.tolist()), eigvals_only=True) for matrix in matrices
+        ]
+        exact = np.array(
+            [sorted(float(mpmath.log(value)) for value in spectrum) for spectrum in spectra]
+        )
     lost = max(EPS * condition, 4 * EPS * np.log(condition)) if kind is rotated else 1e-13
     assert np.abs(np.log(eigh(matrices)[0]) - exact).max() <= lost
 
@@ -61,10 +65,18 @@ class Truth:
 
     def along(self, point, function):
         values, vectors = mpmath.eigsy(self.whitened(point))
-        return self.root * (vectors * mpmath.diag([function(x) for x in values]) * vectors.T) * self.root
+        return (
+            self.root
+            * (vectors * mpmath.diag([function(x) for x in values]) * vectors.T)
+            * self.root
+        )
 
     def whitened(self, point):
-        matrix = self.inverse * mpmath.matrix(point.tolist() if isinstance(point, np.ndarray) else point) * self.inverse
+        matrix = (
+            self.inverse
+            * mpmath.matrix(point.tolist() if isinstance(point, np.ndarray) else point)
+            * self.inverse
+        )
         return (matrix + matrix.T) / 2
 
     def length(self, tangent):
@@ -72,7 +84,11 @@ class Truth:
 
     def distance(self, point):
         values = mpmath.eigsy(self.whitened(point), eigvals_only=True)
-        return float(mpmath.sqrt(sum(mpmath.log(x) ** 2 for x in values))) if min(values) > 0 else np.inf
+        return (
+            float(mpmath.sqrt(sum(mpmath.log(x) ** 2 for x in values)))
+            if min(values) > 0
+            else np.inf
+        )
 
 
 def errors(operation, p, q, rng):
@@ -92,12 +108,24 @@ def errors(operation, p, q, rng):
         tangent = 0.5 * (tangent + tangent.T)
         mover = base.along(q, mpmath.sqrt) * base.inverse * base.inverse
         moved = mover * mpmath.matrix(tangent.tolist()) * mover.T
-        return Truth(q).length(mpmath.matrix(spd.transport(tangent, p, q).tolist()) - moved) / base.length(tangent)
+        return Truth(q).length(
+            mpmath.matrix(spd.transport(tangent, p, q).tolist()) - moved
+        ) / base.length(tangent)
     t = float(operation.split()[1])
-    return Truth(base.along(q, lambda x: x ** mpmath.mpf(t)).tolist()).distance(spd.geodesic(p, q, t))
+    return Truth(base.along(q, lambda x: x ** mpmath.mpf(t)).tolist()).distance(
+        spd.geodesic(p, q, t)
+    )
 
 
-OPERATIONS = ["distance", "log", "exp", "transport", "geodesic 0.5", "geodesic -0.4", "geodesic 1.7"]
+OPERATIONS = [
+    "distance",
+    "log",
+    "exp",
+    "transport",
+    "geodesic 0.5",
+    "geodesic -0.4",
+    "geodesic 1.7",
+]
 
 
 @pytest.mark.parametrize("operation", OPERATIONS)
@@ -108,15 +136,26 @@ def test_results_are_true_or_refused_at_any_condition(operation, d):
         for condition in np.logspace(2, 14, 4):
             for kind in (rotated, graded):
                 p = kind(rng, d, condition)
-                for q in (rotated(rng, d, condition), graded(rng, d, condition), rotated(rng, d, 30.0), near(rng, p)):
+                for q in (
+                    rotated(rng, d, condition),
+                    graded(rng, d, condition),
+                    rotated(rng, d, 30.0),
+                    near(rng, p),
+                ):
                     condition_of_both = np.linalg.cond(p) + np.linalg.cond(q)
                     try:
                         error = errors(operation, p, q, rng)
                     except NotSPDError:
                         refused += 1
-                        assert condition_of_both > 1e12 or operation in ("exp", "geodesic -0.4", "geodesic 1.7")
+                        assert condition_of_both > 1e12 or operation in (
+                            "exp",
+                            "geodesic -0.4",
+                            "geodesic 1.7",
+                        )
                         continue
                     assert error <= 0.01
                     if operation in ("distance", "log", "transport", "geodesic 0.5"):
-                        assert error <= max(10 * EPS * condition_of_both, 1e-6 if operation == "distance" else 1e-8)
+                        assert error <= max(
+                            10 * EPS * condition_of_both, 1e-6 if operation == "distance" else 1e-8
+                        )
     assert refused or operation == "distance"

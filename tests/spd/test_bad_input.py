@@ -33,7 +33,9 @@ SEVERAL = [function for function in CALLS if len(good(function).keys() - NUMBERS
 @pytest.mark.parametrize("message", BAD)
 def test_bad_matrices_are_refused_by_name(function, message):
     for name in good(function).keys() - NUMBERS.keys():
-        allowed = name in TANGENTS or (function in ("axes", "lengths", "volume") and message == "is singular")
+        allowed = name in TANGENTS or (
+            function in ("axes", "lengths", "volume") and message == "is singular"
+        )
         if message in ("is indefinite", "is singular") and allowed:
             continue
         kind = NotSPDError if message.startswith("is ") else InvalidInputError
@@ -44,7 +46,9 @@ def test_bad_matrices_are_refused_by_name(function, message):
 @pytest.mark.parametrize("function", SEVERAL)
 def test_one_matrix_of_another_size_is_refused(function):
     for name in good(function).keys() - NUMBERS.keys():
-        with pytest.raises(InvalidInputError, match=r" must hold [23]×[23] matrices; found [23]×[23]") as caught:
+        with pytest.raises(
+            InvalidInputError, match=r" must hold [23]×[23] matrices; found [23]×[23]"
+        ) as caught:
             getattr(spd, function)(**good(function) | {name: np.eye(2)})
         assert str(caught.value).split()[0] in good(function)
 
@@ -53,7 +57,9 @@ def test_one_matrix_of_another_size_is_refused(function):
 def test_batches_that_do_not_broadcast_are_refused(function):
     batches = {name: np.stack([value, value]) for name, value in good(function).items()}
     for name, value in good(function).items():
-        with pytest.raises(InvalidInputError, match=r"^the leading axes must broadcast; found shapes ") as caught:
+        with pytest.raises(
+            InvalidInputError, match=r"^the leading axes must broadcast; found shapes "
+        ) as caught:
             getattr(spd, function)(**batches | {name: np.stack([value] * 3)})
         for other in batches:
             assert f" {other} ({3 if other == name else 2}, " in str(caught.value)
@@ -77,7 +83,10 @@ def test_points_too_ill_conditioned_for_each_other_are_refused(random_spd):
         spd.log, lambda x, y: spd.exp(x, x), lambda x, y: spd.geodesic(x, y, 0.5),
         lambda x, y: spd.transport(x, x, y),
     ):  # fmt: skip
-        with pytest.raises(NotSPDError, match=r"too ill-conditioned together: rounding may move .*; allowed .* 0\.01"):
+        with pytest.raises(
+            NotSPDError,
+            match=r"too ill-conditioned together: rounding may move .*; allowed .* 0\.01",
+        ):
             operation(a, b)
 
 
@@ -94,7 +103,9 @@ def test_results_out_of_range_are_refused(size):
 
 @pytest.mark.parametrize("length", [0, 1, 2, 4, 5, 91])
 def test_vectors_of_impossible_length_are_refused(length):
-    with pytest.raises(ValueError, match=rf"vector must have d \(d \+ 1\) / 2 entries.*found shape \({length},\)"):
+    with pytest.raises(
+        ValueError, match=rf"vector must have d \(d \+ 1\) / 2 entries.*found shape \({length},\)"
+    ):
         spd.from_vector(np.zeros(length))
     with pytest.raises(ValueError, match=r"vector .*found shape \(\)"):
         spd.from_vector(1.0)

@@ -32,7 +32,11 @@ def test_a_turning_axis_is_followed_without_jumps(turning):
     points, basis = turning
     vectors = axis_over_time(points, -1)
     assert_allclose(vectors, basis[:, :, 0], atol=1e-12)
-    assert_allclose(np.abs(axis_over_time(points, 0)), np.broadcast_to([0.0, 0.0, 1.0], vectors.shape), atol=1e-12)
+    assert_allclose(
+        np.abs(axis_over_time(points, 0)),
+        np.broadcast_to([0.0, 0.0, 1.0], vectors.shape),
+        atol=1e-12,
+    )
 
 
 def test_sign_agrees_again_after_a_place_without_direction(turning):
@@ -45,10 +49,16 @@ def test_sign_agrees_again_after_a_place_without_direction(turning):
     assert_allclose(vectors[:50], basis[:50, :, 0], atol=1e-12)
     assert_allclose(vectors[75:], basis[75:, :, 0], atol=1e-12)
     leaping = np.concatenate([points[:50], points[75:]])
-    assert_allclose(axis_over_time(leaping, -1, np.concatenate([like[:50], like[75:]]))[50:], like[75:], atol=1e-12)
+    assert_allclose(
+        axis_over_time(leaping, -1, np.concatenate([like[:50], like[75:]]))[50:],
+        like[75:],
+        atol=1e-12,
+    )
 
 
-@pytest.mark.parametrize(("squares", "which"), [([1.0, 1.0, 4.0, 9.0], -1), ([1.0, 4.0, 9.0, 9.0], 0)])
+@pytest.mark.parametrize(
+    ("squares", "which"), [([1.0, 1.0, 4.0, 9.0], -1), ([1.0, 4.0, 9.0, 9.0], 0)]
+)
 def test_an_axis_has_a_direction_where_the_next_differs(squares, which):
     points = np.stack([np.diag(squares)] * 3)
     assert_array_equal(axis_over_time(points, which), np.broadcast_to(np.eye(4)[which], (3, 4)))
@@ -64,15 +74,22 @@ def test_sign_changes_only_where_two_profiles_are_opposite(degrees, flipped):
     assert_array_equal(axis_over_time(points, -1, like), [x, -x if flipped else x])
 
 
-@given(angle=st.one_of(st.floats(0.0, np.pi / 2), st.floats(1e-12, 1e-6)), sign=st.sampled_from([-1.0, 1.0]))
+@given(
+    angle=st.one_of(st.floats(0.0, np.pi / 2), st.floats(1e-12, 1e-6)),
+    sign=st.sampled_from([-1.0, 1.0]),
+)
 def test_angles_between_lines(angle, sign):
     """A line turned by an angle up to π/2 makes that angle with itself, whichever way it points, to all its digits."""
     x, y = np.eye(3)[:2]
     first, other = np.stack([x, x]), sign * np.stack([np.cos(angle) * x + np.sin(angle) * y, x])
-    assert_allclose(line_angles(first, other), [angle, 0.0], rtol=1e-9, atol=1e-150)  # below, squares vanish
+    assert_allclose(
+        line_angles(first, other), [angle, 0.0], rtol=1e-9, atol=1e-150
+    )  # below, squares vanish
 
 
 def test_mandel_vectors_have_the_stated_order():
     """Diagonal first, then the rows of the upper triangle times √2."""
     matrix = np.array([[1.0, 4.0, 5.0], [4.0, 2.0, 6.0], [5.0, 6.0, 3.0]])
-    assert_allclose(spd.to_vector(matrix), [1, 2, 3, 4 * 2**0.5, 5 * 2**0.5, 6 * 2**0.5], rtol=1e-15)
+    assert_allclose(
+        spd.to_vector(matrix), [1, 2, 3, 4 * 2**0.5, 5 * 2**0.5, 6 * 2**0.5], rtol=1e-15
+    )

@@ -28,8 +28,12 @@ def test_decomposition_rebuilds_symmetric_matrices(d, seed, exponent, random_sym
     size = np.abs(a).max()
     assert np.all(np.diff(values, axis=-1) >= 0)
     assert_allclose(values / size, np.linalg.eigvalsh(a) / size, atol=1e-13)
-    assert_allclose((vectors * values[..., None, :]) @ np.swapaxes(vectors, -1, -2) / size, a / size, atol=1e-13)
-    assert_allclose(np.swapaxes(vectors, -1, -2) @ vectors, np.broadcast_to(np.eye(d), a.shape), atol=1e-13)
+    assert_allclose(
+        (vectors * values[..., None, :]) @ np.swapaxes(vectors, -1, -2) / size, a / size, atol=1e-13
+    )
+    assert_allclose(
+        np.swapaxes(vectors, -1, -2) @ vectors, np.broadcast_to(np.eye(d), a.shape), atol=1e-13
+    )
 
 
 @pytest.mark.parametrize("d", [2, 3, 6])
@@ -39,13 +43,21 @@ def test_rank_deficient_products_are_decomposed(d, rank, random_spd):
     products = jacobian @ np.swapaxes(jacobian, 1, 2)
     values, vectors = eigh(products)
     missing = max(d - rank, 0)
-    assert np.all(np.abs(values[:, :missing]) <= 1e-14 * np.trace(products, axis1=1, axis2=2)[:, None])
-    assert_allclose(np.swapaxes(vectors, -1, -2) @ vectors, np.broadcast_to(np.eye(d), products.shape), atol=1e-13)
+    assert np.all(
+        np.abs(values[:, :missing]) <= 1e-14 * np.trace(products, axis1=1, axis2=2)[:, None]
+    )
+    assert_allclose(
+        np.swapaxes(vectors, -1, -2) @ vectors,
+        np.broadcast_to(np.eye(d), products.shape),
+        atol=1e-13,
+    )
 
 
 @pytest.mark.parametrize("d", [2, 3, 6])
 def test_threads_change_no_bit(d, random_spd, monkeypatch):
-    x, y = (np.tile(points, (60, 1, 1)) for points in random_spd(np.random.default_rng(d), (2, 1000), d))
+    x, y = (
+        np.tile(points, (60, 1, 1)) for points in random_spd(np.random.default_rng(d), (2, 1000), d)
+    )
 
     def everything():
         power = kernels.power_congruence(y[0], x, 0.3, y[1])
@@ -63,7 +75,9 @@ def test_threads_change_no_bit(d, random_spd, monkeypatch):
 def test_concurrent_callers_do_not_disturb_each_other(random_spd):
     x = random_spd(np.random.default_rng(1), (500,), 3)
     expected, means = spd.mean(x), {}
-    callers = [threading.Thread(target=lambda i=i: means.update({i: spd.mean(x)})) for i in range(4)]
+    callers = [
+        threading.Thread(target=lambda i=i: means.update({i: spd.mean(x)})) for i in range(4)
+    ]
     for caller in callers:
         caller.start()
     for caller in callers:
@@ -99,7 +113,10 @@ def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
 def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
     rng = np.random.default_rng(d)
     tilt = np.diag(np.geomspace(1.0, condition**0.25, d))
-    queries, points = random_spd(rng, (n,), d, condition), tilt @ random_spd(rng, (m,), d, condition) @ tilt
+    queries, points = (
+        random_spd(rng, (n,), d, condition),
+        tilt @ random_spd(rng, (m,), d, condition) @ tilt,
+    )
     every = spd.distance(queries[:, None], points[None])
     index, distance = nearest(queries, points)
     assert_allclose(distance, every.min(axis=1), rtol=1e-10 * condition)
@@ -109,5 +126,8 @@ def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
 def test_points_too_ill_conditioned_for_a_search_are_refused(random_spd):
     rng = np.random.default_rng(0)
     queries, points = random_spd(rng, (500,), 3, 5e12), random_spd(rng, (1,), 3, 5e12)
-    with warnings.catch_warnings(action="error"), pytest.raises(NotSPDError, match="too ill-conditioned together"):
+    with (
+        warnings.catch_warnings(action="error"),
+        pytest.raises(NotSPDError, match="too ill-conditioned together"),
+    ):
         nearest(queries, points)

@@ -40,7 +40,9 @@ def test_gradient_vanishes_at_the_mean(d, seed, random_spd):
     assert np.sqrt(spd.inner(center, gradient, gradient)) < 1e-9
 
 
-@pytest.mark.parametrize(("d", "count", "most"), [(3, 400, 3), (6, 10, 5), (6, 200, 4), (12, 50, 4)])
+@pytest.mark.parametrize(
+    ("d", "count", "most"), [(3, 400, 3), (6, 10, 5), (6, 200, 4), (12, 50, 4)]
+)
 def test_nearly_singular_points_converge_in_a_few_steps(d, count, most, random_spd, steps_taken):
     x = random_spd(np.random.default_rng(0), (count,), d, condition=7e5)
     center = spd.mean(x)
@@ -69,13 +71,17 @@ def test_points_without_a_computable_mean_are_refused(random_spd):
         except NotSPDError as error:
             messages.append(str(error))
     assert messages
-    assert all(message.startswith("points are too ill-conditioned for their mean") for message in messages)
+    assert all(
+        message.startswith("points are too ill-conditioned for their mean") for message in messages
+    )
 
 
 def test_stopping_early_warns_and_states_the_gradient(monkeypatch, random_spd):
     monkeypatch.setattr(newton, "_line_search", lambda *_: None)
     x = random_spd(np.random.default_rng(0), (10,), 6, condition=7e5)
-    with pytest.warns(ConvergenceWarning, match="the mean of 10 matrices stopped at gradient norm") as caught:
+    with pytest.warns(
+        ConvergenceWarning, match="the mean of 10 matrices stopped at gradient norm"
+    ) as caught:
         center = spd.mean(x)
     stated = float(re.search(r"gradient norm (\S+);", str(caught[0].message)).group(1))
     assert_allclose(stated, gradient_norm(center, x), rtol=1e-2)

@@ -32,8 +32,14 @@ def test_metric(d, pairs, random_symmetric):
         "geodesic": (spd.geodesic(a, b, 0.3), geodesic.geodesic_riemann(a, b, 0.3)),
         "log": (spd.log(base, b), tangentspace.log_map_riemann(b, base, C12=True)),
         "exp": (spd.exp(base, small), tangentspace.exp_map_riemann(small, base, Cm12=True)),
-        "inner": (spd.inner(base, first, other), tangentspace.innerproduct_riemann(first, other, base)),
-        "transport": (spd.transport(first, base, b[0]), tangentspace.transport_riemann(first, base, b[0])),
+        "inner": (
+            spd.inner(base, first, other),
+            tangentspace.innerproduct_riemann(first, other, base),
+        ),
+        "transport": (
+            spd.transport(first, base, b[0]),
+            tangentspace.transport_riemann(first, base, b[0]),
+        ),
     }
     for name, (result, expected) in table.items():
         assert_allclose(result, expected, rtol=1e-8, atol=1e-8, err_msg=name)

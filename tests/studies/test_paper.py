@@ -32,14 +32,24 @@ def reproduction(folder):
 
 @pytest.fixture(scope="module")
 def outcomes(reproduction):
-    return {section.key: lines_of(section) for section in reproduction.sections if section.key in run.EXPERIMENTS}
+    return {
+        section.key: lines_of(section)
+        for section in reproduction.sections
+        if section.key in run.EXPERIMENTS
+    }
 
 
-@pytest.mark.parametrize(("name", "number"), [("toy", "I"), ("two-dof", "II"), ("human-robot", "III")])
+@pytest.mark.parametrize(
+    ("name", "number"), [("toy", "I"), ("two-dof", "II"), ("human-robot", "III")]
+)
 def test_every_row_of_the_tables_is_there(outcomes, name, number):
     for row in paper_table(number):
         for settings in (PAPER, OURS):
-            rows = [x for x in outcomes[name] if (x.table, x.row, x.settings) == (number, row.row, settings)]
+            rows = [
+                x
+                for x in outcomes[name]
+                if (x.table, x.row, x.settings) == (number, row.row, settings)
+            ]
             assert {x.evaluation: x.paper_rmse for x in rows} == row.rmse
             assert len(rows) == len(row.rmse)
             assert all((x.samples, x.method) == (row.label, row.method) for x in rows)
@@ -48,7 +58,9 @@ def test_every_row_of_the_tables_is_there(outcomes, name, number):
 def test_exact_images_are_recovered(outcomes):
     for outcome in outcomes["toy"]:
         assert max(outcome.undivided, outcome.per_dispersion, outcome.per_squared_dispersion) < 1e-6
-    same = [x for x in outcomes["two-dof"] if x.data in ("trajectories", SAME) and x.settings == OURS]
+    same = [
+        x for x in outcomes["two-dof"] if x.data in ("trajectories", SAME) and x.settings == OURS
+    ]
     assert len(same) == 3 * len(paper_table("II"))
     assert max(x.undivided for x in same) < 1e-6
 
@@ -58,12 +70,16 @@ def test_files_agree(folder, reproduction, outcomes):
     summary = json.loads((folder / "paper.json").read_text(encoding="utf-8"))
     assert summary == as_numbers(reproduction)
     for name, expected in outcomes.items():
-        assert [row["per_dispersion"] for row in summary[name]["rows"]] == [line.per_dispersion for line in expected]
+        assert [row["per_dispersion"] for row in summary[name]["rows"]] == [
+            line.per_dispersion for line in expected
+        ]
 
 
 def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
     again = run.reproduce("toy", tmp_path / "toy", seed=3, draws=1)
-    assert [x.undivided for x in lines_of(again.sections[0])] == [x.undivided for x in outcomes["toy"]]
+    assert [x.undivided for x in lines_of(again.sections[0])] == [
+        x.undivided for x in outcomes["toy"]
+    ]
     with pytest.raises(OutputError, match="earlier result"):
         run.reproduce("toy", tmp_path / "toy", seed=4, draws=1)
     run.reproduce("toy", tmp_path / "toy", seed=4, draws=1, overwrite=True)
@@ -111,17 +127,26 @@ def test_two_joint_arms_differ_by_the_mounting_alone():
     teacher, student = trajectories.two_dof_arms()
     q = teacher.sample(50, 0)
     turn = trajectories.MOUNTING
-    assert_allclose(student.manipulability(q), turn @ teacher.manipulability(q) @ turn.T, atol=1e-15)
+    assert_allclose(
+        student.manipulability(q), turn @ teacher.manipulability(q) @ turn.T, atol=1e-15
+    )
     assert_allclose(teacher.forward(np.zeros(2))[:3, 3], [2, 0, 0], atol=1e-15)
     assert_allclose(teacher.manipulability(q)[:, 2], 0.0, atol=1e-15)
     assert_allclose(student.manipulability(q)[:, 0], 0.0, atol=1e-15)
 
 
 def test_panda_follows_the_scaled_hand_path_within_its_limits():
-    assert_allclose(trajectories.human_arm().forward(np.zeros(7))[:3, 3], (0, 0, -0.6315), atol=1e-12)
+    assert_allclose(
+        trajectories.human_arm().forward(np.zeros(7))[:3, 3], (0, 0, -0.6315), atol=1e-12
+    )
     arm = trajectories.robot_arm()
     for motion in (*trajectories.human_training(), *trajectories.human_evaluation().values()):
         path = trajectories.robot_path(motion)
         arm.require_within_limits(path)
-        assert np.linalg.norm(arm.forward(path)[:, :3, 3] - trajectories.robot_targets(motion)[0], axis=1).max() < 1e-3
+        assert (
+            np.linalg.norm(
+                arm.forward(path)[:, :3, 3] - trajectories.robot_targets(motion)[0], axis=1
+            ).max()
+            < 1e-3
+        )
         assert np.degrees(np.abs(np.diff(path, axis=0)).max()) < 5.0

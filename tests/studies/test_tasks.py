@@ -13,7 +13,16 @@ from maniport.evaluation import polytope_extent
 from maniport.motion.arm_model import InverseDynamics
 from maniport.studies.tasks import methods, run
 from maniport.studies.tasks.run import Unit, median_interval, study_report
-from maniport.studies.tasks.score import ROTOR, SimulatedArm, carry, push, react, read_motion, resist, score
+from maniport.studies.tasks.score import (
+    ROTOR,
+    SimulatedArm,
+    carry,
+    push,
+    react,
+    read_motion,
+    resist,
+    score,
+)
 from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Task, demonstrations, of_folder
 
 pytest.importorskip("mujoco")
@@ -40,7 +49,9 @@ def task(panda):
     q = joint_motion()
     person = next(demonstrations())
     time = np.linspace(0.0, 6.0, len(q))
-    return Task.of("test", "panda", time, panda.forward(q)[:, :3, 3], person.arm, person.joint_angles[: len(q)])
+    return Task.of(
+        "test", "panda", time, panda.forward(q)[:, :3, 3], person.arm, person.joint_angles[: len(q)]
+    )
 
 
 def joint_motion(count=16):
@@ -50,7 +61,10 @@ def joint_motion(count=16):
 
 def write(path, task, q):
     rows = [",".join(map(repr, row)) for row in np.column_stack([task.time, q]).tolist()]
-    path.write_text("\n".join([",".join(["time_s", *(f"{name}_rad" for name in task.arm.joint_names)]), *rows]) + "\n")
+    path.write_text(
+        "\n".join([",".join(["time_s", *(f"{name}_rad" for name in task.arm.joint_names)]), *rows])
+        + "\n"
+    )
     return path
 
 
@@ -87,7 +101,9 @@ def test_react_takes_the_time_of_the_fastest_joint():
     jacobian = arm.jacobian(q[0])[:3]
     short = 0.02  # [m], over which the Jacobian is nearly constant
     rates = np.abs(np.linalg.pinv(jacobian) @ up[0]).max()
-    assert react(simulated, q, up, distance=short)[0] == pytest.approx(1.875 * short * rates / 0.05, rel=0.05)
+    assert react(simulated, q, up, distance=short)[0] == pytest.approx(
+        1.875 * short * rates / 0.05, rel=0.05
+    )
     assert np.isinf(react(simulated, q, up, distance=3.0)[0])
 
 
@@ -164,7 +180,12 @@ def test_ratios_are_above_one_where_a_method_is_better():
 
 
 def test_report_has_medians_and_failures():
-    units = (unit(20.0), unit(30.0), unit(40.0, valid=False), Unit("b", "panda", failure="out of reach"))
+    units = (
+        unit(20.0),
+        unit(30.0),
+        unit(40.0, valid=False),
+        Unit("b", "panda", failure="out of reach"),
+    )
     report = study_report(units, 0)
     table = report.sections[0].tables[0].value[0]
     assert table["force"]["push"]["median"] == 2.0
@@ -196,11 +217,20 @@ def small(monkeypatch):
 def test_runs_repeat_their_bytes_and_are_resumed(small, tmp_path, monkeypatch):
     run.study_tasks(tmp_path / "a", quick=True)
     (scores,) = (tmp_path / "a").rglob("scores.json")
-    assert [row["method"] for row in json.loads(scores.read_text())["rows"]] == ["position-only", "random", "yoshikawa"]
+    assert [row["method"] for row in json.loads(scores.read_text())["rows"]] == [
+        "position-only",
+        "random",
+        "yoshikawa",
+    ]
     run.study_tasks(tmp_path / "b", quick=True)
-    files = sorted(file.relative_to(tmp_path / "a") for file in (tmp_path / "a").rglob("*") if file.is_file())
+    files = sorted(
+        file.relative_to(tmp_path / "a") for file in (tmp_path / "a").rglob("*") if file.is_file()
+    )
     assert len(files) == 7
-    assert all((tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes() for file in files)
+    assert all(
+        (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+        for file in files
+    )
     monkeypatch.setattr(run, "_computed", None)  # an error if it were called
     run.study_tasks(tmp_path / "a", quick=True)
     with pytest.raises(OutputError):

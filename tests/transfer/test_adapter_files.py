@@ -71,20 +71,28 @@ def test_other_contents_are_refused(saved, change, message):
 GOLDEN = sorted((Path(__file__).parent / "golden").glob("maniport-adapter-*.npz"))
 
 
-@pytest.mark.parametrize("path", [path for path in GOLDEN if "images" not in path.name], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [path for path in GOLDEN if "images" not in path.name], ids=lambda path: path.stem
+)
 def test_files_of_this_format_stay_readable(path):
     if FILE_FORMAT not in path.name:
-        with pytest.raises(FileFormatError, match=f"has the format 'maniport-adapter-3'; .* reads '{FILE_FORMAT}'"):
+        with pytest.raises(
+            FileFormatError, match=f"has the format 'maniport-adapter-3'; .* reads '{FILE_FORMAT}'"
+        ):
             mp.load_adapter(path)
         return
     images = files.load_arrays(path.parent / f"{FILE_FORMAT}-images.npz", "images")
     name = path.stem.removeprefix(f"{FILE_FORMAT}-")
-    np.testing.assert_allclose(mp.load_adapter(path).transform(images["points"]), images[name], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        mp.load_adapter(path).transform(images["points"]), images[name], rtol=1e-9, atol=1e-12
+    )
 
 
 def test_options_that_are_objects_are_not_saved(tmp_path, random_spd):
     points = random_spd(np.random.default_rng(0), 10, 3)
-    adapter = mp.RiemannianICP(correspondence=GeodesicCorrespondence(), n_starts=0).fit(points, 2.0 * points)
+    adapter = mp.RiemannianICP(correspondence=GeodesicCorrespondence(), n_starts=0).fit(
+        points, 2.0 * points
+    )
     adapter.save(tmp_path / "adapter.npz")
     loaded = mp.load_adapter(tmp_path / "adapter.npz")
     assert_array_equal(loaded.transform(points), adapter.transform(points))
@@ -94,17 +102,26 @@ def test_options_that_are_objects_are_not_saved(tmp_path, random_spd):
 
 WRONG = {
     "rotation_": [np.diag([1.0, 1.0, -1.0]), 2 * np.eye(3), np.eye(2), np.full((3, 3), np.nan)],
-    "student_mean_": [-np.eye(3), np.zeros((3, 3)), np.triu(np.ones((3, 3))), np.eye(3).astype("U9")],
+    "student_mean_": [
+        -np.eye(3),
+        np.zeros((3, 3)),
+        np.triu(np.ones((3, 3))),
+        np.eye(3).astype("U9"),
+    ],
     "history_": [np.array([np.inf]), np.eye(3), np.zeros(0)],
     "keys_": [np.eye(3)[None], -np.eye(3)[None].repeat(12, 0)],
 }
 
 
-@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG.items() for value in values])
+@pytest.mark.parametrize(
+    ("name", "value"), [(name, value) for name, values in WRONG.items() for value in values]
+)
 def test_arrays_that_break_a_law_are_refused(saved, name, value):
     path, _, _ = saved
     arrays = files.load_arrays(path, "adapter file")
     assert f"fitted.{name}" in arrays
     files.save_arrays(path, {**arrays, f"fitted.{name}": value})
-    with pytest.raises(FileFormatError, match=rf"adapter\.npz' is a damaged adapter file.*({name}|values_)"):
+    with pytest.raises(
+        FileFormatError, match=rf"adapter\.npz' is a damaged adapter file.*({name}|values_)"
+    ):
         mp.load_adapter(path)

@@ -22,19 +22,34 @@ def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_s
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 20, 6), random_spd(rng, 25, 6)
     both = np.kron(np.eye(2), TURN)
-    short, long = (method_of(name, base_rotation=turn, random_state=0).fit(teacher, student) for turn in (TURN, both))
+    short, long = (
+        method_of(name, base_rotation=turn, random_state=0).fit(teacher, student)
+        for turn in (TURN, both)
+    )
     assert_array_equal(short.transform(teacher), long.transform(teacher))
     assert_allclose(short.map_rotation_, TURN, atol=1e-12)
-    assert method_of(name, base_rotation=np.eye(6), random_state=0).fit(teacher, student).base_rotation_ is None
+    assert (
+        method_of(name, base_rotation=np.eye(6), random_state=0)
+        .fit(teacher, student)
+        .base_rotation_
+        is None
+    )
 
 
 @pytest.mark.parametrize(
-    ("turn", "text"), [(None, "unknown"), (np.eye(3), "none: both base frames have the same"), (TURN, "[0.000 -1.000")]
+    ("turn", "text"),
+    [
+        (None, "unknown"),
+        (np.eye(3), "none: both base frames have the same"),
+        (TURN, "[0.000 -1.000"),
+    ],
 )
 def test_the_report_tells_an_unknown_base_rotation_from_none(turn, text, random_spd):
     """Equal frames are stated as such; only a rotation that was not specified is unknown."""
     rng = np.random.default_rng(0)
-    adapter = mp.ParallelTransport(base_rotation=turn).fit(random_spd(rng, 20, 3), random_spd(rng, 25, 3))
+    adapter = mp.ParallelTransport(base_rotation=turn).fit(
+        random_spd(rng, 20, 3), random_spd(rng, 25, 3)
+    )
     assert f"Base rotation: {text}" in as_markdown(report_of(adapter))
 
 
@@ -51,16 +66,28 @@ def test_a_method_is_found_by_name_or_taken_as_it_is():
         method_of(mp.RiemannianICP)
     with pytest.raises(InvalidInputError, match="base_rotation"):
         method_of(own, base_rotation=TURN)
-    assert method_of(mp.RiemannianICP(base_rotation=TURN), base_rotation=TURN).base_rotation is not None
+    assert (
+        method_of(mp.RiemannianICP(base_rotation=TURN), base_rotation=TURN).base_rotation
+        is not None
+    )
 
 
 def test_the_length_field_of_an_arm_does_not_depend_on_rounding():
-    robot, person, turn = mp.load_arm("panda"), mp.load_arm("rhuman"), special_ortho_group.rvs(3, random_state=3)
-    teacher, student, new = (mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2)))
+    robot, person, turn = (
+        mp.load_arm("panda"),
+        mp.load_arm("rhuman"),
+        special_ortho_group.rvs(3, random_state=3),
+    )
+    teacher, student, new = (
+        mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2))
+    )
     options = {"damping": 0.01, "n_centers": 80}
     options["projector"] = FeasibleProjector(robot, bank=SeedBank(robot, 2048))
     turned, turned_new = (congruence(turn, points) for points in (teacher, new))
     mounted = mp.LengthField(base_rotation=turn, **options).fit(teacher, student)
     plain = mp.LengthField(**options).fit(turned, student)
-    images = mounted.student_side(mounted.transform(new)), plain.student_side(plain.transform(turned_new))
+    images = (
+        mounted.student_side(mounted.transform(new)),
+        plain.student_side(plain.transform(turned_new)),
+    )
     assert spd.distance(*images).max() <= 1e-6

@@ -32,7 +32,9 @@ def test_compiled_map_equals_transform_and_allocates_nothing(clouds, remedy):
         before = tracemalloc.get_traced_memory()[0]
         for _ in range(1000):
             compiled(teacher[0], out)
-        assert tracemalloc.get_traced_memory()[0] - before < 10_000  # the smallest object in each call would be 16 kB
+        assert (
+            tracemalloc.get_traced_memory()[0] - before < 10_000
+        )  # the smallest object in each call would be 16 kB
     finally:
         tracemalloc.stop()
 

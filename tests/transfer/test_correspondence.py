@@ -17,7 +17,11 @@ pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.Identifiability
 @pytest.mark.parametrize("d", [2, 3, 6])
 def test_the_smaller_cloud_seeks(kind, d, random_spd, random_rotation):
     rng = np.random.default_rng(d)
-    teacher, student, rotation = random_spd(rng, 30, d), random_spd(rng, 23, d), random_rotation(rng, d)
+    teacher, student, rotation = (
+        random_spd(rng, 30, d),
+        random_spd(rng, 23, d),
+        random_rotation(rng, d),
+    )
     matches = CORRESPONDENCES[kind]().between(teacher, student)(rotation)
     other = CORRESPONDENCES[kind]().between(student, teacher)(rotation.T)
     assert matches.student.tolist() == other.teacher.tolist() == [*range(23)]
@@ -51,7 +55,9 @@ def test_geodesic_search_never_raises_its_cost(random_spd):
 
 def scores(teacher, student):
     """All scores, shape (n, m), from eigenvalues and -vectors."""
-    (values_t, axes_t), (values_s, axes_s) = (np.linalg.eigh(points) for points in (teacher, student))
+    (values_t, axes_t), (values_s, axes_s) = (
+        np.linalg.eigh(points) for points in (teacher, student)
+    )
     directions = sum(np.abs(axes_t[:, :, k] @ axes_s[:, :, k].T) for k in (0, -1))
     shapes = [
         [values[:, -1] / values[:, 0], np.sqrt(np.linalg.det(points))]

@@ -48,10 +48,15 @@ def test_best_iterate_is_kept(unequal):
 
 
 def test_start_is_respected(unequal, random_rotation):
-    plain, base_rotation = mp.ParallelTransport().fit(*unequal), random_rotation(np.random.default_rng(0), 3)
+    plain, base_rotation = (
+        mp.ParallelTransport().fit(*unequal),
+        random_rotation(np.random.default_rng(0), 3),
+    )
     adapter = mp.RiemannianICP(n_starts=0).fit(*unequal)
     assert_allclose(adapter.start_rotation_, plain.rotation_)
     assert_allclose(adapter.set_params(start="identity").fit(*unequal).start_rotation_, np.eye(3))
-    adapter.set_params(base_rotation=base_rotation, start="parallel-transport", n_starts=4).fit(*unequal)
+    adapter.set_params(base_rotation=base_rotation, start="parallel-transport", n_starts=4).fit(
+        *unequal
+    )
     expected = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
     assert_allclose(adapter.start_rotation_, expected)

@@ -39,7 +39,9 @@ def test_plane_of_a_planar_arm_is_free_for_every_seed():
     for seed in range(10):
         axes = axes_between(planar(256, seed), planar(256, seed + 100, FRAME), FRAME)
         assert axes.shape == (1, 3)
-        assert abs(axes[0, 0]) > np.cos(np.deg2rad(1.0))  # the student's links move in its y-z plane
+        assert abs(axes[0, 0]) > np.cos(
+            np.deg2rad(1.0)
+        )  # the student's links move in its y-z plane
 
 
 def test_axis_of_the_panda_is_free(panda_domains):
@@ -52,7 +54,9 @@ def test_axis_of_the_panda_is_free(panda_domains):
 def test_no_false_alarm_without_symmetry(n):
     for seed in range(8):
         random = np.random.default_rng(seed)
-        vectors = random.standard_normal((2 * n, 6)) @ (random.standard_normal((6, 6)) / np.sqrt(6.0)).T
+        vectors = (
+            random.standard_normal((2 * n, 6)) @ (random.standard_normal((6, 6)) / np.sqrt(6.0)).T
+        )
         points = spd.expm(spd.from_vector(vectors))
         assert len(axes_between(points[:n], points[n:], damping=None)) == 0
 
@@ -60,13 +64,18 @@ def test_no_false_alarm_without_symmetry(n):
 def test_free_axis_turns_with_the_students_base(random_rotation):
     turn = random_rotation(np.random.default_rng(5), 3)
     teacher, student = planar(256, 0), planar(256, 1)
-    plain, other = axes_between(teacher, student, np.eye(3)), axes_between(teacher, turn @ student @ turn.T, turn)
+    plain, other = (
+        axes_between(teacher, student, np.eye(3)),
+        axes_between(teacher, turn @ student @ turn.T, turn),
+    )
     assert abs(other[0] @ turn @ plain[0]) > np.cos(np.deg2rad(0.5))
 
 
 def test_fit_warns_of_the_free_axis_unless_the_base_rotation_is_known():
     teacher, student = planar(256, 0), planar(256, 1, FRAME)
-    with pytest.warns(IdentifiabilityWarning, match=r"about the x axis of the student's base.*base_rotation"):
+    with pytest.warns(
+        IdentifiabilityWarning, match=r"about the x axis of the student's base.*base_rotation"
+    ):
         mp.RiemannianICP(damping=0.01).fit(teacher, student)
     with warnings.catch_warnings():
         warnings.simplefilter("error", IdentifiabilityWarning)

@@ -22,7 +22,11 @@ def bounded(points):
 
 
 def commutator(images, points):
-    return np.abs(images @ points - points @ images).max() / np.abs(images).max() / np.abs(points).max()
+    return (
+        np.abs(images @ points - points @ images).max()
+        / np.abs(images).max()
+        / np.abs(points).max()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +35,18 @@ def domains(random_spd):
     pairs = {}
     for d in (2, 3, 6):
         rng = np.random.default_rng(d)
-        pairs[d] = random_spd(rng, 150, d, 30.0) * rng.uniform(0.6, 1.6, (150, 1, 1)), bounded(random_spd(rng, 80, d))
+        pairs[d] = (
+            random_spd(rng, 150, d, 30.0) * rng.uniform(0.6, 1.6, (150, 1, 1)),
+            bounded(random_spd(rng, 80, d)),
+        )
     return pairs
 
 
 @pytest.fixture(scope="module")
 def fitted(domains):
-    return {d: mp.LengthField(projector=bounded, n_centers=40).fit(*pair) for d, pair in domains.items()}
+    return {
+        d: mp.LengthField(projector=bounded, n_centers=40).fit(*pair) for d, pair in domains.items()
+    }
 
 
 def singular_values(adapter, points):
@@ -67,13 +76,18 @@ def test_folds_are_found_and_reported(domains):
     def one_shape(points):
         return np.diag([1.0, 2.0, 4.0]) * (1.0 + 1e-9 * points[:, :1, :1])
 
-    adapter = mp.LengthField(projector=one_shape, n_centers=100, width=0.3, ridge=1e-9).fit(*domains[3])
+    adapter = mp.LengthField(projector=one_shape, n_centers=100, width=0.3, ridge=1e-9).fit(
+        *domains[3]
+    )
     points, field = domains[3][0], adapter._field()
     assert adapter.report_.near_singular > 0.1
     with pytest.raises(NotInvertibleError, match="nearly singular"):
         adapter.inverse_transform(adapter.transform(points[:2]))
     assert field.folded_centers > MAX_NEAR_SINGULAR
-    report, slopes = reported(field, Samples(field, points, one_shape, 0.0), 0), field.slopes(*field.base(points))
+    report, slopes = (
+        reported(field, Samples(field, points, one_shape, 0.0), 0),
+        field.slopes(*field.base(points)),
+    )
     assert report.reversing == np.mean(np.linalg.det(slopes) < 0.0) > 0.0
     along = spd.to_vector(np.einsum("nik,njk->nkij", *[field.base(points)[1]] * 2))
     contrary = np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0
@@ -164,7 +178,9 @@ class Round:
     def __call__(self, points):
         values, vectors = np.linalg.eigh(points)
         bound = 1.0 + np.einsum("i,nij->nj", AXIS, vectors) ** 2
-        return (vectors * np.clip(values, 0.2 * bound, 2.5 * bound)[:, None]) @ np.swapaxes(vectors, -1, -2)
+        return (vectors * np.clip(values, 0.2 * bound, 2.5 * bound)[:, None]) @ np.swapaxes(
+            vectors, -1, -2
+        )
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +200,10 @@ def test_turned_about_the_axis_ellipsoids_have_turned_images(round_domains, roun
     turn = Rotation.from_rotvec(1.1 * AXIS).as_matrix()
     assert_allclose(adapter.transform(turn @ points @ turn.T), turn @ images @ turn.T, atol=1e-9)
     other = Rotation.from_rotvec(np.cross(AXIS, [1.0, 0.0, 0.0])).as_matrix()
-    assert spd.distance(adapter.transform(other @ points @ other.T), other @ images @ other.T).max() > 0.1
+    assert (
+        spd.distance(adapter.transform(other @ points @ other.T), other @ images @ other.T).max()
+        > 0.1
+    )
 
 
 def test_derivative_inverse_and_loop_know_of_the_axis(round_domains, round_field):
@@ -195,7 +214,12 @@ def test_derivative_inverse_and_loop_know_of_the_axis(round_domains, round_field
     assert len(fair) > 5
     assert spd.distance(adapter.inverse_transform(adapter.transform(fair)), fair).max() < 1e-8
     compiled = adapter.compiled()
-    assert_allclose(np.array([compiled(point) for point in points]), adapter.transform(points), rtol=1e-10, atol=1e-12)
+    assert_allclose(
+        np.array([compiled(point) for point in points]),
+        adapter.transform(points),
+        rtol=1e-10,
+        atol=1e-12,
+    )
 
 
 def test_an_arm_that_goes_round_has_an_axis():
@@ -205,4 +229,6 @@ def test_an_arm_that_goes_round_has_an_axis():
     upper[0] = lower[0] + np.radians(299.0)
     assert mp.FeasibleProjector(panda.narrowed(lower, upper)).axis is None
     assert mp.FeasibleProjector(panda, EllipsoidSpec(part="full")).axis is None
-    assert_allclose(mp.FeasibleProjector(panda, EllipsoidSpec("force")).axis, [0.0, 0.0, 1.0], atol=1e-12)
+    assert_allclose(
+        mp.FeasibleProjector(panda, EllipsoidSpec("force")).axis, [0.0, 0.0, 1.0], atol=1e-12
+    )

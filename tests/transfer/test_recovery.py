@@ -25,7 +25,12 @@ def copies(seed, n, m, shared, noise, random_rotation):
 
 @pytest.mark.parametrize(
     ("n", "m", "shared", "noise", "seeds"),
-    [(60, 60, 42, 0.01, 3), (100, 100, 50, 0.03, 2), (100, 300, 70, 0.01, 2), (1000, 1000, 700, 0.01, 1)],
+    [
+        (60, 60, 42, 0.01, 3),
+        (100, 100, 50, 0.03, 2),
+        (100, 300, 70, 0.01, 2),
+        (1000, 1000, 700, 0.01, 1),
+    ],
 )
 def test_copies_are_found_and_taken(n, m, shared, noise, seeds, random_rotation):
     """With half or more of the smaller cloud shared, the fit ends at the rotation of the copies, whoever starts it."""
@@ -33,7 +38,9 @@ def test_copies_are_found_and_taken(n, m, shared, noise, seeds, random_rotation)
         teacher, student, turn = copies(seed, n, m, shared, noise, random_rotation)
         adapter = mp.RiemannianICP(damping=0.01).fit(teacher, student)
         assert not adapter.start_kept_
-        assert np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 8.0  # the means differ, each having its strangers
+        assert (
+            np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 8.0
+        )  # the means differ, each having its strangers
 
 
 def test_independent_draws_of_such_clouds_are_called_open(random_rotation):

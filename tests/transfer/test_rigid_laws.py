@@ -19,12 +19,16 @@ sizes = pytest.mark.parametrize("d", [2, 3, 6])
 
 def relative_error(images, expected):
     """Largest difference of two sets of matrices, each relative to the size of its matrix."""
-    return np.max(np.linalg.norm(images - expected, axis=(-2, -1)) / np.linalg.norm(expected, axis=(-2, -1)))
+    return np.max(
+        np.linalg.norm(images - expected, axis=(-2, -1)) / np.linalg.norm(expected, axis=(-2, -1))
+    )
 
 
 @sizes
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("adapter", [mp.ParallelTransport(), mp.RiemannianICP(n_starts=0)], ids=["pt", "icp"])
+@pytest.mark.parametrize(
+    "adapter", [mp.ParallelTransport(), mp.RiemannianICP(n_starts=0)], ids=["pt", "icp"]
+)
 def test_common_congruence(adapter, d, seed, random_spd):
     """Congruence of all data by C is congruence of all results: f'(C T Cᵀ) = C f(T) Cᵀ."""
     rng = np.random.default_rng(seed)
@@ -44,7 +48,9 @@ def test_mean_and_dispersion_arrive(d, seed, random_spd):
     images = adapter.transform(teacher)
     assert spd.distance(spd.mean(images), spd.mean(student)) < 1e-8
     assert spd.dispersion(images) == pytest.approx(spd.dispersion(student), rel=1e-8)
-    assert adapter.dispersion_ratio_ == pytest.approx(adapter.student_dispersion_ / adapter.teacher_dispersion_)
+    assert adapter.dispersion_ratio_ == pytest.approx(
+        adapter.student_dispersion_ / adapter.teacher_dispersion_
+    )
 
 
 @sizes

@@ -10,7 +10,9 @@ import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.transfer import EllipsoidCorrespondence, GeodesicCorrespondence, method_of
 
-GOOD = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.0, 2.0, 1.0]), np.eye(3)])
+GOOD = np.stack(
+    [np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.0, 2.0, 1.0]), np.eye(3)]
+)
 
 
 @pytest.mark.parametrize(("method", "options", "message"), [
@@ -33,20 +35,30 @@ GOOD = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.
 ])  # fmt: skip
 def test_bad_options_are_refused_by_name(method, options, message):
     with pytest.raises(InvalidInputError, match=message):
-        method_of(method).set_params(**options() if callable(options) else options).fit(GOOD, 2.0 * GOOD)
+        method_of(method).set_params(**options() if callable(options) else options).fit(
+            GOOD, 2.0 * GOOD
+        )
 
 
 def test_points_of_another_size_or_count_are_refused():
     """In `transform`, `check_adapter` tries all bad points."""
     adapter, small = mp.ParallelTransport().fit(GOOD, 2.0 * GOOD), GOOD[:, :2, :2]
-    for use in (adapter.inverse_transform, lambda x: adapter.score(x, GOOD), lambda x: adapter.errors(GOOD, x[:3])):
+    for use in (
+        adapter.inverse_transform,
+        lambda x: adapter.score(x, GOOD),
+        lambda x: adapter.errors(GOOD, x[:3]),
+    ):
         with pytest.raises(InvalidInputError, match=r"found (2×2|4 and 3)"):
             use(small)
 
 
 def test_images_beyond_floating_point_numbers(random_spd):
     rng = np.random.default_rng(0)
-    round_, long, longer = random_spd(rng, 20, 3, 1.001), random_spd(rng, 20, 3, 1e4), random_spd(rng, 20, 3, 1e8)
+    round_, long, longer = (
+        random_spd(rng, 20, 3, 1.001),
+        random_spd(rng, 20, 3, 1e4),
+        random_spd(rng, 20, 3, 1e8),
+    )
     longest = random_spd(rng, 1, 3, 1e11)[0]
     with pytest.raises(InvalidInputError, match="points takes the result out of range"):
         mp.ParallelTransport().fit(round_, long).transform(long)

@@ -12,10 +12,23 @@ import pytest
 from maniport import cli
 from maniport.errors import OutputError
 from maniport.util import atomic_io
-from maniport.util.atomic_io import claim, folder_written_whole, require_room, written, written_whole
+from maniport.util.atomic_io import (
+    claim,
+    folder_written_whole,
+    require_room,
+    written,
+    written_whole,
+)
 
 NAMES = ("a.json", "b.json")
-CHANGES = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree")  # audit events of changes
+CHANGES = (
+    "open",
+    "os.mkdir",
+    "os.rename",
+    "os.remove",
+    "os.rmdir",
+    "shutil.rmtree",
+)  # audit events of changes
 
 
 def write_file(target, number):
@@ -88,7 +101,11 @@ def test_a_folder_is_replaced_where_folders_cannot_be_exchanged(tmp_path, monkey
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError("disk full")])
 def test_an_error_keeps_the_earlier_result(tmp_path, write, error):
     write(tmp_path / "result", 1)
-    writer = written_whole if write is write_file else lambda path: folder_written_whole(path, NAMES, overwrite=True)
+    writer = (
+        written_whole
+        if write is write_file
+        else lambda path: folder_written_whole(path, NAMES, overwrite=True)
+    )
     expected = KeyboardInterrupt if error is KeyboardInterrupt else OutputError
     with pytest.raises(expected) as raised, writer(tmp_path / "result"):
         raise error
@@ -102,7 +119,10 @@ def test_an_earlier_folder_is_replaced_only_when_allowed(tmp_path):
     write_folder(folder, 1)
     with pytest.raises(OutputError, match=r"earlier result; give overwrite="):
         folder_written_whole(folder, NAMES).__enter__()
-    with pytest.raises(OutputError, match="holds other things"), folder_written_whole(folder, NAMES, overwrite=True):
+    with (
+        pytest.raises(OutputError, match="holds other things"),
+        folder_written_whole(folder, NAMES, overwrite=True),
+    ):
         (folder / "thesis.tex").touch()
     assert {file.name for file in folder.iterdir()} == {*NAMES, "thesis.tex"}
     assert list(tmp_path.iterdir()) == [folder]
@@ -113,7 +133,12 @@ def test_a_folder_is_claimed_when_new_empty_or_claimed_before(tmp_path):
         claim(tmp_path / "new", "about.json", {"seed": 1}, ("seed",))
     assert written().endswith(f"parts of {str(tmp_path / 'new')!r}")
     (tmp_path / "file").touch()
-    wrong = {"new": "another seed", "file": "exists", "no/parent": "No such file", ".": "other things"}
+    wrong = {
+        "new": "another seed",
+        "file": "exists",
+        "no/parent": "No such file",
+        ".": "other things",
+    }
     for name, message in wrong.items():
         with pytest.raises(OutputError, match=message):
             claim(tmp_path / name, "about.json", {"seed": 2}, ("seed",))
@@ -123,8 +148,14 @@ def test_a_folder_is_claimed_when_new_empty_or_claimed_before(tmp_path):
 def test_what_cannot_be_written_is_reported_before_the_work(tmp_path, monkeypatch, write):
     folder = write is write_folder
     require_room(tmp_path / "result", folder)
-    for place, reason in ((tmp_path / "no" / "one", "there is no folder"), (tmp_path / ("x" * 300), "name too long")):
-        for attempt in (lambda place=place: require_room(place, folder), lambda place=place: write(place, 1)):
+    for place, reason in (
+        (tmp_path / "no" / "one", "there is no folder"),
+        (tmp_path / ("x" * 300), "name too long"),
+    ):
+        for attempt in (
+            lambda place=place: require_room(place, folder),
+            lambda place=place: write(place, 1),
+        ):
             with pytest.raises(OutputError, match=reason) as raised:
                 attempt()
             assert str(raised.value).count("cannot write") == 1
@@ -169,7 +200,9 @@ def test_links_that_lead_nowhere_are_errors(tmp_path, write, pointed):
     assert (tmp_path / "other" / "thesis.tex").exists()
 
 
-@pytest.mark.parametrize("words", [("demo",), ("transfer", "freeform"), ("learn", "freeform"), ("reproduce",)])
+@pytest.mark.parametrize(
+    "words", [("demo",), ("transfer", "freeform"), ("learn", "freeform"), ("reproduce",)]
+)
 def test_the_root_is_no_place_for_results(monkeypatch, capsys, words):
     monkeypatch.setattr(sys, "argv", ["maniport", *words, "-o", os.path.abspath(os.sep)])
     with pytest.raises(SystemExit) as ended:

@@ -20,7 +20,10 @@ TIMES = np.array([0.0, 0.5, 1.0])
 
 @pytest.mark.parametrize("time", [None, TIMES])
 def test_ellipsoids_and_paths_come_back_bit_for_bit(tmp_path, time):
-    for save, load, values in ((save_ellipsoids, load_ellipsoids, POINTS), (save_path, load_path, POINTS[0])):
+    for save, load, values in (
+        (save_ellipsoids, load_ellipsoids, POINTS),
+        (save_path, load_path, POINTS[0]),
+    ):
         save(tmp_path / "profile", values, time)
         again, times = load(str(tmp_path / "profile"))
         assert_array_equal(again, values)
@@ -67,7 +70,9 @@ def test_unreadable_files_are_refused(tmp_path):
     whole = path.read_bytes()
     for length in (-1, len(whole) // 2, 14, 0):
         path.write_bytes(whole[:length])
-        with pytest.raises(FileFormatError, match=r"profile\.npz.*(not a readable|the file is empty)"):
+        with pytest.raises(
+            FileFormatError, match=r"profile\.npz.*(not a readable|the file is empty)"
+        ):
             load_ellipsoids(path)
 
 
@@ -88,7 +93,9 @@ def test_faulty_settings_are_refused(tmp_path, text, word):
 
 
 def test_a_nested_mapping_is_named(tmp_path):
-    with pytest.raises(FileFormatError, match=r"l\.yaml: joints: unknown key 'velocty'; .*: velocity, jerk"):
+    with pytest.raises(
+        FileFormatError, match=r"l\.yaml: joints: unknown key 'velocty'; .*: velocity, jerk"
+    ):
         require_mapping({"velocty": 1}, ("jerk", "velocity"), "l.yaml: joints")
     with pytest.raises(FileFormatError, match="no such file"):
         read_settings(tmp_path / "other.yaml", ("a",))

@@ -16,7 +16,14 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.settings import marker_roles
 from maniport.transfer import IdentityMap, load_adapter
 from maniport.util import files
-from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, read_settings, save_ellipsoids
+from maniport.util.files import (
+    array_names,
+    load_arrays,
+    load_ellipsoids,
+    load_path,
+    read_settings,
+    save_ellipsoids,
+)
 
 READERS = {
     "r.bvh": read_recording, "r.c3d": read_recording, "r.urdf": load_arm, "r.xml": load_arm, "r.stl": load_mesh,
@@ -53,16 +60,22 @@ def test_only_needed_arrays_are_unpacked(tmp_path, monkeypatch):
 
 TIMES = np.arange(24) / 10
 ARM = np.broadcast_to([[0.0, 0.0, 1.4], [0.0, 0.0, 1.1], [0.0, 0.0, 0.85]], (24, 3, 3))
-ELLIPSOIDS = (lambda x: x @ x.transpose(0, 2, 1) + 0.1 * np.eye(3))(np.random.default_rng(0).normal(size=(24, 3, 3)))
+ELLIPSOIDS = (lambda x: x @ x.transpose(0, 2, 1) + 0.1 * np.eye(3))(
+    np.random.default_rng(0).normal(size=(24, 3, 3))
+)
 WRITERS = {
     "ellipsoids": (lambda path: save_ellipsoids(path, ELLIPSOIDS, TIMES), load_ellipsoids),
     "path": (lambda path: files.save_path(path, ARM[:, 2], TIMES), load_path),
     "recording": (
-        lambda path: np.savez(path, names=["RSHO", "RELB", "RWRA"], positions=ARM, time=TIMES, unit="m"),
+        lambda path: np.savez(
+            path, names=["RSHO", "RELB", "RWRA"], positions=ARM, time=TIMES, unit="m"
+        ),
         read_recording,
     ),
     "poses": (
-        lambda path: np.savez(path, poses=np.zeros((24, 66)), trans=np.zeros((24, 3)), mocap_framerate=10.0),
+        lambda path: np.savez(
+            path, poses=np.zeros((24, 66)), trans=np.zeros((24, 3)), mocap_framerate=10.0
+        ),
         read_recording,
     ),
     "adapter": (lambda path: IdentityMap().fit(ELLIPSOIDS, ELLIPSOIDS).save(path), load_adapter),
@@ -131,13 +144,17 @@ ENDS = '<parent link="{}"/><child link="{}"/>'
 def serial(n, extra=""):
     links = "".join(f'<link name="l{i}"/>' for i in range(n + 1))
     joints = "".join(
-        f'<joint name="j{i}" type="revolute">{ENDS.format(f"l{i}", f"l{i + 1}")}{LIMIT}</joint>' for i in range(n)
+        f'<joint name="j{i}" type="revolute">{ENDS.format(f"l{i}", f"l{i + 1}")}{LIMIT}</joint>'
+        for i in range(n)
     )
     return f'<robot name="r">{links}{joints}{extra}</robot>'
 
 
 def nested(n):
-    bodies = "".join(f'<body name="b{i}"><joint name="j{i}" range="-9 9"/>' for i in range(n)) + "</body>" * n
+    bodies = (
+        "".join(f'<body name="b{i}"><joint name="j{i}" range="-9 9"/>' for i in range(n))
+        + "</body>" * n
+    )
     return f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"
 
 
@@ -163,7 +180,10 @@ HOSTILE = {
     "900 in a row": (serial(900), "links in a row; at most 128"),
     "5000 nested bodies": (nested(5000), "at most 128"),
     "200 nested bodies": (nested(200), "at most 128"),
-    "a million tags": ("<robot>" + "<a>" * 500_000 + "</a>" * 500_000 + "</robot>", "tags; at most 500000"),
+    "a million tags": (
+        "<robot>" + "<a>" * 500_000 + "</a>" * 500_000 + "</robot>",
+        "tags; at most 500000",
+    ),
     "a circle": (serial(2, CIRCLE), "cycle"),
     "included": (
         '<mujoco><include file="/dev/zero"/><worldbody><body/></worldbody></mujoco>',

@@ -11,9 +11,7 @@ from numba.core.caching import IndexDataCacheFile
 from maniport.util import jit
 
 CALLED = "from maniport.util.jit import part\n@part\ndef scale():\n    return {}\n"
-CALLER = (
-    "from maniport.util.jit import kernel\nfrom called import scale\n@kernel\ndef scaled(x):\n    return scale() * x\n"
-)
+CALLER = "from maniport.util.jit import kernel\nfrom called import scale\n@kernel\ndef scaled(x):\n    return scale() * x\n"
 
 
 @pytest.fixture
@@ -65,11 +63,17 @@ def test_a_damaged_cache_costs_a_compilation(imported, tmp_path, suffix, damage)
     assert (kernel(1.5), hits(kernel)) == (3.0, 0)
 
 
-@pytest.mark.parametrize("fault", [OSError(errno.ENOSPC, "full"), OSError(errno.EROFS, "read-only"), RuntimeError()])
+@pytest.mark.parametrize(
+    "fault", [OSError(errno.ENOSPC, "full"), OSError(errno.EROFS, "read-only"), RuntimeError()]
+)
 def test_a_cache_that_cannot_be_written_costs_only_the_cache(imported, monkeypatch, fault):
     def fail(*_):
         raise fault
 
-    where = (jit._Cache, "__init__") if isinstance(fault, RuntimeError) else (IndexDataCacheFile, "_open_for_write")
+    where = (
+        (jit._Cache, "__init__")
+        if isinstance(fault, RuntimeError)
+        else (IndexDataCacheFile, "_open_for_write")
+    )
     monkeypatch.setattr(*where, fail)
     assert imported()(1.5) == 3.0

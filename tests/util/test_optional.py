@@ -14,10 +14,27 @@ PACKAGE = ROOT / "src" / "maniport"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio", "pin-pink": "pink"}
 IMPORT_NAMES |= {"rerun-sdk": "rerun"}
-DEPENDENCIES_OF_OTHERS = {"coal", "contourpy", "PIL", "llvmlite", "markupsafe", "msgspec", "websockets"}
+DEPENDENCIES_OF_OTHERS = {
+    "coal",
+    "contourpy",
+    "PIL",
+    "llvmlite",
+    "markupsafe",
+    "msgspec",
+    "websockets",
+}
 WITH_FALLBACK = {"IPython"}
-CHECKED_BEFORE = {"matplotlib", "mujoco", "sklearn", "pink"}  # figures, tasks; what scikit-learn and Pink call
-IMPORTERS = {name: importer.args for name, importer in vars(optional).items() if isinstance(importer, partial)}
+CHECKED_BEFORE = {
+    "matplotlib",
+    "mujoco",
+    "sklearn",
+    "pink",
+}  # figures, tasks; what scikit-learn and Pink call
+IMPORTERS = {
+    name: importer.args
+    for name, importer in vars(optional).items()
+    if isinstance(importer, partial)
+}
 
 
 def import_names(requirements):
@@ -39,7 +56,13 @@ def test_other_imports_are_of_dependencies():
     lines = re.compile(r"^ *(?:from|import) ([A-Za-z]\w*)", re.MULTILINE)
     imported = {name for file in PACKAGE.rglob("*.py") for name in lines.findall(_code(file))}
     own = {"maniport", *import_names(PROJECT["dependencies"])}
-    assert imported <= {*sys.stdlib_module_names, *own, *DEPENDENCIES_OF_OTHERS, *WITH_FALLBACK, *CHECKED_BEFORE}
+    assert imported <= {
+        *sys.stdlib_module_names,
+        *own,
+        *DEPENDENCIES_OF_OTHERS,
+        *WITH_FALLBACK,
+        *CHECKED_BEFORE,
+    }
 
 
 def _code(file):

@@ -45,7 +45,10 @@ def test_only_finite_square_matrices_pass(check, value, message):
             INDEFINITE,
             "m is indefinite: its eigenvalues range from -3 to 2; all eigenvalues must be positive. Use damping",
         ),
-        (np.stack([EYE, INDEFINITE, SINGULAR]), "m[1] is indefinite: its eigenvalues range from -3 to 2 (2 of 3 "),
+        (
+            np.stack([EYE, INDEFINITE, SINGULAR]),
+            "m[1] is indefinite: its eigenvalues range from -3 to 2 (2 of 3 ",
+        ),
         (at(SINGULAR), "m[2] is singular: its eigenvalues range from 0 to 2 (1 of 4 matrices)"),
         (np.diag([1e-15, 0.5, 0.5]), "m is singular"),
     ],
@@ -77,7 +80,9 @@ def test_rounding_is_allowed_for():
     thin = np.random.default_rng(0).standard_normal((50, 3, 2))
     for fine in (np.zeros((3, 3)), np.outer([1, 2, 3], [1, 2, 3]), thin @ np.swapaxes(thin, 1, 2)):
         v.as_positive_semidefinite(fine, "m")
-    with pytest.raises(NotSPDError, match=r"m\[2\] is indefinite: .*no negative eigenvalue is allowed"):
+    with pytest.raises(
+        NotSPDError, match=r"m\[2\] is indefinite: .*no negative eigenvalue is allowed"
+    ):
         v.as_positive_semidefinite(np.stack([np.zeros((3, 3)), EYE, INDEFINITE]), "m")
 
 
@@ -124,7 +129,12 @@ def test_valid_values_pass():
     assert v.as_generator(5).random() == v.as_generator(np.int32(5)).random()
     assert isinstance(v.as_generator(None), np.random.Generator)
     v.require_broadcast(a=np.zeros((4, 3, 3)), b=np.zeros((2, 4, 3, 3)))
-    for shape, allowed in (((3,), (3,)), ((5, 3, 3), ("n", 3, 3)), ((3,), (..., 3)), ((4, 0, 3), (..., 3))):
+    for shape, allowed in (
+        ((3,), (3,)),
+        ((5, 3, 3), ("n", 3, 3)),
+        ((3,), (..., 3)),
+        ((4, 0, 3), (..., 3)),
+    ):
         v.require_shape(np.zeros(shape), "a", allowed)
 
 

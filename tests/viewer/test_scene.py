@@ -19,11 +19,17 @@ def test_a_scaled_and_rotated_ball_is_the_ellipsoid():
 
 def test_missing_surfaces_have_a_reason(monkeypatch):
     planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
-    assert surfaces_of([planar], [np.zeros(2)]) == ([[]], "the description of planar names no shapes")
+    assert surfaces_of([planar], [np.zeros(2)]) == (
+        [[]],
+        "the description of planar names no shapes",
+    )
     panda = load_arm("panda")
 
     def fail(self):
         raise FileFormatError("robot.urdf: a mesh is missing:\n  'hand.dae'")
 
     monkeypatch.setattr(Arm, "surfaces", fail)
-    assert surfaces_of([panda], [np.zeros(7)]) == ([[]], "robot.urdf: a mesh is missing: 'hand.dae'")
+    assert surfaces_of([panda], [np.zeros(7)]) == (
+        [[]],
+        "robot.urdf: a mesh is missing: 'hand.dae'",
+    )

@@ -38,15 +38,24 @@ def test_every_method_can_be_chosen(make_state):
         assert state.robot.within_limits(frame.joints)
         assert np.isfinite(frame.distance)
         assert frame.position_error is None
-        assert np.isfinite(advance(state, name, np.zeros(7)).distance)  # a straight arm has a singular ellipsoid
-    assert targets["identity"] == pytest.approx(state.sides[0].teacher.manipulability(POSE), abs=1e-6)
+        assert np.isfinite(
+            advance(state, name, np.zeros(7)).distance
+        )  # a straight arm has a singular ellipsoid
+    assert targets["identity"] == pytest.approx(
+        state.sides[0].teacher.manipulability(POSE), abs=1e-6
+    )
     names = ("identity", METHOD, "nearest-neighbor")
     for one, other in zip(names, names[1:] + names[:1], strict=True):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
     rotation = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
     advance(state, METHOD, base_rotation=rotation)
     list(state.sides[0].maps.fits.values())[-1].result(60.0)
-    assert np.abs(advance(state, METHOD, base_rotation=rotation).target.ellipsoid - targets[METHOD]).max() > 1e-3
+    assert (
+        np.abs(
+            advance(state, METHOD, base_rotation=rotation).target.ellipsoid - targets[METHOD]
+        ).max()
+        > 1e-3
+    )
 
 
 def test_the_robot_approaches_within_its_speed(make_state):
@@ -54,7 +63,9 @@ def test_the_robot_approaches_within_its_speed(make_state):
     before = advance(state, "identity", seconds=0.0).joints
     for seconds in (STEP, 10.0):
         after = advance(state, "identity", POSE + 0.4, seconds).joints
-        assert np.all(np.abs(after - before) <= state.robot.velocity_limits * min(seconds, 0.1) + 1e-9)
+        assert np.all(
+            np.abs(after - before) <= state.robot.velocity_limits * min(seconds, 0.1) + 1e-9
+        )
         before = after
     distances = [advance(state, joints=POSE + 0.4).distance for _ in range(30)]
     assert distances[-1] < min(distances[0], 0.7)
@@ -72,9 +83,9 @@ def test_the_end_effector_follows_on_request(make_state):
     for _ in range(60):
         frame = advance(state, follow_hand=True)
     assert frame.position_error < 2e-3
-    assert np.linalg.norm(state.sides[0].student.forward(frame.joints)[:3, 3] - frame.target.position) == pytest.approx(
-        frame.position_error
-    )
+    assert np.linalg.norm(
+        state.sides[0].student.forward(frame.joints)[:3, 3] - frame.target.position
+    ) == pytest.approx(frame.position_error)
 
 
 def test_an_error_of_a_fit_is_raised(make_state, monkeypatch):
@@ -94,14 +105,19 @@ def test_an_error_of_a_fit_is_raised(make_state, monkeypatch):
 
 def test_the_view_begins_before_the_method_is_fitted(monkeypatch):
     gate, fit = threading.Event(), Maps.fit
-    monkeypatch.setattr(Maps, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args))
+    monkeypatch.setattr(
+        Maps, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args)
+    )
     for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
         monkeypatch.setattr(states, name, size)
     with little_search():
         state = prepare(Config().changed(person="rhuman"))
         try:
             frame = advance(state, "length-field", follow_hand=True)
-            assert "length-field is being fitted; the target is that of parallel-transport" in frame.target.notes[0]
+            assert (
+                "length-field is being fitted; the target is that of parallel-transport"
+                in frame.target.notes[0]
+            )
         finally:
             gate.set()
         assert state.places.result(60.0)[0].scale > 0
@@ -131,7 +147,9 @@ def test_both_arms_move_as_each_alone(pandas):
             np.testing.assert_allclose(frame.joints, expected.joints, atol=1e-5)
     with little_search():
         maps = [side.maps.get(METHOD, np.eye(3)) for side in pair.sides]
-        pair.places = in_background(pair.find_places, [side.teacher.sample(4, 0) for side in pair.sides], maps)
+        pair.places = in_background(
+            pair.find_places, [side.teacher.sample(4, 0) for side in pair.sides], maps
+        )
         scales = [place.scale for place in pair.places.result()]
     left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
     hands = [side.teacher.skeleton(POSE)[-1] + side.base for side in pair.sides]

@@ -36,11 +36,15 @@ def test_it_starts_and_ends_with_ctrl_c(tmp_path):
         f'<axis xyz="{axis}"/><limit lower="-2" upper="2" effort="9" velocity="2"/></joint>'
         for i, axis in enumerate(("0 0 1", "0 1 0", "1 0 0"))
     )
-    hand = '<link name="l3"><visual><geometry><mesh filename="hand.stl"/></geometry></visual></link>'
+    hand = (
+        '<link name="l3"><visual><geometry><mesh filename="hand.stl"/></geometry></visual></link>'
+    )
     robot = tmp_path / "robot.urdf"
     robot.write_text(f'<robot name="bare">{links}{hand}{joints}</robot>')
     command = [sys.executable, "-c", ENDLESS, "view", "--person", "rhuman", "--robot", str(robot)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as view:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+    ) as view:
         assert view.stdout.readline() == "fitting\n"
         url = view.stdout.readline().split()[0]
         assert url.startswith("http://127.0.0.1:")

@@ -30,7 +30,11 @@ CAMERA = {
 
 def connected(url, origin=None, **headers):
     """Connect as the page does, from a page of some origin where one is given."""
-    options = {"origin": origin, "subprotocols": [f"viser-v{viser.__version__}"], "additional_headers": headers}
+    options = {
+        "origin": origin,
+        "subprotocols": [f"viser-v{viser.__version__}"],
+        "additional_headers": headers,
+    }
     return client.connect(url.replace("http", "ws", 1), max_size=None, **options)
 
 
@@ -43,7 +47,9 @@ def receive(url, enough):
             window = page.recv(timeout=60)
             told = int.from_bytes(window[8:16], "little")
             inner = msgspec.msgpack.decode(zstandard.decompress(window[16 : 16 + told]))
-            windows.append([(message.get("name"), message["type"]) for message in inner["messages"]])
+            windows.append(
+                [(message.get("name"), message["type"]) for message in inner["messages"]]
+            )
     return windows
 
 
@@ -78,7 +84,13 @@ def test_the_page_is_served_on_this_machine_only(make_view, make_state, capsys, 
 def test_other_pages_of_the_browser_cannot_connect(make_view):
     url = make_view().url
     here = url.split("/")[2]
-    for origin in ("http://evil.example", "null", f"https://{here}", "http://localhost:1", "file://"):
+    for origin in (
+        "http://evil.example",
+        "null",
+        f"https://{here}",
+        "http://localhost:1",
+        "file://",
+    ):
         with pytest.raises(errors.InvalidStatus) as refused, connected(url, origin):
             pass
         assert refused.value.response.status_code == 403
@@ -108,10 +120,14 @@ def test_controls_become_commands(make_view):
         panel._preset.value = name
         assert pytest.approx(base) == panel.read(0.0).base_rotation.T @ [0, 0, 1]
     own = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
-    np.testing.assert_array_equal(Panel(view._server.gui, view.state, own).read(0.0).base_rotation, own)
+    np.testing.assert_array_equal(
+        Panel(view._server.gui, view.state, own).read(0.0).base_rotation, own
+    )
 
 
-@pytest.mark.parametrize("error", [FileFormatError("a mesh is missing: 'hand.dae'"), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    "error", [FileFormatError("a mesh is missing: 'hand.dae'"), KeyboardInterrupt()]
+)
 def test_errors_before_the_page_is_complete(make_state, monkeypatch, error):
     def surfaces(self):
         raise error
@@ -132,13 +148,21 @@ def test_errors_before_the_page_is_complete(make_state, monkeypatch, error):
 
 def test_frames_arrive_whole_and_meshes_once(make_view, running):
     def moving(windows):
-        return [window for window in windows if ("/robot/surface/7", "SetPositionMessage") in window]
+        return [
+            window for window in windows if ("/robot/surface/7", "SetPositionMessage") in window
+        ]
 
     view = make_view(recorded=True)
     with running(view):
         windows = receive(view.url, lambda windows: len(moving(windows)) > 20)
     corners = len(view.state.sides[0].teacher.skeleton(np.zeros(7)))
-    moves = f"/person/arm/{corners - 1}", "/robot/surface/7", "/person/ellipsoid", "/robot/target", "/robot/achieved"
+    moves = (
+        f"/person/arm/{corners - 1}",
+        "/robot/surface/7",
+        "/person/ellipsoid",
+        "/robot/target",
+        "/robot/achieved",
+    )
     shapes = [name for window in windows for name, kind in window if kind == "MeshMessage"]
     assert len(shapes) == len(set(shapes)) == len(view.state.robot.arms[0].surfaces())
     for frame in moving(windows)[1:]:
@@ -157,15 +181,23 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         browser.go(view.url)
         browser.wait("!!document.body && document.body.innerText.includes('distance')")
         browser.wait(lambda: view.rate > 0)
-        browser.wait(lambda: np.allclose(cameras()[0].position, camera_for(cameras()[0].aspect)[0], atol=1e-3))
-        browser.wait(lambda: np.allclose(cameras()[0].look_at, camera_for(cameras()[0].aspect)[1], atol=1e-3))
+        browser.wait(
+            lambda: np.allclose(
+                cameras()[0].position, camera_for(cameras()[0].aspect)[0], atol=1e-3
+            )
+        )
+        browser.wait(
+            lambda: np.allclose(cameras()[0].look_at, camera_for(cameras()[0].aspect)[1], atol=1e-3)
+        )
         browser.wait("document.querySelectorAll('[role=slider]').length > 6")
         thumb = "document.querySelector('[role=slider]').getBoundingClientRect()"
         browser.wait(f"{thumb}.x > 500")
         before = panel.read(0.0).joints
 
         def moved():  # a drag while the page is being laid out has no effect
-            x, y = browser.run(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({thumb})")
+            x, y = browser.run(
+                f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({thumb})"
+            )
             browser.drag((x, y), (x - 40, y))
             return panel.read(0.0).joints[0] < before[0] - 0.1
 
@@ -177,7 +209,11 @@ def test_a_browser_shows_the_page(make_view, running, browser):
 
         browser.wait(moved)
         browser.wait(looks_from_elsewhere)
-        assert not [url for url in browser.requests if not url.startswith((view.url, "data:", "blob:", "about:"))]
+        assert not [
+            url
+            for url in browser.requests
+            if not url.startswith((view.url, "data:", "blob:", "about:"))
+        ]
         assert not browser.errors
         assert browser.run("document.title").startswith("maniport view")
         browser.go("about:blank")

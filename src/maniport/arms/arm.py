@@ -8,10 +8,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, point_mass, pose
+from maniport.arms.chain import (
+    PRISMATIC,
+    REVOLUTE,
+    Chain,
+    Frame,
+    Joint,
+    as_pose,
+    check_names,
+    point_mass,
+    pose,
+)
 from maniport.arms.joint_space import JointSpace
 from maniport.arms.kinematics import Kinematics, PointKinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, times, weighting, with_derivatives
+from maniport.arms.manipulability import (
+    VELOCITY,
+    EllipsoidSpec,
+    manipulability,
+    times,
+    weighting,
+    with_derivatives,
+)
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
@@ -101,23 +118,41 @@ class Arm(JointSpace):
                 f"rows must have shape (n, 4), columns theta, d, a, alpha; found shape {table.shape}"
             )
         n = len(table)
-        names = [f"joint{i + 1}" for i in range(n)] if joint_names is None else check_names(joint_names, "joint_names")
+        names = (
+            [f"joint{i + 1}" for i in range(n)]
+            if joint_names is None
+            else check_names(joint_names, "joint_names")
+        )
         kinds = [REVOLUTE] * n if kinds is None else kinds
         for key, values in (("joint_names", names), ("kinds", kinds)):
             if len(values) != n:
-                raise InvalidInputError(f"{key} must have {n} entries, one for each row; found {len(values)}")
-        low, high = as_numbers(lower, "lower", n, broadcast=True), as_numbers(upper, "upper", n, broadcast=True)
+                raise InvalidInputError(
+                    f"{key} must have {n} entries, one for each row; found {len(values)}"
+                )
+        low, high = (
+            as_numbers(lower, "lower", n, broadcast=True),
+            as_numbers(upper, "upper", n, broadcast=True),
+        )
         if np.any(low >= high):
             i = int(np.argmax(low >= high))
-            raise InvalidInputError(f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}")
-        after = [pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0)) for theta, d, a, alpha in table]
+            raise InvalidInputError(
+                f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}"
+            )
+        after = [
+            pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0))
+            for theta, d, a, alpha in table
+        ]
         first = np.eye(4) if base is None else as_pose(base, "base")
         joints = tuple(
             Joint(names[i], as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), np.eye(3)[2], parent)
             for i, parent in enumerate((first, *after[:-1]))
         )  # fmt: skip
-        frames = {"base": Frame(0, first)} | {f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)}
-        return cls(Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n)))
+        frames = {"base": Frame(0, first)} | {
+            f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)
+        }
+        return cls(
+            Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n))
+        )
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, dof={self.dof}, frame={self.frame!r}, joints={list(self.joint_names)})"
@@ -144,7 +179,9 @@ class Arm(JointSpace):
             )
         return self._changed(lower=low, upper=high)
 
-    def with_limits(self, velocity: ArrayLike | None = None, effort: ArrayLike | None = None) -> "Arm":
+    def with_limits(
+        self, velocity: ArrayLike | None = None, effort: ArrayLike | None = None
+    ) -> "Arm":
         """Return the arm with other velocity limits [rad/s, m/s] or effort limits [N m, N], shape (dof,) or numbers."""
         changes = {
             key: as_numbers(value, key, self.dof, broadcast=True, above=0.0)
@@ -159,9 +196,13 @@ class Arm(JointSpace):
         """
         amount, point = as_number(mass, "mass", minimum=0.0), as_numbers(center, "center", 3)
         if self.chain.inertia is None:
-            raise InvalidInputError(f"a payload needs masses, and the description of {self.name!r} has none")
+            raise InvalidInputError(
+                f"a payload needs masses, and the description of {self.name!r} has none"
+            )
         inertia, end_frame = self.chain.inertia.copy(), self.chain.frames[self.frame]
-        inertia[end_frame.joint] += point_mass(amount, end_frame.placement[:3, :3] @ point + end_frame.placement[:3, 3])
+        inertia[end_frame.joint] += point_mass(
+            amount, end_frame.placement[:3, :3] @ point + end_frame.placement[:3, 3]
+        )
         return self._changed(inertia=inertia, payload=self.chain.payload + amount)
 
     def _changed(self, **fields: Any) -> "Arm":
@@ -198,7 +239,9 @@ class Arm(JointSpace):
             rows = times(rows.reshape(-1, *rows.shape[-2:]), weight).reshape(rows.shape)
         return poses, manipulability(rows, spec.kind)
 
-    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
+    def posed_differentials(
+        self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY
+    ) -> tuple[Array, Array, Array, Array]:
         """Return the results of `forward`, `jacobian` and `ellipsoids`, and derivatives of the latter.
 
         Derivatives ``∂M/∂q_k`` have shape (..., dof, d, d), symmetric, in closed form; see
@@ -207,7 +250,9 @@ class Arm(JointSpace):
         poses, jacobians, own = self._motions(q)
         flat, weights = jacobians.reshape(-1, 6, self.dof), self._weights(q, spec, changes=True)
         ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, *weights)
-        ellipsoids, changes = (part.reshape(*poses.shape[:-2], *part.shape[1:]) for part in (ellipsoids, changes))
+        ellipsoids, changes = (
+            part.reshape(*poses.shape[:-2], *part.shape[1:]) for part in (ellipsoids, changes)
+        )
         return poses, jacobians, ellipsoids, changes
 
     def gravity_torques(self, q: ArrayLike) -> Array:
@@ -238,11 +283,21 @@ class Arm(JointSpace):
             return "has none"
         values, vectors = np.linalg.eigh(terms.inertia[0])
         free = values[0] <= 1e-12 * values[-1]
-        return f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates" if free else ""
+        return (
+            f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates"
+            if free
+            else ""
+        )
 
-    def _weights(self, q: ArrayLike, spec: EllipsoidSpec, changes: bool = False) -> tuple[Array | None, Array | None]:
+    def _weights(
+        self, q: ArrayLike, spec: EllipsoidSpec, changes: bool = False
+    ) -> tuple[Array | None, Array | None]:
         """Weights of the joints for a specification at checked configurations."""
-        limits = self._limits(spec.kind) if isinstance(self.checked_spec(spec).joint_weights, str) else None
+        limits = (
+            self._limits(spec.kind)
+            if isinstance(self.checked_spec(spec).joint_weights, str)
+            else None
+        )
         flat = np.asarray(q, dtype=np.float64).reshape(-1, self.dof)
         return weighting(spec, self._kinematics, limits, flat, changes)
 
@@ -279,14 +334,28 @@ class Arm(JointSpace):
         joints = {joint.name: joint for joint in self.chain.joints}
         if joint_name not in joints:
             raise unknown_name("joint", joint_name, joints, f"on the arm {self.name!r}")
-        return np.asarray(self.link_poses(q)[..., 1 + [*joints].index(joint_name), :3, :3] @ joints[joint_name].axis)
+        return np.asarray(
+            self.link_poses(q)[..., 1 + [*joints].index(joint_name), :3, :3]
+            @ joints[joint_name].axis
+        )
 
     def skeleton(self, q: ArrayLike) -> Array:
         """Compute the polyline from the base through the joints to the end effector, shape (..., k, 3) [m]."""
-        points, joints, end_frame = self.link_poses(q)[..., :3, 3], self.chain.joints, self.chain.frames[self.frame]
+        points, joints, end_frame = (
+            self.link_poses(q)[..., :3, 3],
+            self.chain.joints,
+            self.chain.frames[self.frame],
+        )
         if self.chain.base_pose is not None:
             points[..., 0, :] = self.chain.base_pose[:3, 3]
-        apart = [0, *(i for i, j in enumerate(joints, 1) if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC)]
+        apart = [
+            0,
+            *(
+                i
+                for i, j in enumerate(joints, 1)
+                if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC
+            ),
+        ]
         points = points[..., apart, :]
         if np.any(end_frame.placement[:3, 3]) or len(apart) == 1:
             points = np.concatenate([points, self.forward(q)[..., None, :3, 3]], axis=-2)

@@ -49,9 +49,13 @@ class ArmGroup(JointSpace):
     def __init__(self, *arms: Arm, names: Sequence[str] | None = None):
         for i, arm in enumerate(arms):
             if not isinstance(arm, Arm):
-                raise InvalidInputError(f"arms[{i}] must be an Arm, as load_arm makes it; found {type(arm).__name__}")
+                raise InvalidInputError(
+                    f"arms[{i}] must be an Arm, as load_arm makes it; found {type(arm).__name__}"
+                )
         self.arms = arms
-        self.names = tuple(f"arm{i + 1}" for i in range(len(arms))) if names is None else tuple(names)
+        self.names = (
+            tuple(f"arm{i + 1}" for i in range(len(arms))) if names is None else tuple(names)
+        )
         if not arms or len(set(self.names)) != len(arms):
             raise InvalidInputError(
                 f"names must be one for each of {len(arms)} arms, all different; found {self.names}"
@@ -59,24 +63,35 @@ class ArmGroup(JointSpace):
         self.common, shared = _shared_joints([arm.chain for arm in arms], self.names)
         self.shared = tuple(dict.fromkeys(name for _, _, moving in shared for name in moving))
         self.frames = tuple(dict.fromkeys(frame for arm in arms for frame in arm.frames))
-        own: list[tuple[Arm, int, int]] = []  # arm, its index, and index of the joint of each column
+        own: list[
+            tuple[Arm, int, int]
+        ] = []  # arm, its index, and index of the joint of each column
         columns: list[NDArray[np.intp]] = []
         for i, arm in enumerate(arms):
             columns.append(np.empty(arm.dof, dtype=np.intp))
             earlier = {name: k for k, j, same in shared if j == i for name in same}
             for k, name in enumerate(arm.joint_names):
                 if name in earlier:
-                    columns[i][k] = columns[earlier[name]][arms[earlier[name]].joint_names.index(name)]
+                    columns[i][k] = columns[earlier[name]][
+                        arms[earlier[name]].joint_names.index(name)
+                    ]
                 else:
                     columns[i][k] = len(own)
                     own.append((arm, i, k))
         self.columns = tuple(columns)
         joints = [arm.joint_names[k] for arm, _, k in own]
         self.prefixes = tuple(f"{name}_" * (len(set(joints)) < len(joints)) for name in self.names)
-        self.locked = {self.prefixes[i] + name: at for i, arm in enumerate(arms) for name, at in arm.locked.items()}
+        self.locked = {
+            self.prefixes[i] + name: at
+            for i, arm in enumerate(arms)
+            for name, at in arm.locked.items()
+        }
         speeds, efforts = (
             np.array([np.inf if limits is None else limits[k] for limits, k in of])
-            for of in ([(arm.velocity_limits, k) for arm, _, k in own], [(arm.effort_limits, k) for arm, _, k in own])
+            for of in (
+                [(arm.velocity_limits, k) for arm, _, k in own],
+                [(arm.effort_limits, k) for arm, _, k in own],
+            )
         )
         super().__init__(
             "+".join(dict.fromkeys(arm.name for arm in arms)),
@@ -90,7 +105,9 @@ class ArmGroup(JointSpace):
 
     def __repr__(self) -> str:
         frames = {name: arm.frame for name, arm in zip(self.names, self.arms, strict=True)}
-        return f"ArmGroup({self.name!r}, dof={self.dof}, frames={frames}, shared={list(self.shared)})"
+        return (
+            f"ArmGroup({self.name!r}, dof={self.dof}, frames={frames}, shared={list(self.shared)})"
+        )
 
     def __len__(self) -> int:
         return len(self.arms)
@@ -107,7 +124,12 @@ class ArmGroup(JointSpace):
     @cached_property
     def kinematics(self) -> Kinematics:
         """Links of all arms as one tree."""
-        return Kinematics(*(arm.chain for arm in self.arms), columns=self.columns, dof=self.dof, common=self.common)
+        return Kinematics(
+            *(arm.chain for arm in self.arms),
+            columns=self.columns,
+            dof=self.dof,
+            common=self.common,
+        )
 
     def split(self, q: ArrayLike) -> tuple[Array, ...]:
         """Return the configurations of each arm, shapes (..., arm.dof)."""
@@ -117,14 +139,18 @@ class ArmGroup(JointSpace):
     def joined(self, *parts: ArrayLike) -> Array:
         """Return configurations of the group, shape (..., dof), from those of its arms (equal on shared joints)."""
         if len(parts) != len(self.arms):
-            raise InvalidInputError(f"configurations must be of {len(self.arms)} arms; found {len(parts)}")
+            raise InvalidInputError(
+                f"configurations must be of {len(self.arms)} arms; found {len(parts)}"
+            )
         arrays = [
             arm.configurations(part, f"configurations of {name}")
             for arm, part, name in zip(self.arms, parts, self.names, strict=True)
         ]
         shapes = {array.shape[:-1] for array in arrays}
         if len(shapes) > 1:
-            raise InvalidInputError(f"configurations of all arms must have the same leading shape; found {shapes}")
+            raise InvalidInputError(
+                f"configurations of all arms must have the same leading shape; found {shapes}"
+            )
         q = np.empty((*shapes.pop(), self.dof))
         for array, columns in reversed(list(zip(arrays, self.columns, strict=True))):
             q[..., columns] = array
@@ -141,24 +167,34 @@ class ArmGroup(JointSpace):
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "ArmGroup":
         """Return the group with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
         low, high = as_numbers(lower, "lower", self.dof), as_numbers(upper, "upper", self.dof)
-        arms = (arm.narrowed(low[c], high[c]) for arm, c in zip(self.arms, self.columns, strict=True))
+        arms = (
+            arm.narrowed(low[c], high[c]) for arm, c in zip(self.arms, self.columns, strict=True)
+        )
         return ArmGroup(*arms, names=self.names)
 
     def with_payload(self, mass: ArrayLike, center: ArrayLike = (0.0, 0.0, 0.0)) -> "ArmGroup":
         """Return the group with payloads [kg], one for all arms or one for each; see `Arm.with_payload`."""
         masses = as_numbers(mass, "mass", len(self), broadcast=True)
-        arms = [arm.with_payload(float(own), center) for arm, own in zip(self.arms, masses, strict=True)]
+        arms = [
+            arm.with_payload(float(own), center) for arm, own in zip(self.arms, masses, strict=True)
+        ]
         chains = [arm.chain for arm in arms]
         for i, j in permutations(range(len(self)), 2):
-            if fork := int(self.common[i, j]):  # this link of arm i has the masses of arm j, at rest
+            if fork := int(
+                self.common[i, j]
+            ):  # this link of arm i has the masses of arm j, at rest
                 inertia = np.array(chains[i].inertia)
-                inertia[fork] += carried_inertia(arms[j].chain, fork) - carried_inertia(self.arms[j].chain, fork)
+                inertia[fork] += carried_inertia(arms[j].chain, fork) - carried_inertia(
+                    self.arms[j].chain, fork
+                )
                 chains[i] = replace(chains[i], inertia=inertia)
         return ArmGroup(*map(Arm, chains), names=self.names)
 
     def forward(self, q: ArrayLike) -> Array:
         """Compute the poses of all end effectors, shape (..., n_arms, 4, 4) [m]."""
-        return np.stack([arm.forward(part) for arm, part in zip(self.arms, self.split(q), strict=True)], axis=-3)
+        return np.stack(
+            [arm.forward(part) for arm, part in zip(self.arms, self.split(q), strict=True)], axis=-3
+        )
 
     def jacobian(self, q: ArrayLike) -> Array:
         """Compute the geometric Jacobians in all joints, shape (..., n_arms, 6, dof), linear rows first."""
@@ -175,13 +211,19 @@ class ArmGroup(JointSpace):
 
     def specs(self, spec: EllipsoidSpec) -> tuple[EllipsoidSpec, ...]:
         """Return the specification of each arm: numbers as joint weights of the group are split."""
-        if not isinstance(spec, EllipsoidSpec) or spec.joint_weights is None or isinstance(spec.joint_weights, str):
+        if (
+            not isinstance(spec, EllipsoidSpec)
+            or spec.joint_weights is None
+            or isinstance(spec.joint_weights, str)
+        ):
             return tuple(arm.checked_spec(spec) for arm in self.arms)
         weights = np.array(self.checked_spec(spec).joint_weights)
         own = (replace(spec, joint_weights=weights[columns]) for columns in self.columns)
         return tuple(arm.checked_spec(part) for arm, part in zip(self.arms, own, strict=True))
 
-    def cooperative_ellipsoids(self, q: ArrayLike, kind: str = "relative", part: str = "translation") -> Array:
+    def cooperative_ellipsoids(
+        self, q: ArrayLike, kind: str = "relative", part: str = "translation"
+    ) -> Array:
         """Compute velocity ellipsoids of the relative or absolute motion of two arms, shape (..., d, d).
 
         With Jacobians J_1 and J_2 along the axes of the common frame, the relative motion has J_2 − J_1, and the
@@ -197,10 +239,16 @@ class ArmGroup(JointSpace):
         ----------
         Uchiyama and Dauchez, ICRA 1988; Chiacchio, Chiaverini and Siciliano, J. Dyn. Syst. Meas. Control 118, 1996.
         """
-        factors = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}[as_choice(kind, "kind", ("relative", "absolute"))]
+        factors = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}[
+            as_choice(kind, "kind", ("relative", "absolute"))
+        ]
         if len(self) != 2:
-            raise InvalidInputError(f"cooperative ellipsoids are those of two arms; the group has {len(self)}")
-        rows = np.einsum("i,...ijk->...jk", factors, self.jacobian(q))[..., EllipsoidSpec(part=part).rows, :]
+            raise InvalidInputError(
+                f"cooperative ellipsoids are those of two arms; the group has {len(self)}"
+            )
+        rows = np.einsum("i,...ijk->...jk", factors, self.jacobian(q))[
+            ..., EllipsoidSpec(part=part).rows, :
+        ]
         return manipulability(rows)
 
 
@@ -236,15 +284,30 @@ def _shared_joints(
             )
         moving: list[dict[str, Any]] = []
         for chain in (first, second):
-            limits = zip(chain.coordinates, chain.lower, chain.upper, chain.coupling[:count].T, strict=True)
-            moving.append({name: (low, high, *column) for name, low, high, column in limits if np.any(column)})
-        differ = [name for name in moving[0] | moving[1] if moving[0].get(name) != moving[1].get(name)]
-        differ += [first.joints[k].name for k in np.flatnonzero(first.offset[:count] != second.offset[:count])]
+            limits = zip(
+                chain.coordinates, chain.lower, chain.upper, chain.coupling[:count].T, strict=True
+            )
+            moving.append(
+                {name: (low, high, *column) for name, low, high, column in limits if np.any(column)}
+            )
+        differ = [
+            name for name in moving[0] | moving[1] if moving[0].get(name) != moving[1].get(name)
+        ]
+        differ += [
+            first.joints[k].name
+            for k in np.flatnonzero(first.offset[:count] != second.offset[:count])
+        ]
         if differ:
             ranges = []
             for chain, own in zip((first, second), moving, strict=True):
-                locked = dict(zip([joint.name for joint in chain.joints], chain.offset, strict=True)).get(differ[0])
-                ranges.append("{:g} to {:g}".format(*own[differ[0]]) if differ[0] in own else f"locked at {locked}")
+                locked = dict(
+                    zip([joint.name for joint in chain.joints], chain.offset, strict=True)
+                ).get(differ[0])
+                ranges.append(
+                    "{:g} to {:g}".format(*own[differ[0]])
+                    if differ[0] in own
+                    else f"locked at {locked}"
+                )
             raise InvalidInputError(
                 f"the joint {differ[0]!r} carries two arms and must have the same limits, or be locked at one "
                 f"position; found {ranges[0]} for {names[i]}, {ranges[1]} for {names[j]}"

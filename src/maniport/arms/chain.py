@@ -42,7 +42,9 @@ class Joint:
 
     def __post_init__(self) -> None:
         if not abs(float(np.linalg.norm(self.axis)) - 1.0) < UNIT:
-            raise InvalidInputError(f"joint {self.name!r} must have an axis of finite length above 0")
+            raise InvalidInputError(
+                f"joint {self.name!r} must have an axis of finite length above 0"
+            )
         _require_rigid(self.placement, f"joint {self.name!r}")
 
     def motion(self, positions: ArrayLike) -> Array:
@@ -110,12 +112,22 @@ class Chain:
     # first, about the origin of the link's frame; None where the description has no masses
     inertia: Array | None = None
     payload: float = 0.0  # mass in it that the end effector carries [kg]
-    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)  # acceleration of free fall in the base frame [m/s²]
-    shapes: Callable[..., Iterable[Shape]] | None = None  # reads shapes of links by name; `mesh_folders` is optional
-    others: Mapping[str, Body] | None = None  # bodies off the chain; None if the chain is the whole robot
+    gravity: tuple[float, ...] = (
+        0.0,
+        0.0,
+        -9.81,
+    )  # acceleration of free fall in the base frame [m/s²]
+    shapes: Callable[..., Iterable[Shape]] | None = (
+        None  # reads shapes of links by name; `mesh_folders` is optional
+    )
+    others: Mapping[str, Body] | None = (
+        None  # bodies off the chain; None if the chain is the whole robot
+    )
     base: str | None = None  # reference frame of all results if not the first frame of the file
     base_pose: Array | None = None  # pose (4, 4) of the robot's base in that frame if it differs
-    locked: Mapping[str, float] = field(default_factory=dict)  # positions of locked coordinates [rad] or [m]
+    locked: Mapping[str, float] = field(
+        default_factory=dict
+    )  # positions of locked coordinates [rad] or [m]
     unlimited: tuple[str, ...] = ()  # revolute joints without limits, limited to one turn
     source: str = ""  # argument of `load_arm`
     side: str | None = None  # of a person, "right" or "left"
@@ -143,7 +155,10 @@ class Chain:
         if self.others is None:
             return {}
         beyond = {name: place for name, place in self.frames.items() if not self.holds(name)}
-        return {**{name: Body(f.joint, f.placement[None], name) for name, f in beyond.items()}, **self.others}
+        return {
+            **{name: Body(f.joint, f.placement[None], name) for name, f in beyond.items()},
+            **self.others,
+        }
 
 
 def point_mass(mass: float, point: Array) -> Array:
@@ -171,10 +186,14 @@ def check_names(names: Sequence[str], argument: str) -> tuple[str, ...]:
     """Require a sequence of at least one name, without repetitions."""
     listed = () if isinstance(names, str) or not isinstance(names, Iterable) else tuple(names)
     if not listed or not all(isinstance(name, str) for name in listed):
-        raise InvalidInputError(f"{argument} must be a sequence of names, such as ('first', 'second'); found {names!r}")
+        raise InvalidInputError(
+            f"{argument} must be a sequence of names, such as ('first', 'second'); found {names!r}"
+        )
     repeated = sorted({name for name in listed if listed.count(name) > 1})
     if repeated:
-        raise InvalidInputError(f"{argument} must name each once; found more than once: {', '.join(repeated)}")
+        raise InvalidInputError(
+            f"{argument} must name each once; found more than once: {', '.join(repeated)}"
+        )
     return listed
 
 
@@ -182,7 +201,9 @@ def rotation_about(axis: int, angle: float | Array) -> Array:
     """Rotation matrices about the x (0), y (1) or z (2) axis, shape (..., 3, 3); exact at multiples of 90°."""
     cos, sin, quarters = np.cos(angle), np.sin(angle), np.asarray(angle) / (np.pi / 2)
     exact, first, second = quarters == np.round(quarters), (axis + 1) % 3, (axis + 2) % 3
-    cos, sin = (np.where(exact, np.round(values) + 0.0, values) for values in (cos, sin))  # + 0.0: without −0
+    cos, sin = (
+        np.where(exact, np.round(values) + 0.0, values) for values in (cos, sin)
+    )  # + 0.0: without −0
     matrix = np.zeros((*exact.shape, 3, 3))
     matrix[..., axis, axis] = 1.0
     matrix[..., first, first] = matrix[..., second, second] = cos
@@ -193,7 +214,9 @@ def rotation_about(axis: int, angle: float | Array) -> Array:
 def pose(xyz: Sequence[float] = (0.0, 0.0, 0.0), rpy: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
     """Pose from a translation [m] and roll, pitch, yaw [rad] about fixed axes, as in URDF; shape (4, 4)."""
     matrix = np.eye(4)
-    matrix[:3, :3] = rotation_about(2, rpy[2]) @ rotation_about(1, rpy[1]) @ rotation_about(0, rpy[0])
+    matrix[:3, :3] = (
+        rotation_about(2, rpy[2]) @ rotation_about(1, rpy[1]) @ rotation_about(0, rpy[0])
+    )
     matrix[:3, 3] = xyz
     return matrix
 
@@ -202,14 +225,19 @@ def as_pose(value: ArrayLike, name: str) -> Array:
     """Convert a rotation, shape (3, 3), or a pose, shape (4, 4), to a pose."""
     matrix, result = as_finite(value, name), np.eye(4)
     if matrix.shape == (4, 4) and np.array_equal(matrix[3], result[3]):
-        result[:3, 3] = as_numbers(matrix[:3, 3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
+        result[:3, 3] = as_numbers(
+            matrix[:3, 3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION
+        )
     elif matrix.shape != (3, 3):
         raise InvalidInputError(
             f"{name} must be a rotation, shape (3, 3), or a pose, shape (4, 4), with last row 0 0 0 1; "
-            f"found shape {matrix.shape}" + (f" and last row {matrix[3]}" if matrix.shape == (4, 4) else "")
+            f"found shape {matrix.shape}"
+            + (f" and last row {matrix[3]}" if matrix.shape == (4, 4) else "")
         )
     as_rotation(matrix[:3, :3], name)
-    result[:3, :3] = matrix[:3, :3]  # not orthogonalized, which would add rounding to exact quarter turns
+    result[:3, :3] = matrix[
+        :3, :3
+    ]  # not orthogonalized, which would add rounding to exact quarter turns
     return result
 
 
@@ -229,13 +257,18 @@ def read_embedded(name: str, without: Collection[str] = ()) -> Chain:
         axis = np.array(entry["axis"], dtype=np.float64)
         placement = pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
         placement = placement if joints else pose(**data["base"]) @ placement
-        joints.append(Joint(entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement))
+        joints.append(
+            Joint(
+                entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement
+            )
+        )
     lower, upper, speeds, efforts = (
         np.array([entry.get(key, np.inf) for entry in data["coordinates"]], dtype=np.float64)
         for key in ("lower", "upper", "velocity", "effort")
     )
     frames = {
-        f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent")) for f in data["frames"]
+        f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent"))
+        for f in data["frames"]
     }
     inertia = np.zeros((len(joints) + 1, 6, 6))
     for entry in data.get("masses", ()):

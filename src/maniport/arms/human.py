@@ -42,8 +42,20 @@ from maniport.arms.chain import LEFT, RIGHT, SIDES, moved_inertia, point_mass, r
 from maniport.arms.restriction import mirrored
 from maniport.util.validation import Array, as_choice, as_number
 
-JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
-FRACTIONS = {"upper arm": 0.2817 / 1.741, "forearm": 0.2689 / 1.741, "hand": 0.108 * 0.0553 / 0.1741}
+JOINTS = (
+    "elv_angle",
+    "shoulder_elv",
+    "shoulder_rot",
+    "elbow_flexion",
+    "pro_sup",
+    "deviation",
+    "flexion",
+)
+FRACTIONS = {
+    "upper arm": 0.2817 / 1.741,
+    "forearm": 0.2689 / 1.741,
+    "hand": 0.108 * 0.0553 / 0.1741,
+}
 """Length of each segment as a fraction of the body height."""
 
 INERTIA = {
@@ -60,7 +72,9 @@ LONGEST_SEGMENT = 1.0  # limit of segment lengths [m]; larger values are probabl
 BREADTH = 0.17  # distance of a shoulder from the middle of the trunk [m]
 
 
-def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
+def myoarm(
+    upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None
+) -> Arm:
     """Build the right arm of MyoSim: 7 degrees of freedom and a shoulder girdle that follows them.
 
     Kinematics of Saul et al. (2015). Raising the arm also turns the clavicle and the scapula, so that the shoulder
@@ -88,7 +102,9 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
     return _scaled("myoarm", upper_arm, forearm, hand)
 
 
-def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
+def rhuman(
+    upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None
+) -> Arm:
     """Build the right arm rHuMan: 7 degrees of freedom, with the shoulder fixed at the origin of the base frame.
 
     The table of Denavit-Hartenberg parameters, the lengths and the limits are those of Reithmeir, Figueredo and
@@ -110,9 +126,15 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
 def _scaled(name: str, *segments: float | None) -> Arm:
     """Build a model with other lengths of upper arm, forearm and hand [m]: scale what lies between their ends."""
     chain = replace(read_embedded(name), side=RIGHT)
-    joints, frames, ends = list(chain.joints), dict(chain.frames), ("shoulder", "elbow", "wrist", "hand")
+    joints, frames, ends = (
+        list(chain.joints),
+        dict(chain.frames),
+        ("shoulder", "elbow", "wrist", "hand"),
+    )
     points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
-    for i, (segment, length) in enumerate(zip(("upper_arm", "forearm", "hand"), segments, strict=True)):
+    for i, (segment, length) in enumerate(
+        zip(("upper_arm", "forearm", "hand"), segments, strict=True)
+    ):
         if length is not None:
             checked = as_number(length, f"{segment} [m]", above=0.0, below=LONGEST_SEGMENT)
             factor, end = np.ones((4, 4)), frames[ends[i + 1]]
@@ -126,7 +148,10 @@ def _scaled(name: str, *segments: float | None) -> Arm:
 def _with_masses(arm: Arm, body_mass: float = 73.0, girdle: float = 2e-3) -> Arm:
     """Add the masses of the segments of de Leva's mean man, without gravity, and inertia of the `girdle` [kg m²]."""
     chain, zero = arm.chain, np.zeros(arm.dof)
-    points, poses = arm.point_positions(zero, ("shoulder", "elbow", "wrist", "hand")), arm.link_poses(zero)
+    points, poses = (
+        arm.point_positions(zero, ("shoulder", "elbow", "wrist", "hand")),
+        arm.link_poses(zero),
+    )
     names, inertia = [joint.name for joint in chain.joints], np.zeros((len(poses), 6, 6))
     links = names.index("elbow_flexion"), names.index("deviation"), len(names)
     for i, (link, (multiple, length, share, center, across, along)) in enumerate(
@@ -139,7 +164,11 @@ def _with_masses(arm: Arm, body_mass: float = 73.0, girdle: float = 2e-3) -> Arm
         own[3:, 3:] += mass * size**2 * (across**2 * (np.eye(3) - axis) + along**2 * axis)
         inertia[link] = moved_inertia(own, np.linalg.inv(poses[link]))
     first = names.index("elv_angle")  # has no other inertia where the arm hangs
-    joints = (*chain.joints[:first], replace(chain.joints[first], armature=girdle), *chain.joints[first + 1 :])
+    joints = (
+        *chain.joints[:first],
+        replace(chain.joints[first], armature=girdle),
+        *chain.joints[first + 1 :],
+    )
     return Arm(replace(chain, joints=joints, inertia=inertia, gravity=(0.0, 0.0, 0.0)))
 
 
@@ -155,7 +184,9 @@ def human_arm(name: str, side: str = RIGHT, lengths: Mapping[str, float] | None 
     """
     as_choice(name, "person", PERSONS)
     as_choice(side, "side", SIDES)
-    arm = PERSONS[name](**{segment.replace(" ", "_"): length for segment, length in (lengths or {}).items()})
+    arm = PERSONS[name](
+        **{segment.replace(" ", "_"): length for segment, length in (lengths or {}).items()}
+    )
     chain = arm.chain if arm.side in SIDES else replace(arm.chain, side=RIGHT)
     return Arm(chain if chain.side == side else mirrored(chain))
 

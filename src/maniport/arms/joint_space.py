@@ -26,10 +26,20 @@ class JointSpace(NotebookDisplay):
         effort_limits: Array | None,
         joint_units: tuple[str, ...],
     ):
-        self.name, self.dof, self.joint_names, self.joint_units = name, len(joint_names), joint_names, joint_units
-        self.lower, self.upper = np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64)
+        self.name, self.dof, self.joint_names, self.joint_units = (
+            name,
+            len(joint_names),
+            joint_names,
+            joint_units,
+        )
+        self.lower, self.upper = (
+            np.array(lower, dtype=np.float64),
+            np.array(upper, dtype=np.float64),
+        )
         self.velocity_limits, self.effort_limits = (
-            None if limits is None or np.all(np.isinf(limits)) else np.array(limits, dtype=np.float64)
+            None
+            if limits is None or np.all(np.isinf(limits))
+            else np.array(limits, dtype=np.float64)
             for limits in (velocity_limits, effort_limits)
         )
         for array in (self.lower, self.upper, self.velocity_limits, self.effort_limits):
@@ -65,12 +75,16 @@ class JointSpace(NotebookDisplay):
         """Return whether configurations respect all joint limits (to 1e-6 rad or m), bool of shape (...)."""
         return ~self._outside(self.configurations(q)).any(axis=-1)
 
-    def require_within_limits(self, q: ArrayLike, name: str = "q", *, single: bool = False) -> Array:
+    def require_within_limits(
+        self, q: ArrayLike, name: str = "q", *, single: bool = False
+    ) -> Array:
         """Return configurations, or a single one, as an array; an error names the first joint outside its limits."""
         array = self.configurations(q, name)
         outside = self._outside(array)
         if single and array.ndim != 1:
-            raise InvalidInputError(f"{name} must be one configuration, shape ({self.dof},); found shape {array.shape}")
+            raise InvalidInputError(
+                f"{name} must be one configuration, shape ({self.dof},); found shape {array.shape}"
+            )
         if np.any(outside):
             index = tuple(np.argwhere(outside)[0].tolist())
             j = index[-1]
@@ -97,7 +111,9 @@ class JointSpace(NotebookDisplay):
     def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
         """Require numbers or limits of all joints for the ellipsoids of a specification."""
         if not isinstance(spec, EllipsoidSpec):
-            raise InvalidInputError(f"spec must be an EllipsoidSpec, such as EllipsoidSpec('force'); found {spec!r}")
+            raise InvalidInputError(
+                f"spec must be an EllipsoidSpec, such as EllipsoidSpec('force'); found {spec!r}"
+            )
         if isinstance(spec.joint_weights, str):
             self._limits(spec.kind)
         elif spec.joint_weights is not None:
@@ -106,9 +122,17 @@ class JointSpace(NotebookDisplay):
 
     def _limits(self, kind: str) -> Array:
         """Return the velocity or effort limits (dof,) for a kind of ellipsoids, all finite and above 0."""
-        name, limits = ("velocity", self.velocity_limits) if kind == "velocity" else ("effort", self.effort_limits)
+        name, limits = (
+            ("velocity", self.velocity_limits)
+            if kind == "velocity"
+            else ("effort", self.effort_limits)
+        )
         if limits is None or not np.all(np.isfinite(limits) & (limits > 0.0)):
-            missing = [n for i, n in enumerate(self.joint_names) if limits is None or not 0.0 < limits[i] < np.inf]
+            missing = [
+                n
+                for i, n in enumerate(self.joint_names)
+                if limits is None or not 0.0 < limits[i] < np.inf
+            ]
             raise InvalidInputError(
                 f"joint_weights: {self.name!r} has no {name} limits above 0 for {', '.join(missing)}; add them to the "
                 "robot's description, set them with Arm.with_limits, or give numbers"

@@ -40,7 +40,9 @@ def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, 
                         axis[i] += rotations[k + 1, i, m] * axes[k, m]
                 for i in range(3):
                     p, q = (i + 1) % 3, (i + 2) % 3
-                    across = axis[p] * (pose[q, 3] - origins[k + 1, q]) - axis[q] * (pose[p, 3] - origins[k + 1, p])
+                    across = axis[p] * (pose[q, 3] - origins[k + 1, q]) - axis[q] * (
+                        pose[p, 3] - origins[k + 1, p]
+                    )
                     jacobian[i, k] = axis[i] if slides[k] else across
                     jacobian[3 + i, k] = 0.0 if slides[k] else axis[i]
                     if k >= frame_joint:
@@ -48,16 +50,35 @@ def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, 
 
 
 @kernel
-def fill_points(positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes):  # type: ignore[no-untyped-def]
+def fill_points(
+    positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes
+):  # type: ignore[no-untyped-def]
     """Fill vectors (n, k, 3) on a chain and derivatives (n, k, 3, dof); see `place_points`."""
     for n in range(len(positions)):
-        place_points(positions[n], placements, axes, slides, coupling, joints, vectors, count, values[n], slopes[n])
+        place_points(
+            positions[n],
+            placements,
+            axes,
+            slides,
+            coupling,
+            joints,
+            vectors,
+            count,
+            values[n],
+            slopes[n],
+        )
 
 
 @part
-def place_points(positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes):  # type: ignore[no-untyped-def]
+def place_points(
+    positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes
+):  # type: ignore[no-untyped-def]
     """Fill vectors (k, 3) after so many `joints` and derivatives (k, 3, dof); only the first `count` are points."""
-    rotations, origins, axis = np.empty((len(axes) + 1, 3, 3)), np.empty((len(axes) + 1, 3)), np.empty(3)
+    rotations, origins, axis = (
+        np.empty((len(axes) + 1, 3, 3)),
+        np.empty((len(axes) + 1, 3)),
+        np.empty(3),
+    )
     place_links(positions, np.arange(len(axes)), placements, axes, slides, rotations, origins)
     slopes[:] = 0.0
     for v in range(len(joints)):
@@ -76,7 +97,9 @@ def place_points(positions, placements, axes, slides, coupling, joints, vectors,
             x, y, z = coupling[j, k] * axis[0], coupling[j, k] * axis[1], coupling[j, k] * axis[2]
             for v in range(len(joints)):
                 if j < joints[v]:
-                    at, moves = (origins[j + 1], 1.0) if v < count else (origins[0], 0.0)  # zero for directions
+                    at, moves = (
+                        (origins[j + 1], 1.0) if v < count else (origins[0], 0.0)
+                    )  # zero for directions
                     p, q, r = values[v, 0] - at[0], values[v, 1] - at[1], values[v, 2] - at[2]
                     slopes[v, 0, k] += moves * x if slides[j] else y * r - z * q
                     slopes[v, 1, k] += moves * y if slides[j] else z * p - x * r
@@ -95,9 +118,21 @@ def place_links(positions, parents, placements, axes, slides, rotations, origins
         x, y, z, angle, above = axes[k, 0], axes[k, 1], axes[k, 2], positions[k], parents[k]
         sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
         rest = 1.0 - cosine  # Rodrigues
-        turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
-        turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
-        turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
+        turn[0, 0], turn[0, 1], turn[0, 2] = (
+            cosine + x * x * rest,
+            x * y * rest - z * sine,
+            x * z * rest + y * sine,
+        )
+        turn[1, 0], turn[1, 1], turn[1, 2] = (
+            x * y * rest + z * sine,
+            cosine + y * y * rest,
+            y * z * rest - x * sine,
+        )
+        turn[2, 0], turn[2, 1], turn[2, 2] = (
+            x * z * rest - y * sine,
+            y * z * rest + x * sine,
+            cosine + z * z * rest,
+        )
         for i in range(3):
             total = origins[above, i]
             a, b, c = 0.0, 0.0, 0.0
@@ -133,8 +168,15 @@ def fill_gravity(rotations, origins, axes, slides, masses, moments, up, torques,
             torques[n, k] = 0.0
             for i in range(3):
                 p, q = (i + 1) % 3, (i + 2) % 3
-                at_p, at_q = moment[p] - mass * origins[n, k + 1, p], moment[q] - mass * origins[n, k + 1, q]
-                momenta[k, i] = mass * turning[k, i] if slides[k] else turning[k, p] * at_q - turning[k, q] * at_p
+                at_p, at_q = (
+                    moment[p] - mass * origins[n, k + 1, p],
+                    moment[q] - mass * origins[n, k + 1, q],
+                )
+                momenta[k, i] = (
+                    mass * turning[k, i]
+                    if slides[k]
+                    else turning[k, p] * at_q - turning[k, q] * at_p
+                )
                 torques[n, k] += momenta[k, i] * up[i]
         for k in range(joints if len(changes) > 0 else 0):
             for j in range(k + 1):
@@ -161,7 +203,12 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
     joints, dof = coupling.shape
     d = rows.shape[1]
     angular = d == 6 or not linear
-    b, a, before, behind = np.empty((joints, d)), np.empty((joints, d, d)), np.empty((3, d)), np.empty((6, d))
+    b, a, before, behind = (
+        np.empty((joints, d)),
+        np.empty((joints, d, d)),
+        np.empty((3, d)),
+        np.empty((6, d)),
+    )
     for n in range(len(jacobians)):
         for x in range(d):
             for y in range(x, d):
@@ -180,7 +227,9 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
             for x in range(3 if linear else 0):
                 p, q = (x + 1) % 3, (x + 2) % 3
                 for y in range(d):
-                    a[i, x, y] = jacobians[n, p, i] * before[q, y] - jacobians[n, q, i] * before[p, y]
+                    a[i, x, y] = (
+                        jacobians[n, p, i] * before[q, y] - jacobians[n, q, i] * before[p, y]
+                    )
             for x in range(3):
                 for y in range(d):
                     before[x, y] += jacobians[n, 3 + x, i] * b[i, y]
@@ -191,7 +240,8 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
                 for y in range(d):
                     if angular:
                         a[k, d - 3 + x, y] = (
-                            jacobians[n, 3 + p, k] * behind[3 + q, y] - jacobians[n, 3 + q, k] * behind[3 + p, y]
+                            jacobians[n, 3 + p, k] * behind[3 + q, y]
+                            - jacobians[n, 3 + q, k] * behind[3 + p, y]
                         )
             for x in range(3):
                 for y in range(d):
@@ -200,7 +250,10 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
             for x in range(3 if linear else 0):
                 p, q = (x + 1) % 3, (x + 2) % 3
                 for y in range(d):
-                    turned = jacobians[n, 3 + p, k] * behind[q, y] - jacobians[n, 3 + q, k] * behind[p, y]
+                    turned = (
+                        jacobians[n, 3 + p, k] * behind[q, y]
+                        - jacobians[n, 3 + q, k] * behind[p, y]
+                    )
                     a[k, x, y] = turned - a[k, x, y]
         for k in range(dof):
             for x in range(d):

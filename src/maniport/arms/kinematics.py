@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from maniport.arms.chain import PRISMATIC, Chain
 from maniport.util.validation import Array
 
-Attachment = tuple[int, Array]  # number of joints before it, and a vector (3,) in the frame of the last of them
+Attachment = tuple[
+    int, Array
+]  # number of joints before it, and a vector (3,) in the frame of the last of them
 
 
 class DynamicsTerms(NamedTuple):
@@ -35,9 +37,13 @@ class Kinematics:
         *chains: Chain,
         columns: Sequence[NDArray[np.intp]] = (),  # indices of the coordinates of each chain
         dof: int = 0,  # number of all coordinates
-        common: NDArray[np.intp] | None = None,  # (chains, chains): number of joints with which two chains begin
+        common: NDArray[np.intp]
+        | None = None,  # (chains, chains): number of joints with which two chains begin
     ):
-        columns, dof = columns or [np.arange(len(chains[0].coordinates))], dof or len(chains[0].coordinates)
+        columns, dof = (
+            columns or [np.arange(len(chains[0].coordinates))],
+            dof or len(chains[0].coordinates),
+        )
         joints, parents, rows, offset = [], list[int](), [], list[float]()
         self.links: list[list[int]] = []  # of each chain
         for i, (chain, own) in enumerate(zip(chains, columns, strict=True)):
@@ -56,7 +62,9 @@ class Kinematics:
         self.parents = np.array(parents, dtype=np.int64)
         self.coupling, self.offset = np.array(rows).reshape(count, dof), np.array(offset)
         self.trivial = np.array_equal(self.coupling, np.eye(count)) and not np.any(self.offset)
-        self.placements = np.array([joint.placement for joint in joints], dtype=np.float64).reshape(count, 4, 4)
+        self.placements = np.array([joint.placement for joint in joints], dtype=np.float64).reshape(
+            count, 4, 4
+        )
         self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
         self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
         self.armature = np.array([joint.armature for joint in joints])
@@ -86,19 +94,29 @@ class Kinematics:
         from maniport.arms.kernels import fill_motion
 
         n, positions = len(q), self.positions(q)
-        poses, jacobians = np.empty((n, 4, 4)), np.empty((n if with_jacobians else 0, 6, len(self.axes)))
-        fill_motion(positions, self.placements, self.axes, self.slides, *self._frame, poses, jacobians)
+        poses, jacobians = (
+            np.empty((n, 4, 4)),
+            np.empty((n if with_jacobians else 0, 6, len(self.axes))),
+        )
+        fill_motion(
+            positions, self.placements, self.axes, self.slides, *self._frame, poses, jacobians
+        )
         return poses, jacobians
 
     def link_poses(self, q: Array) -> tuple[Array, Array]:
         """Rotations (n, links, 3, 3) and origins (n, links, 3) of all links for degrees of freedom, shape (n, dof)."""
         from maniport.arms.kernels import fill_link_poses
 
-        rotations, origins = np.empty((len(q), len(self.moves), 3, 3)), np.empty((len(q), len(self.moves), 3))
+        rotations, origins = (
+            np.empty((len(q), len(self.moves), 3, 3)),
+            np.empty((len(q), len(self.moves), 3)),
+        )
         fill_link_poses(self.positions(q), *self.arrays, rotations, origins)
         return rotations, origins
 
-    def dynamics(self, q: Array, changes: bool = False, inertia: bool = True) -> DynamicsTerms | None:
+    def dynamics(
+        self, q: Array, changes: bool = False, inertia: bool = True
+    ) -> DynamicsTerms | None:
         """Terms of one chain at configurations (n, dof), perhaps with derivatives; None without masses.
 
         With the axis s_k of joint k as a spatial motion vector and the composite inertia I_k of all links outward from
@@ -117,9 +135,17 @@ class Kinematics:
             return None
         from maniport.arms.kernels import fill_gravity
 
-        n, count, c, (rotations, origins) = len(q), len(self.axes), self.coupling, self.link_poses(q)
+        n, count, c, (rotations, origins) = (
+            len(q),
+            len(self.axes),
+            self.coupling,
+            self.link_poses(q),
+        )
         torques, slopes = np.empty((n, count)), np.empty((n if changes else 0, count, count))
-        bodies = self._inertia[:, 0, 0].copy(), self._inertia[:, [5, 3, 4], [1, 2, 0]]  # masses and first moments
+        bodies = (
+            self._inertia[:, 0, 0].copy(),
+            self._inertia[:, [5, 3, 4], [1, 2, 0]],
+        )  # masses and first moments
         fill_gravity(rotations, origins, self.axes, self.slides, *bodies, self._up, torques, slopes)
         torques, slopes = self.coupled(torques), slopes if self.trivial else c.T @ slopes @ c
         if not inertia:
@@ -129,25 +155,39 @@ class Kinematics:
         moving = np.where(self.slides[:, None], turning, np.cross(origins, turning))
         turning = np.where(self.slides[:, None], 0.0, turning)
         s = np.concatenate([moving, turning], axis=-1)
-        forces = np.zeros((*s.shape[:2], 6, 6))  # transforms of spatial forces from the links to the base
+        forces = np.zeros(
+            (*s.shape[:2], 6, 6)
+        )  # transforms of spatial forces from the links to the base
         forces[..., :3, :3] = forces[..., 3:, 3:] = rotations
         forces[..., 3:, :3] = np.cross(origins[..., None], rotations, axis=-2)
-        composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(axis=1)[:, ::-1]
-        momenta, h_changes = np.einsum("nkab,nkb->nka", composite, s), np.empty((0, 0, 0, 0))  # I_k s_k
+        composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(
+            axis=1
+        )[:, ::-1]
+        momenta, h_changes = (
+            np.einsum("nkab,nkb->nka", composite, s),
+            np.empty((0, 0, 0, 0)),
+        )  # I_k s_k
         h = np.triu(s @ np.swapaxes(momenta, -1, -2))
         h = c.T @ (h + np.swapaxes(np.triu(h, 1), -1, -2) + np.diag(self.armature)) @ c
         if changes:
-            ours, theirs = (slice(None), slice(None), None), (slice(None), None)  # of joints k and i
+            ours, theirs = (
+                (slice(None), slice(None), None),
+                (slice(None), None),
+            )  # of joints k and i
             crosses = np.concatenate([
                 np.cross(turning[ours], moving[theirs]) + np.cross(moving[ours], turning[theirs]),
                 np.cross(turning[ours], turning[theirs]),
             ], axis=-1)  # fmt: skip
             before = np.tri(len(s[0]), k=-1, dtype=np.bool_)  # i < k
             beyond = crosses @ np.swapaxes(s[:, None] @ composite, -1, -2)
-            half = np.where(before[:, None], beyond, crosses @ np.swapaxes(momenta[:, None], -1, -2))
+            half = np.where(
+                before[:, None], beyond, crosses @ np.swapaxes(momenta[:, None], -1, -2)
+            )
             half = np.where(before[..., None], half, 0.0)
             h_changes = -half - np.swapaxes(half, -1, -2)
-            h_changes = h_changes if self.trivial else np.einsum("nmij,mk->nkij", c.T @ h_changes @ c, c)
+            h_changes = (
+                h_changes if self.trivial else np.einsum("nmij,mk->nkij", c.T @ h_changes @ c, c)
+            )
         return DynamicsTerms(torques, h, slopes, h_changes)
 
 
@@ -164,7 +204,16 @@ class PointKinematics:
     def arrays(self) -> tuple[Any, ...]:
         """Return the arguments of `maniport.arms.kernels.place_points` after the positions, and the offset first."""
         of = self._kinematics
-        return of.offset, of.placements, of.axes, of.slides, of.coupling, self._joints, self._vectors, self._count
+        return (
+            of.offset,
+            of.placements,
+            of.axes,
+            of.slides,
+            of.coupling,
+            self._joints,
+            self._vectors,
+            self._count,
+        )
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
         """Compute vectors (n, k, 3) and derivatives (n, k, 3, dof) at configurations (n, dof)."""
@@ -183,6 +232,9 @@ def axis_of(chain: Chain, coordinate: int, above: int) -> Attachment:
     first = max((j + 1 for j in range(last) if chain.coupling[j, :above].any()), default=0)
     vector = chain.joints[last].placement[:3, :3] @ chain.joints[last].axis
     for j in range(last - 1, first - 1, -1):
-        joint, position = chain.joints[j], chain.coupling[j, above:coordinate] @ still + chain.offset[j]
+        joint, position = (
+            chain.joints[j],
+            chain.coupling[j, above:coordinate] @ still + chain.offset[j],
+        )
         vector = (joint.placement @ joint.motion(position))[:3, :3] @ vector
     return first, vector

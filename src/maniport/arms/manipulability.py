@@ -34,7 +34,9 @@ UNITS = {
 
 JOINT_LIMITS = "joint-limits"  # joint weights: the limits of the arm
 
-LEAST_TORQUE = 0.05  # smallest share of an effort limit that gravity leaves, so that ellipsoids stay defined
+LEAST_TORQUE = (
+    0.05  # smallest share of an effort limit that gravity leaves, so that ellipsoids stay defined
+)
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ class EllipsoidSpec:
             as_choice(weights, "joint_weights", (JOINT_LIMITS,))
         elif weights is not None:
             numbers = as_numbers(weights, "joint_weights", above=0.0)
-            as_numbers(numbers, "joint_weights", minimum=1e-12, maximum=1e12)  # squares of their products stay finite
+            as_numbers(
+                numbers, "joint_weights", minimum=1e-12, maximum=1e12
+            )  # squares of their products stay finite
             object.__setattr__(self, "joint_weights", tuple(numbers.tolist()))
 
     @property
@@ -97,7 +101,9 @@ class EllipsoidSpec:
         """The ellipsoids for plans, bounded at singular configurations: the inverse of force ellipsoids, or these."""
         if self.kind != "force":
             return self
-        return EllipsoidSpec("velocity" if self.joint_weights is None else LOAD, self.part, self.joint_weights)
+        return EllipsoidSpec(
+            "velocity" if self.joint_weights is None else LOAD, self.part, self.joint_weights
+        )
 
     def rotation(self, turn: Array) -> Array:
         """Return rotations of these ellipsoids, shape (..., d, d), from those of their frame, shape (..., 3, 3)."""
@@ -111,7 +117,11 @@ VELOCITY = EllipsoidSpec()  # The default: velocity ellipsoids of the translatio
 
 
 def weighting(
-    spec: EllipsoidSpec, kinematics: Kinematics, limits: Array | None, q: Array, changes: bool = False
+    spec: EllipsoidSpec,
+    kinematics: Kinematics,
+    limits: Array | None,
+    q: Array,
+    changes: bool = False,
 ) -> tuple[Array | None, Array | None]:
     """Weights W of ellipsoids M = J W Wᵀ Jᵀ (of force: M⁻¹) at configurations (n, dof), and ∂(W Wᵀ)/∂q_k.
 
@@ -124,7 +134,9 @@ def weighting(
     if limits is None and spec.joint_weights is None and not accelerated:
         return None, None
     terms = kinematics.dynamics(q, changes, inertia=accelerated) if accelerated or gravity else None
-    weights: Any = 1.0 if spec.joint_weights is None else spec.joint_weights if limits is None else limits
+    weights: Any = (
+        1.0 if spec.joint_weights is None else spec.joint_weights if limits is None else limits
+    )
     scale: Array = np.ones(q.shape[1]) * weights
     slopes = None
     if limits is not None and terms is not None:
@@ -146,7 +158,9 @@ def weighting(
     product = weight @ np.swapaxes(weight, -1, -2)
     half = -(inverse[:, None] @ terms.inertia_changes) @ product[:, None]
     if slopes is not None:
-        half += np.einsum("nij,njk,nlj->nkil", weight, slopes / scale[..., None], weight, optimize=True)
+        half += np.einsum(
+            "nij,njk,nlj->nkil", weight, slopes / scale[..., None], weight, optimize=True
+        )
     return weight, half + np.swapaxes(half, -1, -2)
 
 
@@ -161,7 +175,9 @@ def manipulability(rows: Array, kind: str = "velocity") -> Array:
     directions, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)
     lengths = np.zeros((*singular.shape[:-1], d))
     lengths[..., : singular.shape[-1]] = singular
-    bad = lengths[..., -1] ** 2 <= SPD_TOLERANCE * np.sum(lengths**2, axis=-1)  # the rule of `as_spd`
+    bad = lengths[..., -1] ** 2 <= SPD_TOLERANCE * np.sum(
+        lengths**2, axis=-1
+    )  # the rule of `as_spd`
     if np.any(bad):
         index = tuple(np.argwhere(bad)[0].tolist())
         place = f"[{', '.join(map(str, index))}]" if index else ""
@@ -187,7 +203,12 @@ def times(rows: Array, weight: Array) -> Array:
 
 
 def with_derivatives(
-    jacobian: Array, of_joints: Array, coupling: Array, spec: EllipsoidSpec, weight: Array | None, change: Array | None
+    jacobian: Array,
+    of_joints: Array,
+    coupling: Array,
+    spec: EllipsoidSpec,
+    weight: Array | None,
+    change: Array | None,
 ) -> tuple[Array, Array]:
     """Return manipulability matrices (n, d, d) and their derivatives (n, dof, d, d) in the degrees of freedom.
 

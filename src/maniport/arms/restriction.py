@@ -7,7 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Shape, check_names, moved_inertia
+from maniport.arms.chain import (
+    LEFT,
+    REVOLUTE,
+    RIGHT,
+    Body,
+    Chain,
+    Shape,
+    check_names,
+    moved_inertia,
+)
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import MAX_POSITION, Array, as_number
 
@@ -32,22 +41,32 @@ def restrict(
     if base is not None:
         reached = [name for name, place in chain.frames.items() if place.joint <= last]
         if not isinstance(base, str) or base not in reached:
-            raise unknown_name("base", base, reached, f"on the chain to the frame {end_frame!r} {where}")
+            raise unknown_name(
+                "base", base, reached, f"on the chain to the frame {end_frame!r} {where}"
+            )
         first = chain.frames[base].joint
     part = _segment(chain, first, last, end_frame)
     if base is not None:
         placement = chain.frames[base].placement
-        turn = _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]  # gravity keeps its direction
+        turn = (
+            _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]
+        )  # gravity keeps its direction
         part = _expressed_in(part, np.asarray(np.linalg.inv(placement), dtype=np.float64), base)
         part = replace(part, gravity=tuple((turn.T @ chain.gravity).tolist()))
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for name in (*(wanted or ()), *held):
         if name not in chain.coordinates:
-            raise unknown_name("joint", name, chain.coordinates, f"on the chain to {chain.frame!r} {where}")
+            raise unknown_name(
+                "joint", name, chain.coordinates, f"on the chain to {chain.frame!r} {where}"
+            )
         if name not in part.coordinates:
             what = "lock" if name in held else "joints"
-            raise InvalidInputError(f"{what}: {name!r} does not move the frame {end_frame!r}{seen} {where}")
-    moving = np.array([n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool)
+            raise InvalidInputError(
+                f"{what}: {name!r} does not move the frame {end_frame!r}{seen} {where}"
+            )
+    moving = np.array(
+        [n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool
+    )
     if not np.any(moving):
         held_all = "; lock contains all" if part.coordinates else ""
         raise InvalidInputError(
@@ -59,20 +78,31 @@ def restrict(
     for i in np.flatnonzero(~moving):
         name = part.coordinates[i]
         if name in held:
-            low, high = (float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION)) for limit in (part.lower, part.upper))
-            neutral[i] = as_number(held[name], f"lock: {name!r} [{part.units[i]}]", minimum=low, maximum=high)
+            low, high = (
+                float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION))
+                for limit in (part.lower, part.upper)
+            )
+            neutral[i] = as_number(
+                held[name], f"lock: {name!r} [{part.units[i]}]", minimum=low, maximum=high
+            )
         locked[name] = float(neutral[i])
-    return replace(_with_coordinates(part, moving), offset=part.offset + part.coupling @ neutral, locked=locked)
+    return replace(
+        _with_coordinates(part, moving), offset=part.offset + part.coupling @ neutral, locked=locked
+    )
 
 
 def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
     """Require a mapping of names to positions, without names in `joints`."""
     held = {} if lock is None else lock
     if not isinstance(held, Mapping) or not all(isinstance(name, str) for name in held):
-        raise InvalidInputError(f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}")
+        raise InvalidInputError(
+            f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}"
+        )
     both = sorted(held.keys() & set(joints or ()))
     if both:
-        raise InvalidInputError(f"a joint must be in joints or in lock, not in both; found {', '.join(both)}")
+        raise InvalidInputError(
+            f"a joint must be in joints or in lock, not in both; found {', '.join(both)}"
+        )
     return held
 
 
@@ -84,11 +114,15 @@ def _segment(chain: Chain, first: int, last: int, end_frame: str) -> Chain:
         inertia[-1] += carried_inertia(chain, last)
     kept = {name: place for name, place in chain.frames.items() if first <= place.joint <= last}
     if others is not None:
-        bodies = {n: Body(f.joint, f.placement[None], n) for n, f in chain.frames.items() if n not in kept} | {**others}
+        bodies = {
+            n: Body(f.joint, f.placement[None], n) for n, f in chain.frames.items() if n not in kept
+        } | {**others}
         others = {}
         for name, body in bodies.items():
             carrier = min(max(body.joint, first), last)
-            others[name] = body.moved(carrier - first, np.linalg.inv(poses[carrier]) @ poses[body.joint])
+            others[name] = body.moved(
+                carrier - first, np.linalg.inv(poses[carrier]) @ poses[body.joint]
+            )
     segment = replace(
         chain,
         others=others,
@@ -108,7 +142,9 @@ def carried_inertia(chain: Chain, link: int) -> Array:
     poses = _resting_poses(chain)
     back = np.linalg.inv(poses[link])
     beyond = range(link + 1, len(poses))
-    return np.asarray(sum((moved_inertia(chain.inertia[k], back @ poses[k]) for k in beyond), np.zeros((6, 6))))
+    return np.asarray(
+        sum((moved_inertia(chain.inertia[k], back @ poses[k]) for k in beyond), np.zeros((6, 6)))
+    )
 
 
 def _resting_poses(chain: Chain) -> list[Array]:
@@ -169,7 +205,9 @@ def mirrored(chain: Chain) -> Chain:
     left = chain.side == LEFT
 
     def moved(poses: Array) -> Array:
-        return np.asarray(_MIRROR[:, None] * poses * _MIRROR + 0.0)  # adding zero removes negative zeros
+        return np.asarray(
+            _MIRROR[:, None] * poses * _MIRROR + 0.0
+        )  # adding zero removes negative zeros
 
     return replace(
         chain,
@@ -194,7 +232,9 @@ def mirrored(chain: Chain) -> Chain:
     )  # fmt: skip
 
 
-def _mirrored_shapes(shapes: Callable[..., Any], links: Collection[str], **options: Any) -> Iterator[Shape]:
+def _mirrored_shapes(
+    shapes: Callable[..., Any], links: Collection[str], **options: Any
+) -> Iterator[Shape]:
     """Mirrored shapes of links; reversed triangles keep their outside."""
     for shape in shapes(links, **options):
         yield replace(shape, mesh=(shape.mesh[0] * _MIRROR[:3], shape.mesh[1][:, ::-1]))

@@ -22,7 +22,9 @@ from maniport.util.process import end_with_parent, in_background, settled
 T = TypeVar("T")
 Work = Callable[[Any], Any]
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
 """Environment of processes that share the cores among them."""
 
 
@@ -35,7 +37,9 @@ class Executor:
     check: Callable[[], None] = lambda: None  # raises `ManiportError` when no task will ever end
 
 
-def completed(executor: Executor, work: Work, tasks: Iterable[T], period: float = 5.0) -> Iterator[tuple[T, Any]]:
+def completed(
+    executor: Executor, work: Work, tasks: Iterable[T], period: float = 5.0
+) -> Iterator[tuple[T, Any]]:
     """Run tasks; yield each, as it ends, with its result or with the error that ended it.
 
     When a process is killed, all tasks under way may be lost. Each of them is run once more, alone, after the others.
@@ -48,14 +52,21 @@ def completed(executor: Executor, work: Work, tasks: Iterable[T], period: float 
             yield task, outcome
     for task, outcome in _ended(executor, work, lost, 1, period):
         killed = isinstance(outcome, BrokenExecutor)
-        yield task, ManiportError("worker process killed, probably out of memory") if killed else outcome
+        yield (
+            task,
+            ManiportError("worker process killed, probably out of memory") if killed else outcome,
+        )
 
 
-def _ended(executor: Executor, work: Work, tasks: Iterable[T], width: int, period: float) -> Iterator[tuple[T, Any]]:
+def _ended(
+    executor: Executor, work: Work, tasks: Iterable[T], width: int, period: float
+) -> Iterator[tuple[T, Any]]:
     """Run at most `width` tasks at a time; yield each with its result or error."""
     waiting, running = iter(tasks), dict[Future[Any], T]()
     while True:
-        running |= {executor.submit(work, task): task for task in islice(waiting, width - len(running))}
+        running |= {
+            executor.submit(work, task): task for task in islice(waiting, width - len(running))
+        }
         if not running:
             return
         if not (done := wait(running, period, FIRST_COMPLETED).done):
@@ -66,7 +77,9 @@ def _ended(executor: Executor, work: Work, tasks: Iterable[T], width: int, perio
             yield running.pop(future), future.exception() or future.result()
 
 
-def executor_for(processes: int, dask: str | None, on_ray: bool) -> AbstractContextManager[Executor]:
+def executor_for(
+    processes: int, dask: str | None, on_ray: bool
+) -> AbstractContextManager[Executor]:
     """Return a context with the executor that was chosen."""
     if dask is not None:
         return _dask(dask)
@@ -82,7 +95,9 @@ def _processes(width: int) -> Iterator[Executor]:
     """Run pairs in local processes; if one is killed, restart all."""
 
     def start() -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(width, env=ONE_THREAD, initializer=end_with_parent, initargs=(os.getpid(),))
+        return ProcessPoolExecutor(
+            width, env=ONE_THREAD, initializer=end_with_parent, initargs=(os.getpid(),)
+        )
 
     pool = start()
 
@@ -108,7 +123,9 @@ def _dask(address: str, timeout: float = 10.0) -> Iterator[Executor]:
     try:
         connected = in_background(connect).result(2 * timeout)
     except (OSError, ValueError, TypeError) as error:  # `TimeoutError` is an `OSError`
-        raise ManiportError(f"cannot connect to the Dask scheduler at {address!r}: {str(error) or 'timeout'}") from None
+        raise ManiportError(
+            f"cannot connect to the Dask scheduler at {address!r}: {str(error) or 'timeout'}"
+        ) from None
     with connected as client:
         yield dask_executor(client)
 
@@ -124,9 +141,13 @@ def dask_executor(client: Any, patience: float = 60.0) -> Executor:
         nonlocal last_seen
         last_seen = monotonic() if client.nthreads() else last_seen
         if monotonic() - last_seen > patience:
-            raise ManiportError(f"the Dask cluster has had no workers for {patience:g} s; run again to continue")
+            raise ManiportError(
+                f"the Dask cluster has had no workers for {patience:g} s; run again to continue"
+            )
 
-    return Executor(client.get_executor(pure=False).submit, 2 * max(1, sum(client.nthreads().values())), check)
+    return Executor(
+        client.get_executor(pure=False).submit, 2 * max(1, sum(client.nthreads().values())), check
+    )
 
 
 @contextmanager
@@ -136,7 +157,9 @@ def _ray() -> Iterator[Executor]:
     started = not package.is_initialized()
     if started:
         package.init(log_to_driver=False, include_dashboard=False)
-    remote = package.remote(num_cpus=1, runtime_env={"env_vars": ONE_THREAD})(lambda work, task: work(task))
+    remote = package.remote(num_cpus=1, runtime_env={"env_vars": ONE_THREAD})(
+        lambda work, task: work(task)
+    )
     try:
         width = 2 * max(1, int(package.cluster_resources().get("CPU", 1)))
         yield Executor(lambda work, task: remote.remote(work, task).future(), width)

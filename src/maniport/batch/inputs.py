@@ -26,7 +26,9 @@ from maniport.version import __version__
 
 ABOUT = "batch.json"  # The file that marks a folder as that of a batch
 
-ENDINGS = [ending for ending in RECORDINGS if ending not in (".npz", ".npy", ".csv", ".tsv", ".json")]
+ENDINGS = [
+    ending for ending in RECORDINGS if ending not in (".npz", ".npy", ".csv", ".tsv", ".json")
+]
 """Endings of recordings in a folder; files with the others may be anything, such as earlier results."""
 
 
@@ -51,17 +53,26 @@ class Robot:
 def find_recordings(patterns: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
     """Find the recordings that files, folders and patterns name, but those in the folder `without`; sorted by name."""
     if isinstance(patterns, str | os.PathLike):
-        raise InvalidInputError(f"recordings must be a sequence, such as [{str(patterns)!r}]; found a name alone")
+        raise InvalidInputError(
+            f"recordings must be a sequence, such as [{str(patterns)!r}]; found a name alone"
+        )
     sources: dict[Path, str] = {}
     for pattern in patterns:
         for path, name in _matches(os.fspath(pattern)):
             if without not in path.resolve().parents:
                 sources.setdefault(path.resolve(), name)
     if not sources:
-        raise InvalidInputError("recordings must name at least one file, folder or pattern; found none")
+        raise InvalidInputError(
+            "recordings must name at least one file, folder or pattern; found none"
+        )
     # Frames of a folder of keypoints are no recordings of their own.
-    sources = {path: name for path, name in sources.items() if sources.keys().isdisjoint(path.parents)}
-    return sorted((Source(name, path) for path, name in _unique(sources).items()), key=lambda source: source.name)
+    sources = {
+        path: name for path, name in sources.items() if sources.keys().isdisjoint(path.parents)
+    }
+    return sorted(
+        (Source(name, path) for path, name in _unique(sources).items()),
+        key=lambda source: source.name,
+    )
 
 
 def _matches(text: str) -> list[tuple[Path, str]]:
@@ -83,7 +94,11 @@ def _matches(text: str) -> list[tuple[Path, str]]:
         return [(shipped_recording(text), shipped_recording(text).name)]
     if not glob.has_magic(text):
         raise InvalidInputError(f"recordings: there is no file, folder or pattern {text!r}")
-    files = [file for file in map(Path, glob.glob(text, recursive=True)) if file.is_file() or _has_frames(file)]
+    files = [
+        file
+        for file in map(Path, glob.glob(text, recursive=True))
+        if file.is_file() or _has_frames(file)
+    ]
     if not files:
         raise InvalidInputError(f"recordings: no file matches {text!r}")
     fixed = Path(*itertools.takewhile(lambda part: not glob.has_magic(part), path.parts))
@@ -105,7 +120,9 @@ def _name(path: Path, folder: Path | None = None) -> str:
     """Return a path below a folder, or its last part; it never leads upwards."""
     absolute = Path(os.path.abspath(path))
     top = absolute.parent if folder is None else Path(os.path.abspath(folder))
-    return printable((absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix())
+    return printable(
+        (absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix()
+    )
 
 
 def _unique(sources: dict[Path, str]) -> dict[Path, str]:
@@ -118,14 +135,20 @@ def _unique(sources: dict[Path, str]) -> dict[Path, str]:
     return {path: printable(path.relative_to(common).as_posix()) for path in sources}
 
 
-def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Collection[str]) -> list[Robot]:
+def find_robots(
+    robots: Sequence[Arm | str | Path], config: Config, taken: Collection[str]
+) -> list[Robot]:
     """Load robots and check their options; each once, with a name of its own that is none of those taken."""
     if isinstance(robots, str | Path | Arm) or not len(robots):
         raise InvalidInputError("robots must be a sequence of at least one robot")
     distinct, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in robots:
         job = settings_of(config.changed(robot=robot))
-        values = {name: getattr(job.config, name) for name, option in OPTIONS.items() if not option.is_file}
+        values = {
+            name: getattr(job.config, name)
+            for name, option in OPTIONS.items()
+            if not option.is_file
+        }
         values |= {"maniport": __version__, "robot": job.robot, "markers": marker_roles(job.config)}
         if job.control is not None:  # contents replace files
             values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
@@ -137,7 +160,9 @@ def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Colle
 
 def _as_folder(name: str, taken: set[str]) -> str:
     """Replace characters that no folder's name may have, and add a number where the name is taken; it then is taken."""
-    whole = "".join("-" if letter in '/\\:*?"<>|' or not letter.isprintable() else letter for letter in name)
+    whole = "".join(
+        "-" if letter in '/\\:*?"<>|' or not letter.isprintable() else letter for letter in name
+    )
     first = whole.strip(". ") or "robot"
     names = itertools.chain([first], (f"{first}-{k}" for k in itertools.count(2)))
     chosen = next(name for name in names if name.casefold() not in taken)
@@ -155,21 +180,31 @@ def _described(thing: Any) -> Any:
     if isinstance(thing, Path):
         return "file", _of_file(thing)
     if isinstance(thing, np.ndarray):
-        content = _described(thing.tolist()) if thing.dtype.hasobject else hashlib.sha256(thing.tobytes()).hexdigest()
+        content = (
+            _described(thing.tolist())
+            if thing.dtype.hasobject
+            else hashlib.sha256(thing.tobytes()).hexdigest()
+        )
         return "array", thing.dtype.str, thing.shape, content
     if isinstance(thing, np.generic):
         return _described(thing.item())
     if thing is None or isinstance(thing, bool | int | float | complex | str | bytes):
         return type(thing).__name__, thing
     if isinstance(thing, Mapping):
-        return "mapping", sorted(((_described(key), _described(value)) for key, value in thing.items()), key=repr)
+        return "mapping", sorted(
+            ((_described(key), _described(value)) for key, value in thing.items()), key=repr
+        )
     if isinstance(thing, Set):
         return "set", sorted(map(_described, thing), key=repr)
     if isinstance(thing, list | tuple):
         return "sequence", [_described(item) for item in thing]
     if inspect.isroutine(thing) or inspect.isclass(thing):
         return "name", f"{thing.__module__}.{thing.__qualname__}"
-    return "object", f"{type(thing).__module__}.{type(thing).__qualname__}", _described(_state(thing))
+    return (
+        "object",
+        f"{type(thing).__module__}.{type(thing).__qualname__}",
+        _described(_state(thing)),
+    )
 
 
 def _state(thing: Any) -> Any:
@@ -189,7 +224,11 @@ def _state(thing: Any) -> Any:
 def _of_file(path: Path) -> Any:
     """Digest of a file's bytes; of a folder, names and digests of all visible files in it."""
     if path.is_dir():
-        return [(entry.name, _of_file(entry)) for entry in sorted(path.iterdir()) if not entry.name.startswith(".")]
+        return [
+            (entry.name, _of_file(entry))
+            for entry in sorted(path.iterdir())
+            if not entry.name.startswith(".")
+        ]
     if path.exists() and not path.is_file():
         raise OSError(f"{path} is no file")  # a pipe or a device has no end
     with open(path, "rb") as stream:

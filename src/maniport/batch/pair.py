@@ -35,7 +35,9 @@ ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person 
 
 Warnings = tuple[str, ...]
 
-_alone = Lock()  # workers of Dask may have several threads, and warnings are caught for a whole process
+_alone = (
+    Lock()
+)  # workers of Dask may have several threads, and warnings are caught for a whole process
 _maps: dict[Path, tuple[FittedMap, Warnings]] = {}
 
 
@@ -101,7 +103,11 @@ def content_of(source: Source) -> str:
 
 def reason(error: Exception) -> str:
     """Why there is no result, for the table."""
-    return str(error) if isinstance(error, ManiportError) else f"unexpected {type(error).__name__}: {error}"
+    return (
+        str(error)
+        if isinstance(error, ManiportError)
+        else f"unexpected {type(error).__name__}: {error}"
+    )
 
 
 def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
@@ -109,7 +115,9 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
     rows, humans = list[dict[str, Any]](), dict[Any, tuple[Human, Warnings]]()
     with ExitStack() as stack:
         stack.enter_context(_alone)
-        stack.enter_context(threadpool_limits(1))  # as many threads everywhere, so that sums round equally
+        stack.enter_context(
+            threadpool_limits(1)
+        )  # as many threads everywhere, so that sums round equally
         if pairs[0].typed:
             stack.enter_context(on_the_command_line())
         for pair in pairs:
@@ -118,14 +126,20 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
                 human, texts = _human(pair, humans)
                 rows.append(_transfer(pair, human, texts, begun))
             except Exception as error:  # noqa: BLE001  one failure does not stop the rest
-                rows.append(failed_row(*pair.names, reason(error)) | {COMPUTING: clock.process_time() - begun})
+                rows.append(
+                    failed_row(*pair.names, reason(error))
+                    | {COMPUTING: clock.process_time() - begun}
+                )
     return rows
 
 
 def _human(pair: Pair, humans: dict[Any, tuple[Human, Warnings]]) -> tuple[Human, Warnings]:
     """Fit the person, or take the fit for another robot with the same side and bases; other options are the batch's."""
     job = pair.robot.job
-    key = job.config.side, *map(tuple, as_group(job.robot).base_positions if len(job.arms) > 1 else ())
+    key = (
+        job.config.side,
+        *map(tuple, as_group(job.robot).base_positions if len(job.arms) > 1 else ()),
+    )
     if key not in humans:
         recording = read_part(pair.source.path, job.config)
         if content_of(pair.source) != pair.content:
@@ -146,7 +160,11 @@ def _sampled(robot: Robot) -> tuple[SampledRobot, list[str]]:
 
 def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[str, Any]:
     """Transfer the recording to one robot, and write the results; return the row."""
-    job, selects, (sampled, of_robot) = pair.robot.job, pair.robot.job.adapter is None, _sampled(pair.robot)
+    job, selects, (sampled, of_robot) = (
+        pair.robot.job,
+        pair.robot.job.adapter is None,
+        _sampled(pair.robot),
+    )
     if selects:
         with collected_warnings() as of_maps:
             maps = stages.fit_transfer(human, sampled, job)
@@ -164,7 +182,12 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
     texts = tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion)))
     result = replace(result, config=config, warnings=texts)
     report, arms = report_of(result), [arm.name for arm in result.arms]
-    row = row_of(report, *pair.names, pair.folder.relative_to(pair.output).as_posix(), arms if len(arms) > 1 else ())
+    row = row_of(
+        report,
+        *pair.names,
+        pair.folder.relative_to(pair.output).as_posix(),
+        arms if len(arms) > 1 else (),
+    )
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_whole(pair.folder, {*RESULT_FILES, PAIR}, True) as staging:
         write_run(result, report, export_files(job.config.export), staging, job.config.pages)
@@ -175,14 +198,22 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
     return row
 
 
-def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[FittedMap, Warnings]:
+def _fitted(
+    pair: Pair, sampled: SampledRobot, human: Human, arm: int
+) -> tuple[FittedMap, Warnings]:
     """Return the map from an arm of a person to one of a robot, and warnings of its fit, from the file or fitted."""
     robot, job, fit = pair.robot, pair.robot.job, human.motion.arms[arm]
-    lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}  # equal in files of one person
+    lengths = {
+        name: round(length, 2) for name, length in fit.segment_lengths.items()
+    }  # equal in files of one person
     side = fit.arm.side or RIGHT
     person = human_arm(job.config.person, side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
-    file = pair.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person, arm)[:8]}.npz"
+    file = (
+        pair.output
+        / ADAPTERS
+        / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person, arm)[:8]}.npz"
+    )
     about = file.with_suffix(".json")
     if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -15,7 +15,15 @@ from maniport.arms import Arm
 from maniport.batch.executors import completed, executor_for
 from maniport.batch.inputs import ABOUT, Robot, Source, find_recordings, find_robots
 from maniport.batch.pair import ADAPTERS, Pair, content_of, reason, work
-from maniport.batch.table import PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
+from maniport.batch.table import (
+    PAGE,
+    TABLES,
+    Row,
+    failed_row,
+    failures,
+    write_overview,
+    write_tables,
+)
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
 from maniport.motion.exports import SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
@@ -121,7 +129,9 @@ def transfer_batch(
     config = (config or BATCH).changed(**options)
     pages = config.pages
     if SCENE in export_files(config.export) and not pages:
-        raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
+        raise InvalidInputError(
+            f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well"
+        )
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     claim(folder, ABOUT, {"maniport": __version__})
     step = Step(tell, "Check earlier results")
@@ -138,11 +148,15 @@ def transfer_batch(
         with executor_for(min(count, max(len(tasks), 1)), dask, ray) as executor:
             _collect(completed(executor, work, tasks), rows, len(names), tell)
     except KeyboardInterrupt:
-        pairs = (pair for task in tasks for pair in task)  # results are written before the task of several pairs ends
+        pairs = (
+            pair for task in tasks for pair in task
+        )  # results are written before the task of several pairs ends
         rows |= {pair.names: row for pair in pairs if (row := pair.kept_row()) is not None}
         done = sum(row["state"] != "failed" for row in write())
         again = "run the same command" if typed() else "make the same call"
-        raise KeyboardInterrupt(f"{done} of {len(names)} pairs are done; {again} to continue") from None
+        raise KeyboardInterrupt(
+            f"{done} of {len(names)} pairs are done; {again} to continue"
+        ) from None
     return Batch(folder, write(), kept, clock.perf_counter() - begun)
 
 
@@ -163,13 +177,26 @@ def _tasks(
                     "results, or a new folder"
                 )
             missing.append(pair)
-        tasks += [(pair,) for pair in missing] if len(sources) < width else [tuple(missing)] if missing else []
+        tasks += (
+            [(pair,) for pair in missing]
+            if len(sources) < width
+            else [tuple(missing)]
+            if missing
+            else []
+        )
     return tasks, rows
 
 
-def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: int, tell: Progress) -> None:
+def _collect(
+    ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: int, tell: Progress
+) -> None:
     """Add the rows to those of earlier results as they come; report each with the time left, and warn of failures."""
-    step, begun, kept, failed = f"Process {count} pair{'s'[: count != 1]}", clock.perf_counter(), len(rows), 0
+    step, begun, kept, failed = (
+        f"Process {count} pair{'s'[: count != 1]}",
+        clock.perf_counter(),
+        len(rows),
+        0,
+    )
     tell(step, kept / count)
     for pairs, outcome in ended:
         lost = isinstance(outcome, Exception)
@@ -183,7 +210,11 @@ def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: i
             if row["state"] == "failed":
                 failed += 1
             else:
-                left = (clock.perf_counter() - begun) / (len(rows) - kept - failed) * (count - len(rows))
+                left = (
+                    (clock.perf_counter() - begun)
+                    / (len(rows) - kept - failed)
+                    * (count - len(rows))
+                )
                 rest = f"; {timedelta(seconds=round(left))} left" if left else ""
                 tell(" → ".join(names), 1.0, f"{row['verdict']} ({len(rows)} of {count}{rest})")
             tell(step, min(len(rows) / count, ALMOST))

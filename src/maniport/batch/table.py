@@ -18,7 +18,17 @@ from maniport.util.optional import parquet_writer, pyarrow
 
 Row = Mapping[str, Any]
 
-TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
+TEXTS = (
+    "recording",
+    "robot",
+    "state",
+    "reason",
+    "warnings",
+    "warning_keys",
+    "folder",
+    "status",
+    "verdict",
+)
 COMPUTING = "computing_s"  # Processor time of a pair [s], the one column in which two runs of the same batch differ
 NUMBERS = {"median": "median", "p95": "95th percentile", "max": "max"}  # Of statistics
 PARTS = "upper arm", "forearm", "hand"
@@ -48,14 +58,21 @@ COLUMNS = (*TEXTS, COMPUTING, *METRICS)
 TABLES, PAGE = ("table.csv", "table.parquet"), "index.html"
 
 
-def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()) -> dict[str, Any]:
+def row_of(
+    report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()
+) -> dict[str, Any]:
     """Return the row of a pair that is done; of several arms with names, the largest of each number."""
-    numbers, row = as_numbers(report), failed_row(recording, robot, "") | {"state": "done", "folder": folder}
+    numbers, row = (
+        as_numbers(report),
+        failed_row(recording, robot, "") | {"state": "done", "folder": folder},
+    )
     row |= {"warnings": "\n".join(report.warnings), "warning_keys": " ".join(report.warning_keys)}
     row |= {"status": report.status, "verdict": report.outcome}
     for name in METRICS:
         of_all = name.replace("motion.", "arms.")
-        values = [_number(numbers, key) for key in (name, of_all, *(f"{arm}_{name}" for arm in arms))]
+        values = [
+            _number(numbers, key) for key in (name, of_all, *(f"{arm}_{name}" for arm in arms))
+        ]
         row[name] = max((value for value in values if value is not None), default=None)
     return row
 
@@ -77,7 +94,10 @@ def is_row(row: Any) -> bool:
     """Return whether JSON that was read is the row of a pair that is done."""
     if not isinstance(row, dict) or row.keys() != set(COLUMNS) or row["state"] != "done":
         return False
-    return all(isinstance(value, str if name in TEXTS else int | float | None) for name, value in row.items())
+    return all(
+        isinstance(value, str if name in TEXTS else int | float | None)
+        for name, value in row.items()
+    )
 
 
 def failures(rows: Iterable[Row]) -> list[dict[str, Any]]:
@@ -86,7 +106,10 @@ def failures(rows: Iterable[Row]) -> list[dict[str, Any]]:
     for row in rows:
         if row["state"] == "failed":
             robots.setdefault((row["recording"], row["reason"]), []).append(row["robot"])
-    return [{"recording": name, "robots": some, "reason": reason} for (name, reason), some in robots.items()]
+    return [
+        {"recording": name, "robots": some, "reason": reason}
+        for (name, reason), some in robots.items()
+    ]
 
 
 def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
@@ -105,7 +128,9 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
     kinds = dict.fromkeys(TEXTS, arrow.string())
     schema = arrow.schema([(name, kinds.get(name, arrow.float64())) for name in COLUMNS])
     with written_whole(parquet) as temporary:
-        writer.write_table(arrow.Table.from_pylist(list(rows), schema), temporary, compression="zstd")
+        writer.write_table(
+            arrow.Table.from_pylist(list(rows), schema), temporary, compression="zstd"
+        )
     return TABLES
 
 
@@ -119,7 +144,9 @@ PAGE_METRICS = (
 """Metrics that the page shows: column, name, and decimals."""
 
 
-def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence[str], pages: bool) -> None:
+def write_overview(
+    path: Path, rows: Sequence[Row], count: int, tables: Sequence[str], pages: bool
+) -> None:
     """Write the page; `count`: pairs of the batch, `tables`: names of the tables, `pages`: each pair has a report."""
     from jinja2 import Environment, PackageLoader  # slow to load, and not needed by workers
 
@@ -132,7 +159,9 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
             warned.setdefault(warning, []).append(row)
     recordings, robots = (len({row[name] for row in rows}) for name in ("recording", "robot"))
     title = f"{recordings} recording{'s'[: recordings != 1]} on {robots} robot{'s'[: robots != 1]}"
-    environment = Environment(loader=PackageLoader(__package__, "assets"), autoescape=True, trim_blocks=True)
+    environment = Environment(
+        loader=PackageLoader(__package__, "assets"), autoescape=True, trim_blocks=True
+    )
     body = environment.get_template("overview.html").render(
         title=title,
         rows=rows,
@@ -146,5 +175,7 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
         warnings=sorted(warned.items(), key=lambda item: -len(item[1])),
     )
     assets = files(__package__).joinpath("assets")
-    script, style = (assets.joinpath(f"overview.{kind}").read_text(encoding="utf-8") for kind in ("js", "css"))
+    script, style = (
+        assets.joinpath(f"overview.{kind}").read_text(encoding="utf-8") for kind in ("js", "css")
+    )
     write_text(path, document(title, body, script, style))

@@ -14,7 +14,13 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from maniport.errors import InvalidInputError, ManiportError, UnknownNameError, on_the_command_line, printable
+from maniport.errors import (
+    InvalidInputError,
+    ManiportError,
+    UnknownNameError,
+    on_the_command_line,
+    printable,
+)
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.pipeline.option import NAMES, Option
 from maniport.report.console import Console
@@ -64,7 +70,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _root(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show version.")
+    ] = False,
 ) -> None:
     """Define the options of the application."""
 
@@ -77,9 +85,21 @@ class _Command(TyperCommand):
         try:
             return super().parse_args(ctx, args)
         except UsageError as error:
-            typed = [ctx.params.get(p.name) for p in self.get_params(ctx) if p.param_type_name == "argument"]
-            files = [Path(name) for names in typed for name in (names if isinstance(names, list) else [names or ""])]
-            lacking = [f"{file}: there is no such file. " for file in files if file.suffix and not glob(str(file))]
+            typed = [
+                ctx.params.get(p.name)
+                for p in self.get_params(ctx)
+                if p.param_type_name == "argument"
+            ]
+            files = [
+                Path(name)
+                for names in typed
+                for name in (names if isinstance(names, list) else [names or ""])
+            ]
+            lacking = [
+                f"{file}: there is no such file. "
+                for file in files
+                if file.suffix and not glob(str(file))
+            ]
             raise UsageError("".join(lacking) + error.format_message(), ctx) from None
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
@@ -107,16 +127,27 @@ def _help_all(context: typer.Context, wanted: bool) -> None:
 
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the output folder.")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace an earlier result in the output folder.")
+]
 FLAGS = {
-    "help_all": typer.Option("--help-all", callback=_help_all, is_eager=True, help="Show help with all options."),
+    "help_all": typer.Option(
+        "--help-all", callback=_help_all, is_eager=True, help="Show help with all options."
+    ),
     "json": typer.Option("--json", help="Print the result as JSON."),
     "quiet": typer.Option("--quiet", "-q", help="Print only errors and the result table."),
     "verbose": typer.Option("--verbose", "-v", help="Print the complete report."),
 }
 """Flags of all commands."""
-FILE = typer.Option("--config", help="YAML file of options, as run.yaml in a result folder.", metavar="FILE")
-PANELS = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}
+FILE = typer.Option(
+    "--config", help="YAML file of options, as run.yaml in a result folder.", metavar="FILE"
+)
+PANELS = {
+    "human": "Recording and person",
+    "robot": "Robot",
+    "transfer": "Transfer",
+    "motion": "Motion",
+}
 
 
 def command(
@@ -126,7 +157,11 @@ def command(
 
     The function gets them as `config`; a `console` has the flags of all commands.
     """
-    chosen = [o for o in OPTIONS.values() if {o.name, o.section} & set(names) and o.typed and o.name not in without]
+    chosen = [
+        o
+        for o in OPTIONS.values()
+        if {o.name, o.section} & set(names) and o.typed and o.name not in without
+    ]
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         usual = replace(defaults or Config(), verb=verb.__name__)
@@ -138,19 +173,33 @@ def command(
             made: dict[str, Any] = {"console": Console(*flags)}
             if chosen:
                 file, texts = typed.pop("config_file"), {o.name: typed.pop(o.name) for o in chosen}
-                config = usual if file is None else Config.load(file, usual, {"recording", "profile", "path", *texts})
-                values = {o.name: o.parse(texts[o.name]) for o in chosen if texts[o.name] not in (None, [])}
+                config = (
+                    usual
+                    if file is None
+                    else Config.load(file, usual, {"recording", "profile", "path", *texts})
+                )
+                values = {
+                    o.name: o.parse(texts[o.name])
+                    for o in chosen
+                    if texts[o.name] not in (None, [])
+                }
                 if "profile" in values:
-                    values.setdefault("path", None)  # that of a file belongs to the profile of the file
+                    values.setdefault(
+                        "path", None
+                    )  # that of a file belongs to the profile of the file
                 config = config.changed(**values)
-                robot = typed.get("arm") or typed.get("what") or config.robot  # domain and info name it
+                robot = (
+                    typed.get("arm") or typed.get("what") or config.robot
+                )  # domain and info name it
                 made["config"] = in_si_units(config, values, robot)
             verb(**typed, **made)
 
         kinds = {o.name: _annotation(o, usual) for o in chosen}
         kinds |= {"config_file": Annotated[Path | None, FILE]} if chosen else {}
         kinds |= {name: Annotated[bool | None, flag] for name, flag in FLAGS.items()}
-        parameters = [parameter for name, parameter in own.items() if name not in ("config", "console")] + [
+        parameters = [
+            parameter for name, parameter in own.items() if name not in ("config", "console")
+        ] + [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
             for name, kind in kinds.items()
         ]
@@ -172,8 +221,12 @@ def _annotation(option: Option, usual: Config) -> Any:
         return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]
     words = "|".join(option.choices)
     metavar = option.metavar or (words if 0 < len(words) <= 24 else option.unit)
-    metavar = metavar or ("FILE" if option.is_file else {int: "N", float: "X"}.get(option.kind, "NAME"))
-    help = option.help + (f": {', '.join(option.choices)}" if option.choices and metavar == "NAME" else "")
+    metavar = metavar or (
+        "FILE" if option.is_file else {int: "N", float: "X"}.get(option.kind, "NAME")
+    )
+    help = option.help + (
+        f": {', '.join(option.choices)}" if option.choices and metavar == "NAME" else ""
+    )
     if default not in (None, ()):
         help += f" (default {option.text(default)})"
     settings = typer.Option(
@@ -191,7 +244,9 @@ def in_si_units(config: Config, typed: dict[str, Any], robot: Any) -> Config:
     """Convert `lock` and `home`, where they were typed, to rad or m; this loads the robot."""
     if (lock := typed.get("lock")) and robot:
         with suppress(UnknownNameError):  # is raised again where the robot is loaded
-            config = config.changed(lock=_converted("--lock", lock, _joints(config.changed(robot=robot))))
+            config = config.changed(
+                lock=_converted("--lock", lock, _joints(config.changed(robot=robot)))
+            )
     if (home := typed.get("home")) is not None and robot:
         from maniport.motion import MotionLimits
         from maniport.pipeline.settings import load_robot
@@ -199,8 +254,16 @@ def in_si_units(config: Config, typed: dict[str, Any], robot: Any) -> Config:
         arm = MotionLimits.of(load_robot(config), config.limits, config.joint_limit_margin).arm
         if len(home) != arm.dof:
             names = ", ".join(arm.joint_names)
-            raise InvalidInputError(f"--home must have {arm.dof} numbers, for {names}; found {len(home)}")
-        joints = dict(zip(arm.joint_names, zip(arm.joint_units, arm.lower, arm.upper, strict=True), strict=True))
+            raise InvalidInputError(
+                f"--home must have {arm.dof} numbers, for {names}; found {len(home)}"
+            )
+        joints = dict(
+            zip(
+                arm.joint_names,
+                zip(arm.joint_units, arm.lower, arm.upper, strict=True),
+                strict=True,
+            )
+        )
         values = _converted("--home", dict(zip(arm.joint_names, home, strict=True)), joints)
         config = config.changed(home=tuple(values.values()))
     return config
@@ -216,19 +279,27 @@ def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
         names, units = joints.joint_names, joints.joint_units
     else:
         joints = read_arm(
-            config.robot[0], config.frame[0] if config.frame else None, config.joints or None, config.base
+            config.robot[0],
+            config.frame[0] if config.frame else None,
+            config.joints or None,
+            config.base,
         )
         names, units = joints.coordinates, joints.units
     return dict(zip(names, zip(units, joints.lower, joints.upper, strict=True), strict=True))
 
 
 def _converted(
-    option: str, values: dict[str, float], joints: dict[str, tuple[str, float, float]], rounding: float = 5e-3
+    option: str,
+    values: dict[str, float],
+    joints: dict[str, tuple[str, float, float]],
+    rounding: float = 5e-3,
 ) -> dict[str, float]:
     """Convert positions of joints from degrees, and require the limits; a limit rounded as printed counts as it."""
     converted = {}
     for name, value in values.items():
-        unit, low, high = joints.get(name, ("", -inf, inf))  # unknown joints are refused when the robot is loaded
+        unit, low, high = joints.get(
+            name, ("", -inf, inf)
+        )  # unknown joints are refused when the robot is loaded
         factor, sign = (radians(1.0), "°") if unit == "rad" else (1.0, " m")
         least, most = low / factor, high / factor
         if isfinite(least) and not least - rounding <= value <= most + rounding:
@@ -249,5 +320,7 @@ def names_robot(config: Config) -> bool:
 def require_suffix(output: Path, *suffixes: str) -> None:
     """Raise unless a file with one of these suffixes can be written there."""
     if output.suffix not in suffixes:
-        raise InvalidInputError(f"output must end in {' or '.join(suffixes)}; found {str(output)!r}")
+        raise InvalidInputError(
+            f"output must end in {' or '.join(suffixes)}; found {str(output)!r}"
+        )
     require_room(output)

@@ -20,7 +20,9 @@ from maniport.util.defaults import AUTO, RECORDINGS
 from maniport.util.files import array_names, load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 
-Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
+Methods = Annotated[
+    str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")
+]
 TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
 StudentDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")]
 Adapter = Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")]
@@ -44,7 +46,12 @@ def domain(
     ellipsoids = maniport.sample_domain(body, n, config.seed, spec=spec)
     save_ellipsoids(output, ellipsoids)
     console.finish(
-        {"arm": body.name, "frame": body.frame, "ellipsoids": len(ellipsoids), "output": str(output)},
+        {
+            "arm": body.name,
+            "frame": body.frame,
+            "ellipsoids": len(ellipsoids),
+            "output": str(output),
+        },
         f"{len(ellipsoids)} {spec} of {body.name} at {body.frame} → {output}",
     )
 
@@ -66,7 +73,9 @@ def fit(
 
     require_suffix(output, ".npz")
     if config.method == AUTO:
-        raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
+        raise InvalidInputError(
+            f"--method {AUTO} needs a motion: use maniport transfer, or name a method"
+        )
     arm = pipeline.load_single_arm(config) if names_robot(config) else None
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     adapter = with_feasible_set(adapter_of(config), arm, config.spec, random_state=config.seed)
@@ -92,7 +101,9 @@ def apply(
     with console.progress():  # prints warnings
         mapped = fitted.transform(points)
     save_ellipsoids(output, mapped, time)
-    console.finish({"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}")
+    console.finish(
+        {"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}"
+    )
 
 
 @command(
@@ -106,7 +117,9 @@ def evaluate(
     teacher: TeacherDomain,
     student: StudentDomain,
     profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Report, .md or .json.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Report, .md or .json.")
+    ] = None,
     methods: Methods = None,
 ) -> None:
     """Compare a fitted adapter with baselines."""
@@ -115,13 +128,22 @@ def evaluate(
 
     if output is not None:
         require_suffix(output, ".md", ".json")
-    arm, fitted = pipeline.load_single_arm(config) if names_robot(config) else None, maniport.load_adapter(adapter)
+    arm, fitted = (
+        pipeline.load_single_arm(config) if names_robot(config) else None,
+        maniport.load_adapter(adapter),
+    )
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
     names = METHODS if methods == "all" else () if methods is None else methods.split(",")
     rows = [name.strip() for name in names] or BASELINES
     with console.progress() as progress:
         evaluation = maniport.evaluate(
-            fitted, *sets, robot=arm, spec=config.spec, rows=rows, random_state=config.seed, progress=progress
+            fitted,
+            *sets,
+            robot=arm,
+            spec=config.spec,
+            rows=rows,
+            random_state=config.seed,
+            progress=progress,
         )
     report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
     if output is not None:
@@ -134,20 +156,34 @@ def reproduce(
     config: Config,
     console: Console,
     which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot, all, or tasks.")] = "all",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the results.")
+    ] = None,
     overwrite: Overwrite = False,
-    quick: Annotated[bool, typer.Option("--quick", help="Task study: four recordings on the Panda only.")] = False,
-    robots: Annotated[str | None, typer.Option("--robots", help="Task study: robots, separated by commas.")] = None,
-    recordings: Annotated[Path | None, typer.Option("--recordings", help="Task study: folder of BVH files.")] = None,
-    score: Annotated[Path | None, typer.Option("--score", help="Task study: joint positions to score, .csv.")] = None,
-    task: Annotated[Path | None, typer.Option("--task", help="Task study: task of the joints, .json.")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Task study: four recordings on the Panda only.")
+    ] = False,
+    robots: Annotated[
+        str | None, typer.Option("--robots", help="Task study: robots, separated by commas.")
+    ] = None,
+    recordings: Annotated[
+        Path | None, typer.Option("--recordings", help="Task study: folder of BVH files.")
+    ] = None,
+    score: Annotated[
+        Path | None, typer.Option("--score", help="Task study: joint positions to score, .csv.")
+    ] = None,
+    task: Annotated[
+        Path | None, typer.Option("--task", help="Task study: task of the joints, .json.")
+    ] = None,
 ) -> None:
     """Repeat the paper's experiments, or run the task study."""
     from maniport.studies.paper.run import reproduce
     from maniport.studies.tasks.run import score_file, study_tasks
 
     if which != "tasks" and (quick or robots or recordings or score or task):
-        raise InvalidInputError("--quick, --robots, --recordings, --score and --task are options of tasks")
+        raise InvalidInputError(
+            "--quick, --robots, --recordings, --score and --task are options of tasks"
+        )
     if which == "tasks" and overwrite:
         raise InvalidInputError("tasks takes no --overwrite")
     if (score is None) != (task is None):
@@ -159,7 +195,9 @@ def reproduce(
     with console.progress() as progress:
         if which == "tasks":
             names = [name.strip() for name in robots.split(",")] if robots else ()
-            report = study_tasks(output, config.seed, progress, quick=quick, robots=names, recordings=recordings)
+            report = study_tasks(
+                output, config.seed, progress, quick=quick, robots=names, recordings=recordings
+            )
         else:
             report = reproduce(which, output, config.seed, progress, overwrite=overwrite)
     console.print_report(report, output=str(output))
@@ -174,7 +212,10 @@ def info(
     config: Config,
     console: Console,
     what: Annotated[
-        str, typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter; a result folder.")
+        str,
+        typer.Argument(
+            help="Name of an arm, or a file: recording, robot, ellipsoids, adapter; a result folder."
+        ),
     ],
 ) -> None:
     """Describe an arm, a recording, ellipsoids or results."""
@@ -183,7 +224,9 @@ def info(
         console.print_report(_description(what, config))
         return
     _require_none(config, f"{what!r} is a folder of results", "human", "robot")
-    data, text = (read_whole(file, (), KEYPOINTS_BYTES).decode("utf-8", "replace") for file in files)
+    data, text = (
+        read_whole(file, (), KEYPOINTS_BYTES).decode("utf-8", "replace") for file in files
+    )
     try:
         values = dict(json.loads(data))
     except (ValueError, TypeError, RecursionError) as error:
@@ -196,7 +239,8 @@ def figures(
     console: Console,
     result: Annotated[Path, typer.Argument(help="Folder of transfer, demo, track or learn.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the figures; default: that of the result.")
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for the figures; default: that of the result."),
     ] = None,
 ) -> None:
     """Draw the figures of a saved result as PNG and SVG files."""
@@ -213,13 +257,21 @@ def _description(what: str, config: Config) -> Report:
 
         _require_none(config, f"{what!r} is a recording", "robot")
         changes = config.changed(markers=None, side=AUTO).changes("human")
-        words = [shlex.quote(what), *(word for name, value in changes.items() for word in OPTIONS[name].words(value))]
+        words = [
+            shlex.quote(what),
+            *(word for name, value in changes.items() for word in OPTIONS[name].words(value)),
+        ]
         return recording_report(
-            pipeline.read_part(what, config), marker_roles(config), config.side, command=" ".join(words)
+            pipeline.read_part(what, config),
+            marker_roles(config),
+            config.side,
+            command=" ".join(words),
         )
     _require_none(config.changed(side=AUTO), f"{what!r} is no recording", "human")
     if Path(what).is_dir():
-        raise FileFormatError(f"{what}: this folder holds no results ({SUMMARY}) and no keypoints (*.json)")
+        raise FileFormatError(
+            f"{what}: this folder holds no results ({SUMMARY}) and no keypoints (*.json)"
+        )
     if Path(what).suffix.lower() != ".npz":
         return _of_robot(what, config)
     _require_none(config, f"{what!r} holds arrays", "robot")
@@ -269,7 +321,9 @@ def _of_robot(what: str, config: Config) -> Report:
         ) from None
     several = limbs and default is None and not config.frame and not config.joints
     return robot_report(
-        what, limbs, None if several else pipeline.load_single_arm(config.changed(robot=what), config.side)
+        what,
+        limbs,
+        None if several else pipeline.load_single_arm(config.changed(robot=what), config.side),
     )
 
 

@@ -36,14 +36,22 @@ def _transport(help: str, *flags: str) -> Any:
 def live(
     config: Config,
     console: Console,
-    udp: Annotated[int | None, _transport("UDP port for frames, instead of standard input; 0: any port.")] = None,
+    udp: Annotated[
+        int | None, _transport("UDP port for frames, instead of standard input; 0: any port.")
+    ] = None,
     host: Annotated[str, _transport("Address; others open it to the network.")] = LOOPBACK,
-    send: Annotated[int | None, _transport("Local UDP port for answers; default: the sender's.")] = None,
+    send: Annotated[
+        int | None, _transport("Local UDP port for answers; default: the sender's.")
+    ] = None,
     no_drop: Annotated[
         bool, _transport("Process every frame in order, instead of the newest only.", "--no-drop")
     ] = False,
-    delay: Annotated[float, typer.Option(help="Delay of the robot, to 0.5 [s].", rich_help_panel="Motion")] = 0.15,
-    simulate: Annotated[bool, _transport("Control a simulated robot with the recording.", "--simulate")] = False,
+    delay: Annotated[
+        float, typer.Option(help="Delay of the robot, to 0.5 [s].", rich_help_panel="Motion")
+    ] = 0.15,
+    simulate: Annotated[
+        bool, _transport("Control a simulated robot with the recording.", "--simulate")
+    ] = False,
 ) -> None:
     """Follow a moving person: points in, joint positions out.
 
@@ -58,9 +66,13 @@ def live(
 
     as_delay(delay)
     if simulate and (no_drop or (udp, host, send) != (None, LOOPBACK, None)):
-        raise InvalidInputError("--simulate takes the frames of the recording; leave out all options of the transport")
+        raise InvalidInputError(
+            "--simulate takes the frames of the recording; leave out all options of the transport"
+        )
     with console.progress() as progress:
-        transport = None if simulate else _opened(udp, host, send)  # raises where a port cannot be opened
+        transport = (
+            None if simulate else _opened(udp, host, send)
+        )  # raises where a port cannot be opened
         recording = only_recording(config, console)
         result = pipeline.transfer_recording(recording, config, progress=progress)
         clock = None if transport is None else monotonic
@@ -69,7 +81,9 @@ def live(
                 console.warn(text)
         follower = maniport.Live.of(result, delay=delay, progress=progress, clock=clock)
     if (placement := result.arms[0].placement) is not None:
-        console.print(f"Scale {placement.scale:.2f} of the person's motion; the robot follows {delay:g} s later")
+        console.print(
+            f"Scale {placement.scale:.2f} of the person's motion; the robot follows {delay:g} s later"
+        )
     if transport is None:
         _simulate(console, follower, result.arms[0].fit.arm, recording)
         return
@@ -85,7 +99,9 @@ def live(
         gc.unfreeze()
     console.print(str(summary))
     if udp is None and summary.skipped > summary.answered:
-        console.warn("most frames were skipped, since they arrived faster than recorded; --no-drop processes all")
+        console.warn(
+            "most frames were skipped, since they arrived faster than recorded; --no-drop processes all"
+        )
 
 
 def _simulate(console: Console, live: Any, person: Any, recording: Any) -> None:
@@ -141,9 +157,13 @@ def _opened(udp: int | None, host: str, send: int | None) -> Any:
         pass
     except (AttributeError, OSError) as error:
         reason = getattr(error, "strerror", None) or "it is closed"
-        raise InvalidInputError(f"standard output cannot be written, where answers go: {reason}") from None
+        raise InvalidInputError(
+            f"standard output cannot be written, where answers go: {reason}"
+        ) from None
     out = sys.stdout.buffer
-    return Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
+    return (
+        Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
+    )
 
 
 @command(
@@ -170,7 +190,9 @@ def view(
         console.warn(f"the robot is drawn as a skeleton: {page.no_surface}")
     stop = threading.Event()
     try:
-        with ending_in_order(stop.set):  # by Ctrl-C or a termination signal; a second one ends at once
+        with ending_in_order(
+            stop.set
+        ):  # by Ctrl-C or a termination signal; a second one ends at once
             _print(console, {"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
             page.run(stop)
     finally:

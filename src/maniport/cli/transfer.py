@@ -27,7 +27,9 @@ DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 def demo(
     config: Config,
     console: Console,
-    recording: Annotated[str, typer.Argument(help="Bundled recording: freeform, or ladder (hard).")] = DEMOS[0],
+    recording: Annotated[
+        str, typer.Argument(help="Bundled recording: freeform, or ladder (hard).")
+    ] = DEMOS[0],
     output: Output = Path("maniport-demo"),
     overwrite: Overwrite = False,
 ) -> None:
@@ -41,7 +43,9 @@ def demo(
     "recording", "human", "robot", "transfer", "motion", "seed",
     example="maniport transfer walk.bvh --robot ur5.urdf -o results",
 )  # fmt: skip
-def transfer(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
+def transfer(
+    config: Config, console: Console, output: Output, overwrite: Overwrite = False
+) -> None:
     """Transfer a recorded arm motion to a robot."""
     from maniport.pipeline.results import RESULT_FILES
     from maniport.report.write import export_files, write_results
@@ -88,18 +92,32 @@ def batch(
     from maniport.batch import transfer_batch
     from maniport.batch.table import PAGE, failures
 
-    options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}
+    options: dict[str, Any] = {
+        "processes": processes,
+        "dask": dask,
+        "ray": ray,
+        "overwrite": overwrite,
+    }
     try:
         with console.progress() as progress, ending_in_order():
-            result = transfer_batch(config.recording, config.robot, output, config, progress=progress, **options)
+            result = transfer_batch(
+                config.recording, config.robot, output, config, progress=progress, **options
+            )
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted; {str(interrupted) or written()}", file=sys.stderr)
         raise typer.Exit(130) from None
     config.save(output / CONFIG)
     failed, pairs = failures(result.failed), len(result.table)
     count = f"{pairs - len(result.failed)} of {pairs} pairs are done, {len(result.failed)} failed"
-    lines = [f"  {row['recording']} → {', '.join(row['robots'])}: {row['reason']}" for row in failed]
-    values = {"pairs": pairs, "done_before": result.kept, "failed": failed, "seconds": result.seconds}
+    lines = [
+        f"  {row['recording']} → {', '.join(row['robots'])}: {row['reason']}" for row in failed
+    ]
+    values = {
+        "pairs": pairs,
+        "done_before": result.kept,
+        "failed": failed,
+        "seconds": result.seconds,
+    }
     text = "\n".join([f"{count}{':' if lines else '.'}", *lines, f"Overview {output / PAGE}"])
     console.finish({**values, "output": str(output)}, text)
     if failed:
@@ -192,11 +210,15 @@ def track(config: Config, console: Console, output: Output, overwrite: Overwrite
 def _targets(config: Config) -> tuple[Any, Any, Any]:
     """Read ellipsoids, positions if there are some, and the times of either."""
     if config.profile is None:
-        raise InvalidInputError("a file of target ellipsoids is needed, as an argument or in --config")
+        raise InvalidInputError(
+            "a file of target ellipsoids is needed, as an argument or in --config"
+        )
     target, time = load_ellipsoids(config.profile)
     positions, path_time = (None, None) if config.path is None else load_path(config.path)
     times = [values for values in (time, path_time) if values is not None]
-    if len(times) == 2 and not (len(times[0]) == len(times[1]) and abs(times[0] - times[1]).max() < 1e-6):
+    if len(times) == 2 and not (
+        len(times[0]) == len(times[1]) and abs(times[0] - times[1]).max() < 1e-6
+    ):
         raise InvalidInputError(
             f"{config.path}: its times must be those of {config.profile}, {times[0][0]:g} to {times[0][-1]:g} s; "
             f"found {times[1][0]:g} to {times[1][-1]:g} s"

@@ -81,7 +81,11 @@ def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = "
     jacobian = arm.jacobian(configurations)[:, :3]
     if kind == "velocity":
         return _zonotope_extent(jacobian * limits, u)
-    held = np.zeros_like(configurations) if arm.chain.inertia is None else arm.gravity_torques(configurations)
+    held = (
+        np.zeros_like(configurations)
+        if arm.chain.inertia is None
+        else arm.gravity_torques(configurations)
+    )
     torques, held = u @ jacobian, held[:, None]  # torques (n, m, dof) of 1 N
     with np.errstate(divide="ignore", invalid="ignore"):
         extents = (limits - np.sign(torques) * held) / np.abs(torques)
@@ -112,7 +116,10 @@ def ellipsoid_extent(ellipsoids: ArrayLike, directions: ArrayLike) -> Array:
     -------
     ndarray, shape (n, m)
     """
-    u, inverse = _unit_vectors(directions), np.linalg.inv(as_points(ellipsoids, "ellipsoids", 3, minimum=1))
+    u, inverse = (
+        _unit_vectors(directions),
+        np.linalg.inv(as_points(ellipsoids, "ellipsoids", 3, minimum=1)),
+    )
     return np.asarray(1.0 / np.sqrt(np.einsum("mi,nij,mj->nm", u, inverse, u, optimize=True)))
 
 
@@ -146,7 +153,13 @@ def resemblance(first: ArrayLike, other: ArrayLike) -> float:
 
 
 def compare_capabilities(
-    person: Arm, joint_angles: Array, robot: Arm, q: Array, time: Array, rotation: Array, most: int = 200
+    person: Arm,
+    joint_angles: Array,
+    robot: Arm,
+    q: Array,
+    time: Array,
+    rotation: Array,
+    most: int = 200,
 ) -> tuple[Capability, ...]:
     """Compare a robot's motion with the person's and with a motion along the same positions.
 
@@ -169,7 +182,11 @@ def compare_capabilities(
     """
     rows, u, results = evenly_spaced(len(q), most), half_sphere(), []
     models = {"force": person, "velocity": person.with_limits(velocity=1.0)}
-    models = {kind: arm for kind, arm in models.items() if _is_limited(robot, kind) and _is_limited(arm, kind)}
+    models = {
+        kind: arm
+        for kind, arm in models.items()
+        if _is_limited(robot, kind) and _is_limited(arm, kind)
+    }
     along = robot.forward(q[rows])[:, :3, 3]
     motions = (q[rows], follow_positions(robot, q[0], along)) if models else ()
     for kind, model in models.items():
@@ -182,7 +199,9 @@ def compare_capabilities(
     return tuple(results)
 
 
-def follow_positions(arm: Arm, start: Array, positions: Array, tolerance: float = 1e-4, most_steps: int = 20) -> Array:
+def follow_positions(
+    arm: Arm, start: Array, positions: Array, tolerance: float = 1e-4, most_steps: int = 20
+) -> Array:
     """Follow positions (n, 3) from a start (dof,) by the pseudoinverse, within limits; shape (n, dof)."""
     result, now = np.empty((len(positions), arm.dof)), start
     for i, position in enumerate(positions):
@@ -194,7 +213,9 @@ def follow_positions(arm: Arm, start: Array, positions: Array, tolerance: float 
             step = np.linalg.lstsq(jacobian[:3], error, rcond=1e-3)[0]
             ends = (now + step < arm.lower) | (now + step > arm.upper)
             if ends.any():  # the other joints do it
-                step = np.where(ends, 0.0, np.linalg.lstsq(jacobian[:3] * ~ends, error, rcond=1e-3)[0])
+                step = np.where(
+                    ends, 0.0, np.linalg.lstsq(jacobian[:3] * ~ends, error, rcond=1e-3)[0]
+                )
             now = np.clip(now + step, arm.lower, arm.upper)
         result[i] = now
     return result
@@ -208,7 +229,9 @@ def _is_limited(arm: Arm, kind: str) -> bool:
 def _unit_vectors(directions: ArrayLike) -> Array:
     u = as_finite(directions, "directions")
     if u.ndim != 2 or u.shape[1] != 3 or not np.all(np.any(u, axis=1)):
-        raise InvalidInputError(f"directions must be nonzero vectors, shape (m, 3); found shape {u.shape}")
+        raise InvalidInputError(
+            f"directions must be nonzero vectors, shape (m, 3); found shape {u.shape}"
+        )
     return np.asarray(u / np.linalg.norm(u, axis=1, keepdims=True))
 
 
@@ -222,4 +245,6 @@ def _zonotope_extent(generators: Array, u: Array, thickness: float = 1e-9) -> Ar
     normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
     across = np.abs(np.swapaxes(normals, 1, 2) @ columns).sum(axis=2)[:, None]  # (n, 1, faces)
     along = np.abs(u @ normals)
-    return np.asarray(np.divide(across, along, out=np.full_like(along, np.inf), where=along > 0.0).min(axis=2))
+    return np.asarray(
+        np.divide(across, along, out=np.full_like(along, np.inf), where=along > 0.0).min(axis=2)
+    )

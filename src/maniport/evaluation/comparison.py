@@ -32,19 +32,27 @@ def with_feasible_set(
 ) -> DomainAdapter:
     """Return an adapter that uses the feasible set of a robot, where its method does and none is set."""
     parameters = adapter.get_params()
-    if robot is None or parameters.get("projector", robot) is not None or getattr(adapter, "from_samples_", False):
+    if (
+        robot is None
+        or parameters.get("projector", robot) is not None
+        or getattr(adapter, "from_samples_", False)
+    ):
         return adapter
     projector = FeasibleProjector(robot, spec, bank=bank, random_state=random_state)
     aware: DomainAdapter = copy.copy(adapter).set_params(projector=projector)
     return aware
 
 
-def baselines_for(adapter: DomainAdapter, rows: Sequence[str | DomainAdapter] = BASELINES) -> dict[str, DomainAdapter]:
+def baselines_for(
+    adapter: DomainAdapter, rows: Sequence[str | DomainAdapter] = BASELINES
+) -> dict[str, DomainAdapter]:
     """Make unfitted baselines with the adapter's regularization and base_rotation, without the adapter's own method."""
     parameters = adapter.get_params()
     baselines = {}
     for row in rows:
-        baseline = method_of(row, damping=parameters["damping"], base_rotation=parameters["base_rotation"])
+        baseline = method_of(
+            row, damping=parameters["damping"], base_rotation=parameters["base_rotation"]
+        )
         if baseline.get_params()["damping"] != parameters["damping"]:
             raise InvalidInputError(f"rows must have the adapter's damping; found {row!r}")
         if not isinstance(baseline, type(adapter)):
@@ -91,12 +99,19 @@ def evaluate(
         Random seed; called with each step and the fraction done.
     """
     if not isinstance(robot, Arm | None):
-        raise InvalidInputError(f"robot must be an Arm, such as maniport.load_arm('panda'); found {robot!r}")
+        raise InvalidInputError(
+            f"robot must be an Arm, such as maniport.load_arm('panda'); found {robot!r}"
+        )
     if not isinstance(adapter, DomainAdapter):
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
     if truth is not None and np.shape(truth) != np.shape(profile):
-        raise InvalidInputError(f"truth must have the shape of profile, {np.shape(profile)}; found {np.shape(truth)}")
-    teacher, student = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
+        raise InvalidInputError(
+            f"truth must have the shape of profile, {np.shape(profile)}; found {np.shape(truth)}"
+        )
+    teacher, student = (
+        as_finite(teacher_domain, "teacher_domain"),
+        as_finite(student_domain, "student_domain"),
+    )
     size = None if robot is None else spec.size
     as_points(adapter.student_side(student, "student_domain"), "student_domain", size)
     demonstrated = as_finite(profile, "profile")
@@ -109,7 +124,11 @@ def evaluate(
     moves = np.max(distance_unchecked(original[:1], original)) > STILL
     for i, (row, baseline) in enumerate(methods.items()):
         step(i / len(methods))
-        method = adapter if baseline is adapter else with_feasible_set(baseline, robot, spec, bank, random_state)
+        method = (
+            adapter
+            if baseline is adapter
+            else with_feasible_set(baseline, robot, spec, bank, random_state)
+        )
         with collected_warnings() as texts:
             if method is not adapter:
                 method.fit(teacher, student)
@@ -117,11 +136,15 @@ def evaluate(
             mapped = method.student_side(images[-1])
             result = Row(
                 row,
-                "returns samples of the student only: its gap is zero" if row == "nearest-neighbor" else "",
+                "returns samples of the student only: its gap is zero"
+                if row == "nearest-neighbor"
+                else "",
                 rmse=None if wanted is None else metrics.rmse(wanted, mapped),
                 step_ratio=metrics.step_ratio(mapped, original) if moves else None,
                 preservation=metrics.distance_preservation(mapped, original) if moves else None,
-                failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
+                failures=tuple(method.report_.failures())
+                if isinstance(method, LengthField)
+                else (),
             )
         measured.append(replace(result, warnings=tuple(texts)))
     measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
@@ -181,12 +204,17 @@ def select_method(
         Its comparison with baselines, with the reasons if the length field is rejected.
     """
     step = Step(progress, "Fit transfer")
-    domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
+    domains = (
+        as_finite(teacher_domain, "teacher_domain"),
+        as_finite(student_domain, "student_domain"),
+    )
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
     adapter: Any = with_feasible_set(method_of("length-field", **shared), robot, spec, bank)
-    failures: tuple[str, ...] = ("it is fitted to ellipsoids of up to 3×3",)  # a fit to 6×6 takes half a minute
+    failures: tuple[str, ...] = (
+        "it is fitted to ellipsoids of up to 3×3",
+    )  # a fit to 6×6 takes half a minute
     if spec.size <= 3:
         try:
             failures = tuple(adapter.fit(*domains).report_.failures())

@@ -26,7 +26,11 @@ from maniport.util.sampling import evenly_spaced, rank_correlation
 from maniport.util.validation import Array, as_count, as_points
 
 STILL = 1e-9  # Largest distance that counts as rounding
-BASELINES = ("identity", "mean-transport", "parallel-transport")  # The default baselines, cheapest first
+BASELINES = (
+    "identity",
+    "mean-transport",
+    "parallel-transport",
+)  # The default baselines, cheapest first
 RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to count as better
 MAX_STEP_RATIO = 1.5
 
@@ -78,8 +82,12 @@ def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
     undivided = float(np.sqrt(np.mean(distance_unchecked(wanted, images) ** 2)))
     deviations = distance_unchecked(mean(images), images)
     if np.max(deviations) <= STILL:
-        raise InvalidInputError(f"mapped has no dispersion to divide by: all {len(images)} ellipsoids are equal")
-    return RMSE(undivided, float(undivided / np.mean(deviations)), float(undivided / np.mean(deviations**2)))
+        raise InvalidInputError(
+            f"mapped has no dispersion to divide by: all {len(images)} ellipsoids are equal"
+        )
+    return RMSE(
+        undivided, float(undivided / np.mean(deviations)), float(undivided / np.mean(deviations**2))
+    )
 
 
 def step_ratio(mapped: ArrayLike, original: ArrayLike) -> float:
@@ -95,13 +103,17 @@ def step_ratio(mapped: ArrayLike, original: ArrayLike) -> float:
     float
     """
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=2)
-    step, own_step = (float(distance_unchecked(points[:-1], points[1:]).max()) for points in (images, own))
+    step, own_step = (
+        float(distance_unchecked(points[:-1], points[1:]).max()) for points in (images, own)
+    )
     if own_step <= STILL:
         raise InvalidInputError(f"original does not move: its {len(own)} ellipsoids are equal")
     return step / own_step
 
 
-def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> DistancePreservation:
+def distance_preservation(
+    mapped: ArrayLike, original: ArrayLike, most_points: int = 500
+) -> DistancePreservation:
     """Compare pairwise distances and longest axes of mapped ellipsoids with those of the teacher's.
 
     Parameters
@@ -114,20 +126,29 @@ def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: i
     images, own = _as_pair(mapped, original, "mapped", "original", minimum=3)
     chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
     first, second = np.triu_indices(len(chosen), 1)
-    apart, own_apart = (distance_unchecked(points[chosen[first]], points[chosen[second]]) for points in (images, own))
+    apart, own_apart = (
+        distance_unchecked(points[chosen[first]], points[chosen[second]])
+        for points in (images, own)
+    )
     if np.ptp(own_apart) <= STILL:
-        raise InvalidInputError(f"original does not vary: all of its pairwise distances are {own_apart[0]:.3g}")
+        raise InvalidInputError(
+            f"original does not vary: all of its pairwise distances are {own_apart[0]:.3g}"
+        )
     rank = rank_correlation(apart, own_apart) if np.ptp(apart) > STILL else 0.0
     angles = axis_angles(images, own, -1)
     return DistancePreservation(rank, float(np.median(angles)) if len(angles) else None)
 
 
-def _as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int) -> tuple[Array, Array]:
+def _as_pair(
+    first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int
+) -> tuple[Array, Array]:
     """Check two sets of SPD matrices (n, d, d) that belong together one by one."""
     a = as_points(first, name, minimum=minimum, copy=False)
     b = as_points(other, other_name, a.shape[-1], minimum=minimum, copy=False)
     if len(a) != len(b):
-        raise InvalidInputError(f"{name} and {other_name} must be equally many; found {len(a)} and {len(b)}")
+        raise InvalidInputError(
+            f"{name} and {other_name} must be equally many; found {len(a)} and {len(b)}"
+        )
     return a, b
 
 
@@ -149,7 +170,9 @@ class Gaps:
     @classmethod
     def of(cls, distances: Array) -> "Gaps":
         """Summarize distances, shape (n,)."""
-        return cls(*map(float, (np.mean(distances), np.percentile(distances, 95), np.max(distances))))
+        return cls(
+            *map(float, (np.mean(distances), np.percentile(distances, 95), np.max(distances)))
+        )
 
 
 @dataclass(frozen=True)
@@ -192,7 +215,9 @@ class Row:
         (of the longest axes [degrees]).
         """
         ratio, kept = self.step_ratio or 0.0, self.preservation
-        rank, angle = (1.0, 0.0) if kept is None else (kept.rank_correlation, kept.major_axis_angle or 0.0)
+        rank, angle = (
+            (1.0, 0.0) if kept is None else (kept.rank_correlation, kept.major_axis_angle or 0.0)
+        )
         metrics = {
             "large_step": (ratio, ratio > MAX_STEP_RATIO),
             "rank_correlation": (rank, rank < MIN_RANK_CORRELATION),
@@ -231,7 +256,14 @@ class Evaluation(NotebookDisplay):
     @property
     def measure(self) -> str:
         """Measure of the comparison: "rmse" with a ground truth, else "feasibility_gap" (mean), "" without a robot."""
-        return next((name for name in ("rmse", "feasibility_gap") if getattr(self.adapter, name) is not None), "")
+        return next(
+            (
+                name
+                for name in ("rmse", "feasibility_gap")
+                if getattr(self.adapter, name) is not None
+            ),
+            "",
+        )
 
     @property
     def values(self) -> dict[str, float]:
@@ -242,13 +274,19 @@ class Evaluation(NotebookDisplay):
         if self.measure == "rmse":
             return {row.name: row.rmse.undivided for row in self.rows if row.rmse is not None}
         rows = (row for row in self.rows if row is self.adapter or row.name != "nearest-neighbor")
-        return {row.name: row.feasibility_gap.mean for row in rows if row.feasibility_gap is not None}
+        return {
+            row.name: row.feasibility_gap.mean for row in rows if row.feasibility_gap is not None
+        }
 
     @property
     def recommended(self) -> str:
         """Recommended method; empty where nothing is compared."""
         values, order = self.values, list(METHODS)
-        rows = [row for row in self.rows if row.name in values and (row.name in METHODS or row is self.adapter)]
+        rows = [
+            row
+            for row in self.rows
+            if row.name in values and (row.name in METHODS or row is self.adapter)
+        ]
         if self.measure != "rmse":
             rows = [row for row in rows if row.name != "nearest-neighbor"]
             rows = [row for row in rows if not (row.weaknesses or row.failures)] or rows

@@ -71,7 +71,9 @@ class Alignment(NotebookDisplay):
             Arithmetic mean of the values matched with each time.
         """
         if len(signals) != len(self.paths):
-            raise InvalidInputError(f"signals must be {len(self.paths)}, one a demonstration; found {len(signals)}")
+            raise InvalidInputError(
+                f"signals must be {len(self.paths)}, one a demonstration; found {len(signals)}"
+            )
         arrays = [as_finite(signal, f"signals[{index}]") for index, signal in enumerate(signals)]
         warped = []
         for index, (array, path) in enumerate(zip(arrays, self.paths, strict=True)):
@@ -88,7 +90,11 @@ class Alignment(NotebookDisplay):
             Times, ellipsoids, and the index of the demonstration of each point.
         """
         k, n, d, _ = self.ellipsoids.shape
-        return np.tile(self.time, k), self.ellipsoids.reshape(k * n, d, d), np.repeat(np.arange(k), n)
+        return (
+            np.tile(self.time, k),
+            self.ellipsoids.reshape(k * n, d, d),
+            np.repeat(np.arange(k), n),
+        )
 
 
 def align(
@@ -123,14 +129,24 @@ def align(
     if not len(profiles):
         raise InvalidInputError("profiles must hold at least one demonstration; found none")
     first, k = as_points(profiles[0], "profiles[0]"), len(profiles)
-    data = [first, *(as_points(p, f"profiles[{i}]", first.shape[-1]) for i, p in enumerate(profiles[1:], start=1))]
+    data = [
+        first,
+        *(
+            as_points(p, f"profiles[{i}]", first.shape[-1])
+            for i, p in enumerate(profiles[1:], start=1)
+        ),
+    ]
     if times is None:
         clocks = [np.linspace(0.0, 1.0, len(profile)) for profile in data]
     elif len(times) != k:
-        raise InvalidInputError(f"times must be {k} arrays, one for each profile; found {len(times)}")
+        raise InvalidInputError(
+            f"times must be {k} arrays, one for each profile; found {len(times)}"
+        )
     else:
         clocks = [as_times(clock, f"times[{i}]", len(data[i])) for i, clock in enumerate(times)]
-    chosen = None if reference is None else as_count(reference, "reference", minimum=0, maximum=k - 1)
+    chosen = (
+        None if reference is None else as_count(reference, "reference", minimum=0, maximum=k - 1)
+    )
     step = Step(progress, "Align demonstrations")
     if chosen is None:
         pairs, apart = list(combinations(range(k), 2)), np.zeros((k, k))
@@ -138,7 +154,9 @@ def align(
             apart[a, b] = apart[b, a] = matched(data[b], data[a])[1]
         chosen = int(np.argmin(apart.sum(axis=0)))
     itself = np.repeat(np.arange(len(data[chosen]))[:, None], 2, axis=1)
-    paths = tuple(itself if i == chosen else matched(data[chosen], other)[0] for i, other in enumerate(data))
+    paths = tuple(
+        itself if i == chosen else matched(data[chosen], other)[0] for i, other in enumerate(data)
+    )
     warped = np.stack([
         [mean(profile[own]) if len(own) > 1 else profile[own[0]] for own in _groups(path)]
         for profile, path in zip(data, paths, strict=True)
@@ -185,7 +203,9 @@ class Agreement:
     after: float  # distance from their mean at the same times after alignment
     movement: float  # distance of the learned ellipsoids from their own mean
     apart: Array  # pairwise distances after alignment, shape (k, k)
-    held_out: dict[str, Array]  # distances (k,) from `PREDICTIONS`; empty of too few demonstrations or ellipsoids
+    held_out: dict[
+        str, Array
+    ]  # distances (k,) from `PREDICTIONS`; empty of too few demonstrations or ellipsoids
 
     @property
     def share(self) -> float:
@@ -202,12 +222,19 @@ class Agreement:
     def outlier(self) -> int | None:
         """Index of a demonstration more than 1.5 times as far from the others as the median one; else None."""
         farthest = int(np.argmax(self.alone))
-        far = self.alone[farthest] > 1.5 * np.median(np.delete(self.alone, farthest)) if len(self.apart) > 2 else False
+        far = (
+            self.alone[farthest] > 1.5 * np.median(np.delete(self.alone, farthest))
+            if len(self.apart) > 2
+            else False
+        )
         return farthest if far else None
 
 
 def agreement(
-    profiles: Sequence[Array], alignment: Alignment, model: ProfileGMM, progress: Progress | None = None
+    profiles: Sequence[Array],
+    alignment: Alignment,
+    model: ProfileGMM,
+    progress: Progress | None = None,
 ) -> Agreement:
     """Measure the agreement of demonstrations and hold out each of them."""
     step, k, n = Step(progress, "Hold out demonstrations"), len(profiles), min(map(len, profiles))
@@ -223,7 +250,9 @@ def agreement(
     learned = np.asarray(model.predict(alignment.time))
     movement = float(np.sqrt(np.mean(distance_unchecked(mean(learned), learned) ** 2)))
     before = np.stack([profile[evenly_spaced(len(profile), n)] for profile in profiles])
-    squares = (distance_unchecked(own, _means(own)[None]) ** 2 for own in (before, alignment.ellipsoids))
+    squares = (
+        distance_unchecked(own, _means(own)[None]) ** 2 for own in (before, alignment.ellipsoids)
+    )
     spread, aligned_spread = (float(np.sqrt(np.mean(own))) for own in squares)
     return Agreement(spread, aligned_spread, movement, apart, held_out)
 
@@ -239,16 +268,28 @@ def _aligned_distance(first: Array, second: Array) -> float:
     return cost / float(np.sqrt(len(path)))
 
 
-def _held_out(i: int, profiles: Sequence[Array], apart: Array, model: ProfileGMM) -> tuple[float, ...]:
+def _held_out(
+    i: int, profiles: Sequence[Array], apart: Array, model: ProfileGMM
+) -> tuple[float, ...]:
     """Return the distances of one demonstration from `PREDICTIONS` by the others."""
     others = [k for k in range(len(profiles)) if k != i]
     among = apart[np.ix_(others, others)]
     aligned = align([profiles[k] for k in others], reference=int(np.argmin(among.sum(axis=0))))
     inputs, ellipsoids, groups = aligned.stacked()
     most = len(ellipsoids) // points_each(ellipsoids.shape[-1])
-    fitted = clone(model).set_params(n_components=min(model.n_components_, most)).fit(inputs, ellipsoids, groups)
-    predictions = np.asarray(fitted.predict(aligned.time)), _means(aligned.ellipsoids), mean(ellipsoids)[None]
-    learned, average, constant = (_aligned_distance(prediction, profiles[i]) for prediction in predictions)
+    fitted = (
+        clone(model)
+        .set_params(n_components=min(model.n_components_, most))
+        .fit(inputs, ellipsoids, groups)
+    )
+    predictions = (
+        np.asarray(fitted.predict(aligned.time)),
+        _means(aligned.ellipsoids),
+        mean(ellipsoids)[None],
+    )
+    learned, average, constant = (
+        _aligned_distance(prediction, profiles[i]) for prediction in predictions
+    )
     return learned, average, float(apart[i, others].min()), constant
 
 

@@ -18,7 +18,14 @@ from maniport.estimator import Estimator
 from maniport.learning.mixture import Mixture, expectation_maximization, regressed
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step, pieces
-from maniport.util.validation import Array, as_count, as_number, as_numbers, as_points, require_shape
+from maniport.util.validation import (
+    Array,
+    as_count,
+    as_number,
+    as_numbers,
+    as_points,
+    require_shape,
+)
 
 
 class ProfileGMM(NotebookDisplay, Estimator):
@@ -87,7 +94,11 @@ class ProfileGMM(NotebookDisplay, Estimator):
         self.tol = tol
 
     def fit(
-        self, time: ArrayLike, ellipsoids: ArrayLike, groups: ArrayLike | None = None, progress: Progress | None = None
+        self,
+        time: ArrayLike,
+        ellipsoids: ArrayLike,
+        groups: ArrayLike | None = None,
+        progress: Progress | None = None,
     ) -> Self:
         """Fit the mixture to all demonstrations together.
 
@@ -112,16 +123,26 @@ class ProfileGMM(NotebookDisplay, Estimator):
         points = as_points(ellipsoids, "ellipsoids")
         times = as_numbers(time, "time", len(points))
         if np.ptp(times) == 0.0:
-            raise InvalidInputError(f"time must not be the same everywhere; found {times[0]:g} {len(times)} times")
+            raise InvalidInputError(
+                f"time must not be the same everywhere; found {times[0]:g} {len(times)} times"
+            )
         demonstrations, counts = _number_of(groups, len(points)), self._component_counts(points)
         regularization = as_number(self.regularization, "regularization", above=0.0)
         tol, max_iter = as_number(self.tol, "tol", above=0.0), as_count(self.max_iter, "max_iter")
         ridge = regularization * np.r_[np.var(times), np.ones(points_each(points.shape[-1]) - 2)]
         step, fits, curve = Step(progress, "Fit Gaussian mixture"), [], list[float]()
-        with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
+        with threadpool_limits(
+            1
+        ):  # threads cost more than they bring on matrices this small, and far more when busy
             for count, part in zip(counts, pieces(step, *counts), strict=True):
-                interval = np.searchsorted(np.quantile(times, np.arange(1, count) / count), times, side="right")
-                fits.append(expectation_maximization(times, points, np.eye(count)[interval], ridge, tol, max_iter))
+                interval = np.searchsorted(
+                    np.quantile(times, np.arange(1, count) / count), times, side="right"
+                )
+                fits.append(
+                    expectation_maximization(
+                        times, points, np.eye(count)[interval], ridge, tol, max_iter
+                    )
+                )
                 part(1.0)
                 (k, s), likelihood = fits[-1][0].covariances.shape[:2], max(fits[-1][1])
                 free = k - 1 + k * s + k * s * (s + 1) // 2
@@ -138,7 +159,11 @@ class ProfileGMM(NotebookDisplay, Estimator):
             )
         self.weights_, self.input_means_ = mixture.weights, mixture.times
         self.means_, self.covariances_ = mixture.ellipsoids, mixture.covariances
-        self.history_, self.log_likelihood_, self.bic_curve_ = np.array(history), max(history), np.array(curve)
+        self.history_, self.log_likelihood_, self.bic_curve_ = (
+            np.array(history),
+            max(history),
+            np.array(curve),
+        )
         self.n_components_, self.n_demonstrations_ = len(mixture.weights), demonstrations
         step.end(f"{self.n_components_} Gaussians, mean log-likelihood {self.log_likelihood_:.3g}")
         return self
@@ -156,7 +181,9 @@ class ProfileGMM(NotebookDisplay, Estimator):
             )
         return counts
 
-    def predict(self, time: ArrayLike, return_covariance: bool = False) -> Array | tuple[Array, Array]:
+    def predict(
+        self, time: ArrayLike, return_covariance: bool = False
+    ) -> Array | tuple[Array, Array]:
         """Return the ellipsoids expected at times, by Gaussian mixture regression.
 
         Parameters
@@ -174,7 +201,9 @@ class ProfileGMM(NotebookDisplay, Estimator):
             demonstration, m = d (d + 1) / 2; see `maniport.learning.tracking_weights`.
         """
         if not hasattr(self, "means_"):
-            raise NotFittedError("this ProfileGMM is not fitted yet; call fit(time, ellipsoids) first")
+            raise NotFittedError(
+                "this ProfileGMM is not fitted yet; call fit(time, ellipsoids) first"
+            )
         mixture = Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)
         centers, covariance = regressed(mixture, as_numbers(time, "time"))
         if (k := self.n_demonstrations_) is not None:  # predictive instead of maximum-likelihood

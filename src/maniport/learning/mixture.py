@@ -29,7 +29,9 @@ class Mixture:
     weights: Array  # (K,)
     times: Array  # means, (K,)
     ellipsoids: Array  # Fréchet means, (K, d, d)
-    covariances: Array  # of [t − mean; whitened Mandel coordinates at the Fréchet mean], (K, 1 + m, 1 + m)
+    covariances: (
+        Array  # of [t − mean; whitened Mandel coordinates at the Fréchet mean], (K, 1 + m, 1 + m)
+    )
 
 
 def _log_density(deviations: Array, covariances: Array) -> Array:
@@ -53,7 +55,9 @@ def expectation_maximization(
         centers = np.stack([mean(points, weights) for weights in own])
         values, vectors = whitened_eigh(roots(centers)[1][:, None], points[None])
         away = times - (own @ times)[:, None]
-        deviations = np.concatenate([away[..., None], to_vector(compose(np.log(values), vectors))], axis=-1)
+        deviations = np.concatenate(
+            [away[..., None], to_vector(compose(np.log(values), vectors))], axis=-1
+        )
         covariances = np.swapaxes(deviations * own[..., None], -1, -2) @ deviations
         covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2)) + np.diag(ridge)
         mixture = Mixture(counts / counts.sum(), own @ times, centers, covariances)
@@ -70,16 +74,27 @@ def expectation_maximization(
 def regressed(mixture: Mixture, times: Array) -> tuple[Array, Array]:
     """Return the conditional mean (n, d, d) and covariance (n, m, m) of the ellipsoid at times (n,)."""
     spread, cross = mixture.covariances[:, :1, :1], mixture.covariances[:, :1, 1:]
-    slopes, away = cross / spread, (times - mixture.times[:, None])[..., None]  # (K, 1, m), (K, n, 1)
+    slopes, away = (
+        cross / spread,
+        (times - mixture.times[:, None])[..., None],
+    )  # (K, 1, m), (K, n, 1)
     shares = softmax(np.log(mixture.weights) + _log_density(away, spread), axis=1)  # (n, K)
-    ahead = from_vector(np.swapaxes(away @ slopes, 0, 1))  # at the means of the components, (n, K, d, d)
+    ahead = from_vector(
+        np.swapaxes(away @ slopes, 0, 1)
+    )  # at the means of the components, (n, K, d, d)
     centers = _conditional_means(mixture, shares, ahead)
     errors, rotations = _transported(mixture, centers, ahead)
     vectors, mean_error = to_vector(errors), to_vector(np.einsum("nk,nkij->nij", shares, errors))
     images = congruence(rotations[..., None, :, :], mandel_basis(centers.shape[-1]))
     basis = np.swapaxes(to_vector(images), -1, -2)  # of V → Q V Qᵀ on Mandel vectors
-    within = basis @ (mixture.covariances[:, 1:, 1:] - np.swapaxes(cross, -1, -2) @ slopes) @ np.swapaxes(basis, -1, -2)
-    covariance = np.einsum("nk,nkab->nab", shares, within) + np.einsum("nk,nka,nkb->nab", shares, vectors, vectors)
+    within = (
+        basis
+        @ (mixture.covariances[:, 1:, 1:] - np.swapaxes(cross, -1, -2) @ slopes)
+        @ np.swapaxes(basis, -1, -2)
+    )
+    covariance = np.einsum("nk,nkab->nab", shares, within) + np.einsum(
+        "nk,nka,nkb->nab", shares, vectors, vectors
+    )
     covariance -= mean_error[:, :, None] * mean_error[:, None, :]
     return centers, 0.5 * (covariance + np.swapaxes(covariance, -1, -2))
 
@@ -92,7 +107,9 @@ def _transported(mixture: Mixture, centers: Array, ahead: Array) -> tuple[Array,
     return congruence(rotations, ahead - compose(np.log(values), vectors)), rotations
 
 
-def _conditional_means(mixture: Mixture, shares: Array, ahead: Array, max_steps: int = 100) -> Array:
+def _conditional_means(
+    mixture: Mixture, shares: Array, ahead: Array, max_steps: int = 100
+) -> Array:
     """Return conditional means (n, d, d) by fixed-point steps from the prediction of the most likely component."""
     rows, best = np.arange(len(shares)), shares.argmax(axis=1)
     starts = apply(ahead[rows, best], bounded(np.exp, "the prediction at these times"))
@@ -102,7 +119,10 @@ def _conditional_means(mixture: Mixture, shares: Array, ahead: Array, max_steps:
     for _ in range(max_steps):
         steps = np.einsum("nk,nkij->nij", shares, _transported(mixture, centers, ahead)[0])
         norms = np.linalg.norm(steps, axis=(-2, -1))
-        lengths, last = np.where(norms > np.maximum(last, tolerance), 0.5 * lengths, lengths), norms  # it overshoots
+        lengths, last = (
+            np.where(norms > np.maximum(last, tolerance), 0.5 * lengths, lengths),
+            norms,
+        )  # it overshoots
         centers = congruence(roots(centers)[0], apply(lengths[:, None, None] * steps, np.exp))
         if np.all(norms <= tolerance):
             return centers
@@ -146,6 +166,8 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:
     variance = float(values.mean()) / scale
     values = np.maximum(values / scale, 0.0) + rho * variance
     if np.any(values <= SPD_TOLERANCE * variance):
-        raise InvalidInputError("covariance is zero, or singular at some time; use a damping above 0")
+        raise InvalidInputError(
+            "covariance is zero, or singular at some time; use a damping above 0"
+        )
     weights = compose(1.0 / values, vectors) / np.mean(1.0 / values)
     return np.asarray(0.5 * (weights + np.swapaxes(weights, -1, -2)))

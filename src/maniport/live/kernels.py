@@ -63,8 +63,14 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
     """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
     offset, placements, axes, slides, coupling, joints, vectors, points = body
     gradient[:], hessian[:] = 0.0, 0.0
-    positions, values, slopes = offset + coupling @ q, np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
-    place_points(positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes)
+    positions, values, slopes = (
+        offset + coupling @ q,
+        np.empty((len(joints), 3)),
+        np.empty((len(joints), 3, len(q))),
+    )
+    place_points(
+        positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes
+    )
     square = 0.0
     for n in range(len(targets)):
         if weights[n] == 0.0:
@@ -112,12 +118,16 @@ def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, h
     gradient, whole, expected = np.empty((1, dof)), np.empty((1, dof, dof)), np.empty(1)
     trial, damping = np.empty((1, dof)), np.full(1, 1e-9)
     slopes, curves, here = np.empty(dof), np.empty((dof, dof)), np.empty((1, dof))
-    cost, square = evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient[0], hessian)
+    cost, square = evaluate(
+        q, targets, weights, body, pull, neutral, mean, prior, gradient[0], hessian
+    )
     for _ in range(max_iterations):
         here[0], whole[0] = q, hessian + prior
         step_within_limits(here, gradient, whole, damping, lower, upper, trial, expected)
         moved = np.abs(trial[0] - q).max()
-        new_cost, new_square = evaluate(trial[0], targets, weights, body, pull, neutral, mean, prior, slopes, curves)
+        new_cost, new_square = evaluate(
+            trial[0], targets, weights, body, pull, neutral, mean, prior, slopes, curves
+        )
         if new_cost < cost:
             gained = cost - new_cost
             q[:], gradient[0], hessian[:] = trial[0], slopes, curves
@@ -137,12 +147,16 @@ def search_all(q, targets, weights, body, held, no_prior, max_iterations, gain, 
     """Move each q (n, dof) as `search` does without a mean; return all |r|²."""
     squares = np.empty(len(q))
     for n in range(len(q)):
-        squares[n] = search(q[n], targets, weights, body, held, q[n], no_prior, max_iterations, gain, hessians[n])
+        squares[n] = search(
+            q[n], targets, weights, body, held, q[n], no_prior, max_iterations, gain, hessians[n]
+        )
     return squares
 
 
 @kernel
-def follow(q, velocity, covariance, targets, dt, decay, noise, weights, body, held, information, gain):  # type: ignore[no-untyped-def]
+def follow(
+    q, velocity, covariance, targets, dt, decay, noise, weights, body, held, information, gain
+):  # type: ignore[no-untyped-def]
     """Predict angles, velocities and covariance after dt, search with the frame, and update.
 
     Also return |r|² and the largest change of an angle. Velocities decay by a factor; `noise` (dof,) is the variance of
@@ -153,21 +167,39 @@ def follow(q, velocity, covariance, targets, dt, decay, noise, weights, body, he
     predicted = np.empty((2 * n, 2 * n))
     for i in range(n):
         for j in range(n):
-            of_both, of_velocities, added = covariance[i, n + j], covariance[n + i, n + j], noise[i] if i == j else 0.0
-            predicted[i, j] = covariance[i, j] + dt * (of_both + covariance[j, n + i]) + dt**2 * of_velocities
+            of_both, of_velocities, added = (
+                covariance[i, n + j],
+                covariance[n + i, n + j],
+                noise[i] if i == j else 0.0,
+            )
+            predicted[i, j] = (
+                covariance[i, j] + dt * (of_both + covariance[j, n + i]) + dt**2 * of_velocities
+            )
             predicted[i, j] += dt**4 * added
-            predicted[i, n + j] = predicted[n + j, i] = decay * (of_both + dt * of_velocities) + dt**3 * added
+            predicted[i, n + j] = predicted[n + j, i] = (
+                decay * (of_both + dt * of_velocities) + dt**3 * added
+            )
             predicted[n + i, n + j] = decay**2 * of_velocities + dt**2 * added
     mean = np.minimum(np.maximum(q + dt * velocity, lower), upper)
     prior = np.linalg.inv(np.ascontiguousarray(predicted[:n, :n]))
     used = np.where(np.isnan(targets[:, 0]), 0.0, weights)
     posterior, measured = mean.copy(), np.empty((n, n))
     square = search(posterior, targets, used, body, held, mean, prior, 6, gain, measured)
-    change = decay * velocity + np.ascontiguousarray(predicted[n:, :n]) @ (prior @ (posterior - mean))
+    change = decay * velocity + np.ascontiguousarray(predicted[n:, :n]) @ (
+        prior @ (posterior - mean)
+    )
     for j in range(n):
-        if (posterior[j] <= lower[j] and change[j] < 0.0) or (posterior[j] >= upper[j] and change[j] > 0.0):
+        if (posterior[j] <= lower[j] and change[j] < 0.0) or (
+            posterior[j] >= upper[j] and change[j] > 0.0
+        ):
             change[j] = 0.0
-    return posterior, change, updated(predicted, measured, information), square, np.abs(posterior - q).max()
+    return (
+        posterior,
+        change,
+        updated(predicted, measured, information),
+        square,
+        np.abs(posterior - q).max(),
+    )
 
 
 @kernel

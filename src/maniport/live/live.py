@@ -107,7 +107,9 @@ class Live:
     ):
         (robot,) = _of_each("robot", (robot,), Arm | ArmGroup, 1)
         (spec,), count = _of_each("spec", (spec,), EllipsoidSpec, 1), len(as_group(robot))
-        fits = _of_each("person", person.arms if isinstance(person, HumanMotion) else person, ArmFit, count)
+        fits = _of_each(
+            "person", person.arms if isinstance(person, HumanMotion) else person, ArmFit, count
+        )
         adapters = _of_each("adapter", adapter, DomainAdapter, count)
         paths = (None,) * count if path is None else _of_each("path", path, Placement, count)
         bases = person.bases if isinstance(person, HumanMotion) else np.zeros((1, 3))
@@ -117,7 +119,9 @@ class Live:
         persons = [Person(fit) for fit in fits]
         self.points = tuple(dict.fromkeys(name for own in persons for name in own.points))
         self._arms = [
-            LedArm(own, [self.points.index(name) for name in own.points], map_, base, placement, spec)
+            LedArm(
+                own, [self.points.index(name) for name in own.points], map_, base, placement, spec
+            )
             for own, map_, base, placement in zip(persons, adapters, bases, paths, strict=True)
         ]
         control = PlanSettings(motion_limits=motion_limits, collisions=collisions).resolved(robot)
@@ -125,14 +129,27 @@ class Live:
         assert isinstance(bounds, MotionLimits)
         self.robot, own_collisions = bounds.arm, control.collisions or None
         assert not isinstance(own_collisions, bool)
-        strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
+        strongest = max(
+            (own.student_regularization for own in adapters), key=lambda own: own.epsilon
+        )
         damping = strongest if strongest.epsilon > 0.0 and spec.kind != "force" else DAMPING
-        q = np.clip(require_free(start, "start", bounds, own_collisions), self.robot.lower, self.robot.upper)
-        near = None if reference is None else bounds.arm.require_within_limits(reference, "reference")
+        q = np.clip(
+            require_free(start, "start", bounds, own_collisions), self.robot.lower, self.robot.upper
+        )
+        near = (
+            None if reference is None else bounds.arm.require_within_limits(reference, "reference")
+        )
         if near is not None:
             require_shape(near, "reference", ("n", bounds.arm.dof), " with n ≥ 1")
         self._robot = Robot(
-            bounds, own_collisions, spec.bounded, damping, q, near, as_costs(costs, robot, np.zeros(2)), limits
+            bounds,
+            own_collisions,
+            spec.bounded,
+            damping,
+            q,
+            near,
+            as_costs(costs, robot, np.zeros(2)),
+            limits,
         )
         self._warm_up(preparation)
         self._reset(own_clock)
@@ -174,15 +191,26 @@ class Live:
             As of `Live`, instead of those of the result.
         """
         _of_each("result", (result,), TransferResult, 1)
-        person = HumanMotion(tuple(arm.fit for arm in result.arms), np.stack([arm.person_base for arm in result.arms]))
+        person = HumanMotion(
+            tuple(arm.fit for arm in result.arms),
+            np.stack([arm.person_base for arm in result.arms]),
+        )
         robot = result.robot if len(result.arms) > 1 else result.arm.robot
         if result.motion is None:
             raise InvalidInputError("result has no motion; transfer the recording with move=True")
         control = plan_settings(result.config, robot)
         paths = [arm.placement for arm in result.arms if arm.placement is not None]
         joints = result.motion.trajectory.joint_positions
-        defaults: dict[str, Any] = {"motion_limits": control.motion_limits, "collisions": control.collisions}
-        defaults |= {"spec": result.config.spec, "path": paths or None, "start": joints[0], "reference": joints}
+        defaults: dict[str, Any] = {
+            "motion_limits": control.motion_limits,
+            "collisions": control.collisions,
+        }
+        defaults |= {
+            "spec": result.config.spec,
+            "path": paths or None,
+            "start": joints[0],
+            "reference": joints,
+        }
         return cls(person, [arm.adapter for arm in result.arms], robot, **{**defaults, **options})
 
     def __repr__(self) -> str:
@@ -194,7 +222,9 @@ class Live:
         """Configuration of the robot, before the first frame too, shape (dof,) [rad or m]."""
         return self._robot.q.copy()
 
-    def step(self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float | None = None) -> LiveState:
+    def step(
+        self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float | None = None
+    ) -> LiveState:
         """Take a frame, and move the robot for the time since the last step.
 
         Parameters
@@ -217,7 +247,9 @@ class Live:
         elif positions is not None:
             time = self._clock.read()
         if self._time is not None and time is not None and not time > self._time:
-            raise InvalidInputError(f"time must be later than {self._time!r} s, the last frame's; found {time!r}")
+            raise InvalidInputError(
+                f"time must be later than {self._time!r} s, the last frame's; found {time!r}"
+            )
         elapsed, rested = self._clock.begin_step(time), self._robot.resting
         self._time = self._time if time is None else time
         seen = False
@@ -243,7 +275,13 @@ class Live:
         """Let the robot brake in the following steps, until a frame comes in which the person is visible."""
         self._seen_at = -np.inf
 
-    def _move(self, targets: Sequence[Target | None], seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
+    def _move(
+        self,
+        targets: Sequence[Target | None],
+        seen: bool,
+        elapsed: float,
+        approach_share: float = 0.3,
+    ) -> bool:
         """Move the robot for the time that has elapsed [s], at the end of which all arms were `seen` or not.
 
         Return whether it follows; an approach uses a share of the velocity limits.
@@ -265,13 +303,19 @@ class Live:
         return True
 
     def _arm_state(self, index: int, delayed: Target | None) -> LiveArm:
-        arm, achieved, position = self._arms[index], self._robot.achieved[index], self._robot.positions[index]
+        arm, achieved, position = (
+            self._arms[index],
+            self._robot.achieved[index],
+            self._robot.positions[index],
+        )
         if arm.estimate is None or delayed is None:
             return LiveArm(achieved, position)
         target, wanted = delayed
         error = None if wanted is None else math.dist(position, wanted)
         distance = self._robot.distance(index, target)
-        return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, wanted, distance, error)
+        return LiveArm(
+            achieved, position, arm.estimate.q, arm.demonstrated, target, wanted, distance, error
+        )
 
 
 def as_delay(delay: float) -> float:
@@ -281,9 +325,13 @@ def as_delay(delay: float) -> float:
 
 def _of_each(name: str, value: Any, kind: Any, count: int) -> tuple[Any, ...]:
     """Require a value of a type for each arm; one that is no sequence is that of the only arm."""
-    values = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else (value,)
+    values = (
+        tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else (value,)
+    )
     if len(values) != count or not all(isinstance(item, kind) for item in values):
         number = "" if count == 1 else f", {count} of them, one for each arm of the robot"
         kinds = ", ".join(type(item).__name__ for item in values)
-        raise InvalidInputError(f"{name} must be of type {getattr(kind, '__name__', kind)}{number}; found {kinds}")
+        raise InvalidInputError(
+            f"{name} must be of type {getattr(kind, '__name__', kind)}{number}; found {kinds}"
+        )
     return values

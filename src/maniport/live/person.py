@@ -16,7 +16,14 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.kernels import follow, search_all, trunk_directions, turned, unit_vectors, updated
+from maniport.live.kernels import (
+    follow,
+    search_all,
+    trunk_directions,
+    turned,
+    unit_vectors,
+    updated,
+)
 from maniport.live.targets import Target
 from maniport.mocap import ArmFit, Recording
 from maniport.mocap.arm_path import (
@@ -38,7 +45,9 @@ from maniport.transfer import DomainAdapter
 from maniport.util.validation import Array
 
 MAX_SPEED = math.radians(FASTEST_JOINT)  # Of a person's joints [rad/s]
-PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2  # Information on each joint that is there without any measurement
+PRIOR_INFORMATION = (
+    MEASUREMENT_ERROR / PRIOR
+) ** 2  # Information on each joint that is there without any measurement
 
 
 class ArmEstimate(NamedTuple):
@@ -46,7 +55,9 @@ class ArmEstimate(NamedTuple):
 
     q: Array  # (dof,) [rad]
     velocity: Array  # (dof,) [rad/s]
-    covariance: Array  # (2 dof, 2 dof), of both, in units of the squared error of a direction of weight one
+    covariance: (
+        Array  # (2 dof, 2 dof), of both, in units of the squared error of a direction of weight one
+    )
     directions: Array  # (k, 3), of the frame
     since_search: float = 0.0  # Time since the whole joint range was searched [s]
 
@@ -61,7 +72,11 @@ class OneEuroFilter:
     CUTOFF, SLOPE, SPEED_CUTOFF, LONGEST_GAP = 0.5, 0.5, 1.0, 0.25  # [Hz], [Hz s/rad], [Hz], [s]
 
     def __init__(self, count: int):
-        self._values, self._speeds, self._times = np.zeros((count, 3)), np.zeros((count, 3)), np.full(count, -np.inf)
+        self._values, self._speeds, self._times = (
+            np.zeros((count, 3)),
+            np.zeros((count, 3)),
+            np.full(count, -np.inf),
+        )
 
     def __call__(self, vectors: Array, now: float) -> Array:
         """Return the filtered vectors at a time [s]."""
@@ -73,7 +88,9 @@ class OneEuroFilter:
         share = 1.0 - 1.0 / (1.0 + self.SPEED_CUTOFF * turns)
         self._speeds = np.where(new, 0.0, self._speeds + share * (speeds - self._speeds))
         cutoff = self.CUTOFF + self.SLOPE * np.linalg.norm(self._speeds, axis=1, keepdims=True)
-        filtered = self._values + np.where(new, 1.0, 1.0 - 1.0 / (1.0 + cutoff * turns)) * (vectors - self._values)
+        filtered = self._values + np.where(new, 1.0, 1.0 - 1.0 / (1.0 + cutoff * turns)) * (
+            vectors - self._values
+        )
         self._values[seen], self._times[seen] = filtered[seen], now
         return filtered
 
@@ -84,8 +101,12 @@ class Person:
     def __init__(self, fit: ArmFit):
         self.arm, roles, self.is_noisy = fit.arm, fit.roles, fit.smoothed
         self.points = tuple(points_of(roles))
-        identity = np.eye(len(self.points))[..., None]  # a recording of it gives coefficients of the points
-        basis = Recording(self.points, np.repeat(identity, 3, axis=2), np.arange(float(len(identity))))
+        identity = np.eye(len(self.points))[
+            ..., None
+        ]  # a recording of it gives coefficients of the points
+        basis = Recording(
+            self.points, np.repeat(identity, 3, axis=2), np.arange(float(len(identity)))
+        )
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
@@ -97,7 +118,14 @@ class Person:
         held = joint_priors(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral
         noise = (2 * np.pi * held.cutoff) ** 4
-        self._constants = noise, self._weights, self._body, self._held, PRIOR_INFORMATION, LEAST_GAIN
+        self._constants = (
+            noise,
+            self._weights,
+            self._body,
+            self._held,
+            PRIOR_INFORMATION,
+            LEAST_GAIN,
+        )
         # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
         self._least_jump = MIN_JUMP / np.array(list(fit.segment_lengths.values()))
 
@@ -121,7 +149,10 @@ class Person:
         n, weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
         starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
         starts = starts if near is None else np.concatenate([near[None], starts])
-        information, fixed = np.empty((len(starts), n, n)), (weights, self._body, self._held, np.zeros((n, n)))
+        information, fixed = (
+            np.empty((len(starts), n, n)),
+            (weights, self._body, self._held, np.zeros((n, n))),
+        )
         costs = search_all(starts, targets, *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
@@ -137,7 +168,9 @@ class Person:
         """
         decay = math.exp(-dt / 0.25)
         state = before.q, before.velocity, before.covariance
-        q, velocity, covariance, square, moved = follow(*state, targets, dt, decay, *self._constants)
+        q, velocity, covariance, square, moved = follow(
+            *state, targets, dt, decay, *self._constants
+        )
         since_search = before.since_search + dt
         if square > RESIDUAL_SCALE**2 and since_search > 1.0 / KEY_RATE:
             # the arm may be in a wrong local minimum: then another configuration is worth the motion to it
@@ -145,7 +178,11 @@ class Person:
             if np.abs(other.q - q).max() > math.radians(1.0):
                 return other if np.abs(other.q - before.q).max() <= MAX_SPEED * dt else None
             since_search = 0.0
-        return ArmEstimate(q, velocity, covariance, targets, since_search) if moved <= MAX_SPEED * dt else None
+        return (
+            ArmEstimate(q, velocity, covariance, targets, since_search)
+            if moved <= MAX_SPEED * dt
+            else None
+        )
 
 
 class HiddenPoints:
@@ -156,9 +193,17 @@ class HiddenPoints:
     """
 
     def __init__(self, linear: Array, together: float = 2.0, alone: float = 0.1):
-        signs = np.sign(linear) * (np.abs(linear) < 1.0)  # the mean of a role has smaller coefficients
-        self._together, self._longest = (signs[:, :, None] * signs[:, None] > 0.0).any(axis=0), (alone, together)
-        self._points, self._times = np.full((linear.shape[1], 3), np.nan), np.full(linear.shape[1], -np.inf)
+        signs = np.sign(linear) * (
+            np.abs(linear) < 1.0
+        )  # the mean of a role has smaller coefficients
+        self._together, self._longest = (
+            (signs[:, :, None] * signs[:, None] > 0.0).any(axis=0),
+            (alone, together),
+        )
+        self._points, self._times = (
+            np.full((linear.shape[1], 3), np.nan),
+            np.full(linear.shape[1], -np.inf),
+        )
 
     def fill(self, points: Array, now: float) -> Array:
         """Return points (n, 3) at a time [s], filled where possible."""
@@ -169,12 +214,19 @@ class HiddenPoints:
         seen = np.flatnonzero(~hidden & remembered)
         longest = np.where(self._together[:, seen].any(axis=1), self._longest[1], self._longest[0])
         filled = points.copy()
-        for i in np.flatnonzero(hidden & remembered & (now - self._times <= longest) & (len(seen) > 0)):
+        for i in np.flatnonzero(
+            hidden & remembered & (now - self._times <= longest) & (len(seen) > 0)
+        ):
             distance = np.linalg.norm(self._points[seen] - self._points[i], axis=1)
             nearest = seen[distance.argmin()]
             weights = (distance.min() / np.maximum(distance, 1e-9)) ** 4
-            before, after = self._points[seen] - self._points[nearest], points[seen] - points[nearest]
-            left, _, right = np.linalg.svd((weights * before.T) @ after + 1e-9 * distance.min() ** 2 * np.eye(3))
+            before, after = (
+                self._points[seen] - self._points[nearest],
+                points[seen] - points[nearest],
+            )
+            left, _, right = np.linalg.svd(
+                (weights * before.T) @ after + 1e-9 * distance.min() ** 2 * np.eye(3)
+            )
             turn = left * [1.0, 1.0, np.linalg.det(left @ right)] @ right
             filled[i] = points[nearest] + (self._points[i] - self._points[nearest]) @ turn
         return filled
@@ -200,8 +252,12 @@ class LedArm:
         self.person, self._map, self._spec, self._path = person, adapter.compiled(), spec, path
         self._rows = np.array(rows)  # indexing by a list is slow
         if (size := len(adapter.teacher_mean_)) != spec.size:
-            raise InvalidInputError(f"adapter must map {spec.size}×{spec.size} ellipsoids; found {size}×{size}")
-        if path is not None:  # an affine map is determined by its images of the origin and of the axes
+            raise InvalidInputError(
+                f"adapter must map {spec.size}×{spec.size} ellipsoids; found {size}×{size}"
+            )
+        if (
+            path is not None
+        ):  # an affine map is determined by its images of the origin and of the axes
             self._turn, self._origin = spec.rotation(path.rotation), path.apply(base)
             self._axes = path.apply(base + np.eye(3)) - self._origin
         self.forget()
@@ -222,7 +278,9 @@ class LedArm:
         vectors = self.person.vectors(filled)
         directions, dt = self.person.directions(vectors), now - self._last_seen
         least = np.maximum(MAX_SPEED * dt, self.person._least_jump)  # joints are not faster
-        if directions is None or (before is not None and turned(before.directions, directions, least)):
+        if directions is None or (
+            before is not None and turned(before.directions, directions, least)
+        ):
             return False
         if self._filter is not None:
             directions = self.person.directions(self._filter(vectors, now))
@@ -242,7 +300,10 @@ class LedArm:
         if self._spec.kind == "force":
             target = np.asarray(np.linalg.inv(target))
         if self._path is not None:
-            target, position = congruence(self._turn, target), pose[:3, 3] @ self._axes + self._origin
+            target, position = (
+                congruence(self._turn, target),
+                pose[:3, 3] @ self._axes + self._origin,
+            )
         self.demonstrated, self.target = demonstrated, Target(target, position)
         self.estimate, self._last_seen = estimate, now
         self._hidden.remember(points, filled, now)

@@ -56,7 +56,9 @@ class Robot:
         for own, q in parts:
             poses, ellipsoids = own.arm.posed_ellipsoids(q, own.spec)
             self._there.append((poses[:, :3, 3], own.damped(ellipsoids)))
-        self._controller = Controller(limits.arm, limits.velocity, limits.acceleration, collisions, costs, own_limits)
+        self._controller = Controller(
+            limits.arm, limits.velocity, limits.acceleration, collisions, costs, own_limits
+        )
         self.rest(start)
 
     def rest(self, q: Array) -> None:
@@ -68,9 +70,13 @@ class Robot:
         self.q, self.velocity, self._state = state.q, state.velocity, state  # (dof,)
         self.resting = not state.velocity.any()
         parts = zip(self._objectives, self._controller.columns, strict=True)
-        self._differentials = tuple(own.differentials(state.q[None, columns]) for own, columns in parts)
+        self._differentials = tuple(
+            own.differentials(state.q[None, columns]) for own, columns in parts
+        )
         self.positions = [poses[0, :3, 3] for poses, *_ in self._differentials]  # of each arm
-        self.achieved = [ellipsoids[0] for _, _, ellipsoids, _ in self._differentials]  # (d, d) of each arm
+        self.achieved = [
+            ellipsoids[0] for _, _, ellipsoids, _ in self._differentials
+        ]  # (d, d) of each arm
 
     def distance(self, arm: int, target: Array) -> float:
         """Affine-invariant distance of a target (d, d) and the achieved ellipsoid of an arm, with the damping."""
@@ -96,11 +102,16 @@ class Robot:
             self._reference_time = time
         steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
         rows = tuple(
-            objective.targets(own.ellipsoid[None], None if own.position is None else own.position[None])
+            objective.targets(
+                own.ellipsoid[None], None if own.position is None else own.position[None]
+            )
             for objective, own in zip(self._objectives, targets, strict=True)
         )
         for i in range(steps):
-            ends = tuple(queue.positions(time - elapsed * (steps - 1 - i) / steps, INTERVAL_ENDS) for queue in queues)
+            ends = tuple(
+                queue.positions(time - elapsed * (steps - 1 - i) / steps, INTERVAL_ENDS)
+                for queue in queues
+            )
             problem = ControlProblem(
                 rows, self._reference, self._weight, time, None, HORIZON, self._differentials, ends
             )

@@ -44,7 +44,9 @@ class Summary:
             return text
         median, rare, largest = 1e3 * np.quantile(self.times, [0.5, 0.999, 1.0])
         text += f"; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
-        held, lagging = (100.0 * self.states[name] / self.states.total() for name in ("holding", "lagging"))
+        held, lagging = (
+            100.0 * self.states[name] / self.states.total() for name in ("holding", "lagging")
+        )
         text += f"; held {held:.1f} %, lagged {lagging:.1f} %"
         return f"{text}; {errors_text(self.errors)}" if self.errors else text
 
@@ -65,15 +67,26 @@ class Server:
         clock: Callable[[], float] = time.monotonic,
     ):
         self.summary = Summary()
-        self._live, self._transport, self._stop, self._every, self._clock = live, transport, stop, every, clock
+        self._live, self._transport, self._stop, self._every, self._clock = (
+            live,
+            transport,
+            stop,
+            every,
+            clock,
+        )
         self._count, self._skipped = 0, 0
         self._lines, self._received = deque[Line](), 0.0  # that wait to be read, and when they came
         self._next: tuple[Frame, Line] | None = None  # the frame that is processed next …
         self._due = 0.0  # … and when, by the clock
         self._sender: Any = None
         self._newest = -math.inf  # time of the last frame by its sender
-        self._offset, self._frame_time = 0.0, -math.inf  # added to it, and time of the last frame that the robot got
-        self._framed = self._arrived = self._stepped = 0.0  # when that was, a frame came, and the robot moved last
+        self._offset, self._frame_time = (
+            0.0,
+            -math.inf,
+        )  # added to it, and time of the last frame that the robot got
+        self._framed = self._arrived = self._stepped = (
+            0.0  # when that was, a frame came, and the robot moved last
+        )
         self._patience = LONGEST_WAIT
         self._rests, self._open = True, True
 
@@ -94,7 +107,11 @@ class Server:
         while self._open:
             due = self._late if self._next is None else min(self._late, self._due)
             pause = None if due == math.inf else max(due - self._clock(), 0.0)
-            sources = [self._stop] if self._lines or self._next is not None else [self._stop, self._transport]
+            sources = (
+                [self._stop]
+                if self._lines or self._next is not None
+                else [self._stop, self._transport]
+            )
             ready, free, _ = select.select(sources, self._transport.blocked(), [], pause)
             if self._stop in ready:
                 break
@@ -111,7 +128,11 @@ class Server:
     @property
     def _late(self) -> float:
         """When the robot brakes without a frame, by the clock [s]."""
-        return math.inf if self._rests else max(self._arrived + self._patience, self._stepped + BRAKING_STEP)
+        return (
+            math.inf
+            if self._rests
+            else max(self._arrived + self._patience, self._stepped + BRAKING_STEP)
+        )
 
     def _process(self) -> None:
         """Process lines that are due. Each is read by itself, so that junk does not delay braking."""
@@ -120,7 +141,11 @@ class Server:
                 self._read(self._lines.popleft())
             now, waits = self._clock(), self._every and self._next is not None
             late = self._late <= now
-            if self._next is not None and (self._every or late or not self._lines) and self._due <= now:
+            if (
+                self._next is not None
+                and (self._every or late or not self._lines)
+                and self._due <= now
+            ):
                 self._answer(*self._next, now)
             elif late:
                 self._step(None)
@@ -149,9 +174,13 @@ class Server:
         if (behind and self._rests and not self._every) or passed + CLOCK_JUMP < gain < math.inf:
             self._offset, gain = self._frame_time + passed - frame.t, passed
         elif behind:
-            raise InvalidInputError(f"t must increase; found {frame.t!r} s after {self._newest!r} s")
+            raise InvalidInputError(
+                f"t must increase; found {frame.t!r} s after {self._newest!r} s"
+            )
         # none waits for longer than a jump, and one that is later than a jump begins a new count
-        self._due = max(self._due + gain, now - CLOCK_JUMP) if self._every and gain < math.inf else now
+        self._due = (
+            max(self._due + gain, now - CLOCK_JUMP) if self._every and gain < math.inf else now
+        )
         self._patience = min(2.0 * abs(frame.t - self._newest), LONGEST_WAIT)
         self._newest, self._arrived = frame.t, now
 
@@ -170,7 +199,9 @@ class Server:
     def _step(self, frame: Frame | None) -> None:
         """Move the robot with a frame, or let it brake; send its state."""
         live, summary = self._live, self.summary
-        state = live.step(None) if frame is None else live.step(frame.points, frame.t + self._offset)
+        state = (
+            live.step(None) if frame is None else live.step(frame.points, frame.t + self._offset)
+        )
         self._stepped, self._rests = self._clock(), not state.joint_velocities.any()
         summary.answered += frame is not None
         summary.skipped += self._skipped

@@ -35,7 +35,10 @@ class SimulatedRobot:
     """
 
     def __init__(self, robot: Arm | ArmGroup, start: Array):
-        self.q, self.dynamic = start.copy(), all(own.chain.inertia is not None for own in as_group(robot).arms)
+        self.q, self.dynamic = (
+            start.copy(),
+            all(own.chain.inertia is not None for own in as_group(robot).arms),
+        )
         self.largest_share = 0.0  # of the torque limits that was used
         efforts = robot.effort_limits
         self._efforts = np.full(len(start), np.inf) if efforts is None else efforts
@@ -54,10 +57,18 @@ class SimulatedRobot:
             return
         data = self._data
         for left in np.arange(round(duration / PERIOD))[::-1] * PERIOD:
-            error, change, torque = q - left * velocity - data.qpos, velocity - data.qvel, np.empty(len(q))
-            self._mujoco.mj_mulM(self._model, data, torque, BANDWIDTH**2 * error + 2.0 * BANDWIDTH * change)
+            error, change, torque = (
+                q - left * velocity - data.qpos,
+                velocity - data.qvel,
+                np.empty(len(q)),
+            )
+            self._mujoco.mj_mulM(
+                self._model, data, torque, BANDWIDTH**2 * error + 2.0 * BANDWIDTH * change
+            )
             torque = np.clip(torque + data.qfrc_bias, -self._efforts, self._efforts)
-            self.largest_share = max(self.largest_share, float(np.abs(torque / self._efforts).max()))
+            self.largest_share = max(
+                self.largest_share, float(np.abs(torque / self._efforts).max())
+            )
             data.qfrc_applied[:] = torque
             self._mujoco.mj_step(self._model, data)
         self.q = data.qpos.copy()
@@ -95,7 +106,9 @@ class Simulation:
     def __init__(self, live: Live):
         self.robot, self._live = SimulatedRobot(live.robot, live.joint_positions), live
         self._time: float | None = None
-        self.errors: list[float] = []  # position errors of the simulated robot while the person is followed [m]
+        self.errors: list[
+            float
+        ] = []  # position errors of the simulated robot while the person is followed [m]
         self.lag = 0.0  # largest distance of a joint from its command [rad or m]
 
     def step(self, points: Array | None, time: float) -> LiveState:
@@ -104,8 +117,12 @@ class Simulation:
         self.robot.move(state.joint_positions, state.joint_velocities, time - (self._time or time))
         self._time, arms = time, []
         self.lag = max(self.lag, float(np.abs(self.robot.q - state.joint_positions).max()))
-        for arm, pose in zip(state.arms, as_group(self._live.robot).forward(self.robot.q), strict=True):
-            error = None if arm.target_position is None else math.dist(pose[:3, 3], arm.target_position)
+        for arm, pose in zip(
+            state.arms, as_group(self._live.robot).forward(self.robot.q), strict=True
+        ):
+            error = (
+                None if arm.target_position is None else math.dist(pose[:3, 3], arm.target_position)
+            )
             arms.append(replace(arm, position=pose[:3, 3], position_error=error))
         state = replace(state, joint_positions=self.robot.q, arms=tuple(arms))
         if state.position_error is not None and state.state not in ("reaching", "holding"):
@@ -113,7 +130,11 @@ class Simulation:
         return state
 
     def __str__(self) -> str:
-        share = f"at most {100.0 * self.robot.largest_share:.0f} %" if self.robot.limited else "without limits"
+        share = (
+            f"at most {100.0 * self.robot.largest_share:.0f} %"
+            if self.robot.limited
+            else "without limits"
+        )
         servo = f"servo lag at most {self.lag:.3f} rad, torque {share}"
         text = servo if self.robot.dynamic else "robot without masses: no dynamics"
         return f"{errors_text(self.errors)}; {text}" if self.errors else text

@@ -80,7 +80,9 @@ class LiveState:
     def arm(self) -> LiveArm:
         """The only arm; `InvalidInputError` when there are several."""
         if len(self.arms) != 1:
-            raise InvalidInputError(f"arm is for robots of one arm; found {len(self.arms)}; use arms")
+            raise InvalidInputError(
+                f"arm is for robots of one arm; found {len(self.arms)}; use arms"
+            )
         return self.arms[0]
 
     @property
@@ -102,7 +104,9 @@ def largest(values: Iterable[float | None]) -> float | None:
 def errors_text(errors: Sequence[float]) -> str:
     """Return statistics of position errors [m] as text."""
     median, high, most = 1e3 * np.quantile(errors, [0.5, 0.95, 1.0])
-    return f"position error: median {median:.1f} mm, 95th percentile {high:.0f} mm, max {most:.0f} mm"
+    return (
+        f"position error: median {median:.1f} mm, 95th percentile {high:.0f} mm, max {most:.0f} mm"
+    )
 
 
 class FollowState:
@@ -125,7 +129,9 @@ class FollowState:
     def update(self, now: float, position_error: float | None, distance: float | None) -> None:
         """Update the state at a time [s]; an approach ends near the target, or after 0.5 s without coming nearer."""
         if self.approaching:
-            error, enough = (distance or 0.0, 0.1) if position_error is None else (position_error, NEAR)
+            error, enough = (
+                (distance or 0.0, 0.1) if position_error is None else (position_error, NEAR)
+            )
             if error < 0.98 * self._least:
                 self._least, self._least_at = error, now
             if error > enough and now - self._least_at <= 0.5:
@@ -140,7 +146,9 @@ class MotionClock:
 
     def __init__(self, read: Callable[[], float] | None):
         if read is not None and not callable(read):
-            raise InvalidInputError(f"clock must be a function without arguments, or None; found {read!r:.80}")
+            raise InvalidInputError(
+                f"clock must be a function without arguments, or None; found {read!r:.80}"
+            )
         self._read = read
         self.now, self._moved = -float("inf"), -float("inf")
         self.state_time, self._offset = 0.0, 0.0
@@ -148,8 +156,12 @@ class MotionClock:
     def read(self) -> float:
         """Read this machine's clock [s]; raise InvalidInputError where it is simulated or returns no finite number."""
         if self._read is None:
-            raise InvalidInputError("time is required where clock is None: the times of frames count")
-        return as_number(self._read(), "the time that clock returns [s]", minimum=-LATEST, maximum=LATEST)
+            raise InvalidInputError(
+                "time is required where clock is None: the times of frames count"
+            )
+        return as_number(
+            self._read(), "the time that clock returns [s]", minimum=-LATEST, maximum=LATEST
+        )
 
     def begin_step(self, frame_time: float | None) -> float:
         """Begin a step; return the time since the last one for which the robot may move [s]."""

@@ -25,14 +25,20 @@ class TargetQueue:
 
     def __init__(self, delay: float):
         self._delay, self._newest = delay, Target(np.empty((0, 0)), None)
-        self._times, self._rows = np.empty(0), np.empty((0, 0))  # position and ellipsoid at each time
+        self._times, self._rows = (
+            np.empty(0),
+            np.empty((0, 0)),
+        )  # position and ellipsoid at each time
 
     def add(self, target: Target, now: float, resting: bool = False) -> None:
         """Add the target of a frame that comes now, by the robot's clock [s]; if it rests, forget earlier ones."""
         if resting:
             self._times, self._rows = np.empty(0), np.empty((0, 0))
         row = np.empty(3 + target.ellipsoid.size)
-        row[:3], row[3:] = 0.0 if target.position is None else target.position, target.ellipsoid.ravel()
+        row[:3], row[3:] = (
+            0.0 if target.position is None else target.position,
+            target.ellipsoid.ravel(),
+        )
         self._times, self._rows = queued(self._times, self._rows, row, now, self._delay)
         self._newest = target
 
@@ -41,10 +47,15 @@ class TargetQueue:
         if len(self._times) == 0:
             return None
         row = averaged(self._times, self._rows, time - self._delay, np.zeros(1), self.SMOOTHING)[0]
-        return Target(row[3:].reshape(self._newest.ellipsoid.shape), None if self._newest.position is None else row[:3])
+        return Target(
+            row[3:].reshape(self._newest.ellipsoid.shape),
+            None if self._newest.position is None else row[:3],
+        )
 
     def positions(self, time: float, later: Array) -> Array | None:
         """Return positions at times (k,) after a time [s], shape (k, 3); None without a delay or a path."""
         if self._delay == 0.0 or self._newest.position is None:
             return None
-        return np.asarray(averaged(self._times, self._rows, time - self._delay, later, self.SMOOTHING)[:, :3])
+        return np.asarray(
+            averaged(self._times, self._rows, time - self._delay, later, self.SMOOTHING)[:, :3]
+        )

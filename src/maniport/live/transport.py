@@ -34,7 +34,9 @@ def as_frame(points: Any, names: Sequence[str]) -> Array | None:
         positions = np.full((len(names), 3), np.nan)
         for name, value in points.items():
             if name not in names:
-                raise unknown_name("point", name[:80] if isinstance(name, str) else name, names, "in points")
+                raise unknown_name(
+                    "point", name[:80] if isinstance(name, str) else name, names, "in points"
+                )
             if value is not None:
                 label = f"points[{name!r}]"
                 position = _as_numbers(value, label)
@@ -61,7 +63,9 @@ def _as_numbers(value: Any, name: str) -> Array:
         array = np.asarray(value)
         if array.dtype.kind not in "iufO":
             raise TypeError
-        return np.array(array, dtype=np.float64, order="C")  # numba compiles anew for each order and read-only flag
+        return np.array(
+            array, dtype=np.float64, order="C"
+        )  # numba compiles anew for each order and read-only flag
     except (OverflowError, TypeError, ValueError):
         raise InvalidInputError(f"{name} must be numbers; found {value!r:.80}") from None
 
@@ -72,14 +76,25 @@ def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
         raise InvalidInputError(f"a line has at most {FRAME_BYTES} bytes; this one has more")
     try:
         content = json.loads(line.decode())
-    except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits, and of wrong UTF-8
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # also of numbers with thousands of digits, and of wrong UTF-8
         text = line[:80].decode(errors="replace")
-        raise InvalidInputError(f"a line must be JSON such as {EXAMPLE}; found {text!r}: {error!s:.100}") from None
+        raise InvalidInputError(
+            f"a line must be JSON such as {EXAMPLE}; found {text!r}: {error!s:.100}"
+        ) from None
     if content == {}:
         return None
     if not isinstance(content, dict) or content.keys() != {"t", "points"}:
-        raise InvalidInputError(f"a frame is an object of t and points, such as {EXAMPLE}; found {content!r:.80}")
-    t, points, latest = content["t"], content["points"], 0.5 * LATEST  # steps without a frame may come after it
+        raise InvalidInputError(
+            f"a frame is an object of t and points, such as {EXAMPLE}; found {content!r:.80}"
+        )
+    t, points, latest = (
+        content["t"],
+        content["points"],
+        0.5 * LATEST,
+    )  # steps without a frame may come after it
     if type(t) not in (int, float) or not -latest <= t <= latest:
         raise InvalidInputError(f"t must be a number within ±{latest:g}; found {t!r:.80}")
     if isinstance(points, list) and len(points) == len(names):
@@ -162,11 +177,15 @@ class Datagrams:
 
     lost = 0
 
-    def __init__(self, port: int, host: str = LOOPBACK, send: int | None = None, sink: BinaryIO | None = None):
+    def __init__(
+        self, port: int, host: str = LOOPBACK, send: int | None = None, sink: BinaryIO | None = None
+    ):
         if send is not None:
             as_count(send, "send", maximum=LAST_PORT)
             if send == port:
-                raise InvalidInputError(f"send must be another port than udp, or answers come in; both are {port}")
+                raise InvalidInputError(
+                    f"send must be another port than udp, or answers come in; both are {port}"
+                )
         self._socket = bound(host, port, socket.SOCK_DGRAM, "udp")
         self._socket.setblocking(False)
         self._sink, address = sink, self._socket.getsockname()
@@ -179,7 +198,9 @@ class Datagrams:
         received: list[Line] = []
         with suppress(BlockingIOError):
             while len(received) < most:
-                text, sender = self._socket.recvfrom(FRAME_BYTES + 1)  # the rest of a longer one is dropped unread
+                text, sender = self._socket.recvfrom(
+                    FRAME_BYTES + 1
+                )  # the rest of a longer one is dropped unread
                 received.append(Line(text if len(text) <= FRAME_BYTES else None, sender))
         return received
 
@@ -192,7 +213,9 @@ class Datagrams:
             except OSError as error:
                 raise OutputError(f"answers cannot be written: {error.strerror or error}") from None
         if (to := self._receiver or receiver) is not None:
-            with suppress(OSError):  # buffers are full, or nobody can be reached: lost, as datagrams may be
+            with suppress(
+                OSError
+            ):  # buffers are full, or nobody can be reached: lost, as datagrams may be
                 self._socket.sendto(text, to)
         return True
 

@@ -85,14 +85,19 @@ class ArmFit(NotebookDisplay):
     def only(self, keep: NDArray[Any]) -> "ArmFit":
         """Keep some of the frames, by a mask or by their indices; statistics stay those of all frames."""
         residuals = {name: values[keep] for name, values in self.residuals.items()}
-        per_frame = {name: getattr(self, name)[keep] for name in ("joint_angles", "time", "frames", "beyond_limit")}
+        per_frame = {
+            name: getattr(self, name)[keep]
+            for name in ("joint_angles", "time", "frames", "beyond_limit")
+        }
         return replace(self, residuals=residuals, **per_frame)
 
     @property
     def summary(self) -> str:
         """Arm, frames, range of the segments' median residuals, and unobservable joints in one line."""
         medians = [np.median(self.residuals[segment]) for segment in self.segment_lengths]
-        unobservable = f"; unobservable: {', '.join(self.unobservable)}" if self.unobservable else ""
+        unobservable = (
+            f"; unobservable: {', '.join(self.unobservable)}" if self.unobservable else ""
+        )
         residuals = f"median residual {min(medians):.1f}–{max(medians):.1f}°"
         return f"{self.arm.side} arm, {len(self)} frames, {residuals}{unobservable}"
 
@@ -103,7 +108,11 @@ class ArmFit(NotebookDisplay):
 
     def residual_summary(self) -> dict[str, dict[str, float]]:
         """Statistics of each residual, without sign [degrees]: ``median``, ``p95``, ``max`` at ``max_at_s`` [s]."""
-        sizes = {name: np.abs(values) for name, values in self.residuals.items() if not np.isnan(values).all()}
+        sizes = {
+            name: np.abs(values)
+            for name, values in self.residuals.items()
+            if not np.isnan(values).all()
+        }
         return {name: statistics(size, self.time) for name, size in sizes.items()}
 
     def repetitions(self) -> list[tuple[float, float]]:
@@ -117,8 +126,12 @@ class ArmFit(NotebookDisplay):
         if len(self) < 3:
             return []
         hand = self.arm.forward(self.joint_angles)[:, :3, 3]
-        hand = gaussian_filter1d(hand, 0.1 / float(np.median(np.diff(self.time))), axis=0, mode="nearest")
-        offsets = hand - np.median(hand, axis=0)  # on their principal direction, the longer side positive
+        hand = gaussian_filter1d(
+            hand, 0.1 / float(np.median(np.diff(self.time))), axis=0, mode="nearest"
+        )
+        offsets = hand - np.median(
+            hand, axis=0
+        )  # on their principal direction, the longer side positive
         path = offsets @ np.linalg.svd(offsets - offsets.mean(axis=0), full_matrices=False)[2][0]
         path = path if path.max() >= -path.min() else -path
         peaks, properties = find_peaks(path, prominence=np.finfo(float).tiny)
@@ -130,7 +143,9 @@ class ArmFit(NotebookDisplay):
         valleys = [int(a + np.argmin(path[a:b])) for a, b in pairwise(peaks)]
         first = np.maximum(np.ceil(left).astype(int), [0, *(valley + 1 for valley in valleys)])
         last = np.minimum(np.floor(right).astype(int), [*valleys, len(path) - 1])
-        return [(float(self.time[a]), float(self.time[b])) for a, b in zip(first, last, strict=True)]
+        return [
+            (float(self.time[a]), float(self.time[b])) for a, b in zip(first, last, strict=True)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,9 +183,17 @@ class HumanMotion(NotebookDisplay):
     @property
     def quality_warnings(self) -> tuple[str, ...]:
         """Warnings of each arm with its side; common warnings once."""
-        texts = [(side, text) for side, fit in zip(self.names, self.arms, strict=True) for text in fit.quality_warnings]
+        texts = [
+            (side, text)
+            for side, fit in zip(self.names, self.arms, strict=True)
+            for text in fit.quality_warnings
+        ]
         counts = Counter(text for _, text in texts)
-        return tuple(dict.fromkeys(text if counts[text] > 1 else f"{side} arm: {text}" for side, text in texts))
+        return tuple(
+            dict.fromkeys(
+                text if counts[text] > 1 else f"{side} arm: {text}" for side, text in texts
+            )
+        )
 
     def __len__(self) -> int:
         """Return the number of frames."""

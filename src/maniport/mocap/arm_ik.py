@@ -12,7 +12,13 @@ from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, RecordingError, spoken
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_path import solve_arm
-from maniport.mocap.data_quality import AT_LIMIT, gap_warning, jump_warning, model_differences, observability
+from maniport.mocap.data_quality import (
+    AT_LIMIT,
+    gap_warning,
+    jump_warning,
+    model_differences,
+    observability,
+)
 from maniport.mocap.directions import Observation, observe, require_human, segment_lengths
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import ARM, TRUNK, Markers, Roles, direction, roles_by_side
@@ -106,9 +112,17 @@ def fit_arms(
     observations = [observe(recording, own, name, smooth == AUTO) for name, own in chosen.items()]
     common = reduce(np.intersect1d, [observation.frames for observation in observations])
     if not len(common):
-        counts = ", ".join(f"{len(observation.frames)} the {observation.side} one" for observation in observations)
-        raise RecordingError(f"no frame of {recording.source!r} has all arms; fully observed are {counts}")
-    trunk, fits, origins = observations[-1].trunk, [], []  # of the base frames in the trunk, from the neck
+        counts = ", ".join(
+            f"{len(observation.frames)} the {observation.side} one" for observation in observations
+        )
+        raise RecordingError(
+            f"no frame of {recording.source!r} has all arms; fully observed are {counts}"
+        )
+    trunk, fits, origins = (
+        observations[-1].trunk,
+        [],
+        [],
+    )  # of the base frames in the trunk, from the neck
     for observation in observations:
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
         fit = _fit(replace(observation, frames=common, trunk=trunk), person, step)
@@ -116,7 +130,11 @@ def fit_arms(
         fits.append(fit)
         from_neck = direction(observation.used, (fit.roles["trunk_up"][1], fit.roles["shoulder"]))
         shoulder = np.sum(trunk * from_neck[:, :, None], axis=1)[common]
-        origins.append(np.median(shoulder - fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0], axis=0))
+        origins.append(
+            np.median(
+                shoulder - fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0], axis=0
+            )
+        )
     return HumanMotion(tuple(fits), np.stack(origins) - np.mean(origins, axis=0))
 
 
@@ -168,7 +186,12 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
         notes=used.notes,
         smoothed=observation.smoothed,
     )
-    warnings = (*model_differences(fit), *used.quality_warnings, *gap_warning(fit, used.time), *jump_warning(fit))
+    warnings = (
+        *model_differences(fit),
+        *used.quality_warnings,
+        *gap_warning(fit, used.time),
+        *jump_warning(fit),
+    )
     return replace(fit, quality_warnings=warnings)
 
 

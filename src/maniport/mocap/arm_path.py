@@ -29,7 +29,9 @@ from maniport.mocap.recording import Bools
 from maniport.util.progress import Step
 from maniport.util.validation import Array
 
-Residual = Callable[[Array], tuple[Array, Array]]  # Values (n, k) at configurations (n, dof), and derivatives
+Residual = Callable[
+    [Array], tuple[Array, Array]
+]  # Values (n, k) at configurations (n, dof), and derivatives
 KEY_RATE = 8.0  # Key frames per second
 RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …
 MOTION_SCALE = 0.25  # … as this joint motion from one key frame to the next [rad]
@@ -76,12 +78,18 @@ def solve_arm(directions: Directions, time: Array, roles: Collection[str], step:
     joined = steps < 1.5 * usual
     q = np.clip(_initial_path(directions, time, usual, joined), priors.lower, priors.upper)
     step(0.4)
-    smoothing = np.zeros_like(q)  # κ/Δt² of each joint's acceleration in each frame; zero at the ends and at gaps
+    smoothing = np.zeros_like(
+        q
+    )  # κ/Δt² of each joint's acceleration in each frame; zero at the ends and at gaps
     smoothing[1:-1][joined[1:] & joined[:-1]] = 1 / (2 * np.pi * priors.cutoff * usual) ** 2
     blocks = np.array_split(np.arange(len(q)), -(-len(q) // BLOCK))
-    parts = [(part, 0) for part in blocks] + [(np.arange(part[0] - AROUND, part[0] + AROUND), 2) for part in blocks[1:]]
+    parts = [(part, 0) for part in blocks] + [
+        (np.arange(part[0] - AROUND, part[0] + AROUND), 2) for part in blocks[1:]
+    ]
     for done, (part, fixed) in enumerate(parts, start=1):
-        q[part] = solve_path(directions.take(part).residual, q[part], priors, smoothing[part], fixed)
+        q[part] = solve_path(
+            directions.take(part).residual, q[part], priors, smoothing[part], fixed
+        )
         step(0.4 + 0.6 * done / len(parts))
     return q
 
@@ -95,21 +103,30 @@ def sample_directions(directions: Directions) -> tuple[Array, Array]:
 def nearest_samples(targets: Array, samples: Array, count: int = 6) -> NDArray[np.intp]:
     """Return indices (n, count) of the samples, unordered, with the nearest directions to targets (n, k, 3)."""
     flat = np.where(np.isnan(targets), 0.0, targets).reshape(len(targets), -1)
-    similarity = flat @ samples.reshape(len(samples), -1).T  # of unit vectors: the larger, the smaller their distances
+    similarity = (
+        flat @ samples.reshape(len(samples), -1).T
+    )  # of unit vectors: the larger, the smaller their distances
     return np.argpartition(-similarity, count, axis=1)[:, :count]
 
 
 def _initial_path(directions: Directions, time: Array, usual: float, joined: Bools) -> Array:
     """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between."""
     every, gaps = max(1, round(1 / (KEY_RATE * usual))), np.flatnonzero(~joined)
-    keys = np.unique(np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(np.intp))
+    keys = np.unique(
+        np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(
+            np.intp
+        )
+    )
     samples, modeled = sample_directions(directions)
     parts = np.array_split(keys, -(-len(keys) // 512))  # which bounds the memory
     solutions = [_local_solutions(directions.take(part), samples, modeled) for part in parts]
     candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
     total, origins = cost[0] / RESIDUAL_SCALE**2, []
     for t in range(1, len(keys)):
-        motion = np.sum((candidates[t][None] - candidates[t - 1][:, None]) ** 2, axis=-1) / MOTION_SCALE**2
+        motion = (
+            np.sum((candidates[t][None] - candidates[t - 1][:, None]) ** 2, axis=-1)
+            / MOTION_SCALE**2
+        )
         through = total[:, None] + motion
         origins.append(np.argmin(through, axis=0))
         total = through.min(axis=0) + cost[t] / RESIDUAL_SCALE**2
@@ -138,16 +155,22 @@ def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> 
         free = ~_held(q, gradient, arm.lower, arm.upper)
         matrix = hessian * (free[:, :, None] & free[:, None, :])
         matrix[:, range(arm.dof), range(arm.dof)] += damping[:, None] + ~free
-        trial = np.clip(q - np.linalg.solve(matrix, (gradient * free)[..., None])[..., 0], arm.lower, arm.upper)
+        trial = np.clip(
+            q - np.linalg.solve(matrix, (gradient * free)[..., None])[..., 0], arm.lower, arm.upper
+        )
         if np.abs(trial - q).max() < 1e-6:
             break
     return q.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
-def solve_path(residual: Residual, start: Array, priors: JointPriors, smoothing: Array, fixed: int = 0) -> Array:
+def solve_path(
+    residual: Residual, start: Array, priors: JointPriors, smoothing: Array, fixed: int = 0
+) -> Array:
     """Fit all frames together; `fixed` frames at either end stay. `smoothing` is κ/Δt² (n, dof)."""
     (n, dof), stiffness = start.shape, smoothing[1:-1] ** 2
-    smooth = np.zeros((3, n, dof))  # second derivatives of the smoothing term: of each frame, with the next two
+    smooth = np.zeros(
+        (3, n, dof)
+    )  # second derivatives of the smoothing term: of each frame, with the next two
     for offset, row in enumerate(([1.0, 4.0, 1.0], [-2.0, -2.0], [1.0])):
         for frame, factor in enumerate(row):
             smooth[offset, frame : max(n - 2, 0) + frame] += factor * stiffness
@@ -167,7 +190,9 @@ def solve_path(residual: Residual, start: Array, priors: JointPriors, smoothing:
                 gradient[shift : max(n - 2, 0) + shift] += factor * stiffness * bending
             held = _held(q, gradient, priors.lower, priors.upper)
             held[:fixed] = held[n - fixed :] = True
-            bands = np.zeros((2 * dof + 1, n, dof))  # of the lower half of the matrix of second derivatives
+            bands = np.zeros(
+                (2 * dof + 1, n, dof)
+            )  # of the lower half of the matrix of second derivatives
             hessian = np.swapaxes(slopes, 1, 2) @ slopes + np.diag(priors.pull**2)
             for offset in range(dof):
                 bands[offset, :, : dof - offset] = np.diagonal(hessian, -offset, axis1=1, axis2=2)
@@ -195,6 +220,8 @@ def _banded_step(bands: Array, gradient: Array, held: Bools, damping: float) -> 
         matrix[offset, : size - offset][fixed[: size - offset] | fixed[offset:]] = 0.0
     matrix[0, fixed] = 1.0
     try:
-        return np.asarray(-solveh_banded(matrix, np.where(held, 0.0, gradient).ravel(), lower=True)).reshape(held.shape)
+        return np.asarray(
+            -solveh_banded(matrix, np.where(held, 0.0, gradient).ravel(), lower=True)
+        ).reshape(held.shape)
     except LinAlgError:
         return _banded_step(bands, gradient, held, 5.0 * damping)

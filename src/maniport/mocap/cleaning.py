@@ -28,7 +28,11 @@ MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
 
 def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, Array, list[str]]:
     """Omit frames, a share of at most `most`, whose time does not exceed that of every frame before."""
-    if not np.isfinite(time).all() or time.shape != positions.shape[:1] or (np.diff(time) > 0).all():
+    if (
+        not np.isfinite(time).all()
+        or time.shape != positions.shape[:1]
+        or (np.diff(time) > 0).all()
+    ):
         return time, positions, []
     kept = np.concatenate([[True], time[1:] > np.maximum.accumulate(time)[:-1]])
     count, first = int((~kept).sum()), int(np.argmin(kept))
@@ -38,7 +42,11 @@ def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, A
             f"{time[first]:g} s; at most {100 * most:.0f} % may. If the file holds several recordings, split it; if "
             f"times are rounded, give the frames per second ({spoken('rate')})"
         )
-    return time[kept], positions[kept], [f"{count} frames with times that do not increase were omitted"]
+    return (
+        time[kept],
+        positions[kept],
+        [f"{count} frames with times that do not increase were omitted"],
+    )
 
 
 def without_zeros(recording: Recording) -> Recording:
@@ -65,13 +73,19 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
     """
     positions, texts = recording.positions.copy(), []
     pairs = {tuple(sorted((name, other_side(name)))) for name in points}
-    for pair in sorted(pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)):
+    for pair in sorted(
+        pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)
+    ):
         columns = [recording.names.index(name) for name in pair]
         tracks, swapped = positions[:, columns], np.zeros(len(recording), dtype=np.bool_)
         observed = np.flatnonzero(np.isfinite(tracks).all(axis=(1, 2)))
-        for part in np.split(observed, np.flatnonzero(np.diff(recording.time[observed]) > LONGEST_GAP) + 1):
+        for part in np.split(
+            observed, np.flatnonzero(np.diff(recording.time[observed]) > LONGEST_GAP) + 1
+        ):
             before, after = tracks[part[:-1]], tracks[part[1:]]
-            kept, crossed = (np.linalg.norm(to - before, axis=-1).sum(axis=1) for to in (after, after[:, ::-1]))
+            kept, crossed = (
+                np.linalg.norm(to - before, axis=-1).sum(axis=1) for to in (after, after[:, ::-1])
+            )
             exchanges = (kept > 2 * least_step) & (crossed < 0.3 * kept)
             if exchanges.any():
                 odd = np.concatenate([[False], np.cumsum(exchanges) % 2 == 1])
@@ -92,17 +106,23 @@ def without_outliers(recording: Recording) -> Recording:
     return _marked_missing(recording, np.stack(lost, axis=1), "outlier")
 
 
-def _outliers(track: Array, step: float, longest: float = 0.1, acceleration: float = 100.0) -> Bools:
+def _outliers(
+    track: Array, step: float, longest: float = 0.1, acceleration: float = 100.0
+) -> Bools:
     """Mark runs up to `longest` seconds that are far from the line between the frames around them, track (n, 3)."""
     track, lost = track.copy(), np.zeros(len(track), dtype=np.bool_)
     for count in range(1, min(int(longest / step + 1e-9), 100, len(track) - 2) + 1):
         far = np.linalg.norm(np.diff(track, axis=0), axis=-1) > 0.49 * MIN_JUMP
-        first = np.flatnonzero(far[: len(far) - count] & far[count:])  # by the rule below both steps are that large
+        first = np.flatnonzero(
+            far[: len(far) - count] & far[count:]
+        )  # by the rule below both steps are that large
         before, after = track[first, None], track[first + count + 1, None]
         k = np.arange(1, count + 1)
         offsets = track[first[:, None] + k] - (before + k[:, None] / (count + 1) * (after - before))
         away = np.linalg.norm(offsets, axis=-1).min(axis=1)
-        least = max(MIN_JUMP, acceleration * ((count + 1) * step) ** 2 / 8)  # as far as throws move it away and back
+        least = max(
+            MIN_JUMP, acceleration * ((count + 1) * step) ** 2 / 8
+        )  # as far as throws move it away and back
         with np.errstate(invalid="ignore"):
             first = first[(away > least) & (away > np.linalg.norm(after - before, axis=-1)[:, 0])]
         rows = first[:, None] + k
@@ -120,7 +140,9 @@ def _marked_missing(recording: Recording, lost: Bools, cause: str) -> Recording:
     return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes, [])
 
 
-def _changed(recording: Recording, positions: Array, notes: list[str], warnings: list[str]) -> Recording:
+def _changed(
+    recording: Recording, positions: Array, notes: list[str], warnings: list[str]
+) -> Recording:
     """Return the recording with other positions and messages; the same object where there are no messages."""
     if not notes and not warnings:
         return recording
@@ -142,7 +164,9 @@ def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.0
     for i in noisy if smooth else ():
         for start, stop in runs_of(np.isfinite(positions[:, i, 0])):
             if stop - start >= 12:
-                positions[start:stop, i], cutoff = _robust_spline(positions[start:stop, i], rate, candidates)
+                positions[start:stop, i], cutoff = _robust_spline(
+                    positions[start:stop, i], rate, candidates
+                )
                 cutoffs.append(cutoff)
     if not len(noisy) or (smooth and not cutoffs):
         return recording
@@ -150,7 +174,9 @@ def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.0
     how = f"; {argument('smooth', AUTO)} smooths them"
     if smooth:
         how = f", smoothed up to {_span(cutoffs)} Hz; {argument('smooth', 'off')} keeps them"
-    return _changed(recording, positions, [], [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"])
+    return _changed(
+        recording, positions, [], [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"]
+    )
 
 
 def noise(track: Array, order: int = 6) -> float:
@@ -174,7 +200,10 @@ def _robust_spline(track: Array, rate: float, cutoffs: Sequence[float]) -> tuple
     """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
     n, tails = len(track), 4.0  # degrees of freedom of Student's distribution
     median_chi_squared = 2.366  # with three degrees of freedom
-    pattern, penalty = np.array([-1.0, 3.0, -3.0, 1.0]), np.zeros((4, n))  # third differences; DᵀD as lower bands
+    pattern, penalty = (
+        np.array([-1.0, 3.0, -3.0, 1.0]),
+        np.zeros((4, n)),
+    )  # third differences; DᵀD as lower bands
     for offset in range(4):
         for k in range(4 - offset):
             penalty[offset, k : n - 3 + k] += pattern[k] * pattern[k + offset]
@@ -183,7 +212,9 @@ def _robust_spline(track: Array, rate: float, cutoffs: Sequence[float]) -> tuple
     for _ in range(6):
         fits = []  # score, cutoff and smooth track
         for frequency in cutoffs:
-            strength = (2 * np.sin(np.pi * min(frequency / rate, 0.5))) ** -6.0  # half the amplitude at the cutoff
+            strength = (
+                2 * np.sin(np.pi * min(frequency / rate, 0.5))
+            ) ** -6.0  # half the amplitude at the cutoff
             bands = strength * penalty
             bands[0] += weight
             smooth = solveh_banded(bands, weight[:, None] * track, lower=True)

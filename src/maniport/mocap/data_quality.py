@@ -13,7 +13,9 @@ from maniport.mocap.directions import AXES, BLOCK, DEVIATION, ELBOW, FLEXION, TU
 from maniport.mocap.recording import runs_of, when
 from maniport.util.validation import Array
 
-MEASUREMENT_ERROR = np.radians(1.0)  # Of a direction of weight one [rad], assumed; less weight means more error
+MEASUREMENT_ERROR = np.radians(
+    1.0
+)  # Of a direction of weight one [rad], assumed; less weight means more error
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
 AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
 
@@ -25,11 +27,21 @@ FASTEST_JOINT = 1500.0
 def unobservable_joints(roles: Collection[str]) -> dict[int, str]:
     """Return the joints that the roles leave unobservable in every frame, with the reason."""
     missing = [name for name in ("hand", "wrist_axis") if name not in roles]
-    joints = (TURN, DEVIATION, FLEXION) if "wrist_axis" in missing else (DEVIATION, FLEXION) if missing else ()
-    return dict.fromkeys(joints, f"points of {' and '.join(missing)} are missing: held at or near the neutral angle")
+    joints = (
+        (TURN, DEVIATION, FLEXION)
+        if "wrist_axis" in missing
+        else (DEVIATION, FLEXION)
+        if missing
+        else ()
+    )
+    return dict.fromkeys(
+        joints, f"points of {' and '.join(missing)} are missing: held at or near the neutral angle"
+    )
 
 
-def observability(directions: Directions, roles: Collection[str], q: Array) -> tuple[dict[str, str], Array]:
+def observability(
+    directions: Directions, roles: Collection[str], q: Array
+) -> tuple[dict[str, str], Array]:
     """Return why joints are not observable in more than half of the frames, and excesses over limits [rad].
 
     A joint is observable in frames in which the standard deviation of its error is at most 20°.
@@ -42,15 +54,22 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
         variance = 1.0 / (np.maximum(eigenvalues, 0.0) / MEASUREMENT_ERROR**2 + PRIOR**-2)
         errors.append(np.sqrt(np.einsum("nik,nk->ni", vectors**2, variance)))
         downhill = -(values[:, None] @ slopes)[:, 0]
-        step = np.linalg.solve(hessian + (MEASUREMENT_ERROR / PRIOR) ** 2 * np.eye(arm.dof), downhill[..., None])
-        outward = np.where(q[part] - arm.lower < AT_LIMIT, -1.0, np.where(arm.upper - q[part] < AT_LIMIT, 1.0, 0.0))
-        excesses.append(np.where(outward * downhill > 0.0, np.maximum(outward * step[..., 0], 0.0), 0.0))
+        step = np.linalg.solve(
+            hessian + (MEASUREMENT_ERROR / PRIOR) ** 2 * np.eye(arm.dof), downhill[..., None]
+        )
+        outward = np.where(
+            q[part] - arm.lower < AT_LIMIT, -1.0, np.where(arm.upper - q[part] < AT_LIMIT, 1.0, 0.0)
+        )
+        excesses.append(
+            np.where(outward * downhill > 0.0, np.maximum(outward * step[..., 0], 0.0), 0.0)
+        )
     share = np.mean(np.concatenate(errors) <= np.radians(20.0), axis=0)
     fixed = unobservable_joints(roles)
     share[list(fixed)] = 0.0
     unobservable = {
         arm.joint_names[joint]: fixed.get(
-            joint, f"observable in {100 * share[joint]:.0f} % of the frames; elsewhere interpolated smoothly"
+            joint,
+            f"observable in {100 * share[joint]:.0f} % of the frames; elsewhere interpolated smoothly",
         )
         for joint in np.flatnonzero(share <= 0.5).tolist()
     }
@@ -77,7 +96,9 @@ def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> l
     if exchanged:
         return exchanged
     texts, far, bends_backward = [], False, False
-    for joint in np.flatnonzero(fit.observable & ((fit.beyond_limit > small).mean(axis=0) > 0.2)).tolist():
+    for joint in np.flatnonzero(
+        fit.observable & ((fit.beyond_limit > small).mean(axis=0) > 0.2)
+    ).tolist():
         degrees = fit.beyond_limit[:, joint]
         often, lower, upper = degrees > small, fit.arm.lower[joint], fit.arm.upper[joint]
         is_lower = np.median(fit.joint_angles[often, joint]) < (lower + upper) / 2
@@ -90,19 +111,24 @@ def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> l
             far |= joint < TURN
             bends_backward |= joint == ELBOW and is_lower
     segments = [name for name, median in medians.items() if median > 5.0]
-    texts += [f"the {name} is {medians[name]:.1f}° (median) from the measured one" for name in segments]
+    texts += [
+        f"the {name} is {medians[name]:.1f}° (median) from the measured one" for name in segments
+    ]
     if not texts:
         return []
     arms = bool({"upper arm", "forearm"} & set(segments))
     model = next(name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}"))
     cases = {
         "change the sign of one axis, if the axes are left-handed as those of Unity and Unreal": bends_backward,
-        f"check the roles of the points (maniport info) and assign others with {argument('markers')}": arms or far,
+        f"check the roles of the points (maniport info) and assign others with {argument('markers')}": arms
+        or far,
         f"try the other arm ({argument('side', LEFT if fit.arm.side != LEFT else RIGHT)})": arms,
         f"try another model ({argument('person', model)})": True,
     }
     advice = [text for text, applies in cases.items() if applies]
-    return [f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"]
+    return [
+        f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"
+    ]
 
 
 def gap_warning(fit: ArmFit, time: Array) -> list[str]:

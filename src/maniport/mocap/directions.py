@@ -19,15 +19,30 @@ from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.recording import Bools, Recording, runs_of
-from maniport.mocap.roles import POINTS, Roles, direction, find_side, points_of, role_position, trunk_rotation, unit
+from maniport.mocap.roles import (
+    POINTS,
+    Roles,
+    direction,
+    find_side,
+    points_of,
+    role_position,
+    trunk_rotation,
+    unit,
+)
 from maniport.util.validation import Array, as_finite, as_times, require_shape
 
-SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
+SEGMENTS = {
+    "upper arm": ("shoulder", "elbow"),
+    "forearm": ("elbow", "wrist"),
+    "hand": ("wrist", "hand"),
+}
 """Frames of the arm between which each segment runs; the roles of the recording have the same names."""
 
 SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
 BLOCK = 4096  # The most frames that are computed at once
-ELBOW, TURN, DEVIATION, FLEXION = map(JOINTS.index, ("elbow_flexion", "pro_sup", "deviation", "flexion"))
+ELBOW, TURN, DEVIATION, FLEXION = map(
+    JOINTS.index, ("elbow_flexion", "pro_sup", "deviation", "flexion")
+)
 
 AXES = {"elbow_axis": (ELBOW, "upper arm"), "wrist_axis": (FLEXION, "forearm")}
 """The joint with the axis of each pair of markers, and the segment that rotates about its own axis with them."""
@@ -77,7 +92,10 @@ class Directions:
     def kinematics(self) -> PointKinematics:
         """The ends of the segments, then joint axes fixed to the segment above them."""
         joints = [AXES[name][0] for name in self.names if name in AXES]
-        axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
+        axes = [
+            axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint)
+            for joint in joints
+        ]
         return PointKinematics(self.arm.chain, POINTS[: len(self.names) - len(axes) + 1], axes)
 
     @property
@@ -89,18 +107,25 @@ class Directions:
         """Return the directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
         count = sum(name in SEGMENTS for name in self.names)
         points, changes = self.kinematics(q)
-        vectors, slopes = np.diff(points[:, : count + 1], axis=1), np.diff(changes[:, : count + 1], axis=1)
+        vectors, slopes = (
+            np.diff(points[:, : count + 1], axis=1),
+            np.diff(changes[:, : count + 1], axis=1),
+        )
         length = np.linalg.norm(vectors, axis=-1)[..., None]
         values = vectors / length
         slopes = (slopes - values[..., None] * (values[..., None, :] @ slopes)) / length[..., None]
-        return np.concatenate([values, points[:, count + 1 :]], 1), np.concatenate([slopes, changes[:, count + 1 :]], 1)
+        return np.concatenate([values, points[:, count + 1 :]], 1), np.concatenate(
+            [slopes, changes[:, count + 1 :]], 1
+        )
 
     def residual(self, q: Array) -> tuple[Array, Array]:
         """Return weighted residuals (n, 3k) and derivatives (n, 3k, dof); zero where targets are missing."""
         values, slopes = self.model(q)
         weight = (self.weights * ~np.isnan(self.targets[..., 0]))[..., None]
         difference = (values - np.nan_to_num(self.targets)) * weight
-        return difference.reshape(len(q), -1), (slopes * weight[..., None]).reshape(len(q), -1, self.arm.dof)
+        return difference.reshape(len(q), -1), (slopes * weight[..., None]).reshape(
+            len(q), -1, self.arm.dof
+        )
 
     def errors(self, q: Array) -> dict[str, Array]:
         """Return the errors of joint angles (n, dof), each (n,) [rad].
@@ -108,16 +133,25 @@ class Directions:
         Angles between the arm's segments and the recorded ones, and rotations of segments about their own axis that
         bring joint axes to their markers.
         """
-        values = np.concatenate([self.model(part)[0] for part in np.array_split(q, -(-len(q) // BLOCK))])
+        values = np.concatenate(
+            [self.model(part)[0] for part in np.array_split(q, -(-len(q) // BLOCK))]
+        )
         errors = {}
         for i, name in enumerate(self.names):
             model, target = values[:, i], self.targets[:, i]
             if name in SEGMENTS:  # arccos is inaccurate below 1e-8
-                errors[name] = 2 * np.arcsin(np.minimum(np.linalg.norm(model - target, axis=-1) / 2, 1.0))
+                errors[name] = 2 * np.arcsin(
+                    np.minimum(np.linalg.norm(model - target, axis=-1) / 2, 1.0)
+                )
             else:
                 along = values[:, self.names.index(AXES[name][1])]
-                model, target = (part - np.sum(part * along, axis=1)[:, None] * along for part in (model, target))
-                sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
+                model, target = (
+                    part - np.sum(part * along, axis=1)[:, None] * along for part in (model, target)
+                )
+                sine, cosine = (
+                    np.sum(np.cross(model, target) * along, axis=1),
+                    np.sum(model * target, axis=1),
+                )
                 errors[f"{AXES[name][1]} about its axis"] = np.arctan2(sine, cosine)
         return errors
 
@@ -129,7 +163,9 @@ class Observation:
     side: str
     reason: str  # why that arm
     roles: Roles
-    used: Recording  # these points, cleaned and filled, with notes and quality warnings on that only
+    used: (
+        Recording  # these points, cleaned and filled, with notes and quality warnings on that only
+    )
     trunk: Array  # rotation of the trunk frame, shape (n_frames, 3, 3)
     frames: NDArray[np.intp]  # the frames in which trunk and arm are fully observed, shape (n,)
     smoothed: bool  # whether points were noisy and are smoothed
@@ -138,7 +174,9 @@ class Observation:
         """Return the directions of segments and joint axes in the trunk frame, in those frames."""
         vectors = vectors_of(self.used, self.roles, str(arm.side))
         world = np.stack(list(vectors.values()), axis=1)[self.frames]
-        return Directions(arm, tuple(vectors), unit(np.einsum("nij,nki->nkj", self.trunk[self.frames], world)))
+        return Directions(
+            arm, tuple(vectors), unit(np.einsum("nij,nki->nkj", self.trunk[self.frames], world))
+        )
 
 
 def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Observation:
@@ -149,10 +187,14 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
     repaired = without_outliers(whole.select(names)).fill_gaps()
     used = smoothed(repaired, smooth)
     notes = list(used.notes)
-    if "hand" in roles and "hand" not in (markers or {}):  # ends of chains may coincide with the wrist
+    if "hand" in roles and "hand" not in (
+        markers or {}
+    ):  # ends of chains may coincide with the wrist
         length = np.linalg.norm(direction(used, (roles["wrist"], roles["hand"])), axis=-1)
         if np.nanmedian(length) < SHORTEST_SEGMENT:
-            notes.append(f"hand: {', '.join(roles.pop('hand'))} coincides with the wrist and was not used")
+            notes.append(
+                f"hand: {', '.join(roles.pop('hand'))} coincides with the wrist and was not used"
+            )
     trunk = trunk_rotation(used, roles)
     lost: dict[str, Bools] = {
         role: np.isnan(role_position(used, roles[role])[:, 0]) for role in POINTS if role in roles
@@ -160,8 +202,12 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
     lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
     out = np.any(list(lost.values()), axis=0)
     if out.all():
-        worst = ", ".join(f"{role} in {100 * gone.mean():.0f} %" for role, gone in lost.items() if gone.any())
-        raise RecordingError(f"no frame of {used.source!r} has all required points; missing are: {worst} of the frames")
+        worst = ", ".join(
+            f"{role} in {100 * gone.mean():.0f} %" for role, gone in lost.items() if gone.any()
+        )
+        raise RecordingError(
+            f"no frame of {used.source!r} has all required points; missing are: {worst} of the frames"
+        )
     for start, stop in runs_of(out):
         missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
         times = f"{used.time[start]:.2f}–{used.time[stop - 1]:.2f} s"
@@ -175,7 +221,9 @@ def vectors_of(points: Recording, roles: Roles, side: str) -> dict[str, Array]:
     """Return vectors along segments and joint axes, by the keys of `Directions`, in the axes of the points."""
     ends = {name: pair for name, pair in SEGMENTS.items() if all(end in roles for end in pair)}
     vectors = {name: direction(points, (roles[a], roles[b])) for name, (a, b) in ends.items()}
-    return vectors | {name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles}
+    return vectors | {
+        name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles
+    }
 
 
 def segment_lengths(used: Recording, roles: Roles) -> dict[str, float]:
@@ -193,7 +241,9 @@ def segment_lengths(used: Recording, roles: Roles) -> dict[str, float]:
     return lengths
 
 
-def synthetic_recording(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "synthetic") -> Recording:
+def synthetic_recording(
+    arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "synthetic"
+) -> Recording:
     """Record points named after their roles on a moving human arm, in the trunk frame; `fit_arm` inverts this.
 
     Parameters
@@ -215,14 +265,22 @@ def synthetic_recording(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, sour
     require_human(arm)
     times, q = as_times(time), as_finite(joint_angles, "joint_angles")
     require_shape(q, "joint_angles", (len(times), arm.dof), ", as many as times")
-    points: dict[str, Array] = dict(zip(POINTS, np.moveaxis(arm.point_positions(q, POINTS), 1, 0), strict=True))
+    points: dict[str, Array] = dict(
+        zip(POINTS, np.moveaxis(arm.point_positions(q, POINTS), 1, 0), strict=True)
+    )
     straight = q.copy()
-    straight[:, TURN + 1 : FLEXION] = 0.0  # markers of the wrist are on the forearm: deviation does not move them
+    straight[:, TURN + 1 : FLEXION] = (
+        0.0  # markers of the wrist are on the forearm: deviation does not move them
+    )
     for joints, index, middle, low, high in (
         (q, ELBOW, "elbow", "elbow_medial", "elbow_lateral"),
         (straight, FLEXION, "wrist", "wrist_ulnar", "wrist_radial"),
     ):
-        axis = MARKED[arm.side or RIGHT] * HALF_WIDTH * arm.axis_direction(joints, arm.joint_names[index])
+        axis = (
+            MARKED[arm.side or RIGHT]
+            * HALF_WIDTH
+            * arm.axis_direction(joints, arm.joint_names[index])
+        )
         points[low], points[high] = points[middle] - axis, points[middle] + axis
     neck = np.array([0.0, middle_of(arm), 0.0])
     points |= {name: np.tile(neck + point, (len(q), 1)) for name, point in TRUNK.items()}

@@ -17,7 +17,9 @@ from maniport.util.validation import Array, as_number, as_times, require_shape
 Bools = NDArray[np.bool_]
 
 MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
-LONGEST_GAP = 0.2  # Length of gaps that are interpolated [s]; within it a hand hardly changes its speed
+LONGEST_GAP = (
+    0.2  # Length of gaps that are interpolated [s]; within it a hand hardly changes its speed
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,18 +59,24 @@ class Recording(NotebookDisplay):
 
     def __post_init__(self) -> None:
         if isinstance(self.names, str) or not isinstance(self.names, Iterable):
-            raise InvalidInputError(f"names must be a sequence of names of points; found {self.names!r}")
+            raise InvalidInputError(
+                f"names must be a sequence of names of points; found {self.names!r}"
+            )
         names = tuple(map(str, self.names))
         repeated = sorted(name for name, count in Counter(names).items() if count > 1)
         if repeated:
-            raise InvalidInputError(f"names must differ; found more than once: {', '.join(map(repr, repeated))}")
+            raise InvalidInputError(
+                f"names must differ; found more than once: {', '.join(map(repr, repeated))}"
+            )
         if not names:
             raise RecordingError("the recording holds no points; at least one is needed")
         time = as_times(self.time).copy()
         positions = _as_positions(self.positions, (len(time), len(names), 3))
         for array in (time, positions):
             array.setflags(write=False)
-        texts = {name: tuple(map(str, getattr(self, name))) for name in ("notes", "quality_warnings")}
+        texts = {
+            name: tuple(map(str, getattr(self, name))) for name in ("notes", "quality_warnings")
+        }
         for name, value in {"names": names, "time": time, "positions": positions, **texts}.items():
             object.__setattr__(self, name, value)
 
@@ -108,7 +116,9 @@ class Recording(NotebookDisplay):
 
     def _column(self, name: str) -> int:
         if name not in self.names:
-            raise unknown_name("point", name, self.names, f"in {self.source!r}" if self.source else "")
+            raise unknown_name(
+                "point", name, self.names, f"in {self.source!r}" if self.source else ""
+            )
         return self.names.index(name)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -119,7 +129,9 @@ class Recording(NotebookDisplay):
     def select(self, names: Iterable[str]) -> "Recording":
         """Keep the named points, in this order."""
         columns = [self._column(name) for name in names]
-        return replace(self, names=tuple(self.names[i] for i in columns), positions=self.positions[:, columns])
+        return replace(
+            self, names=tuple(self.names[i] for i in columns), positions=self.positions[:, columns]
+        )
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
         """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is reported in `quality_warnings`.
@@ -138,10 +150,19 @@ class Recording(NotebookDisplay):
                 f"the recording runs from {self.time[0]:g} to {self.time[-1]:g} s"
             )
         warnings = list(self.quality_warnings)
-        tolerance = 1.5 / self.rate if len(self) > 1 else 0.0  # the end of the last frame, or its rounding
+        tolerance = (
+            1.5 / self.rate if len(self) > 1 else 0.0
+        )  # the end of the last frame, or its rounding
         if high > self.time[-1] + tolerance:
-            warnings.append(f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s")
-        return replace(self, positions=self.positions[keep], time=self.time[keep], quality_warnings=tuple(warnings))
+            warnings.append(
+                f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s"
+            )
+        return replace(
+            self,
+            positions=self.positions[keep],
+            time=self.time[keep],
+            quality_warnings=tuple(warnings),
+        )
 
     def fill_gaps(self) -> "Recording":
         """Interpolate gaps up to `LONGEST_GAP` (Akima's spline); longer ones and both ends stay missing.
@@ -158,11 +179,17 @@ class Recording(NotebookDisplay):
             if short:
                 times, values = self.time[~missing], positions[~missing, i]
                 # Akima's spline needs more than two points.
-                spline = Akima1DInterpolator(times, values) if len(times) > 2 else make_interp_spline(times, values, 1)
+                spline = (
+                    Akima1DInterpolator(times, values)
+                    if len(times) > 2
+                    else make_interp_spline(times, values, 1)
+                )
                 for start, stop in short:
                     positions[start:stop, i] = spline(self.time[start:stop])
                 frames = sum(stop - start for start, stop in short)
-                notes.append(f"{name}: gaps of up to {LONGEST_GAP:g} s interpolated ({frames} frames)")
+                notes.append(
+                    f"{name}: gaps of up to {LONGEST_GAP:g} s interpolated ({frames} frames)"
+                )
         return replace(self, positions=positions, notes=tuple(notes))
 
 
@@ -174,7 +201,10 @@ def runs_of(flags: Bools) -> list[tuple[int, int]]:
 
 def when(time: Array, flags: Bools) -> str:
     """Describe the times at which flags are true, the first few of them."""
-    runs = [f"{time[a]:.2f} s" if b == a + 1 else f"{time[a]:.2f}–{time[b - 1]:.2f} s" for a, b in runs_of(flags)]
+    runs = [
+        f"{time[a]:.2f} s" if b == a + 1 else f"{time[a]:.2f}–{time[b - 1]:.2f} s"
+        for a, b in runs_of(flags)
+    ]
     return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
 
 
@@ -191,5 +221,7 @@ def _as_positions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
         raise InvalidInputError(
             f"positions must be within ±{MAX_POSITION:g} m, or nan where missing; found {farthest:g} m from the origin"
         )
-    positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
+    positions[np.isnan(positions).any(axis=-1)] = (
+        np.nan
+    )  # a point with one coordinate missing is missing
     return positions

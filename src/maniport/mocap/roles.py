@@ -13,7 +13,14 @@ import numpy as np
 import yaml
 
 from maniport.arms.chain import LEFT, RIGHT, SIDES
-from maniport.errors import InvalidInputError, RecordingError, argument, nearest_first, spoken, unknown_name
+from maniport.errors import (
+    InvalidInputError,
+    RecordingError,
+    argument,
+    nearest_first,
+    spoken,
+    unknown_name,
+)
 from maniport.mocap.recording import Recording
 from maniport.util.defaults import AUTO
 from maniport.util.validation import Array, as_choice
@@ -84,7 +91,11 @@ def whole_bodies(names: Sequence[str], side: str, most: int = 20) -> dict[str, S
     if len(bodies) == 1:
         return bodies
     needed = {*ARM, "trunk_up"}
-    return {body: own for body, own in list(bodies.items())[:most] if needed <= _roles_among(own, side)[1].keys()}
+    return {
+        body: own
+        for body, own in list(bodies.items())[:most]
+        if needed <= _roles_among(own, side)[1].keys()
+    }
 
 
 def alternatives(marker_set: str, role: str, side: str) -> list[Any]:
@@ -101,9 +112,17 @@ def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = Fals
     """Check the points of a role; return a tuple of names, or for a direction a pair of these."""
     if role in DIRECTIONS:
         if isinstance(choice, str) or not isinstance(choice, Sequence) or len(choice) != 2:
-            raise InvalidInputError(f"{where} must be a pair of points or of lists (from, to); found {choice!r}")
+            raise InvalidInputError(
+                f"{where} must be a pair of points or of lists (from, to); found {choice!r}"
+            )
         return tuple(as_choice_of_names("", group, where, mirrored) for group in choice)
-    names = (choice,) if isinstance(choice, str) else tuple(choice) if isinstance(choice, Sequence) else ()
+    names = (
+        (choice,)
+        if isinstance(choice, str)
+        else tuple(choice)
+        if isinstance(choice, Sequence)
+        else ()
+    )
     if not names or not all(isinstance(name, str) for name in names):
         raise InvalidInputError(f"{where} must be one name or a list of names; found {choice!r}")
     return tuple(map(other_side, names)) if mirrored else names
@@ -117,7 +136,10 @@ def _roles_among(names: Sequence[str], side: str) -> tuple[str, Roles]:
     by_key = {_key(name): name for name in reversed(names)}
 
     def recorded(choice: Any) -> Any:
-        own = tuple(by_key.get(_key(part), "") if isinstance(part, str) else recorded(part) for part in choice)
+        own = tuple(
+            by_key.get(_key(part), "") if isinstance(part, str) else recorded(part)
+            for part in choice
+        )
         return own if all(own) else ()
 
     sets: dict[str, dict[str, Any]] = {marker_set: {} for marker_set in reversed(MARKER_SETS)}
@@ -127,10 +149,23 @@ def _roles_among(names: Sequence[str], side: str) -> tuple[str, Roles]:
                 raise unknown_name("role", role, ROLES, f"in MARKER_SETS[{marker_set!r}]")
             if own := next(filter(None, map(recorded, alternatives(marker_set, role, side))), None):
                 sets[marker_set][role] = own
-    best = max(sets, key=lambda name: (sum(role in sets[name] for role in ARM), len(sets[name].keys() - TRUNK)))
-    roles = {role: names for roles in reversed(sets.values()) for role, names in roles.items() if role in TRUNK}
+    best = max(
+        sets,
+        key=lambda name: (sum(role in sets[name] for role in ARM), len(sets[name].keys() - TRUNK)),
+    )
+    roles = {
+        role: names
+        for roles in reversed(sets.values())
+        for role, names in roles.items()
+        if role in TRUNK
+    }
     roles |= sets[best]
-    collarbones = {"rightshoulder", "leftshoulder", "rshoulder", "lshoulder"}  # shoulders only above an elbow or wrist
+    collarbones = {
+        "rightshoulder",
+        "leftshoulder",
+        "rshoulder",
+        "lshoulder",
+    }  # shoulders only above an elbow or wrist
     if not roles.keys() & set(ARM[1:]) and collarbones & set(map(_key, roles.get("shoulder", ()))):
         del roles["shoulder"]
         roles.pop("trunk_left", None)
@@ -148,16 +183,22 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
     if missing := missing_roles(roles):
         usual = {role: usual_names(role, marker_set, side) for role in missing}
         names = nearest_first(" ".join(usual.values()).replace("'", ""), recording.observed)
-        listed = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
+        listed = ", ".join(map(repr, names[:20])) + (
+            f", and {len(names) - 20} more" if len(names) > 20 else ""
+        )
         has_other = set(missing) & set(ARM) and set(ARM) <= theirs.keys()
-        advice = f" The {other} arm is available: use {argument('side', other)}." if has_other else ""
+        advice = (
+            f" The {other} arm is available: use {argument('side', other)}." if has_other else ""
+        )
         raise RecordingError(
             f"missing{f' in {recording.source!r}' if recording.source else ''}: "
             f"{'; '.join(f'{role} (usually {names})' for role, names in usual.items())}.{advice} Points of the "
             f"recording, nearest first: {listed or 'none'}. "
             f"Assign points to roles with {argument('markers', example_markers(missing))}"
         )
-    names_of_arm, names_of_other = ({name for role in ARM for name in named.get(role, ())} for named in (own, theirs))
+    names_of_arm, names_of_other = (
+        {name for role in ARM for name in named.get(role, ())} for named in (own, theirs)
+    )
     for role in ARM:
         if wrong := [name for name in roles[role] if name in names_of_other - names_of_arm]:
             raise RecordingError(
@@ -180,36 +221,57 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
     return roles
 
 
-def assigned_roles(recording: Recording, markers: Markers = None, side: str = RIGHT) -> tuple[str, Roles]:
+def assigned_roles(
+    recording: Recording, markers: Markers = None, side: str = RIGHT
+) -> tuple[str, Roles]:
     """Return the marker set of a recording and the points of each role, even if roles are missing."""
     as_choice(side, "side", SIDES)
     if not isinstance(markers, Mapping | None):
-        raise InvalidInputError(f"{spoken('markers')} must map roles to names of points; found {markers!r}")
+        raise InvalidInputError(
+            f"{spoken('markers')} must map roles to names of points; found {markers!r}"
+        )
     chosen: dict[str, Any] = {}
     for role, choice in (markers or {}).items():
         if role not in ROLES:
             raise unknown_name("role", role, ROLES, "of a point")
-        chosen[role] = None if choice is None else as_choice_of_names(role, choice, f"markers[{role!r}]")
+        chosen[role] = (
+            None if choice is None else as_choice_of_names(role, choice, f"markers[{role!r}]")
+        )
     names = points_of({role: choice for role, choice in chosen.items() if choice})
     for name in names:
         recording.point(name)
         if name not in recording.observed:
-            raise RecordingError(f"markers: point {name!r} is missing in every frame of {recording.source!r}")
+            raise RecordingError(
+                f"markers: point {name!r} is missing in every frame of {recording.source!r}"
+            )
     bodies = {name.rpartition(":")[0] for name in names}
-    marker_set, roles = find_roles(recording.observed, side, bodies.pop() if len(bodies) == 1 else "")
+    marker_set, roles = find_roles(
+        recording.observed, side, bodies.pop() if len(bodies) == 1 else ""
+    )
     roles |= chosen
     if "trunk_left" in chosen and "trunk_front" not in chosen:
-        roles["trunk_front"] = None  # otherwise a name of the marker set would overrule the user's choice
+        roles["trunk_front"] = (
+            None  # otherwise a name of the marker set would overrule the user's choice
+        )
     return marker_set, {role: roles[role] for role in ROLES if roles.get(role)}
 
 
-def find_side(recording: Recording, markers: Markers = None, side: str = AUTO) -> tuple[str, str, Roles]:
+def find_side(
+    recording: Recording, markers: Markers = None, side: str = AUTO
+) -> tuple[str, str, Roles]:
     """Choose the arm; return it with the reason and its roles."""
     if side != AUTO:
         return side, "selected by the user", assign_roles(recording, markers, side)
     roles, errors = roles_by_side(recording, dict.fromkeys(SIDES, markers))
     if not roles:  # the error of the arm with more of its points
-        raise errors[max(SIDES, key=lambda name: sum(role in assigned_roles(recording, side=name)[1] for role in ARM))]
+        raise errors[
+            max(
+                SIDES,
+                key=lambda name: sum(
+                    role in assigned_roles(recording, side=name)[1] for role in ARM
+                ),
+            )
+        ]
     if errors:
         ((only, own),) = roles.items()
         return only, "the only one that is fully recorded", own
@@ -224,7 +286,9 @@ def find_side(recording: Recording, markers: Markers = None, side: str = AUTO) -
         paths[name] = float(np.nanmean(steps) * len(steps)) if np.isfinite(steps).any() else 0.0
     similar = 1.1  # ratio of paths up to which the right arm is taken
     moving, other = (LEFT, RIGHT) if paths[LEFT] > similar * paths[RIGHT] else (RIGHT, LEFT)
-    cause = "larger motion" if paths[moving] > similar * paths[other] else "both arms move similarly"
+    cause = (
+        "larger motion" if paths[moving] > similar * paths[other] else "both arms move similarly"
+    )
     reason = (
         f"{cause}: wrist path relative to the trunk {paths[moving]:.2f} m, {other} wrist {paths[other]:.2f} m; "
         f"{argument('side', other)} selects the {other} arm"
@@ -232,7 +296,9 @@ def find_side(recording: Recording, markers: Markers = None, side: str = AUTO) -
     return moving, reason, roles[moving]
 
 
-def roles_by_side(recording: Recording, markers: Mapping[str, Any]) -> tuple[Roles, dict[str, RecordingError]]:
+def roles_by_side(
+    recording: Recording, markers: Mapping[str, Any]
+) -> tuple[Roles, dict[str, RecordingError]]:
     """Return the roles of each arm with its markers, and the errors of the arms that are not recorded."""
     roles, errors = {}, {}
     for side in SIDES:
@@ -260,7 +326,9 @@ def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
     across = direction(recording, roles[second])
     across = unit(across - np.sum(across * z, axis=-1, keepdims=True) * z, SHORTEST)
     front = second == "trunk_front"
-    rotation = np.stack([across, np.cross(z, across), z] if front else [np.cross(across, z), across, z], axis=-1)
+    rotation = np.stack(
+        [across, np.cross(z, across), z] if front else [np.cross(across, z), across, z], axis=-1
+    )
     if np.isnan(rotation).any(axis=(1, 2)).all():
         raise RecordingError(
             f"no trunk frame in {recording.source!r}: in no frame are the points of trunk_up {roles['trunk_up']} and "
@@ -282,20 +350,28 @@ def unit(vectors: Array, shortest: float = 0.0) -> Array:
 
 def points_of(roles: Mapping[str, Any]) -> list[str]:
     """Return all points that are assigned to a role, without repetition."""
-    groups = [group for role, choice in roles.items() for group in (choice if role in DIRECTIONS else (choice,))]
+    groups = [
+        group
+        for role, choice in roles.items()
+        for group in (choice if role in DIRECTIONS else (choice,))
+    ]
     return list(dict.fromkeys(name for group in groups for name in group))
 
 
 def missing_roles(roles: Mapping[str, Any]) -> list[str]:
     """Return the roles without points that an arm fit needs."""
     missing = [role for role in (*ARM, "trunk_up") if not roles.get(role)]
-    return missing if roles.get("trunk_front") or roles.get("trunk_left") else [*missing, "trunk_left"]
+    return (
+        missing if roles.get("trunk_front") or roles.get("trunk_left") else [*missing, "trunk_left"]
+    )
 
 
 def example_markers(missing: Iterable[str]) -> dict[str, Any]:
     """Return a template of `markers` for some roles: a list of names, or two from one end to the other."""
     return {
-        role: [[end.upper()] for end in DIRECTIONS[role].split(" to ")] if role in DIRECTIONS else ["NAME"]
+        role: [[end.upper()] for end in DIRECTIONS[role].split(" to ")]
+        if role in DIRECTIONS
+        else ["NAME"]
         for role in missing
     }
 

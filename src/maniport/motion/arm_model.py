@@ -66,11 +66,17 @@ def _add_arm(model: pin.Model, arm: Arm, prefix: str, shared: Sequence[Place]) -
         if joint.kind == PRISMATIC:
             kind, shift = pin.JointModelPrismaticUnaligned, pin.SE3(np.eye(3), offset * joint.axis)
         else:
-            kind, shift = pin.JointModelRevoluteUnaligned, pin.SE3(pin.exp3(offset * joint.axis), np.zeros(3))
+            kind, shift = (
+                pin.JointModelRevoluteUnaligned,
+                pin.SE3(pin.exp3(offset * joint.axis), np.zeros(3)),
+            )
         place = place * pin.SE3(joint.placement) * shift
         if factor != 0.0:
             name = prefix + joint.name
-            parent, place = model.addJoint(parent, kind(factor * joint.axis), place, name), pin.SE3.Identity()
+            parent, place = (
+                model.addJoint(parent, kind(factor * joint.axis), place, name),
+                pin.SE3.Identity(),
+            )
             model.armature[-1] = joint.armature
         parents.append((parent, place))
     for name, frame in chain.frames.items():
@@ -89,7 +95,11 @@ def _add_masses(model: pin.Model, group: ArmGroup, arm: int, places: Sequence[Pl
     inertia, shared = chain.inertia.copy(), int(group.common[arm, :arm].max(initial=0))
     for other in range(arm + 1, len(group)):  # has masses of its own beyond the common links
         fork, theirs = int(group.common[arm, other]), group.arms[other].chain
-        if fork and theirs.inertia is not None and (group.common[other, arm + 1 : other] <= fork).all():
+        if (
+            fork
+            and theirs.inertia is not None
+            and (group.common[other, arm + 1 : other] <= fork).all()
+        ):
             inertia[fork] -= carried_inertia(theirs, fork)
     for k in range(shared + 1 if shared else 1, len(inertia)):  # the base does not move
         joint, place = places[k]
@@ -110,7 +120,9 @@ def _own_coordinates(arm: Arm) -> Array:
     coupling = arm.chain.coupling
     moving = coupling[np.any(coupling != 0, axis=1)]
     if moving.shape != (arm.dof, arm.dof) or not np.array_equal(np.abs(moving), np.eye(arm.dof)):
-        follow_one = (np.count_nonzero(coupling, axis=0) == 1) & np.all(np.isin(np.abs(coupling), (0, 1)), axis=0)
+        follow_one = (np.count_nonzero(coupling, axis=0) == 1) & np.all(
+            np.isin(np.abs(coupling), (0, 1)), axis=0
+        )
         shared = [name for name, own in zip(arm.joint_names, follow_one, strict=True) if not own]
         raise InvalidInputError(
             f"{arm.name!r} cannot be tracked: its joints are coupled ({', '.join(shared or arm.joint_names)}), while "
@@ -144,7 +156,11 @@ class InverseDynamics:
     def along(self, q: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
         """Return a, b and g of the torques a s̈ + b ṡ² + g on a path q(s) with derivatives `first` and `second`."""
         still, gravity = np.zeros(q.shape), self.gravity(q)
-        return self.torques(q, still, first) - gravity, self.torques(q, first, second) - gravity, gravity
+        return (
+            self.torques(q, still, first) - gravity,
+            self.torques(q, first, second) - gravity,
+            gravity,
+        )
 
 
 def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
@@ -158,7 +174,9 @@ def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
     _own_coordinates(arm)
 
 
-def require_compatible(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec]) -> None:
+def require_compatible(
+    what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec]
+) -> None:
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
     there, here = (
         {
@@ -168,10 +186,14 @@ def require_compatible(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidS
         for arm, spec in zip(arms, specs, strict=True)
     )  # fmt: skip
     different = [
-        f"{name}: {value!r} there, {here[name]!r} here" for name, value in there.items() if value != here[name]
+        f"{name}: {value!r} there, {here[name]!r} here"
+        for name, value in there.items()
+        if value != here[name]
     ]
     if different:
-        raise InvalidInputError(f"{what} {arms[0].name!r}; it does not fit {arms[1].name!r}: {'; '.join(different)}")
+        raise InvalidInputError(
+            f"{what} {arms[0].name!r}; it does not fit {arms[1].name!r}: {'; '.join(different)}"
+        )
 
 
 @dataclass(frozen=True)
@@ -187,7 +209,11 @@ class Axis:
         direction = jacobian[:, 3:, 0]
         moment = jacobian[:, :3, 0] - np.cross(direction, end_positions)
         turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9
-        if not turns or np.ptp(direction, axis=0).max() > 1e-9 or np.ptp(moment, axis=0).max() > 1e-9:
+        if (
+            not turns
+            or np.ptp(direction, axis=0).max() > 1e-9
+            or np.ptp(moment, axis=0).max() > 1e-9
+        ):
             return None
         across = np.linalg.svd(direction[:1])[2][1:]
         across[1] = np.cross(direction[0], across[0])
@@ -202,4 +228,6 @@ class Axis:
     def rotations(self, angles: Array) -> Array:
         """Rotations about the line, shape (..., 3, 3)."""
         vectors = angles[..., None] * self.frame[2]
-        return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3))
+        return np.asarray(
+            Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3)
+        )

@@ -34,7 +34,9 @@ def as_own_limits(limits: Sequence[Limit], group: ArmGroup) -> tuple[Limit, ...]
         raise InvalidInputError(f"limits must be a sequence; found {limits!r}")
     for i, limit in enumerate(limits):
         if not isinstance(limit, Limit):
-            raise InvalidInputError(f"limits[{i}] must have the method inequalities; found {limit!r}")
+            raise InvalidInputError(
+                f"limits[{i}] must have the method inequalities; found {limit!r}"
+            )
         try:
             matrix, bound = map(np.asarray, limit.inequalities(group.sample(1, 0)[0], 0.01))
         except Exception as error:  # user code may raise anything
@@ -60,7 +62,10 @@ class CollisionLimit:
     A pair within the margin comes no nearer.
     """
 
-    margin, reach = 0.02, 0.1  # smallest distance of pairs, and largest distance of pairs that count [m]
+    margin, reach = (
+        0.02,
+        0.1,
+    )  # smallest distance of pairs, and largest distance of pairs that count [m]
     time_constant = 0.1  # with which the clearance is used up [s]
     linear_range = 0.09  # of joint motion, in which distances are nearly linear [rad or m]
 

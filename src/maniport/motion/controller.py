@@ -48,7 +48,9 @@ class ControlState:
     # False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were violated
     # as little as possible, or the arm braked if this would have led to a collision.
     solved: bool = True
-    multipliers: Array = field(default_factory=lambda: np.empty(0))  # of its program, at which the next one begins
+    multipliers: Array = field(
+        default_factory=lambda: np.empty(0)
+    )  # of its program, at which the next one begins
 
     @classmethod
     def at_rest(cls, q: Array) -> "ControlState":
@@ -66,7 +68,9 @@ class ControlProblem:
     time: float = 0.0  # of further costs [s]
     # (3,), target positions of each arm in the last step [m]; None for no damping by the position error
     previous_positions: tuple[Array | None, ...] | None = None
-    horizon: tuple[float, ...] = ()  # durations of intervals after the step for which velocities are planned, too [s]
+    horizon: tuple[
+        float, ...
+    ] = ()  # durations of intervals after the step for which velocities are planned, too [s]
     # `Objective.differentials` of each arm at the present configuration; None: to be computed
     differentials: tuple[tuple[Array, Array, Array, Array], ...] | None = None
     # (1 + len(horizon), 3) of each arm: target positions at the ends of all intervals [m]; None: those of `targets`
@@ -100,15 +104,21 @@ class Controller:
         if self._collisions is not None:
             self._limits = (*self._limits, CollisionLimit(self._collisions))
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
-        self._reaches = [float(np.linalg.norm(positions, axis=1).max()) for positions in samples]  # from the base [m]
+        self._reaches = [
+            float(np.linalg.norm(positions, axis=1).max()) for positions in samples
+        ]  # from the base [m]
 
-    def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
+    def step(
+        self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0
+    ) -> ControlState:
         """Move for dt [s], or brake if the quadratic program has no solution or the solution collides.
 
         `speed_share` is the share of the velocity limits that may be used. A joint that is faster slows down as its
         acceleration allows.
         """
-        bounds = _velocity_bounds(state.q, state.velocity, self._bounds, state.dt or dt, dt, speed_share)
+        bounds = _velocity_bounds(
+            state.q, state.velocity, self._bounds, state.dt or dt, dt, speed_share
+        )
         velocity, solved, multipliers = self._solve(problem, state, bounds, dt, speed_share)
         if velocity is not None:
             velocity, configurations = _moved(state.q, velocity, bounds, self._bounds, dt)
@@ -123,17 +133,28 @@ class Controller:
         return ControlState(configurations[0], velocity, dt, solved=False)
 
     def _solve(
-        self, problem: ControlProblem, state: ControlState, bounds: Array, dt: float, speed_share: float
+        self,
+        problem: ControlProblem,
+        state: ControlState,
+        bounds: Array,
+        dt: float,
+        speed_share: float,
     ) -> tuple[Array | None, bool, Array]:
         """Return the best velocities (dof,), or None, whether they satisfy all inequalities, and multipliers."""
         q, none = state.q, np.empty(0)
         hessian, gradients = self._objective(problem, q)
-        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradients, gradients)):  # an ellipsoid is singular
+        if not math.isfinite(
+            np.vdot(hessian, hessian) + np.vdot(gradients, gradients)
+        ):  # an ellipsoid is singular
             return None, False, none
         rows, allowed = np.empty((0, len(q))), np.empty(0)
         for limit in self._limits:
             more, sides = limit.inequalities(q, dt)
-            rows, allowed = (more, sides) if not len(rows) else (np.vstack([rows, more]), np.append(allowed, sides))
+            rows, allowed = (
+                (more, sides)
+                if not len(rows)
+                else (np.vstack([rows, more]), np.append(allowed, sides))
+            )
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
             limits = bounds, self._bounds, speed_share, rows, allowed, relaxed
@@ -158,11 +179,15 @@ class Controller:
             position_weight = targets.objective.position_weight**2
             positions = None if problem.positions is None else problem.positions[i]
             if positions is not None and targets.positions is not None:
-                changes[:, columns] = position_weight * (targets.positions - positions) @ parts.jacobian[0, :3]
+                changes[:, columns] = (
+                    position_weight * (targets.positions - positions) @ parts.jacobian[0, :3]
+                )
             previous = None if problem.previous_positions is None else problem.previous_positions[i]
             if previous is not None:
                 distance = math.dist(parts.poses[0, :3, 3], previous)
-                lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
+                lag = (
+                    distance * distance / (distance + 1e-3)
+                )  # about 1 mm is no sign of a path out of reach
                 amount += position_weight * self._reaches[i] * lag
             damping[columns] += amount
         for cost in self._costs:
@@ -183,7 +208,9 @@ def _velocity_bounds(q, velocity, limits, last_dt, dt, speed_share):  # type: ig
         change = 0.5 * a * (last_dt + dt)
         fastest = max(speed_share * limits[2, i], abs(v) - change)
         upper = min(fastest, v + change, _braking_speed(limits[1, i] - q[i], a, dt))
-        bounds[0, i] = min(-min(fastest, change - v, _braking_speed(q[i] - limits[0, i], a, dt)), upper)
+        bounds[0, i] = min(
+            -min(fastest, change - v, _braking_speed(q[i] - limits[0, i], a, dt)), upper
+        )
         bounds[1, i] = upper
     return bounds
 
@@ -203,12 +230,16 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
         achieved[i] = min(max(velocity[i], bounds[0, i]), bounds[1, i])
         configurations[0, i] = min(max(q[i] + dt * achieved[i], limits[0, i]), limits[1, i])
         slower = max(abs(achieved[i]) - 0.5 * limits[3, i] * dt, 0.0)
-        configurations[1, i] = configurations[0, i] + np.sign(achieved[i]) * slower**2 / (2.0 * limits[3, i])
+        configurations[1, i] = configurations[0, i] + np.sign(achieved[i]) * slower**2 / (
+            2.0 * limits[3, i]
+        )
     return achieved, configurations
 
 
 @kernel
-def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed, multipliers):  # type: ignore[no-untyped-def]
+def _program(
+    hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed, multipliers
+):  # type: ignore[no-untyped-def]
     """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
 
     The cost is the mean over the durations (m,) of costs at the ends of the intervals, with one Hessian (dof, dof), and
@@ -242,7 +273,9 @@ def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, a
     above[size : size + count] = allowed
     sense = np.zeros(len(above), np.int32)
     for i in range(len(sense) if len(sense) == len(multipliers) else 0):
-        sense[i] = 1 if multipliers[i] > 0.0 else 3 if multipliers[i] < 0.0 else 0  # active above or below
+        sense[i] = (
+            1 if multipliers[i] > 0.0 else 3 if multipliers[i] < 0.0 else 0
+        )  # active above or below
     if relaxed:
         sense[size : size + count] = 8  # soft
     return quadratic, linear, matrix, above, below, sense

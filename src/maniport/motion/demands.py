@@ -39,8 +39,13 @@ def demands_of(
     The path is smoothed (Gaussian, standard deviation in seconds). Larger values than the percentile are jumps of the
     recording, and are shortened to it.
     """
-    windows: Sequence[NDArray[Any]] = np.split(np.arange(len(time)), (rows[1:] + rows[:-1] + 1) // 2)
-    values, demands = gaussian_filter1d(path, smoothing / np.median(np.diff(time)), axis=0, mode="nearest"), []
+    windows: Sequence[NDArray[Any]] = np.split(
+        np.arange(len(time)), (rows[1:] + rows[:-1] + 1) // 2
+    )
+    values, demands = (
+        gaussian_filter1d(path, smoothing / np.median(np.diff(time)), axis=0, mode="nearest"),
+        [],
+    )
     for limit in (limits.velocity, limits.acceleration):
         values = np.gradient(values, time, axis=0)
         lengths = np.linalg.norm(values, axis=1)

@@ -22,7 +22,9 @@ SCENE = "rerun"
 DECIMALS = 9, 7, 5, 4  # of positions, velocities, accelerations and torques in messages
 
 
-def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int, list[list[float]]]]:
+def _samples(
+    motion: Trajectory, rate: float = 100.0
+) -> Iterator[tuple[int, int, list[list[float]]]]:
     """Iterate over about `rate` control steps a second from 0 s: seconds, nanoseconds, positions and derivatives."""
     time = motion.control_time - motion.control_time[0]
     stride = max(1, round((len(time) - 1) / (time[-1] * rate)))
@@ -35,11 +37,15 @@ def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int
 
 
 def _write_ros2(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    names = yaml.safe_dump(list(motion.joint_names), default_flow_style=True, width=float("inf")).strip()
+    names = yaml.safe_dump(
+        list(motion.joint_names), default_flow_style=True, width=float("inf")
+    ).strip()
     # without effort: controllers of positions reject points that have it (ros2_controllers #699)
     keys = ("- positions", "  velocities", "  accelerations")
     with open(path, "w", encoding="utf-8", newline="\n") as stream:
-        stream.write("# trajectory_msgs/msg/JointTrajectory [rad or m, per second, per second squared]\n")
+        stream.write(
+            "# trajectory_msgs/msg/JointTrajectory [rad or m, per second, per second squared]\n"
+        )
         stream.write("header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''\n")
         stream.write(f"joint_names: {names}\npoints:\n")
         for sec, nanosec, states in _samples(motion):
@@ -63,7 +69,9 @@ def _write_mcap(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) ->
         channel = writer.register_channel("/joint_states", "json", schema)
         for number, (sec, nsec, states) in enumerate(_samples(motion)):
             content = {"timestamp": {"sec": sec, "nsec": nsec}, "name": list(motion.joint_names)}
-            message = json.dumps(content | dict(zip(motion.control_states, states, strict=True))).encode()
+            message = json.dumps(
+                content | dict(zip(motion.control_states, states, strict=True))
+            ).encode()
             nanoseconds = 10**9 * sec + nsec
             writer.add_message(channel, nanoseconds, message, nanoseconds, number)
         writer.finish()
@@ -85,7 +93,9 @@ def _write_mujoco(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) 
 
 def _write_parquet(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     arrow, parquet = pyarrow(), parquet_writer()
-    columns: dict[str, tuple[Array, str]] = {"time": (motion.control_time - motion.control_time[0], "s")}
+    columns: dict[str, tuple[Array, str]] = {
+        "time": (motion.control_time - motion.control_time[0], "s")
+    }
     for quantity, (values, units) in motion.control_states.items():
         for name, unit, column in zip(motion.joint_names, units, values.T, strict=True):
             columns[f"{name}_{quantity}"] = column, unit
@@ -94,8 +104,14 @@ def _write_parquet(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None)
         end_positions = group.forward(motion.control_positions)[:, :, :3, 3]
         for arm, name in enumerate(group.names):
             prefix = f"{name}_" if len(group) > 1 else ""
-            columns |= {f"{prefix}end_effector_{axis}": (end_positions[:, arm, i], "m") for i, axis in enumerate("xyz")}
-    fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
+            columns |= {
+                f"{prefix}end_effector_{axis}": (end_positions[:, arm, i], "m")
+                for i, axis in enumerate("xyz")
+            }
+    fields = [
+        arrow.field(name, arrow.float64(), metadata={"unit": unit})
+        for name, (_, unit) in columns.items()
+    ]
     table = arrow.table([values for values, _ in columns.values()], schema=arrow.schema(fields))
     parquet.write_table(table, path, compression="zstd")
 
@@ -104,8 +120,12 @@ class Format(NamedTuple):
     """A file format of motions."""
 
     file: str  # name among a run's results
-    write: Callable[[Path, Trajectory, Arm | ArmGroup | None], None] | None  # None where it has a complete result
-    package: Callable[[], Any] = lambda: None  # imports the package that it requires, or raises `MissingPackageError`
+    write: (
+        Callable[[Path, Trajectory, Arm | ArmGroup | None], None] | None
+    )  # None where it has a complete result
+    package: Callable[[], Any] = lambda: (
+        None
+    )  # imports the package that it requires, or raises `MissingPackageError`
 
 
 FORMATS = {
@@ -119,7 +139,10 @@ FORMATS = {
 
 
 def export_motion(
-    path: str | os.PathLike[str], motion: Trajectory | RobotMotion, format: str, robot: Arm | ArmGroup | None = None
+    path: str | os.PathLike[str],
+    motion: Trajectory | RobotMotion,
+    format: str,
+    robot: Arm | ArmGroup | None = None,
 ) -> None:
     """Write the control steps of a motion, the first and the last included, with time from 0.
 
@@ -155,10 +178,14 @@ def export_motion(
         )
     suffix = Path(file).suffix
     if as_path(path).suffix != suffix:
-        raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
+        raise InvalidInputError(
+            f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}"
+        )
     motion = motion.trajectory if isinstance(motion, RobotMotion) else motion
     if not isinstance(motion, Trajectory):
-        raise InvalidInputError(f"motion must be a motion, such as result.motion; found {type(motion).__name__}")
+        raise InvalidInputError(
+            f"motion must be a motion, such as result.motion; found {type(motion).__name__}"
+        )
     if robot is not None and getattr(robot, "joint_names", None) != motion.joint_names:
         raise InvalidInputError(
             f"robot must be the one that moves, with the joints {list(motion.joint_names)}; found {robot!r}"

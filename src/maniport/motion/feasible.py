@@ -25,7 +25,9 @@ class FeasibleEllipsoids(NamedTuple):
     joint_positions: Array  # (n, dof), within the limits [rad or m]
     ellipsoids: Array  # (n, d, d), there, without damping
     distance: Array  # (n,), affine-invariant, to the targets, with the damping
-    position_error: Array | None = None  # (n,), of the end effector, where there are target positions [m]
+    position_error: Array | None = (
+        None  # (n,), of the end effector, where there are target positions [m]
+    )
 
 
 def nearest_feasible(
@@ -69,7 +71,11 @@ def nearest_feasible(
         When an ellipsoid is asymmetric or, with the damping, not positive-definite; when without damping the arm
         itself is singular at all starts.
     """
-    count, objective, end_positions = as_count(n_starts, "n_starts"), Objective.of(arm, spec, damping), None
+    count, objective, end_positions = (
+        as_count(n_starts, "n_starts"),
+        Objective.of(arm, spec, damping),
+        None,
+    )
     undamped = objective.checked(ellipsoids, "ellipsoids")
     if positions is not None:
         end_positions = as_metres(positions, "positions")
@@ -147,7 +153,9 @@ class FeasibleProjector:
         search.objective, search.joint_positions = replace(self.objective, damping=epsilon), None
         return search
 
-    def nearest(self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
+    def nearest(
+        self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None
+    ) -> tuple[Array, Array]:
         """Find the nearest feasible ellipsoids M (n, d, d) to points A (n, d, d), all with the damping.
 
         Also return the derivatives of log(A^-½ M A^-½) along each joint (n, dof, d, d), zero where one is at a limit.
@@ -158,15 +166,27 @@ class FeasibleProjector:
         damped, max_starts = as_points(points, "points", objective.spec.size, minimum=1), 12_288
         targets = objective.targets(objective.undamped(damped))
         if before is None:  # with six starts for each a length field is worse
-            starts, steps = self.bank.starts_for(targets, min(max(max_starts // len(damped), 24), 48)), 20
+            starts, steps = (
+                self.bank.starts_for(targets, min(max(max_starts // len(damped), 24), 48)),
+                20,
+            )
         else:
-            require_shape(damped, "points", (len(before), *damped.shape[1:]), ", as in the first call")
+            require_shape(
+                damped, "points", (len(before), *damped.shape[1:]), ", as in the first call"
+            )
             similar = [] if neighbors is None else [before[neighbors]]
-            starts = np.concatenate([before[:, None], *similar, self.bank.starts_for(targets, 1)], axis=1)
+            starts = np.concatenate(
+                [before[:, None], *similar, self.bank.starts_for(targets, 1)], axis=1
+            )
             steps = 8
-        arm, q = objective.arm, search_from_starts(targets, starts, max_iter=steps, block=512, halving=2)
+        arm, q = (
+            objective.arm,
+            search_from_starts(targets, starts, max_iter=steps, block=512, halving=2),
+        )
         if not np.all(np.isfinite(targets.distance(q))):
-            raise InvalidInputError(f"the arm {arm.name!r} is singular at all starts for some points")
+            raise InvalidInputError(
+                f"the arm {arm.name!r} is singular at all starts for some points"
+            )
         self.joint_positions = q
         changes = targets.ellipsoid.log_changes(q)
         changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0

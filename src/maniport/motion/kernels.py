@@ -35,7 +35,9 @@ def add_log_residual(values, vectors, whitening, changes, square, gradient, hess
                 for m in range(d):
                     frame[i, j] += vectors[n, m, i] * whitening[n, m, j]
             for j in range(i + 1):
-                slopes[i, j] = _divided_difference(values[n, i], values[n, j]) * (1.0 if i == j else np.sqrt(2.0))
+                slopes[i, j] = _divided_difference(values[n, i], values[n, j]) * (
+                    1.0 if i == j else np.sqrt(2.0)
+                )
         for k in range(dof):
             for i in range(d):
                 for j in range(d):

@@ -21,7 +21,11 @@ TORQUES = ("torque", "torque rate")
 LIMITS = (*DERIVATIVES, "effort", "effort_rate")  # keys of limits of a joint
 ASSUMED = "assumed: "  # beginning of such sources
 PANDA = {
-    f"panda_joint{i}": {"acceleration": acceleration, "jerk": 500.0 * acceleration, "effort_rate": 1000.0}
+    f"panda_joint{i}": {
+        "acceleration": acceleration,
+        "jerk": 500.0 * acceleration,
+        "effort_rate": 1000.0,
+    }
     for i, acceleration in enumerate((15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0), 1)
 }
 """[rad/s², rad/s³, N m/s], by joint: Franka Control Interface, "Limits for Franka Emika Robot (FER)"."""
@@ -92,17 +96,27 @@ class MotionLimits:
             joints, default = _checked(content, arm, where)
         except (InvalidInputError, FileFormatError) as error:
             raise (FileFormatError if is_file else InvalidInputError)(str(error)) from None
-        own_names, unlimited = list(arm.joint_names), set[str]()  # in the descriptions of the robots
+        own_names, unlimited = (
+            list(arm.joint_names),
+            set[str](),
+        )  # in the descriptions of the robots
         for member, columns in zip(as_group(arm).arms, as_group(arm).columns, strict=True):
             unlimited |= set(member.chain.unlimited)
             for column, name in zip(columns, member.joint_names, strict=True):
                 own_names[column] = name
         inside = share * (arm.upper - arm.lower)
         ends = np.stack([arm.lower + inside, arm.upper - inside])
-        pairs = [(name, joints.get(name, {}), own) for name, own in zip(arm.joint_names, own_names, strict=True)]
+        pairs = [
+            (name, joints.get(name, {}), own)
+            for name, own in zip(arm.joint_names, own_names, strict=True)
+        ]
         for i, (_, numbers, _) in enumerate(pairs):
             ends[:, i] = numbers.get("lower", ends[0, i]), numbers.get("upper", ends[1, i])
-        free = (name for name, numbers, own in pairs if own in unlimited and not {"lower", "upper"} <= numbers.keys())
+        free = (
+            name
+            for name, numbers, own in pairs
+            if own in unlimited and not {"lower", "upper"} <= numbers.keys()
+        )
         limits, sources, assumed = dict[str, Array](), dict[str, str](), {"position": tuple(free)}
         described = {"velocity": arm.velocity_limits, "effort": arm.effort_limits}
         for quantity in LIMITS:
@@ -112,12 +126,17 @@ class MotionLimits:
                     (numbers.get(quantity), where),
                     (default.get(quantity), f"{where} (default)"),
                     (PANDA.get(own, {}).get(quantity), "Franka's limits of the Panda (FER)"),
-                    (None if nominal is None or np.isinf(nominal[i]) else nominal[i], "the robot's description"),
+                    (
+                        None if nominal is None or np.isinf(nominal[i]) else nominal[i],
+                        "the robot's description",
+                    ),
                 ]
                 if quantity in DERIVATIVES:
                     lower = {key: magnitudes[i] for key, magnitudes in limits.items()}
                     candidates.append(_assumed(quantity, arm.joint_units[i], lower))
-                values[i], chosen[i] = next((pair for pair in candidates if pair[0] is not None), (np.inf, ""))
+                values[i], chosen[i] = next(
+                    (pair for pair in candidates if pair[0] is not None), (np.inf, "")
+                )
             limits[quantity] = values
             if quantity in DERIVATIVES:
                 named = zip(arm.joint_names, chosen, strict=True)
@@ -130,7 +149,10 @@ class MotionLimits:
         """Return the limits of one arm of a group; `columns` are its joints in the group."""
         names = [self.arm.joint_names[column] for column in columns]
         own = dict(zip(names, arm.joint_names, strict=True))
-        assumed = {quantity: tuple(own[n] for n in joints if n in own) for quantity, joints in self.assumed.items()}
+        assumed = {
+            quantity: tuple(own[n] for n in joints if n in own)
+            for quantity, joints in self.assumed.items()
+        }
         theirs = {name: getattr(self, name)[columns] for name in LIMITS}
         return MotionLimits(arm, sources=self.sources, assumed=assumed, **theirs)
 
@@ -167,7 +189,9 @@ class MotionLimits:
         """Torques (m, dof) [N m or N] of positions (m, dof) at a constant rate [Hz], at rest before and after."""
         assert self.dynamics is not None
         ends = np.concatenate([positions[:1], positions, positions[-1:]])
-        return self.dynamics.torques(positions, 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0))
+        return self.dynamics.torques(
+            positions, 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0)
+        )
 
     def use(self, time: ArrayLike, q: ArrayLike) -> dict[str, tuple[str, float, float]]:
         """Largest share of each limit that a motion uses, with times (m,) at a constant rate [s] and q (m, dof).
@@ -192,8 +216,15 @@ class MotionLimits:
             shares[quantity] = np.abs(derivative) / getattr(self, quantity)
         if self.dynamics is not None:
             torques = self.torques(values, 1.0 / step)
-            series = np.abs(torques) / self.effort, np.abs(np.diff(torques, axis=0)) / step / self.effort_rate
-            shares |= {name: own for name, own in zip(TORQUES, series, strict=True) if own.max(initial=0.0) > 0.0}
+            series = (
+                np.abs(torques) / self.effort,
+                np.abs(np.diff(torques, axis=0)) / step / self.effort_rate,
+            )
+            shares |= {
+                name: own
+                for name, own in zip(TORQUES, series, strict=True)
+                if own.max(initial=0.0) > 0.0
+            }
         result = {}
         for quantity, share in shares.items():
             if len(share):
@@ -204,7 +235,9 @@ class MotionLimits:
         return result
 
 
-def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+def _checked(
+    content: Any, arm: Arm | ArmGroup, where: str
+) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """Numbers for joints by name, and for those that are not named."""
 
     def numbers(content: Any, keys: tuple[str, ...], name: str) -> dict[str, float]:
@@ -216,17 +249,23 @@ def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, d
     content = dict(content) if isinstance(content, Mapping) else content
     content = require_mapping(content, ("joints", "default"), where)
     default = numbers(content.get("default", {}), LIMITS, f"{where}: default")
-    entries = require_mapping(content.get("joints", {}), arm.joint_names, f"{where}: joints of {arm.name!r}")
+    entries = require_mapping(
+        content.get("joints", {}), arm.joint_names, f"{where}: joints of {arm.name!r}"
+    )
     joints = {}
     for name, entry in entries.items():
         own, i = f"{where}: joints: {name}", arm.joint_names.index(name)
         joints[name] = numbers(entry, (*LIMITS, "lower", "upper"), own)
         bounds = {"lower": float(arm.lower[i]), "upper": float(arm.upper[i])}
         for key in bounds.keys() & joints[name].keys():
-            as_number(joints[name][key], f"{own}: {key}", minimum=bounds["lower"], maximum=bounds["upper"])
+            as_number(
+                joints[name][key], f"{own}: {key}", minimum=bounds["lower"], maximum=bounds["upper"]
+            )
         lower, upper = (joints[name].get(key, bound) for key, bound in bounds.items())
         if lower >= upper:
-            raise InvalidInputError(f"{own}: lower must be below upper; found {lower:g} and {upper:g}")
+            raise InvalidInputError(
+                f"{own}: lower must be below upper; found {lower:g} and {upper:g}"
+            )
     return joints, default
 
 

@@ -23,7 +23,9 @@ from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array, as_points, as_square
 
-Damping = float | Regularization | None  # How ellipsoids are damped before they are compared; see `as_damping`
+Damping = (
+    float | Regularization | None
+)  # How ellipsoids are damped before they are compared; see `as_damping`
 
 SEARCH_WEIGHT = 50.0
 """Weight of the position error in searches of configurations [1/m]: soft, since a stiff weight makes local minima where
@@ -37,13 +39,17 @@ EXACT_WEIGHT = 1000.0
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids"
 
 
-def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:
+def as_damping(
+    damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False
+) -> Regularization:
     """Convert to a damping whose ε [unit of M] is known."""
     own = damping if isinstance(damping, Regularization) else Regularization(damping)
     if own.damping is not None and own.epsilon == 0.0:
         return own.fitted(ellipsoids(), "ellipsoids")
     if positive and own.epsilon == 0.0:
-        raise InvalidInputError(f"damping must be above 0, since arms pass singular configurations; found {damping!r}")
+        raise InvalidInputError(
+            f"damping must be above 0, since arms pass singular configurations; found {damping!r}"
+        )
     return own
 
 
@@ -55,7 +61,11 @@ class Objective:
     spec: EllipsoidSpec
     damping: Regularization  # its ε is added to all eigenvalues before ellipsoids are compared
     position_weight: float = SEARCH_WEIGHT  # of the position error [1/m]
-    axis_weights: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of angles between axes and their targets [1/rad]
+    axis_weights: tuple[float, float, float] = (
+        0.0,
+        0.0,
+        0.0,
+    )  # of angles between axes and their targets [1/rad]
 
     @classmethod
     def of(
@@ -69,8 +79,12 @@ class Objective:
     ) -> "Objective":
         """Check arguments; `damping` as in `as_damping`, relative to the arm's ellipsoids at 4096 samples."""
         if not callable(getattr(arm, "ellipsoids", None)):
-            raise InvalidInputError(f"arm must be an arm, such as maniport.load_arm('panda'); found {arm!r}")
-        regularization = as_damping(damping, lambda: arm.ellipsoids(arm.sample(4096, 0), spec), positive)
+            raise InvalidInputError(
+                f"arm must be an arm, such as maniport.load_arm('panda'); found {arm!r}"
+            )
+        regularization = as_damping(
+            damping, lambda: arm.ellipsoids(arm.sample(4096, 0), spec), positive
+        )
         return cls(arm, spec, regularization, position_weight)
 
     @cached_property
@@ -107,7 +121,11 @@ class Objective:
 
         `weights` (n, m, m) are those of the directions of the ellipsoids' residuals.
         """
-        half = None if weights is None else apply(weights, lambda values: np.sqrt(np.maximum(values, 0.0)))
+        half = (
+            None
+            if weights is None
+            else apply(weights, lambda values: np.sqrt(np.maximum(values, 0.0)))
+        )
         damped = self.damped(ellipsoids)
         whitening = apply(damped, lambda values: 1.0 / np.sqrt(values))
         cost = EllipsoidCost(self.arm, self.spec, self.shift, damped, whitening, half)
@@ -136,7 +154,9 @@ class Targets:
     objective: Objective
     ellipsoid: EllipsoidCost
     positions: Array | None = None  # (n, 3): target positions of the end effector [m]
-    rotations: Array | None = None  # (n, 3, 3): target rotations of the end effector in the base frame
+    rotations: Array | None = (
+        None  # (n, 3, 3): target rotations of the end effector in the base frame
+    )
 
     def __getitem__(self, rows: Any) -> "Targets":
         rest = (None if own is None else own[rows] for own in (self.positions, self.rotations))
@@ -158,7 +178,11 @@ class Targets:
     def orientation(self) -> OrientationCost | None:
         """Cost of the orientation; None without one."""
         weights, rotations = self.objective.axis_weights, self.rotations
-        return None if rotations is None or not any(weights) else OrientationCost(self.arm, rotations, weights)
+        return (
+            None
+            if rotations is None or not any(weights)
+            else OrientationCost(self.arm, rotations, weights)
+        )
 
     @cached_property
     def pose_costs(self) -> list[PositionCost | OrientationCost]:
@@ -177,15 +201,21 @@ class Targets:
         parts = self.linearize(q)
         return np.sqrt(parts.ellipsoid_square + parts.pose_square), parts.gradient, parts.hessian
 
-    def linearize(self, q: Array, differentials: tuple[Array, Array, Array, Array] | None = None) -> Linearization:
+    def linearize(
+        self, q: Array, differentials: tuple[Array, Array, Array, Array] | None = None
+    ) -> Linearization:
         """Evaluate f and its derivatives at configurations (n, dof); `differentials` as `Objective.differentials`."""
-        poses, jacobian, velocity, changes = self.objective.differentials(q) if differentials is None else differentials
+        poses, jacobian, velocity, changes = (
+            self.objective.differentials(q) if differentials is None else differentials
+        )
         gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         square = self.ellipsoid.add(velocity, changes, gradient, hessian)
         pose_square = self.add_pose(q, (poses, jacobian), gradient, hessian)
         return Linearization(square, pose_square, gradient, hessian, poses, jacobian)
 
-    def add_pose(self, q: Array, motion: tuple[Array, Array], gradient: Array, hessian: Array) -> Array:
+    def add_pose(
+        self, q: Array, motion: tuple[Array, Array], gradient: Array, hessian: Array
+    ) -> Array:
         """Add Jᵀr and JᵀJ of `pose_costs` for the results of `Arm.motion`; return |r|², shape (n,)."""
         square = np.zeros(len(q))
         for cost in self.pose_costs:

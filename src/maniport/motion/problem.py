@@ -19,7 +19,9 @@ class MotionProblem:
     """Costs at the waypoints of a motion, one row for each, with limits and collisions."""
 
     time: Array  # (n,), in the demonstration [s]
-    targets: tuple[Targets, ...]  # of each arm; their costs are evaluated together, which computes the kinematics once
+    targets: tuple[
+        Targets, ...
+    ]  # of each arm; their costs are evaluated together, which computes the kinematics once
     limits: MotionLimits
     collisions: Collisions | None = None
     costs: tuple[Cost, ...] = ()  # further ones
@@ -37,8 +39,15 @@ class MotionProblem:
 
     def weighing(self, position_weight: float) -> "MotionProblem":
         """Return the problem with another weight of position errors [1/m]."""
-        costs = (own.weighing(position_weight) if isinstance(own, ToleranceCost) else own for own in self.costs)
-        return replace(self, targets=tuple(own.weighing(position_weight) for own in self.targets), costs=tuple(costs))
+        costs = (
+            own.weighing(position_weight) if isinstance(own, ToleranceCost) else own
+            for own in self.costs
+        )
+        return replace(
+            self,
+            targets=tuple(own.weighing(position_weight) for own in self.targets),
+            costs=tuple(costs),
+        )
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the root of the cost (n,), half its gradient (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
@@ -60,6 +69,10 @@ class MotionProblem:
     def position_error(self, q: Array) -> Array | None:
         """Return all position errors [m], shape (n, number of them); None where no position has a cost."""
         parts = zip(self.targets, as_group(self.arm).columns, strict=True)
-        errors = [error for own, columns in parts if (error := own.position_error(q[:, columns])) is not None]
+        errors = [
+            error
+            for own, columns in parts
+            if (error := own.position_error(q[:, columns])) is not None
+        ]
         errors += [own.error(q, self.time) for own in self.costs if isinstance(own, ToleranceCost)]
         return np.stack(errors, axis=1) if errors else None

@@ -114,12 +114,22 @@ class ArmMotion(Trajectory):
         """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
         objective, q, targets = schedule.objective, trajectory.joint_positions, schedule.targets()
         arm, spec = objective.arm, objective.spec
-        error, distance, time = targets.position_error(q), targets.distance(q), trajectory.control_time
-        positions, near_stop, near_speed = trajectory.control_positions, 1e-3, 0.999 * velocity_limits
+        error, distance, time = (
+            targets.position_error(q),
+            targets.distance(q),
+            trajectory.control_time,
+        )
+        positions, near_stop, near_speed = (
+            trajectory.control_positions,
+            1e-3,
+            0.999 * velocity_limits,
+        )
         stopped = np.zeros(len(time), bool) if held is None else held
         ends = (positions <= arm.lower + near_stop) | (positions >= arm.upper - near_stop)
         fast = np.abs(np.diff(positions, axis=0) / np.diff(time)[:, None]) >= near_speed
-        off_path = np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
+        off_path = (
+            np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
+        )
         steps = stopped, np.asarray(ends.any(axis=1)), np.append(False, fast.any(axis=1))
         return cls(
             **{item.name: getattr(trajectory, item.name) for item in fields(Trajectory)},
@@ -173,7 +183,9 @@ class ArmMotion(Trajectory):
         step, which was at ``began_at`` [s]. The achieved ellipsoids are readable as an ellipsoid file. `OutputError`
         when the file cannot be written.
         """
-        arrays = self.joint_arrays() | {"joint_velocities": self.joint_velocities} | self.error_arrays()
+        arrays = (
+            self.joint_arrays() | {"joint_velocities": self.joint_velocities} | self.error_arrays()
+        )
         save_arrays(path, arrays, compress=False)  # numbers that hardly get smaller
 
     def error_arrays(self) -> dict[str, Array]:
@@ -184,7 +196,11 @@ class ArmMotion(Trajectory):
             "damping": np.array(self.damping.epsilon),
             "status": np.array(self.status),
         }
-        return arrays if self.position_error is None else arrays | {"position_error": self.position_error}
+        return (
+            arrays
+            if self.position_error is None
+            else arrays | {"position_error": self.position_error}
+        )
 
 
 def rms_ratio(distance: Array, best: Array) -> float:
@@ -241,7 +257,11 @@ class RobotMotion(NotebookDisplay):
                 "pointwise_best": None if pointwise_bests is None else pointwise_bests[i],
             }
             own = trajectory.of_arm(schedule.objective.arm, columns)
-            arms.append(ArmMotion.of(schedule, own, velocity_limits[columns], held, position_tolerance, **plan))
+            arms.append(
+                ArmMotion.of(
+                    schedule, own, velocity_limits[columns], held, position_tolerance, **plan
+                )
+            )
         return cls(group, trajectory, tuple(arms), **relative)
 
     def __repr__(self) -> str:

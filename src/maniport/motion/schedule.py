@@ -88,7 +88,9 @@ class Schedule:
             self.objective.undamped(symmetrize(targets)),
             between(self.positions, smooth),
             between(self.weights),  # splines may be indefinite
-            None if self.rotations is None else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
+            None
+            if self.rotations is None
+            else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
             between(self.configurations),  # splines may exceed limits
         )
 
@@ -118,11 +120,16 @@ def schedules_of(
         objective.checked(profile, "profile", minimum=2)
         turns = None if rotations is None else as_square(rotations, "rotations", 3)
         if turns is not None:
-            turns = np.array([as_rotation(turn, f"rotations[{i}]", 3) for i, turn in enumerate(turns)])
+            turns = np.array(
+                [as_rotation(turn, f"rotations[{i}]", 3) for i, turn in enumerate(turns)]
+            )
         values = {
             "profile": (as_square(profile, "profile", d), (d, d)),
             "path": (None if path is None else as_metres(path, "path"), (3,)),
-            "weights": (None if weights is None else as_positive_semidefinite(weights, "weights", m), (m, m)),
+            "weights": (
+                None if weights is None else as_positive_semidefinite(weights, "weights", m),
+                (m, m),
+            ),
             "rotations": (turns, (3, 3)),
             "reference": (None if reference is None else reference[..., joints], (arm.dof,)),
         }
@@ -132,7 +139,9 @@ def schedules_of(
         # copies: results keep them, and later changes of the caller's arrays must not change them
         targets, *rest = (None if array is None else array.copy() for array, _ in values.values())
         assert targets is not None
-        schedules.append(Schedule(replace(objective, axis_weights=axes), times.copy(), targets, *rest))
+        schedules.append(
+            Schedule(replace(objective, axis_weights=axes), times.copy(), targets, *rest)
+        )
     return schedules
 
 
@@ -154,7 +163,9 @@ def of_each(value: Any, name: str, arms: Arm | ArmGroup | Sequence[Arm]) -> Sequ
         return (None,) * count
     if not hasattr(value, "__len__") or len(value) != count:
         size = f"{len(value)} of them" if hasattr(value, "__len__") else type(value).__name__
-        raise InvalidInputError(f"{name} must be a sequence of {count}, one for each arm of the group; found {size}")
+        raise InvalidInputError(
+            f"{name} must be a sequence of {count}, one for each arm of the group; found {size}"
+        )
     return value  # type: ignore[no-any-return]
 
 

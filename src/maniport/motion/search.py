@@ -55,8 +55,14 @@ class SeedBank:
         Its ε is added to all eigenvalues before ellipsoids are compared.
     """
 
-    def __init__(self, arm: Arm, n: int = 16_384, random_state: Any = 0, spec: EllipsoidSpec = VELOCITY):
-        self.arm, self.spec, self.joint_positions = arm, spec, arm.sample(as_count(n, "n"), random_state)
+    def __init__(
+        self, arm: Arm, n: int = 16_384, random_state: Any = 0, spec: EllipsoidSpec = VELOCITY
+    ):
+        self.arm, self.spec, self.joint_positions = (
+            arm,
+            spec,
+            arm.sample(as_count(n, "n"), random_state),
+        )
         ellipsoids = arm.ellipsoids(self.joint_positions, spec)
         self.damping = as_damping(DAMPING, lambda: ellipsoids, positive=True)
         self._shift = self.damping.epsilon * np.eye(ellipsoids.shape[-1])
@@ -73,9 +79,15 @@ class SeedBank:
 
     def starts_for(self, targets: Targets, k: int) -> Array:
         """Return the k configurations with the most similar ellipsoids and positions, nearest first, (n, k, dof)."""
-        vectors, tree = self._log_vectors(apply(targets.ellipsoids, lambda values: np.maximum(values, 0.0))), self._tree
+        vectors, tree = (
+            self._log_vectors(apply(targets.ellipsoids, lambda values: np.maximum(values, 0.0))),
+            self._tree,
+        )
         if targets.positions is not None:
-            vectors, tree = np.hstack([vectors, POSITION_WEIGHT * targets.positions]), self._positioned_tree
+            vectors, tree = (
+                np.hstack([vectors, POSITION_WEIGHT * targets.positions]),
+                self._positioned_tree,
+            )
         rows = tree.query(vectors, k=[*range(1, min(k, len(self)) + 1)])[1]
         return np.asarray(self.joint_positions[rows])
 
@@ -144,7 +156,16 @@ def _descend(target: PathCost, starts: Array, max_iter: int, halving: int) -> Ar
         if not len(active):
             break
         trial, expected = np.empty((len(active), dof)), np.empty(len(active))
-        step_within_limits(q[active], gradient[active], hessian[active], damping[active], lower, upper, trial, expected)
+        step_within_limits(
+            q[active],
+            gradient[active],
+            hessian[active],
+            damping[active],
+            lower,
+            upper,
+            trial,
+            expected,
+        )
         trial_length, trial_gradient, trial_hessian = target[owner[active]].evaluate(trial)
         gain = 0.5 * (length[active] ** 2 - trial_length**2)
         taken = gain > LEAST_GAIN * expected
@@ -163,10 +184,14 @@ def _descend(target: PathCost, starts: Array, max_iter: int, halving: int) -> Ar
             first = np.searchsorted(own, own)
             size = np.searchsorted(own, own, side="right") - first
             active = np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
-    return np.asarray(q[np.arange(count) * n_starts + np.argmin(length.reshape(count, n_starts), axis=1)])
+    return np.asarray(
+        q[np.arange(count) * n_starts + np.argmin(length.reshape(count, n_starts), axis=1)]
+    )
 
 
-def pointwise_best(targets: PathCost, starts: Array, motion: Array, progress: Part = ignore_fraction) -> Array:
+def pointwise_best(
+    targets: PathCost, starts: Array, motion: Array, progress: Part = ignore_fraction
+) -> Array:
     """Return the best configuration for each target by itself, with the end effector in place, shape (n, dof).
 
     The search starts from (n, k, dof), then from the results of the neighbors and from a motion (n, dof). The result is

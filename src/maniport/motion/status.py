@@ -19,7 +19,10 @@ joint has reached one since the point before; else what is missed, the position 
 Ellipsoid and position together have more constraints than a 7-joint arm has degrees of freedom: a missed ellipsoid may
 be feasible at another position.
 """
-REACHED: tuple[Status, ...] = ("followed", "nearly followed")  # Statuses of points that are not missed
+REACHED: tuple[Status, ...] = (
+    "followed",
+    "nearly followed",
+)  # Statuses of points that are not missed
 ENOUGH_DISTANCE, NEAR_DISTANCE = 0.1, 0.4
 """Largest distance of a followed and of a nearly followed ellipsoid: one axis 5 % and 22 % too long."""
 ENOUGH_METRES = 1e-3
@@ -27,13 +30,20 @@ FAR = 3.0  # Position errors of so many times the tolerance of the 95th percenti
 
 
 def statuses_of(
-    time: Array, distance: Array, off_path: NDArray[np.bool_], control_time: Array, *steps: NDArray[Any]
+    time: Array,
+    distance: Array,
+    off_path: NDArray[np.bool_],
+    control_time: Array,
+    *steps: NDArray[Any],
 ) -> tuple[Status, ...]:
     """Status at each time (n,); `steps` (m,) are control steps that were held, at a joint limit or a velocity limit."""
-    ends = np.searchsorted(control_time, time + 1e-9 * (control_time[-1] - control_time[0]), side="right")
+    ends = np.searchsorted(
+        control_time, time + 1e-9 * (control_time[-1] - control_time[0]), side="right"
+    )
     ends[-1] = len(control_time)
     held, at_stop, at_speed = (  # since the time before
-        np.diff(np.concatenate([[0], np.cumsum(happened)])[ends], prepend=0) > 0 for happened in steps
+        np.diff(np.concatenate([[0], np.cumsum(happened)])[ends], prepend=0) > 0
+        for happened in steps
     )
     missed = (distance > NEAR_DISTANCE) | off_path
     words = np.full(len(time), "followed", dtype=object)

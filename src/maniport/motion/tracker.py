@@ -89,21 +89,31 @@ def track(
     """
     group, model = as_group(arm), as_collisions(collisions, arm)
     control_rate = as_number(rate, "rate", above=0.0)
-    position_weight, axes = as_number(position_cost, "position_cost", above=0.0), axis_weights(orientation_axes)
+    position_weight, axes = (
+        as_number(position_cost, "position_cost", above=0.0),
+        axis_weights(orientation_axes),
+    )
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
     schedules = schedules_of(arm, time, spec, damping, position_weight, axes, arrays, near)
     if start is None:
         if near is None:
-            raise InvalidInputError("start is required without reference: a configuration, such as the first of a plan")
+            raise InvalidInputError(
+                "start is required without reference: a configuration, such as the first of a plan"
+            )
         start = near[0]
     begin = group.require_within_limits(start, "start", single=True)
     speeds = speed_limits(arm, velocity_limits)
     accelerations = as_limits(arm, acceleration_limits, "acceleration_limits")
     costs = as_costs(costs, arm, schedules[0].time)
     controller = Controller(arm, speeds, accelerations, model, costs, limits)
-    step, sampled = Step(progress, "Track trajectory"), [own.sampled(control_rate) for own in schedules]
-    joints, held = follow(controller, np.clip(begin, arm.lower, arm.upper), sampled, between(step, 0.0, 1.0))
+    step, sampled = (
+        Step(progress, "Track trajectory"),
+        [own.sampled(control_rate) for own in schedules],
+    )
+    joints, held = follow(
+        controller, np.clip(begin, arm.lower, arm.upper), sampled, between(step, 0.0, 1.0)
+    )
     trajectory = Trajectory.of_positions(group, schedules[0].time, sampled[0].time, joints)
     result = RobotMotion.of(group, schedules, trajectory, model, speeds, held=held)
     step.end()
@@ -111,7 +121,10 @@ def track(
 
 
 def follow(
-    controller: Controller, start: Array, schedules: Sequence[Schedule], progress: Part = ignore_fraction
+    controller: Controller,
+    start: Array,
+    schedules: Sequence[Schedule],
+    progress: Part = ignore_fraction,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Follow the targets of each arm, whose m times are the same and evenly spaced, from rest at `start` (dof,).
 
@@ -121,7 +134,9 @@ def follow(
     dt = (times[-1] - times[0]) / (len(times) - 1)
     targets = [schedule.targets() for schedule in schedules]
     has_reference = schedules[0].configurations is not None
-    reference_weight = 0.3 if has_reference else 1e-2  # a little for joints that no other cost determines
+    reference_weight = (
+        0.3 if has_reference else 1e-2
+    )  # a little for joints that no other cost determines
     references = np.tile(start, (len(times), 1))
     for schedule, columns in zip(schedules, controller.columns, strict=True):
         if schedule.configurations is not None:
@@ -131,9 +146,13 @@ def follow(
     # On matrices this small, threads of BLAS only wait for one another
     with _threads().limit(limits=1, user_api="blas"):
         for i in range(1, len(times)):
-            previous = tuple(None if own.positions is None else own.positions[i - 1] for own in schedules)
+            previous = tuple(
+                None if own.positions is None else own.positions[i - 1] for own in schedules
+            )
             rows = tuple(own[i : i + 1] for own in targets)
-            problem = ControlProblem(rows, references[i], reference_weight, float(times[i]), previous)
+            problem = ControlProblem(
+                rows, references[i], reference_weight, float(times[i]), previous
+            )
             state = controller.step(problem, state, dt)
             joints[i], held[i] = state.q, not state.solved
             if i % 100 == 0:

@@ -52,13 +52,23 @@ class Trajectory(NotebookDisplay):
 
     @classmethod
     def of_positions(
-        cls, joints: JointSpace, time: Array, control_time: Array, positions: Array, limits: MotionLimits | None = None
+        cls,
+        joints: JointSpace,
+        time: Array,
+        control_time: Array,
+        positions: Array,
+        limits: MotionLimits | None = None,
     ) -> "Trajectory":
         """Make a trajectory of control steps, with central differences of the positions."""
-        velocities, accelerations = np.gradient(positions, control_time, axis=0), np.zeros_like(positions)
+        velocities, accelerations = (
+            np.gradient(positions, control_time, axis=0),
+            np.zeros_like(positions),
+        )
         if len(control_time) > 2:  # at the ends those of the neighbors
             slopes = np.diff(positions, axis=0) / np.diff(control_time)[:, None]
-            inside = np.diff(slopes, axis=0) / (0.5 * (control_time[2:] - control_time[:-2]))[:, None]
+            inside = (
+                np.diff(slopes, axis=0) / (0.5 * (control_time[2:] - control_time[:-2]))[:, None]
+            )
             accelerations = np.pad(inside, ((1, 1), (0, 0)), "edge")
         control = control_time, positions, velocities, accelerations
         waypoints = interpolated(control_time, positions, time)
@@ -66,7 +76,9 @@ class Trajectory(NotebookDisplay):
 
     def of_arm(self, arm: Arm, columns: NDArray[np.integer]) -> "Trajectory":
         """Return the trajectory of one arm of a group, whose joints are some columns."""
-        parts: dict[str, Any] = {name: getattr(self, name)[:, columns] for name in ("joint_positions", *_CONTROL)}
+        parts: dict[str, Any] = {
+            name: getattr(self, name)[:, columns] for name in ("joint_positions", *_CONTROL)
+        }
         if self.limits is not None:
             parts["limits"] = self.limits.of_joints(arm, columns)
         return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)
@@ -74,7 +86,11 @@ class Trajectory(NotebookDisplay):
     @cached_property
     def limit_use(self) -> dict[str, tuple[str, float, float]] | None:
         """As `MotionLimits.use`; None without limits."""
-        return None if self.limits is None else self.limits.use(self.control_time, self.control_positions)
+        return (
+            None
+            if self.limits is None
+            else self.limits.use(self.control_time, self.control_positions)
+        )
 
     @cached_property
     def control_torques(self) -> Array | None:
@@ -90,10 +106,16 @@ class Trajectory(NotebookDisplay):
         states = {
             "position": (self.control_positions, self.joint_units),
             "velocity": (self.control_velocities, tuple(f"{unit}/s" for unit in self.joint_units)),
-            "acceleration": (self.control_accelerations, tuple(f"{unit}/s2" for unit in self.joint_units)),
+            "acceleration": (
+                self.control_accelerations,
+                tuple(f"{unit}/s2" for unit in self.joint_units),
+            ),
         }
         if self.control_torques is not None:
-            states["effort"] = self.control_torques, tuple({"rad": "Nm", "m": "N"}[unit] for unit in self.joint_units)
+            states["effort"] = (
+                self.control_torques,
+                tuple({"rad": "Nm", "m": "N"}[unit] for unit in self.joint_units),
+            )
         return states
 
     def save_joints_csv(self, path: str | os.PathLike[str]) -> None:
@@ -103,12 +125,25 @@ class Trajectory(NotebookDisplay):
         accelerations (``NAME_rad/s2``) and, where masses are known, torques (``NAME_Nm``) or forces (``NAME_N``). An
         apostrophe precedes names that a spreadsheet would evaluate. `OutputError` when the file cannot be written.
         """
-        states, names, header = self.control_states, [*map(spreadsheet_cell, self.joint_names)], ["time_s"]
+        states, names, header = (
+            self.control_states,
+            [*map(spreadsheet_cell, self.joint_names)],
+            ["time_s"],
+        )
         for _, units in states.values():
             header += [f"{name}_{unit}" for name, unit in zip(names, units, strict=True)]
-        line = ",".join(["%.6f", *len(names) * ["%.12f"], *(len(states) - 1) * len(names) * ["%.6f"]]) + "\n"
-        columns = self.control_time - self.control_time[0], *(values for values, _ in states.values())
-        with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
+        line = (
+            ",".join(["%.6f", *len(names) * ["%.12f"], *(len(states) - 1) * len(names) * ["%.6f"]])
+            + "\n"
+        )
+        columns = (
+            self.control_time - self.control_time[0],
+            *(values for values, _ in states.values()),
+        )
+        with (
+            written_whole(path) as temporary,
+            open(temporary, "w", encoding="utf-8", newline="") as stream,
+        ):
             csv.writer(stream, lineterminator="\n").writerow(header)
             stream.write("".join([line % tuple(row) for row in np.column_stack(columns).tolist()]))
 
@@ -169,11 +204,17 @@ class Clearance:
         share = float(collisions.collides(motion.control_positions).mean())
         distance = collisions.clearance(motion.joint_positions)
         close = distance <= distance.min() + 0.01
-        steps = np.flatnonzero(np.interp(motion.control_time, motion.time, close.astype(float)) > 0.0)
+        steps = np.flatnonzero(
+            np.interp(motion.control_time, motion.time, close.astype(float)) > 0.0
+        )
         steps = steps[evenly_spaced(len(steps), 1000)]
-        configurations = np.concatenate([motion.joint_positions[close], motion.control_positions[steps]])
+        configurations = np.concatenate(
+            [motion.joint_positions[close], motion.control_positions[steps]]
+        )
         time = np.append(motion.time[close], motion.control_time[steps])
         nearest = collisions.nearest(configurations)
         i = int(np.argmin(nearest.distance))
         pair = (str(nearest.first[i]), str(nearest.second[i]))
-        return cls(True, "", share, float(nearest.distance[i]), float(time[i]), pair, collisions.stand_ins)
+        return cls(
+            True, "", share, float(nearest.distance[i]), float(time[i]), pair, collisions.stand_ins
+        )

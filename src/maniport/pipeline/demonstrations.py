@@ -29,7 +29,10 @@ from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_numbers
 
 MIN_FRAMES = 10  # Fewest frames of a demonstration
-RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
+RATE, MAX_ELLIPSOIDS = (
+    30.0,
+    1500,
+)  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
 CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
 
 
@@ -107,7 +110,9 @@ class LearnedProfile(SavedResult):
         source = f"{len(self.demonstrations)} demonstrations"
         note = f"ellipsoids and the hand's path are learned from {source}; the configurations are those of {own.name}"
         recording = replace(own.recording, source=source, notes=(*own.recording.notes, note))
-        fits = tuple(replace(fit, arm=arm) for fit, arm in zip(own.motion.arms, self.arms, strict=True))
+        fits = tuple(
+            replace(fit, arm=arm) for fit, arm in zip(own.motion.arms, self.arms, strict=True)
+        )
         return replace(own, recording=recording, motion=HumanMotion(fits, self.bases))
 
     def each_arm(self) -> "tuple[LearnedProfile, ...]":
@@ -117,8 +122,12 @@ class LearnedProfile(SavedResult):
         for i, arm in enumerate(self.arms):
             rows, hand = slice(i * d, (i + 1) * d), slice(3 * i, 3 * i + 3)
             columns = np.eye(len(self.arms) * d)[:, rows]
-            vectors = to_vector(columns @ from_vector(np.eye(d * (d + 1) // 2)) @ columns.T)  # of the block's own
-            alignment = replace(self.alignment, ellipsoids=self.alignment.ellipsoids[..., rows, rows])
+            vectors = to_vector(
+                columns @ from_vector(np.eye(d * (d + 1) // 2)) @ columns.T
+            )  # of the block's own
+            alignment = replace(
+                self.alignment, ellipsoids=self.alignment.ellipsoids[..., rows, rows]
+            )
             parts.append(replace(
                 self, arms=(arm,), bases=self.bases[i : i + 1], alignment=alignment, paths=self.paths[..., hand],
                 profile=self.profile[:, rows, rows], covariance=vectors @ self.covariance @ vectors.T,
@@ -138,8 +147,14 @@ class LearnedProfile(SavedResult):
             save_ellipsoids(folder / f"profile{side}.npz", part.profile, self.time)
             save_path(folder / f"path{side}.npz", part.path, self.time)
         names = "weights_", "input_means_", "means_", "covariances_"
-        save_arrays(folder / "model.npz", {name.strip("_"): getattr(self.model, name) for name in names})
-        aligned = {"time": self.alignment.time, "ellipsoids": self.alignment.ellipsoids, "paths": self.paths}
+        save_arrays(
+            folder / "model.npz", {name.strip("_"): getattr(self.model, name) for name in names}
+        )
+        aligned = {
+            "time": self.alignment.time,
+            "ellipsoids": self.alignment.ellipsoids,
+            "paths": self.paths,
+        }
         save_arrays(folder / "demonstrations.npz", {"names": np.array(self.names), **aligned})
 
 
@@ -176,11 +191,16 @@ def learn(
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
     config = (config or Config()).changed(allowed=("human", "transfer", "learning"), **options)
-    demonstrations = _demonstrations(recordings, _intervals(recordings, config.segments), config, progress)
+    demonstrations = _demonstrations(
+        recordings, _intervals(recordings, config.segments), config, progress
+    )
     files = tuple(os.fspath(source) for source in recordings if not isinstance(source, Recording))
     config, spec = replace(config, recording=files, verb="learn"), config.spec
     motions = [demonstration.motion for demonstration in demonstrations]
-    arms, bases = _mean_arms(config.person, motions), np.mean([motion.bases for motion in motions], axis=0)
+    arms, bases = (
+        _mean_arms(config.person, motions),
+        np.mean([motion.bases for motion in motions], axis=0),
+    )
     times, ellipsoids, hands = [], [], []
     for motion in motions:
         number = np.ceil(np.ptp(motion.time) * RATE) + 1
@@ -191,10 +211,14 @@ def learn(
             blocks[:, i, :, i] = arm.ellipsoids(q, spec)
         times.append(motion.time[rows])
         ellipsoids.append(blocks.reshape(len(rows), *[len(arms) * spec.size] * 2))
-        paths = [arm.forward(q)[:, :3, 3] + base for (arm, q), base in zip(pairs, bases, strict=True)]
+        paths = [
+            arm.forward(q)[:, :3, 3] + base for (arm, q), base in zip(pairs, bases, strict=True)
+        ]
         hands.append(np.concatenate(paths, axis=1))
     regularization = Regularization(config.damping or None).fitted(np.concatenate(ellipsoids))
-    profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
+    profiles = [
+        regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids
+    ]
     alignment = align(profiles, times, progress=progress)
     model = ProfileGMM(config.components).fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
@@ -202,14 +226,19 @@ def learn(
     warped = alignment.warp(hands)
     # An alignment goes in steps, a hand does not: a spline with half the amplitude at `CUTOFF`.
     strength = 1.0 / (float(np.median(np.diff(alignment.time))) * (2.0 * np.pi * CUTOFF) ** 4)
-    path = [make_smoothing_spline(alignment.time, axis, lam=strength)(time) for axis in warped.mean(axis=0).T]
+    path = [
+        make_smoothing_spline(alignment.time, axis, lam=strength)(time)
+        for axis in warped.mean(axis=0).T
+    ]
     return LearnedProfile(
         demonstrations, tuple(arms), bases, alignment, warped, model, time, np.asarray(profile), covariance,
         np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config,
     )  # fmt: skip
 
 
-def _intervals(recordings: Sequence[Recording | str | Path], segments: tuple[Any, ...]) -> list[Any]:
+def _intervals(
+    recordings: Sequence[Recording | str | Path], segments: tuple[Any, ...]
+) -> list[Any]:
     """Check the segments; return those of each recording, [None] for the whole, or "auto"."""
     if isinstance(recordings, str | Path | Recording) or not len(recordings):
         raise InvalidInputError("recordings must be a sequence of at least one recording")
@@ -232,7 +261,9 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: tuple[Any
             raise InvalidInputError(f"{rule}; found {part!r}") from None
         times = [time for pair in sorted(parts[index]) for time in pair]
         if times != sorted(times) or any(start == stop for start, stop in parts[index]):
-            raise InvalidInputError(f"segments must begin before they end, and must not overlap; found {part!r}")
+            raise InvalidInputError(
+                f"segments must begin before they end, and must not overlap; found {part!r}"
+            )
     if AUTO not in parts:
         _require_two(sum(map(len, parts)))
     return parts
@@ -245,7 +276,10 @@ def _require_two(count: int) -> None:
 
 
 def _demonstrations(
-    recordings: Sequence[Recording | str | Path], parts: list[Any], config: Config, progress: Progress | None
+    recordings: Sequence[Recording | str | Path],
+    parts: list[Any],
+    config: Config,
+    progress: Progress | None,
 ) -> tuple[Demonstration, ...]:
     """Fit the person's arms to each recording, and cut the fits."""
     demonstrations, step = list[Demonstration](), Step(progress, "Fit human arms")
@@ -259,7 +293,9 @@ def _demonstrations(
                     f"segments of {name} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
                 )
         motion = fit_arms(recording, **fit_options(config))
-        texts = tuple(f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings))
+        texts = tuple(
+            f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings)
+        )
         for segment in motion.repetitions() if segments == AUTO else segments:
             start, stop = segment or (first, last)
             kept = (motion.time >= start) & (motion.time <= stop)
@@ -271,7 +307,9 @@ def _demonstrations(
             title = name if segment is None else f"{name} {start:.4g}–{stop:.4g} s"
             demonstrations.append(Demonstration(title, recording, motion.only(kept), texts))
     _require_two(len(demonstrations))
-    step.end(f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}")
+    step.end(
+        f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}"
+    )
     names = Counter(own.name for own in demonstrations)
     return tuple(
         replace(own, name=f"{own.name} ({number})") if names[own.name] > 1 else own

@@ -9,7 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.errors import InvalidInputError, argument
-from maniport.motion import Placement, Planner, RobotMotion, SeedBank, nearest_feasible, place_path, plan_motion
+from maniport.motion import (
+    Placement,
+    Planner,
+    RobotMotion,
+    SeedBank,
+    nearest_feasible,
+    place_path,
+    plan_motion,
+)
 from maniport.motion.demands import demands_of
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.search import interpolated_distance
@@ -20,7 +28,10 @@ from maniport.util.progress import Progress, Step, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, as_points, as_times
 
-REAL_TIME_SCALES = (0.3, 1.0)  # Range of scales at the person's speed; smaller motions are of little use
+REAL_TIME_SCALES = (
+    0.3,
+    1.0,
+)  # Range of scales at the person's speed; smaller motions are of little use
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +56,16 @@ class MotionTargets:
     paths: tuple[Array, ...] | None
     spec: EllipsoidSpec
     damping: Damping
-    map_rotation: Array | None = None  # rotation of the ellipsoids by the maps, and of the paths (3, 3)
-    hand_rotations: tuple[Array, ...] | None = None  # they become `rotations` where the paths are placed
+    map_rotation: Array | None = (
+        None  # rotation of the ellipsoids by the maps, and of the paths (3, 3)
+    )
+    hand_rotations: tuple[Array, ...] | None = (
+        None  # they become `rotations` where the paths are placed
+    )
     rotations: tuple[Array, ...] | None = None  # in the base frame
-    pointwise_bests: tuple[Array, ...] | None = None  # distances of the pointwise optima (n,), once placed
+    pointwise_bests: tuple[Array, ...] | None = (
+        None  # distances of the pointwise optima (n,), once placed
+    )
 
     @property
     def rows(self) -> NDArray[np.intp]:
@@ -61,14 +78,19 @@ class MotionTargets:
         rotations = self.rotations
         if self.hand_rotations is not None:
             pairs = zip(placements, self.hand_rotations, strict=True)
-            rotations = tuple(np.asarray(own.rotation @ own.map_rotation @ hand) for own, hand in pairs)
+            rotations = tuple(
+                np.asarray(own.rotation @ own.map_rotation @ hand) for own, hand in pairs
+            )
         return replace(
             self,
-            profiles=tuple(own.turned(profile) for own, profile in zip(placements, self.profiles, strict=True)),
+            profiles=tuple(
+                own.turned(profile) for own, profile in zip(placements, self.profiles, strict=True)
+            ),
             paths=tuple(own.apply(path) for own, path in zip(placements, self.paths, strict=True)),
             rotations=rotations,
             pointwise_bests=tuple(
-                interpolated_distance(self.rows, own.pointwise_best, len(self.time)) for own in placements
+                interpolated_distance(self.rows, own.pointwise_best, len(self.time))
+                for own in placements
             ),
         )
 
@@ -91,7 +113,9 @@ def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     """Sample the robot within its limits."""
     assert settings.control is not None
     step, limits = Step(settings.progress, "Sample robot"), settings.control.motion_limits
-    planner = Planner.of(limits, settings.config.spec.bounded, settings.control.collisions, generator)  # type: ignore[arg-type]
+    planner = Planner.of(
+        limits, settings.config.spec.bounded, settings.control.collisions, generator
+    )  # type: ignore[arg-type]
     step.end()
     return planner
 
@@ -112,7 +136,9 @@ def move(
     return motion, placements if settings.config.hand_targets == "placed" else None
 
 
-def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank: int = 1) -> tuple[Placement, ...]:
+def place(
+    targets: MotionTargets, robot: SampledRobot, settings: Settings, rank: int = 1
+) -> tuple[Placement, ...]:
     """Place the paths relative to the robot, by some of their waypoints; `rank` as in `place_path`."""
     assert targets.paths is not None
     assert robot.planner is not None
@@ -166,7 +192,11 @@ def measure(
             gap = np.interp(np.arange(len(part.target)), rows, nearest.distance)
             placement = None if placements is None else placements[i]
             result = replace(
-                result, placement=placement, motion=part, gap=gap, collisions=own.reachability_map.collisions
+                result,
+                placement=placement,
+                motion=part,
+                gap=gap,
+                collisions=own.reachability_map.collisions,
             )
         results.append(result)
     return tuple(results)
@@ -210,14 +240,20 @@ def follow_profile(
         When an option does not exist or an input cannot be used.
     """
     if time is None:
-        raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
-    config = (config or Config()).changed(allowed=("robot", "transfer", "motion", "placement"), **options)
+        raise InvalidInputError(
+            "the profile has no times; write it with an array 'time' (n,) in seconds"
+        )
+    config = (config or Config()).changed(
+        allowed=("robot", "transfer", "motion", "placement"), **options
+    )
     config, orientation = replace(config, verb="track"), config.orientation
     if isinstance(orientation, str) and orientation != "free":
         text = f"{argument('orientation')} must be free or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
     robot = with_limits(robot, config)
-    settings = Settings(config, robot, plan_settings(config, robot), progress=progress or no_progress)
+    settings = Settings(
+        config, robot, plan_settings(config, robot), progress=progress or no_progress
+    )
     for name in ("workspace", "scale"):
         if getattr(config, name) is not None and (paths is None or not config.place):
             raise InvalidInputError(f"{argument(name)} is for a path that is placed; found none")
@@ -235,9 +271,13 @@ def follow_profile(
         None if paths is None else tuple(as_finite(path, "path") for path in paths),
         spec,
         Objective.of(group.arms[0], spec, damping, positive=True).damping,
-        rotations=None if isinstance(orientation, str) else (along(orientation, len(times)),) * len(group),
+        rotations=None
+        if isinstance(orientation, str)
+        else (along(orientation, len(times)),) * len(group),
     )
-    sampled = SampledRobot(planner_of(settings, generator) if planner is None else planner, (), generator)
+    sampled = SampledRobot(
+        planner_of(settings, generator) if planner is None else planner, (), generator
+    )
     motion, placements = move(targets, sampled, settings, placed=config.place and paths is not None)
     names = group.names if len(group) > 1 else (group.arms[0].name,)
     arms = measure(motion, placements, sampled.planner, names, settings)

@@ -55,7 +55,9 @@ class Option:
         value = os.fspath(value) if isinstance(value, os.PathLike) else value
         if self.kind == NAMES:
             parts = value if isinstance(value, list | tuple) else (value,)
-            return tuple(os.fspath(part) if isinstance(part, os.PathLike) else part for part in parts)
+            return tuple(
+                os.fspath(part) if isinstance(part, os.PathLike) else part for part in parts
+            )
         if self.unchecked and not typed:
             return _as_tuple(value)
         if self.choices and (self.kind is str or (isinstance(value, str) and not _numbers(value))):
@@ -72,7 +74,9 @@ class Option:
             bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
             return as_number(value, label, **Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
         if self.kind is not str:
-            numbers = as_numbers(value, label, self.count, broadcast=self.count is None, **self.bounds)
+            numbers = as_numbers(
+                value, label, self.count, broadcast=self.count is None, **self.bounds
+            )
             return tuple(np.atleast_1d(numbers).tolist())
         if not isinstance(value, str):
             raise InvalidInputError(f"{label} must be text; found {value!r}")
@@ -83,13 +87,21 @@ class Option:
         if self.kind == Mapping[str, float]:
             return self._assignments(typed)
         if self.kind == NAMES:
-            words = typed if self.repeated else [word.strip() for text in typed for word in text.split(",")]
+            words = (
+                typed
+                if self.repeated
+                else [word.strip() for text in typed for word in text.split(",")]
+            )
             if not all(words):
-                raise InvalidInputError(f"{self.flag} must be names, none of them empty; found {','.join(typed)!r}")
+                raise InvalidInputError(
+                    f"{self.flag} must be names, none of them empty; found {','.join(typed)!r}"
+                )
             return tuple(words)
         if self.repeated:
             return tuple(map(self._vector, typed))
-        if self.kind in (bool, int, float, str) or (self.choices and "," not in typed and not _numbers(typed)):
+        if self.kind in (bool, int, float, str) or (
+            self.choices and "," not in typed and not _numbers(typed)
+        ):
             return self.check(typed, typed=True)
         return self._vector(typed)
 
@@ -107,9 +119,13 @@ class Option:
         for text in texts:
             name, _, number = (part.strip() for part in text.rpartition("="))
             if len(_numbers(number)) != 1:
-                raise InvalidInputError(f"{self.flag} must be NAME=NUMBER, such as lift=0.2; found {text!r}")
+                raise InvalidInputError(
+                    f"{self.flag} must be NAME=NUMBER, such as lift=0.2; found {text!r}"
+                )
             if name in numbers:
-                raise InvalidInputError(f"{self.flag}: {name} is set twice; found {numbers[name]:g} and {number}")
+                raise InvalidInputError(
+                    f"{self.flag}: {name} is set twice; found {numbers[name]:g} and {number}"
+                )
             numbers[name] = float(number)
         return numbers
 
@@ -128,9 +144,13 @@ class Option:
         return [self.flag, self.text(value)]
 
 
-def option(section: str, default: Any, help: str, unit: str = "", choices: Sequence[str] = (), **more: Any) -> Any:
+def option(
+    section: str, default: Any, help: str, unit: str = "", choices: Sequence[str] = (), **more: Any
+) -> Any:
     """Make a dataclass field with a description; `Bounds` and attributes of `Option` by name."""
-    bounds = Bounds(**{name: more.pop(name) for name in tuple(more) if name in Bounds.__annotations__})  # type: ignore[typeddict-item]
+    bounds = Bounds(
+        **{name: more.pop(name) for name in tuple(more) if name in Bounds.__annotations__}
+    )  # type: ignore[typeddict-item]
     described = Option(section, help, unit, tuple(choices), bounds=bounds, default=default, **more)
     return field(default=default, metadata={"option": described})
 
@@ -141,8 +161,13 @@ def options_of(kind: Any) -> dict[str, Option]:
     for item in fields(kind):
         if "option" in item.metadata:
             types = get_args(item.type) if isinstance(item.type, UnionType) else (item.type,)
-            (*_, last), required = [part for part in types if part is not NoneType], NoneType not in types
-            described[item.name] = replace(item.metadata["option"], name=item.name, kind=last, required=required)
+            (*_, last), required = (
+                [part for part in types if part is not NoneType],
+                NoneType not in types,
+            )
+            described[item.name] = replace(
+                item.metadata["option"], name=item.name, kind=last, required=required
+            )
     return described
 
 
@@ -156,7 +181,11 @@ def plain(value: Any, is_file: bool = False) -> Any:
         return value.tolist()
     if is_file and isinstance(value, str) and os.path.exists(value):
         return os.path.abspath(value)
-    return value if value is None or isinstance(value, bool | int | float | str) else type(value).__name__
+    return (
+        value
+        if value is None or isinstance(value, bool | int | float | str)
+        else type(value).__name__
+    )
 
 
 def _as_tuple(value: Any) -> Any:

@@ -60,21 +60,35 @@ class ArmResult(NotebookDisplay):
 
     name: str  # within the result, and of its folder where there are several arms: the side, or that of the robot
     robot: Arm  # with the limits of its description, without the margin of the plan
-    spec: EllipsoidSpec = VELOCITY  # of the ellipsoids; `motion` has their inverses where the kind is "force"
-    placement: Placement | None = None  # of the path relative to the robot; None where it was not placed
+    spec: EllipsoidSpec = (
+        VELOCITY  # of the ellipsoids; `motion` has their inverses where the kind is "force"
+    )
+    placement: Placement | None = (
+        None  # of the path relative to the robot; None where it was not placed
+    )
     motion: ArmMotion | None = None  # None where the robot was not moved; a warning has the reason
-    gap: Array | None = None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
+    gap: Array | None = (
+        None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
+    )
     collisions: Collisions | None = None
 
     def __repr__(self) -> str:
-        moved = "not moved" if self.motion is None else f"d = {np.median(self.motion.distance):.2f} (median)"
+        moved = (
+            "not moved"
+            if self.motion is None
+            else f"d = {np.median(self.motion.distance):.2f} (median)"
+        )
         return f"{type(self).__name__}({self.name!r}, {self.robot.name!r}, {moved})"
 
     @cached_property
     def lowest(self) -> Lowest | None:
         """Lowest point of all moving links over the motion; None where no shape is available."""
         motion = self.motion
-        return None if motion is None else lowest_point(self.robot, motion.control_time, motion.control_positions)
+        return (
+            None
+            if motion is None
+            else lowest_point(self.robot, motion.control_time, motion.control_positions)
+        )
 
     @property
     def mean_distance(self) -> dict[str, float]:
@@ -111,20 +125,34 @@ class ArmTransfer(ArmResult):
     person_base: Array  # origin of that arm in the common frame of all arms (3,) [m], see `maniport.mocap.HumanMotion`
     method: str
     adapter: DomainAdapter  # fitted, from the person's domain (teacher) to the robot's (student)
-    evaluation: Evaluation | None = None  # comparison with baselines; None where not requested, as in a batch
+    evaluation: Evaluation | None = (
+        None  # comparison with baselines; None where not requested, as in a batch
+    )
     time: Array  # (n,), demonstrated times of the profiles [s]
     demonstrated_profile: Array  # (n, d, d), ellipsoids of the person in the trunk frame
-    target_profile: Array  # (n, d, d), mapped, in the robot's base frame, before the rotation of the placement
+    target_profile: (
+        Array  # (n, d, d), mapped, in the robot's base frame, before the rotation of the placement
+    )
     teacher_domain: Array  # (N, d, d), sampled domain of the person's arm
     student_domain: Array  # (M, d, d), of the robot's
-    capabilities: tuple[Capability, ...] = ()  # force and speed of the motion, where limits are known
+    capabilities: tuple[
+        Capability, ...
+    ] = ()  # force and speed of the motion, where limits are known
 
     def write_data(self, folder: Path) -> None:
         """Write the files of the transfer, and those of the motion if there is one, into an existing folder."""
         rows = np.column_stack([self.fit.time, np.degrees(self.fit.joint_angles)])
         names = ",".join(["time_s", *(f"{name}_deg" for name in self.fit.arm.joint_names)])
         formats = ["%.6f"] + ["%.4f"] * self.fit.arm.dof
-        np.savetxt(folder / "person.csv", rows, formats, delimiter=",", header=names, comments="", encoding="utf-8")
+        np.savetxt(
+            folder / "person.csv",
+            rows,
+            formats,
+            delimiter=",",
+            header=names,
+            comments="",
+            encoding="utf-8",
+        )
         save_ellipsoids(folder / "demonstrated_profile.npz", self.demonstrated_profile, self.time)
         save_ellipsoids(folder / "target_profile.npz", self.target_profile, self.time)
         self.adapter.save(folder / "adapter.npz")
@@ -157,7 +185,9 @@ class MotionResult(SavedResult):
         """Result of the only arm; raises `InvalidInputError` where there are several."""
         if len(self.arms) != 1:
             names = ", ".join(repr(arm.name) for arm in self.arms)
-            raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
+            raise InvalidInputError(
+                f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms"
+            )
         return self.arms[0]
 
     def write_data(self, folder: Path) -> None:

@@ -53,12 +53,17 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     if len(group) == 2 and side == AUTO:
         config = config.changed(side=BOTH)
     elif side == BOTH and len(group) != 2:
-        raise InvalidInputError(f"{argument('side', BOTH)} is for a robot of two arms; found {len(group)}")
+        raise InvalidInputError(
+            f"{argument('side', BOTH)} is for a robot of two arms; found {len(group)}"
+        )
     group.specs(config.spec)
     PERSONS[config.person]().checked_spec(config.spec)
     if len(group) > 1 and not isinstance(config.joint_weights, str | None):
         raise InvalidInputError("joint_weights must not be of single joints for several arms")
-    selects = isinstance(config.method, str) and as_choice(config.method, "method", (AUTO, *METHODS)) == AUTO
+    selects = (
+        isinstance(config.method, str)
+        and as_choice(config.method, "method", (AUTO, *METHODS)) == AUTO
+    )
     adapter = None if selects else adapter_of(config)
     control = plan_settings(config, robot) if config.move else None
     return Settings(config, robot, control, adapter, progress or no_progress)
@@ -74,12 +79,21 @@ def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> 
     """Read a recording, or the part of it that is used."""
     if not isinstance(recording, Recording):
         recording = read_recording(recording, unit=config.unit, rate=config.fps)
-    return recording if config.start is None and config.stop is None else recording.crop(config.start, config.stop)
+    return (
+        recording
+        if config.start is None and config.stop is None
+        else recording.crop(config.start, config.stop)
+    )
 
 
 def fit_options(config: Config) -> dict[str, Any]:
     """Return arguments of `maniport.fit_arm`."""
-    return {"person": config.person, "side": config.side, "smooth": config.smooth, "markers": marker_roles(config)}
+    return {
+        "person": config.person,
+        "side": config.side,
+        "smooth": config.smooth,
+        "markers": marker_roles(config),
+    }
 
 
 def marker_roles(config: Config) -> Mapping[str, Any] | None:
@@ -88,23 +102,34 @@ def marker_roles(config: Config) -> Mapping[str, Any] | None:
         return config.markers
     where = f"marker file {config.markers!r}"
     try:
-        roles = json.loads(read_whole(config.markers, (), SETTINGS_BYTES))  # bytes: in UTF-8 or UTF-16
+        roles = json.loads(
+            read_whole(config.markers, (), SETTINGS_BYTES)
+        )  # bytes: in UTF-8 or UTF-16
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise FileFormatError(f"{where} is not readable JSON: {error}") from None
     if not isinstance(roles, dict):
-        raise FileFormatError(f'{where} must map roles to lists of points, such as {{"elbow": ["RELB", "RIEL"]}}')
+        raise FileFormatError(
+            f'{where} must map roles to lists of points, such as {{"elbow": ["RELB", "RIEL"]}}'
+        )
     return roles
 
 
 def load_robot(config: Config, both: bool | None = None, side: str | None = None) -> Arm | ArmGroup:
     """Load the arm with its payload, of a person that of `side`, or a group where the options name several arms."""
-    arm, payload = _loaded(config, config.side == BOTH if both is None else both, side), config.payload
+    arm, payload = (
+        _loaded(config, config.side == BOTH if both is None else both, side),
+        config.payload,
+    )
     if not any(payload):
         if any(config.payload_center):
-            raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
+            raise InvalidInputError(
+                f"{argument('payload_center')} needs {argument('payload')}; found none"
+            )
         return arm
     group, masses = as_group(arm), payload if len(payload) > 1 else payload[0]
-    checked = as_numbers(masses, f"{argument('payload')} of {arm.name!r}", len(group), broadcast=True)
+    checked = as_numbers(
+        masses, f"{argument('payload')} of {arm.name!r}", len(group), broadcast=True
+    )
     loaded = group.with_payload(checked, config.payload_center)
     return loaded if isinstance(arm, ArmGroup) else loaded.arms[0]
 
@@ -113,7 +138,9 @@ def load_single_arm(config: Config, side: str = AUTO) -> Arm:
     """Load the arm as `load_robot` does; raise where the options name several."""
     arm = load_robot(config, both=False, side=None if side == AUTO else side)
     if isinstance(arm, ArmGroup):
-        raise InvalidInputError(f"{argument('robot')} must be one arm here; found {len(arm)}: {arm.name}")
+        raise InvalidInputError(
+            f"{argument('robot')} must be one arm here; found {len(arm)}: {arm.name}"
+        )
     return arm
 
 
@@ -123,15 +150,27 @@ def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
     robot: Any = config.robot[0]
     if isinstance(robot, Arm | ArmGroup):
         if any(arm.chain.payload for arm in as_group(robot).arms):  # run.yaml would lose it
-            raise InvalidInputError(f"{argument('robot')} must have no payload of its own; use {argument('payload')}")
+            raise InvalidInputError(
+                f"{argument('robot')} must have no payload of its own; use {argument('payload')}"
+            )
         return robot
-    options: Any = {"joints": config.joints or None, "lock": config.lock, "mesh_folders": config.mesh_folders}
+    options: Any = {
+        "joints": config.joints or None,
+        "lock": config.lock,
+        "mesh_folders": config.mesh_folders,
+    }
     if not (both or names_several(config)):
-        return load_arm(robot, config.frame[0] if config.frame else None, base=config.base, side=side, **options)
+        return load_arm(
+            robot, config.frame[0] if config.frame else None, base=config.base, side=side, **options
+        )
     if config.base is not None:
-        raise InvalidInputError(f"{argument('base')} is for one arm; the base of each robot is {argument('pose')}")
+        raise InvalidInputError(
+            f"{argument('base')} is for one arm; the base of each robot is {argument('pose')}"
+        )
     if len(config.robot) > 1 and not config.pose:
-        raise InvalidInputError(f"{argument('robot')} of several robots needs {argument('pose')} of each")
+        raise InvalidInputError(
+            f"{argument('robot')} of several robots needs {argument('pose')} of each"
+        )
     robots = robot if len(config.robot) == 1 else config.robot
     return load_arms(robots, config.frame or None, bases=config.pose or None, **options)
 
@@ -154,9 +193,13 @@ def with_limits(robot: Arm | ArmGroup, config: Config) -> Arm | ArmGroup:
 def plan_settings(config: Config, arm: Arm | ArmGroup) -> PlanSettings:
     """Return the settings of `maniport.motion.plan_motion` for a robot, with its limits and collisions, checked."""
     if config.hand_targets == "relative" and len(as_group(arm)) == 1:
-        raise InvalidInputError(f"{argument('hand_targets', 'relative')} needs several arms; found {arm.name}")
+        raise InvalidInputError(
+            f"{argument('hand_targets', 'relative')} needs several arms; found {arm.name}"
+        )
     if config.hand_targets == "relative" and config.workspace is not None:
-        raise InvalidInputError("workspace bounds paths, which end effectors leave with hand_targets='relative'")
+        raise InvalidInputError(
+            "workspace bounds paths, which end effectors leave with hand_targets='relative'"
+        )
     limits: Any = config.limits
     if not isinstance(limits, MotionLimits):
         limits = MotionLimits.of(arm, limits, config.joint_limit_margin)

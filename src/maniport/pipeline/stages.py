@@ -27,7 +27,15 @@ from maniport.motion import Placement, RobotMotion
 from maniport.motion.arm_model import require_trackable
 from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
-from maniport.pipeline.following import MotionTargets, SampledRobot, along, bounded_profiles, measure, move, planner_of
+from maniport.pipeline.following import (
+    MotionTargets,
+    SampledRobot,
+    along,
+    bounded_profiles,
+    measure,
+    move,
+    planner_of,
+)
 from maniport.pipeline.results import ArmTransfer, TransferResult
 from maniport.pipeline.settings import Settings, fit_options, read_part, settings_of
 from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
@@ -75,15 +83,24 @@ def transfer_recording(
     ManiportError
         When an option does not exist or an input cannot be used; options are checked before any long work.
     """
-    config = (config or Config()).changed(allowed=("human", "robot", "transfer", "motion"), **options)
+    config = (config or Config()).changed(
+        allowed=("human", "robot", "transfer", "motion"), **options
+    )
     settings = settings_of(_with_source(config, recording), progress)
-    with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round equally with any number of cores
+    with (
+        threadpool_limits(1),
+        collected_warnings() as texts,
+    ):  # one thread: sums round equally with any number of cores
         if not isinstance(recording, LearnedProfile):
             recording = load(recording, settings)
         human = fit_human(recording, settings)
         robot = sample_robot(settings)
         maps = fit_transfer(human, robot, settings)
-        moved = None if robot.planner is None else move(targets_of(human, maps, settings), robot, settings)
+        moved = (
+            None
+            if robot.planner is None
+            else move(targets_of(human, maps, settings), robot, settings)
+        )
         result = evaluate(human, robot, maps, moved, settings)
     return replace(result, warnings=tuple(texts))
 
@@ -111,7 +128,9 @@ class Human:
         """Keep at most so many frames a second [Hz], evenly spaced."""
         count = max(MIN_FRAMES, int(np.ceil(np.ptp(self.motion.time) * rate)) + 1)
         rows = evenly_spaced(len(self.motion), count)
-        profiles, hands = (tuple(values[rows] for values in arms) for arms in (self.profiles, self.hands))
+        profiles, hands = (
+            tuple(values[rows] for values in arms) for arms in (self.profiles, self.hands)
+        )
         return Human(self.recording, self.motion.only(rows), profiles, hands)
 
 
@@ -134,7 +153,9 @@ def load(recording: Recording | str | Path, settings: Settings) -> Recording:
 
 def _require_frames(recording: Recording, count: int, what: str) -> None:
     if count < MIN_FRAMES:
-        raise RecordingError(f"{what} of {recording.source!r}: {count}; at least {MIN_FRAMES} are needed")
+        raise RecordingError(
+            f"{what} of {recording.source!r}: {count}; at least {MIN_FRAMES} are needed"
+        )
 
 
 def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Human:
@@ -150,7 +171,9 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
     else:
         motion = fit_arms(recording, **fit_options(settings.config), progress=settings.progress)
         _require_frames(recording, len(motion), "frames with the arm fully observed")
-        profiles = [fit.arm.ellipsoids(fit.joint_angles, settings.config.spec) for fit in motion.arms]
+        profiles = [
+            fit.arm.ellipsoids(fit.joint_angles, settings.config.spec) for fit in motion.arms
+        ]
         hands = list(motion.hands)
     own, count = len(motion.arms), len(settings.arms)
     if own > count:
@@ -165,7 +188,11 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
 
 def sample_robot(settings: Settings) -> SampledRobot:
     """Make the planner, unless the robot cannot or shall not move, and sample the robot's domains."""
-    generator, planner, seed = np.random.default_rng(settings.config.seed), None, settings.config.seed + 1
+    generator, planner, seed = (
+        np.random.default_rng(settings.config.seed),
+        None,
+        settings.config.seed + 1,
+    )
     if settings.control is not None:
         try:
             for arm, spec in zip(settings.arms, settings.specs, strict=True):
@@ -175,13 +202,21 @@ def sample_robot(settings: Settings) -> SampledRobot:
         else:
             planner = planner_of(settings, generator)
     weightless = [arm.name for arm in settings.arms if arm.chain.inertia is None]
-    if settings.config.spec.kind == "force" and settings.config.spec.joint_weights == JOINT_LIMITS and weightless:
+    if (
+        settings.config.spec.kind == "force"
+        and settings.config.spec.joint_weights == JOINT_LIMITS
+        and weightless
+    ):
         text = f"forces are without gravity: the description of {weightless[0]!r} has no masses"
         warnings.warn(text, ManiportWarning, stacklevel=2)
     step = Step(settings.progress, "Sample robot ellipsoids")
     collisions = None if planner is None else planner.collisions
     domains = sample_domain(
-        settings.robot, settings.config.n_student, seed, spec=settings.config.spec, collisions=collisions
+        settings.robot,
+        settings.config.n_student,
+        seed,
+        spec=settings.config.spec,
+        collisions=collisions,
     )
     step.end()
     return SampledRobot(planner, tuple(domains) if domains.ndim == 4 else (domains,), generator)
@@ -193,9 +228,15 @@ def fit_transfer(human: Human, robot: SampledRobot, settings: Settings) -> tuple
     return tuple(fit_map(fit.arm, profile, robot, settings, arm) for arm, (fit, profile) in pairs)
 
 
-def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: Settings, arm: int = 0) -> FittedMap:
+def fit_map(
+    person: Arm, profile: Array | None, robot: SampledRobot, settings: Settings, arm: int = 0
+) -> FittedMap:
     """Fit the map from a person's arm to an arm of the robot; a selection needs the demonstrated profile (n, d, d)."""
-    teacher, student, spec = sample_teacher(person, settings), robot.domains[arm], settings.specs[arm]
+    teacher, student, spec = (
+        sample_teacher(person, settings),
+        robot.domains[arm],
+        settings.specs[arm],
+    )
     bank, config = robot.bank(arm, spec), settings.config
     if settings.adapter is None:
         assert profile is not None
@@ -205,10 +246,14 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
         )  # fmt: skip
         return FittedMap(adapter, teacher, evaluation)
     step = Step(settings.progress, "Fit transfer")
-    adapter = with_feasible_set(method_of(settings.adapter), settings.arms[arm], spec, bank, config.seed)
+    adapter = with_feasible_set(
+        method_of(settings.adapter), settings.arms[arm], spec, bank, config.seed
+    )
     adapter.fit(teacher, student)
     if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
-        text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
+        text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(
+            failures
+        )
         warnings.warn(text, ManiportWarning, stacklevel=2)
     step.end(f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
     return FittedMap(adapter, teacher)
@@ -217,21 +262,34 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
 def sample_teacher(person: Arm, settings: Settings) -> Array:
     """Sample the domain of a person's arm, shape (n_teacher, d, d)."""
     step = Step(settings.progress, "Sample human ellipsoids")
-    domain = sample_domain(person, settings.config.n_teacher, settings.config.seed, spec=settings.config.spec)
+    domain = sample_domain(
+        person, settings.config.n_teacher, settings.config.seed, spec=settings.config.spec
+    )
     step.end()
     return domain
 
 
-def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, largest_turn: float = 5.0) -> MotionTargets:
+def targets_of(
+    human: Human, maps: Sequence[FittedMap], settings: Settings, largest_turn: float = 5.0
+) -> MotionTargets:
     """Map the demonstrated ellipsoids; collect all targets of the robot's motion.
 
     All paths get the mean rotation of the maps, with a warning where two differ by more than `largest_turn` [deg].
     """
-    adapters, spec, orientation = [own.adapter for own in maps], settings.config.spec, settings.config.orientation
-    profiles = [adapter.transform(profile) for adapter, profile in zip(adapters, human.profiles, strict=True)]
+    adapters, spec, orientation = (
+        [own.adapter for own in maps],
+        settings.config.spec,
+        settings.config.orientation,
+    )
+    profiles = [
+        adapter.transform(profile)
+        for adapter, profile in zip(adapters, human.profiles, strict=True)
+    ]
     strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
     turns = [adapter.map_rotation_ for adapter in adapters]
-    angle = max((float(np.degrees(rotation_angle(turns[0], turn))) for turn in turns[1:]), default=0.0)
+    angle = max(
+        (float(np.degrees(rotation_angle(turns[0], turn))) for turn in turns[1:]), default=0.0
+    )
     if angle > largest_turn:
         text = f"the adapters rotate ellipsoids by up to {angle:.0f}° differently; the paths get their mean rotation"
         warnings.warn(text, ManiportWarning, stacklevel=2)
@@ -269,7 +327,9 @@ def evaluate(
         names = list(as_group(settings.robot).names)
     motion, placements = moved or (None, None)
     parts = measure(motion, placements, robot.planner, names, settings)
-    for i, (part, own, profile, fit) in enumerate(zip(parts, maps, human.profiles, fits, strict=True)):
+    for i, (part, own, profile, fit) in enumerate(
+        zip(parts, maps, human.profiles, fits, strict=True)
+    ):
         evaluation, place, capabilities = own.evaluation, part.placement, tuple[Capability, ...]()
         if evaluation is None and baselines:
             evaluation = compare_with_baselines(
@@ -277,9 +337,15 @@ def evaluate(
                 bank=robot.bank(i, settings.config.spec), random_state=settings.config.seed, progress=settings.progress,
             )  # fmt: skip
         if part.motion is not None and settings.config.spec.part != "rotation":
-            turn = own.adapter.map_rotation_[:3, :3] if place is None else place.rotation @ place.map_rotation
+            turn = (
+                own.adapter.map_rotation_[:3, :3]
+                if place is None
+                else place.rotation @ place.map_rotation
+            )
             joints = part.motion.joint_positions
-            capabilities = compare_capabilities(fit.arm, fit.joint_angles, part.robot, joints, fit.time, turn)
+            capabilities = compare_capabilities(
+                fit.arm, fit.joint_angles, part.robot, joints, fit.time, turn
+            )
         transfers.append(ArmTransfer(
             **vars(part), fit=fit, person_base=human.motion.bases[i], time=fit.time, method=name_of(own.adapter),
             adapter=own.adapter, evaluation=evaluation, demonstrated_profile=profile,

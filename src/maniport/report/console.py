@@ -66,7 +66,9 @@ class Console:
             width = min(self._out.width, 80) if self._out.is_terminal else 80
             self._out.print(as_terminal(report, output, width, table_only=self.quiet), markup=False)
 
-    def finish(self, values: dict[str, Any], text: str, markdown: bool = False, always: bool = False) -> None:
+    def finish(
+        self, values: dict[str, Any], text: str, markdown: bool = False, always: bool = False
+    ) -> None:
         """Print the result: `values` as JSON, or `text`, if `quiet` only with `always`; a terminal renders Markdown."""
         if self.as_json:
             utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
@@ -76,7 +78,9 @@ class Console:
         elif markdown and self._out.is_terminal:
             from rich.markdown import Markdown  # slow to load
 
-            self._out.print(Markdown(text), soft_wrap=False)  # a soft wrap would cut its lines at the edge
+            self._out.print(
+                Markdown(text), soft_wrap=False
+            )  # a soft wrap would cut its lines at the edge
         else:
             self._out.print(text, markup=False)
 
@@ -90,16 +94,28 @@ class Console:
 
 
 def _standard_error(quiet: bool = False) -> RichConsole:
-    return RichConsole(stderr=True, highlight=False, soft_wrap=True, quiet=quiet, force_jupyter=False)
+    return RichConsole(
+        stderr=True, highlight=False, soft_wrap=True, quiet=quiet, force_jupyter=False
+    )
 
 
 @contextmanager
 def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progress]:
     """Print steps with a result on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
-    from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn  # slow to load
+    from rich.progress import (
+        BarColumn,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )  # slow to load
     from rich.progress import Progress as Bars
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeElapsedColumn(),
+    )
     with Bars(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
         tasks = {first: bars.add_task(first, total=None)}  # until the first step begins
 
@@ -123,5 +139,9 @@ def _print_line(console: RichConsole, mark: str, text: str, name: str = "") -> N
     name = f"{printable(name):<{NAME_WIDTH - 1}} " if name and text else printable(name)
     line = f"{mark}{name}{printable(text)}"
     if console.file.isatty():
-        line = "\n".join(textwrap.wrap(line, console.width, subsequent_indent=" " * len(mark), break_on_hyphens=False))
+        line = "\n".join(
+            textwrap.wrap(
+                line, console.width, subsequent_indent=" " * len(mark), break_on_hyphens=False
+            )
+        )
     console.print(line, markup=False)

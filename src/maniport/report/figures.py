@@ -65,7 +65,9 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
     """Write a figure, whole or not at all; to PNG and SVG where the path has no ending."""
     target = Path(path)
     if target.suffix and target.suffix.lower() not in METADATA:
-        raise InvalidInputError(f"path must end in {', '.join(METADATA)} or have no ending; found {target.name!r}")
+        raise InvalidInputError(
+            f"path must end in {', '.join(METADATA)} or have no ending; found {target.name!r}"
+        )
     targets = [target] if target.suffix else [target.with_suffix(ending) for ending in ENDINGS]
     for file in targets:
         stream, ending = BytesIO(), file.suffix.lower()
@@ -76,7 +78,9 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
     return targets
 
 
-def write_figures(result: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None) -> list[Path]:
+def write_figures(
+    result: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None
+) -> list[Path]:
     """Draw the figures of a result that `write_results` saved, from the data of its page, as PNG and SVG.
 
     Parameters
@@ -112,7 +116,9 @@ def _motion(page: Path) -> dict[str, Any]:
     """Read the data of the motion in a page."""
     text = read_whole(page, (), KEYPOINTS_BYTES).decode("utf-8", "replace")
     try:
-        match = re.search(r'<script type="application/json" id="motion">(.*?)</script>', text, re.DOTALL)
+        match = re.search(
+            r'<script type="application/json" id="motion">(.*?)</script>', text, re.DOTALL
+        )
         data = content.unpacked(json.loads(match[1]) if match else None)
         return {**data, "time": data["start"] + data["time"]}
     except (ValueError, LookupError, TypeError, RecursionError) as error:
@@ -121,25 +127,45 @@ def _motion(page: Path) -> dict[str, Any]:
 
 def _figures(data: dict[str, Any], shape: str = "Ellipsoids") -> dict[str, Figure]:
     """Draw the figures of a motion from the data of its page; `shape`: topic of the curves of semi-axes."""
-    time, unit, columns = data["time"], data["unit"], 1 + any(len(stage["bodies"]) > 1 for stage in data["stages"])
+    time, unit, columns = (
+        data["time"],
+        data["unit"],
+        1 + any(len(stage["bodies"]) > 1 for stage in data["stages"]),
+    )
     skeletons, shells, rows = dict[str, Array](), dict[str, Array](), dict[str, Array]()
     roles, within, drawn = dict[str, str](), dict[str, str](), dict[str, Figure]()
     matrix = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # entries among xx, xy, xz, yy, yz, zz
     for stage in data["stages"]:
         rotation = np.eye(3) if stage["rotation"] is None else np.reshape(stage["rotation"], (3, 3))
         for k, body in enumerate(stage["bodies"]):
-            profiles = {role: six[:, matrix].reshape(-1, 3, 3) for role, six in body["ellipsoids"].items()}
+            profiles = {
+                role: six[:, matrix].reshape(-1, 3, 3) for role, six in body["ellipsoids"].items()
+            }
             if profiles:
-                name, role = f"{stage['name']}, arm {k + 1}", next(reversed(profiles))  # a person's, or the achieved
-                skeletons[name], shells[name], roles[name] = body["skeleton"], profiles.pop(role), role
+                name, role = (
+                    f"{stage['name']}, arm {k + 1}",
+                    next(reversed(profiles)),
+                )  # a person's, or the achieved
+                skeletons[name], shells[name], roles[name] = (
+                    body["skeleton"],
+                    profiles.pop(role),
+                    role,
+                )
                 within[name] = stage["name"]
                 person = {role: shells[name]} if role == PERSON.name else {}
-                rows |= {role: rotation.T @ own @ rotation for role, own in (person | profiles).items()}
+                rows |= {
+                    role: rotation.T @ own @ rotation for role, own in (person | profiles).items()
+                }
     if skeletons:
-        drawn["arms"] = arms(skeletons, shells, size=data["size"], unit=unit, roles=roles, within=within)
+        drawn["arms"] = arms(
+            skeletons, shells, size=data["size"], unit=unit, roles=roles, within=within
+        )
     if columns == 1 and len(rows) > 1:
         drawn["ellipsoids"] = ellipsoids(time, rows, unit=unit, roles={role: role for role in rows})
-    for name, topics in (("curves", {shape}), ("motion", data["panels"].keys() - {shape, content.HUMAN_JOINTS})):
+    for name, topics in (
+        ("curves", {shape}),
+        ("motion", data["panels"].keys() - {shape, content.HUMAN_JOINTS}),
+    ):
         if panels := _panels(data, topics):
             drawn[name] = panel_figure(time, panels, columns)
     return drawn
@@ -168,19 +194,34 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
     clock = np.insert(time, gaps, time[gaps - 1])
     for item, panel in zip(grid.flat, panels, strict=False):
         for line in panel.lines:
-            color, style, width = ROLES[line.role].color, ("-", "--", ":")[line.style], 3.0 if line.wide else 1.0
+            color, style, width = (
+                ROLES[line.role].color,
+                ("-", "--", ":")[line.style],
+                3.0 if line.wide else 1.0,
+            )
             values, alpha = np.insert(line.values, gaps, np.nan), 0.35 if line.wide else 1.0
-            (drawn,) = item.plot(clock, values, color=color, ls=style, lw=width, alpha=alpha, label=line.name)
+            (drawn,) = item.plot(
+                clock, values, color=color, ls=style, lw=width, alpha=alpha, label=line.name
+            )
             handles |= {line.name: drawn} if len(panel.lines) > 1 else {}
-        item.set_title(f"{panel.title} [{panel.unit}]" if panel.unit else panel.title, fontsize=TEXT, loc="left", pad=2)
+        item.set_title(
+            f"{panel.title} [{panel.unit}]" if panel.unit else panel.title,
+            fontsize=TEXT,
+            loc="left",
+            pad=2,
+        )
         if panel.limits is not None and panel.span is not None:
             for ends in zip(panel.limits, panel.span, strict=True):
                 item.axhspan(*ends, color="0.85", lw=0)
             item.set_ylim(*panel.span)
-        elif panel.logarithmic and any(np.nanmax(line.values, initial=0.0) > 0.0 for line in panel.lines):
+        elif panel.logarithmic and any(
+            np.nanmax(line.values, initial=0.0) > 0.0 for line in panel.lines
+        ):
             item.set_yscale("log")
             low, high = item.get_ylim()
-            item.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high < 50.0 * low else (1.0,)))
+            item.yaxis.set_major_locator(
+                LogLocator(subs=(1.0, 3.0) if high < 50.0 * low else (1.0,))
+            )
             item.yaxis.set_major_formatter("{x:g}")
             item.yaxis.set_minor_formatter(NullFormatter())
         item.tick_params(labelsize=TEXT, length=2)
@@ -208,7 +249,9 @@ def ellipsoids(
     points = [profile[frames] for profile in profiles.values()]
     reach = float(np.sqrt(max(np.diagonal(row, axis1=1, axis2=2).max() for row in points)))
     # rows differ in grey, too
-    looks = list(zip(_colors(profiles, roles), np.linspace(0.45, 0.1, len(profiles)).tolist(), strict=True))
+    looks = list(
+        zip(_colors(profiles, roles), np.linspace(0.45, 0.1, len(profiles)).tolist(), strict=True)
+    )
     # of few ellipsoids there is space for the title of a row
     pitch, views, places = 2.15 * reach, VIEWS[points[0].shape[-1]], max(len(frames), 6)
     figure = column_figure(0.55 + len(views) * (len(points) * 3.2 / places + 0.3))
@@ -216,7 +259,9 @@ def ellipsoids(
     for panel, (view, plane) in zip(panels, views.items(), strict=True):
         for number, (row, look) in enumerate(zip(points, looks, strict=True)):
             # 2×2 matrices as ellipses, with a stroke along the longest axis
-            for k, ((minor, major), directions) in enumerate(zip(*axes(row[:, plane][:, :, plane]), strict=True)):
+            for k, ((minor, major), directions) in enumerate(
+                zip(*axes(row[:, plane][:, :, plane]), strict=True)
+            ):
                 center, along = np.array([k * pitch, -pitch * number]), major * directions[:, 1]
                 angle = float(np.degrees(np.arctan2(along[1], along[0])))
                 panel.plot(*np.stack([center - along, center + along]).T, color=look[0], lw=0.5)
@@ -228,13 +273,31 @@ def ellipsoids(
         panel.spines[["left", "right", "top"]].set_visible(False)
         panel.tick_params(labelsize=TEXT, length=2)
     decimals = max(0, 1 - int(np.floor(np.log10(np.ptp(times) / len(frames) or 1.0))))
-    panels[-1].set_xticks(np.arange(len(frames)) * pitch, [f"{t:.{decimals}f}" for t in times[frames]])
+    panels[-1].set_xticks(
+        np.arange(len(frames)) * pitch, [f"{t:.{decimals}f}" for t in times[frames]]
+    )
     panels[-1].set_xlabel(axis, fontsize=TEXT)
-    power = 10.0 ** np.floor(np.log10(reach))  # a scale bar of round length, above the right end of the first row
+    power = 10.0 ** np.floor(
+        np.log10(reach)
+    )  # a scale bar of round length, above the right end of the first row
     length = power * max((m for m in (1, 2, 5) if m * power <= reach), default=1)
     right, height = (places - 0.5) * pitch, 0.62 * pitch
-    panels[0].plot([right - length, right], 2 * [height], color="black", lw=1.5, clip_on=False, solid_capstyle="butt")
-    panels[0].text(right - length - 0.1 * pitch, height, f"{length:g} {unit}", fontsize=TEXT, ha="right", va="center")
+    panels[0].plot(
+        [right - length, right],
+        2 * [height],
+        color="black",
+        lw=1.5,
+        clip_on=False,
+        solid_capstyle="butt",
+    )
+    panels[0].text(
+        right - length - 0.1 * pitch,
+        height,
+        f"{length:g} {unit}",
+        fontsize=TEXT,
+        ha="right",
+        va="center",
+    )
     _legend(figure, [Patch(facecolor=look, edgecolor=look[0], linewidth=0.9, label=name)
                      for name, look in zip(profiles, looks, strict=True)])  # fmt: skip
     return laid_out(figure)
@@ -256,18 +319,37 @@ def arms(
     figure.subplots_adjust(left=0.0, right=0.9, bottom=0.24 / height, top=0.98, wspace=0.15)
     made = figure.subplots(1, columns, squeeze=False, subplot_kw={"projection": "3d"})[0]
     panels: dict[str, Any] = dict(zip(dict.fromkeys(titles.values()), made, strict=True))
-    polar, around = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 19), indexing="ij")
-    sphere = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)])
+    polar, around = np.meshgrid(
+        np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 19), indexing="ij"
+    )
+    sphere = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)]
+    )
     for color, (name, lines) in zip(_colors(skeletons, roles), skeletons.items(), strict=True):
         chosen, panel = evenly_spaced(len(lines), count), panels[titles[name]]
         opacities = np.linspace(0.25, 1.0, len(chosen)) if len(chosen) > 1 else np.ones(1)
-        for line, shell, opacity in zip(lines[chosen], ellipsoids[name][chosen], opacities, strict=True):
-            panel.plot(*line.T, color="0.2", alpha=opacity, lw=1.3, marker="o", ms=1.8, solid_joinstyle="round")
+        for line, shell, opacity in zip(
+            lines[chosen], ellipsoids[name][chosen], opacities, strict=True
+        ):
+            panel.plot(
+                *line.T,
+                color="0.2",
+                alpha=opacity,
+                lw=1.3,
+                marker="o",
+                ms=1.8,
+                solid_joinstyle="round",
+            )
             semi_axes, directions = axes(shell)
-            surface = line[-1][:, None, None] + size * np.einsum("ij,jkl->ikl", directions * semi_axes, sphere)
+            surface = line[-1][:, None, None] + size * np.einsum(
+                "ij,jkl->ikl", directions * semi_axes, sphere
+            )
             look: Any = {"color": color, "alpha": 0.2 + 0.3 * opacity, "lw": 0, "rasterized": True}
             panel.plot_surface(*surface, **look, rstride=1, cstride=1)
-    limits = [np.array([getattr(panel, f"get_{letter}lim")() for letter in "xyz"]) for panel in panels.values()]
+    limits = [
+        np.array([getattr(panel, f"get_{letter}lim")() for letter in "xyz"])
+        for panel in panels.values()
+    ]
     reach = max(float(np.ptp(ends, axis=1).max()) / 2 for ends in limits)
     for (title, panel), ends in zip(panels.items(), limits, strict=True):
         panel.patch.set_visible(False)  # it would cover labels of the panel before
@@ -281,7 +363,14 @@ def arms(
             axis.set_tick_params(labelsize=6.0, pad=-3.5)
             axis.set_major_locator(MaxNLocator(3 if columns < 3 else 2))
         panel.view_init(elev=22, azim=-55)
-    figure.text(0.5, 0.02, f"semi-axes of 1 {unit} are drawn {size:g} m long", fontsize=TEXT, ha="center", va="bottom")
+    figure.text(
+        0.5,
+        0.02,
+        f"semi-axes of 1 {unit} are drawn {size:g} m long",
+        fontsize=TEXT,
+        ha="center",
+        va="bottom",
+    )
     return figure
 
 
@@ -309,4 +398,6 @@ def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
     """Put named lines or patches above all panels."""
     letters = [len(str(handle.get_label())) for handle in handles]
     columns = len(handles) if sum(letters) < 45 else 1 + (max(letters) < 30)
-    figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=TEXT, frameon=False)
+    figure.legend(
+        handles=handles, loc="outside upper center", ncols=columns, fontsize=TEXT, frameon=False
+    )

@@ -25,11 +25,27 @@ from maniport.util.validation import Array
 
 STATISTICS = {
     "distance": ("Ellipsoid distance", "", "0.1: one axis is 5 % too long; 1: 65 %."),
-    "position_error": ("Position error", "mm", "Of the end effector; it has priority over ellipsoids."),
-    "orientation_error": ("Orientation error", "°", "Between the constrained axes and their target."),
+    "position_error": (
+        "Position error",
+        "mm",
+        "Of the end effector; it has priority over ellipsoids.",
+    ),
+    "orientation_error": (
+        "Orientation error",
+        "°",
+        "Between the constrained axes and their target.",
+    ),
     "feasibility_gap": ("Distance to the feasible set", "", "Of the target; an upper bound."),
-    "major_axis_angle": ("Angle between longest axes", "°", "Where both ellipsoids have a longest axis."),
-    "relative_position_error": ("Relative position error", "mm", "From the scaled vector between the hands."),
+    "major_axis_angle": (
+        "Angle between longest axes",
+        "°",
+        "Where both ellipsoids have a longest axis.",
+    ),
+    "relative_position_error": (
+        "Relative position error",
+        "mm",
+        "From the scaled vector between the hands.",
+    ),
 }
 """Label, unit and description of statistics over waypoints, by key."""
 
@@ -37,12 +53,16 @@ MISSED_SHARE = 0.05
 """Largest share of waypoints that may be missed without a warning."""
 
 
-def add_statistics(section: Section, key: str, values: ArrayLike, time: ArrayLike, **more: Any) -> dict[str, float]:
+def add_statistics(
+    section: Section, key: str, values: ArrayLike, time: ArrayLike, **more: Any
+) -> dict[str, float]:
     """Add and return median, 95th percentile and maximum of values (n,) at times [s]; `more` are in JSON only."""
     (label, unit, about), numbers = STATISTICS[key], statistics(values, time)
     text = "median {median:.2f}, 95th percentile {p95:.2f}, max {max:.2f} ".format(**numbers)
     main = key in ("distance", "position_error", "orientation_error")
-    section.add(label, key, numbers | more, text + at_time(numbers["max_at_s"]), about, unit=unit, main=main)
+    section.add(
+        label, key, numbers | more, text + at_time(numbers["max_at_s"]), about, unit=unit, main=main
+    )
     return numbers
 
 
@@ -55,7 +75,9 @@ def motion_report(motion: ArmMotion | RobotMotion) -> Report:
     return Report(" and ".join(f"{arm.arm} at {arm.frame}" for arm in arms), lead, sections)
 
 
-def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = None, alone: bool = True) -> Section:
+def motion_section(
+    motion: ArmMotion, time: Array, result: ArmResult | None = None, alone: bool = True
+) -> Section:
     """Describe the motion of an arm, of a result; `time` (n,): reported times of its waypoints [s].
 
     What concerns the trajectory of several arms together is in `group_section`.
@@ -63,8 +85,13 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     section = Section("Robot motion", key="motion")
     add_statistics(section, "distance", motion.distance, time)
     if (error := motion.position_error) is not None:
-        share, tolerance = float(np.mean(error > FAR * motion.position_tolerance)), 1e3 * motion.position_tolerance
-        own = add_statistics(section, "position_error", 1e3 * error, time, tolerance=tolerance, far_share=share)
+        share, tolerance = (
+            float(np.mean(error > FAR * motion.position_tolerance)),
+            1e3 * motion.position_tolerance,
+        )
+        own = add_statistics(
+            section, "position_error", 1e3 * error, time, tolerance=tolerance, far_share=share
+        )
         if share > 0.0:
             text = f"the position error is up to {own['max']:.1f} mm (at {own['max_at_s']:.1f} s)"
             section.warn("position-error", f"{text}; tolerance {tolerance:g} mm")
@@ -79,7 +106,9 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         if result.gap is not None:
             _add_mean_distance(section, motion, result)
     _add_waypoints(section, motion)
-    if motion.pointwise_best is not None and np.median(motion.pointwise_best) > 0.01:  # else the ratio has no meaning
+    if (
+        motion.pointwise_best is not None and np.median(motion.pointwise_best) > 0.01
+    ):  # else the ratio has no meaning
         _add_pointwise_ratio(section, motion)
     if result is not None and result.gap is not None:
         gap = add_statistics(section, "feasibility_gap", result.gap, time)["median"]
@@ -100,14 +129,20 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         section.warn("held", text, severity="error")
     pairs = zip(motion.joint_names, motion.velocity_limits, strict=True)
     if free := [name for name, limit in pairs if np.isinf(limit)]:
-        section.warn("unchecked-velocity-limits", f"no velocity limit is available for {listed(free)}")
+        section.warn(
+            "unchecked-velocity-limits", f"no velocity limit is available for {listed(free)}"
+        )
     if motion.limits is not None:
         warn_of_limits(section, motion.limits)
         if alone:
             collisions = None if result is None else result.collisions
-            warn_of_collisions(section, motion.clearance, () if collisions is None else collisions.unchecked)
+            warn_of_collisions(
+                section, motion.clearance, () if collisions is None else collisions.unchecked
+            )
     elif "velocity limit" in motion.status:
-        section.warn("too-fast", "the motion is too fast for the robot in places: give it more time")
+        section.warn(
+            "too-fast", "the motion is too fast for the robot in places: give it more time"
+        )
     return section
 
 
@@ -134,7 +169,9 @@ def _add_waypoints(section: Section, motion: ArmMotion) -> None:
         section.warn("targets-missed", f"{count} of {total} waypoints are missed{reasons}")
     about = f"Distance at most {NEAR_DISTANCE:g}, position error within the tolerance."
     value = {"count": total, "missed": count, "status": dict(status)}
-    section.add("Waypoints", "waypoints", value, f"{total - count} of {total} reached{reasons}", about)
+    section.add(
+        "Waypoints", "waypoints", value, f"{total - count} of {total} reached{reasons}", about
+    )
 
 
 def _add_pointwise_ratio(section: Section, motion: ArmMotion | RobotMotion) -> None:
@@ -145,14 +182,19 @@ def _add_pointwise_ratio(section: Section, motion: ArmMotion | RobotMotion) -> N
 def _add_lowest_point(section: Section, motion: ArmMotion, time: Array, result: ArmResult) -> None:
     """Add the lowest point of a motion; without a table, it must be above the base plane."""
     if (lowest := result.lowest) is None:
-        section.warn("unchecked-floor", "the height above the base plane is unknown: no link has a shape")
+        section.warn(
+            "unchecked-floor", "the height above the base plane is unknown: no link has a shape"
+        )
         return
     height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))
     if height < 0.0 and (result.collisions is None or result.collisions.table is None):
         text = f"{lowest.link} is up to {-height:.0f} mm below the base plane (at {at:.1f} s)"
         section.warn("below-base-plane", f"{text}. {argument('table', 0)} keeps the robot above it")
     value = {"link": lowest.link, "height_mm": height, "at_s": at}
-    text, about = f"{height:.0f} mm, {lowest.link} {at_time(at)}", "Of the moving links, above the base plane."
+    text, about = (
+        f"{height:.0f} mm, {lowest.link} {at_time(at)}",
+        "Of the moving links, above the base plane.",
+    )
     section.add("Lowest point", "lowest_point", value, text, about)
 
 
@@ -162,13 +204,19 @@ def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = (
     _add_trajectory(section, motion.trajectory, motion.clearance, time, time)
     _add_pointwise_ratio(section, motion)
     if motion.relative_error is not None:
-        add_statistics(section, "relative_position_error", 1e3 * motion.relative_error.max(axis=1), time)
+        add_statistics(
+            section, "relative_position_error", 1e3 * motion.relative_error.max(axis=1), time
+        )
     warn_of_collisions(section, motion.clearance, unchecked)
     return section
 
 
 def _add_trajectory(
-    section: Section, trajectory: Trajectory, clearance: Clearance, demonstrated: Array | None, time: Array
+    section: Section,
+    trajectory: Trajectory,
+    clearance: Clearance,
+    demonstrated: Array | None,
+    time: Array,
 ) -> None:
     """Add duration, limits and collisions of a planned motion; `time`: reported times of its waypoints [s]."""
     if demonstrated is not None:
@@ -191,11 +239,24 @@ def _add_trajectory(
         if exceeded:
             text = f"the motion exceeds limits of the robot: {exceeded}"
             section.warn(f"{key}-exceeded", text, severity="error")
-        sources = {name: text for name, text in sources_of.items() if (name not in DERIVATIVES) == is_torque}
+        sources = {
+            name: text
+            for name, text in sources_of.items()
+            if (name not in DERIVATIVES) == is_torque
+        }
         # a position limit cannot be exceeded
-        text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in used.items() if name != "position")
+        text = listed(
+            f"{name} {100 * use['share']:.0f} %" for name, use in used.items() if name != "position"
+        )
         about = f"Largest value relative to the limit{', by inverse dynamics' * is_torque}."
-        section.add(key.capitalize(), key, {"used": used, "sources": sources}, text, about, main=not is_torque)
+        section.add(
+            key.capitalize(),
+            key,
+            {"used": used, "sources": sources},
+            text,
+            about,
+            main=not is_torque,
+        )
     _add_collisions(section, clearance, float(np.interp(clearance.time, trajectory.time, time)))
 
 
@@ -203,7 +264,10 @@ def _add_collisions(section: Section, clearance: Clearance, at: float) -> None:
     """Add collisions and the least clearance, which is at a time [s]."""
     millimeters, text = None, "none possible" if clearance.checked else "not checked"
     if clearance.checked and np.isfinite(clearance.distance):
-        millimeters, pair = 1e3 * clearance.distance, f"{' and '.join(clearance.pair)} {at_time(at)}"
+        millimeters, pair = (
+            1e3 * clearance.distance,
+            f"{' and '.join(clearance.pair)} {at_time(at)}",
+        )
         share = f"in {100 * clearance.share:.1f} % of the time"
         if clearance.share > 0.0:
             section.warn("collision", f"the robot collides {share}: {pair}", severity="error")

@@ -44,10 +44,15 @@ from maniport.util.defaults import AUTO
 
 @describe.register
 def recording_report(
-    recording: Recording, markers: Mapping[str, Any] | None = None, side: str = AUTO, command: str = ""
+    recording: Recording,
+    markers: Mapping[str, Any] | None = None,
+    side: str = AUTO,
+    command: str = "",
 ) -> Report:
     """Describe a recording and the roles of its points."""
-    markers_of = {name: markers if name == (RIGHT if side == AUTO else side) else None for name in SIDES}
+    markers_of = {
+        name: markers if name == (RIGHT if side == AUTO else side) else None for name in SIDES
+    }
     sets = {name: assigned_roles(recording, markers_of[name], name) for name in SIDES}
     roles = {name: own for name, (_, own) in sets.items()}
     best, reason = max(SIDES, key=lambda name: len(roles[name].keys() & {"elbow", "wrist"})), ""
@@ -65,10 +70,14 @@ def recording_report(
         section.warn("arm-incomplete", "No arm is complete, so that none can be fitted")
 
     def names(role: str, points: Any) -> str:
-        groups = [" + ".join(group) for group in points] if role in DIRECTIONS else [" + ".join(points)]
+        groups = (
+            [" + ".join(group) for group in points] if role in DIRECTIONS else [" + ".join(points)]
+        )
         return " to ".join(groups) or "–"
 
-    rows = tuple((role, *(names(role, roles[name].get(role, ())) for name in SIDES)) for role in ROLES)
+    rows = tuple(
+        (role, *(names(role, roles[name].get(role, ())) for name in SIDES)) for role in ROLES
+    )
     section.tables = (Table(("role", *(f"{name} arm" for name in SIDES)), rows),)
     sections = [recording_section(recording, points=True), section]
     if missing:
@@ -88,7 +97,9 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
     section.numbers(duration_s=round(recording.duration, 3), rate_hz=rate and round(rate, 3))
     if points:
         section.add("Points", "points", names, f"{len(names)}: {listed(names)}")
-    section.add("Missing", "missing", gaps, _percentages(gaps, 1) if points else "", "Share of the frames.")
+    section.add(
+        "Missing", "missing", gaps, _percentages(gaps, 1) if points else "", "Share of the frames."
+    )
     section.warn(RECORDING, *recording.quality_warnings)
     section.note(*recording.notes)
     return section
@@ -99,11 +110,18 @@ def _percentages(shares: Mapping[str, float], digits: int = 0) -> str:
 
 
 def _add_arm(
-    section: Section, recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, Any] | None, side: str
+    section: Section,
+    recording: Recording,
+    roles: Mapping[str, Any],
+    markers: Mapping[str, Any] | None,
+    side: str,
 ) -> None:
     """Describe one arm: its missing roles, its lengths, and contradictions."""
     missing, lengths = missing_roles(roles), dict[str, float]()
-    for name, (start, end) in {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist")}.items():
+    for name, (start, end) in {
+        "upper arm": ("shoulder", "elbow"),
+        "forearm": ("elbow", "wrist"),
+    }.items():
         if start in roles and end in roles:
             step = role_position(recording, roles[end]) - role_position(recording, roles[start])
             if np.isfinite(length := np.linalg.norm(step, axis=-1)).any():
@@ -118,13 +136,20 @@ def _add_arm(
         except RecordingError as error:
             section.warn("markers", str(error))
     for name, length in lengths.items():
-        low, high = 0.85 * 1.4 * FRACTIONS[name], 1.15 * 2.1 * FRACTIONS[name]  # of 1.4 to 2.1 m, ± 15 % [m]
+        low, high = (
+            0.85 * 1.4 * FRACTIONS[name],
+            1.15 * 2.1 * FRACTIONS[name],
+        )  # of 1.4 to 2.1 m, ± 15 % [m]
         if not low <= length <= high:
-            text = f"the {name} is {length:.3f} m long, those of adults are {low:.2f} to {high:.2f} m"
+            text = (
+                f"the {name} is {length:.3f} m long, those of adults are {low:.2f} to {high:.2f} m"
+            )
             section.warn("segment-lengths", f"the {side} arm: {text}")
 
 
-def _completion(recording: Recording, family: str, missing: list[str], side: str, command: str) -> Section:
+def _completion(
+    recording: Recording, family: str, missing: list[str], side: str, command: str
+) -> Section:
     """Explain how to assign missing roles."""
     lines = [f"The {side} arm lacks {listed(missing)}."]
     for role in missing:
@@ -146,8 +171,14 @@ def _completion(recording: Recording, family: str, missing: list[str], side: str
 @describe.register
 def fit_report(fit: HumanMotion) -> Report:
     """Describe the fits of the arms of a person."""
-    arms = (replace(person_section(own), title=f"Human {own.arm.side} arm", key=str(own.arm.side)) for own in fit.arms)
-    return Report(f"{' and '.join(own.arm.name for own in fit.arms)}, fitted to a person", sections=tuple(arms))
+    arms = (
+        replace(person_section(own), title=f"Human {own.arm.side} arm", key=str(own.arm.side))
+        for own in fit.arms
+    )
+    return Report(
+        f"{' and '.join(own.arm.name for own in fit.arms)}, fitted to a person",
+        sections=tuple(arms),
+    )
 
 
 @describe.register
@@ -157,22 +188,40 @@ def person_section(fit: ArmFit) -> Section:
     columns = {"direction of [°]": "{name}", "median": "{median:.2f}", "95th percentile": "{p95:.2f}",
                "max": "{max:.2f}", TIME_COLUMN: "{max_at_s:.1f}"}  # fmt: skip
     caption = "Angle between measured and modelled direction of each segment, and about its own axis where it is known."
-    table = Table.of([{"name": name, **item} for name, item in residuals.items()], columns, caption, "residual_deg")
+    table = Table.of(
+        [{"name": name, **item} for name, item in residuals.items()],
+        columns,
+        caption,
+        "residual_deg",
+    )
     section = Section("Human arm", (), (replace(table, value=residuals),), "person", folded=True)
     by_reason: dict[str, list[str]] = {}
     for name, reason in fit.unobservable.items():
         by_reason.setdefault(reason, []).append(name)
     section.warn(FIT, *fit.quality_warnings)
     for reason, names in by_reason.items():
-        section.warn("undetermined-joints", f"The recording does not determine {listed(names)}: {reason}")
+        section.warn(
+            "undetermined-joints", f"The recording does not determine {listed(names)}: {reason}"
+        )
     frames = f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s"
     section.add("Model", "model", fit.arm.name, frames)
     section.add("Arm", "side", fit.arm.side, f"{fit.arm.side}: {fit.side_reason}")
     section.numbers(frames=len(fit), joints_not_determined=fit.unobservable)
     lengths = {name: round(float(length), 4) for name, length in fit.segment_lengths.items()}
     text = listed(f"{name} {length:.3f} m" for name, length in lengths.items())
-    section.add("Segments", "segment_lengths", lengths, text, "The model is scaled to these lengths.", unit="m")
-    at_limit = {name: float(part) for name, part in zip(fit.arm.joint_names, fit.at_limit, strict=True) if part > 0}
+    section.add(
+        "Segments",
+        "segment_lengths",
+        lengths,
+        text,
+        "The model is scaled to these lengths.",
+        unit="m",
+    )
+    at_limit = {
+        name: float(part)
+        for name, part in zip(fit.arm.joint_names, fit.at_limit, strict=True)
+        if part > 0
+    }
     about = "Share of the frames; the true angle may exceed the limit."
     section.add("Saturated joints", "fraction_at_limit", at_limit, _percentages(at_limit), about)
     section.note(*fit.notes)
@@ -186,28 +235,55 @@ AGREEMENT = {"agree": 0.2, "agree in part": 0.5, "do not agree": np.inf}
 @describe.register
 def learned_report(learned: LearnedProfile) -> Report:
     """Report a learned profile, agreement of the demonstrations first."""
-    agreement, parts, seconds = learned.agreement, learned.demonstrations, float(np.ptp(learned.time))
+    agreement, parts, seconds = (
+        learned.agreement,
+        learned.demonstrations,
+        float(np.ptp(learned.time)),
+    )
     before, after, held = agreement.before, agreement.after, agreement.held_out
     outlier = "" if agreement.outlier is None else learned.names[agreement.outlier]
     grade = next(words for words, bound in AGREEMENT.items() if agreement.share <= bound)
     section, means = Section("Learned profile", key="profile"), dict[str, float]()
     section.warn(RECORDING, *(text for part in parts for text in part.quality_warnings))
-    texts = ["the demonstrations differ: their mean is a motion that nobody performed"] * (grade != "agree")
-    section.warn("demonstrations-differ", *texts, *[f"{outlier} differs from the other demonstrations"] * bool(outlier))
+    texts = ["the demonstrations differ: their mean is a motion that nobody performed"] * (
+        grade != "agree"
+    )
+    section.warn(
+        "demonstrations-differ",
+        *texts,
+        *[f"{outlier} differs from the other demonstrations"] * bool(outlier),
+    )
     about = "Mean distance to the mean ellipsoid of the same time; 0.1 is one axis 5 % too long."
     text = f"{after:.2f} after alignment, {before:.2f} before"
-    section.add("Dispersion", "dispersion", {"before": before, "after": after}, text, about, main=True)
+    section.add(
+        "Dispersion", "dispersion", {"before": before, "after": after}, text, about, main=True
+    )
     about, text = "Share of all variance.", f"{100 * agreement.share:.0f} %"
-    section.add("Variance between demonstrations", "variance_share", agreement.share, text, about, main=True)
+    section.add(
+        "Variance between demonstrations", "variance_share", agreement.share, text, about, main=True
+    )
     if held:
         means = {name: float(np.mean(distances)) for name, distances in held.items()}
         text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in means.items())
-        section.add("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)
+        section.add(
+            "Leave-one-out distance",
+            "held_out",
+            means,
+            text,
+            "Mean over the demonstrations.",
+            main=True,
+        )
     section.add("Gaussians", "gaussians", learned.model.n_components_)
     spec = learned.config.spec
     kind, about = {"kind": spec.kind, "part": spec.part}, "Trunk frame (x forward, y left, z up)."
-    section.add("Ellipsoids", "ellipsoids", kind, f"{len(learned.time)}, {spec.kind}, {spec.part}", about)
-    section.numbers(duration_s=round(seconds, 3), reference=learned.alignment.reference, outlier=agreement.outlier)
+    section.add(
+        "Ellipsoids", "ellipsoids", kind, f"{len(learned.time)}, {spec.kind}, {spec.part}", about
+    )
+    section.numbers(
+        duration_s=round(seconds, 3),
+        reference=learned.alignment.reference,
+        outlier=agreement.outlier,
+    )
     names = tuple(str(arm.side) for arm in learned.arms)
     mirrored = listed(part.name for part in parts if part.motion.names != names)
     section.note(*[f"mirrored to the {names[0]} arm: {mirrored}"] * bool(mirrored))
@@ -220,18 +296,33 @@ def learned_report(learned: LearnedProfile) -> Report:
          "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in part.motion.arms}}
         for i, part in enumerate(parts)
     ]  # fmt: skip
-    columns = {"demonstration": "{name}", "frames": "{frames}", "arm": "{side}", "from the others": "{from_others:.2f}"}
+    columns = {
+        "demonstration": "{name}",
+        "frames": "{frames}",
+        "arm": "{side}",
+        "from the others": "{from_others:.2f}",
+    }
     columns |= {"held out": "{held_out:.2f}"} if held else {}
-    caption = "Mean distances after alignment: from the others, and from the profile learned without it."
+    caption = (
+        "Mean distances after alignment: from the others, and from the profile learned without it."
+    )
     section.tables = (Table.of(values, columns, caption, "demonstrations"),)
     lead = (
         f"{len(parts)} demonstrations, aligned to the {seconds:.1f} s of {learned.reference.name}. Each of "
         f"{len(learned.time)} times has a mean ellipsoid, its covariance, and a position of the hand."
     )
-    cause, advice = f"The mean distance to the mean ellipsoid of the same time is {after:.2f} ({in_axes(after)}).", ""
+    cause, advice = (
+        f"The mean distance to the mean ellipsoid of the same time is {after:.2f} ({in_axes(after)}).",
+        "",
+    )
     if outlier:
-        cause, advice = f"{cause} {outlier} is an outlier.", f"Leave out {outlier}, or give it a profile of its own."
+        cause, advice = (
+            f"{cause} {outlier} is an outlier.",
+            f"Leave out {outlier}, or give it a profile of its own.",
+        )
     elif means and means["learned"] > means["plain_mean"]:
         advice = f"More Gaussians may predict better: {argument('components', 2 * learned.model.n_components_)}."
     outcome = f"The demonstrations {grade}."
-    return Report(f"A profile of {len(parts)} demonstrations", lead, (section,), outcome, cause, advice)
+    return Report(
+        f"A profile of {len(parts)} demonstrations", lead, (section,), outcome, cause, advice
+    )

@@ -45,11 +45,17 @@ def as_markdown(report: Report, details: bool = False) -> str:
     paragraphs = [f"# {escaped(report.title)}", escaped(report.lead)]
     if report.outcome:
         command = f" `{printable(report.command_for())}`" if report.command else ""
-        paragraphs += [f"## {escaped(report.outcome)}", escaped(report.status_text), escaped(report.cause)]
+        paragraphs += [
+            f"## {escaped(report.outcome)}",
+            escaped(report.status_text),
+            escaped(report.cause),
+        ]
         paragraphs.append(escaped(report.advice) + command)
     if report.warnings:
         paragraphs += ["## Warnings", "\n".join(f"- {escaped(text)}" for text in report.warnings)]
-    sections = [section for section in report.sections if details or not (report.outcome and section.folded)]
+    sections = [
+        section for section in report.sections if details or not (report.outcome and section.folded)
+    ]
     if report.outcome and not details:
         visible = [metric for section in sections for metric in section.metrics]
         hidden = tuple(metric for metric in report.main_metrics if metric not in visible)
@@ -78,11 +84,20 @@ def as_numbers(report: Report) -> dict[str, Any]:
     """
     result: dict[str, Any] = {"title": report.title}
     if report.outcome:
-        texts = {"title": report.outcome, "text": report.cause, "advice": report.advice, "command": report.command}
+        texts = {
+            "title": report.outcome,
+            "text": report.cause,
+            "advice": report.advice,
+            "command": report.command,
+        }
         reasons = report.warning_keys if report.status else ()
         result |= {"status": report.status or None, "summary": texts | {"reasons": reasons}}
-    result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
-    result["notes"] = list(dict.fromkeys(item.text for item in report.metrics if item.severity == "note"))
+    result["warnings"] = [
+        {"key": metric.key, "text": metric.text} for metric in report.warning_metrics
+    ]
+    result["notes"] = list(
+        dict.fromkeys(item.text for item in report.metrics if item.severity == "note")
+    )
     for section in report.sections:
         entries = {metric.key + SUFFIXES.get(metric.unit, ""): metric.value for metric in section.metrics
                    if metric.key and (metric.severity == "info" or metric.value is not None)}  # fmt: skip
@@ -92,7 +107,9 @@ def as_numbers(report: Report) -> dict[str, Any]:
     return dict(plain(result))
 
 
-def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool = False, most_warnings: int = 3) -> str:
+def as_terminal(
+    report: Report, folder: str, width: int = 80, table_only: bool = False, most_warnings: int = 3
+) -> str:
     """Render the summary of a result for a terminal: outcome, main metrics, warnings and files."""
     metrics = report.main_metrics
     wide = max((len(metric.heading) for metric in metrics), default=0)
@@ -161,4 +178,6 @@ def _table(table: Table) -> str:
         return f"| {' | '.join(escaped(text).replace('|', chr(92) + '|') for text in texts)} |"
 
     caption = f"{escaped(table.caption)}\n\n" if table.caption else ""
-    return caption + "\n".join([line(table.columns), line(["---"] * len(table.columns)), *map(line, table.rows)])
+    return caption + "\n".join(
+        [line(table.columns), line(["---"] * len(table.columns)), *map(line, table.rows)]
+    )

@@ -17,7 +17,11 @@ from maniport.report.transfer import adapter_section, evaluation_section, label
 from maniport.report.values import Metric, Report, Section, describe, in_axes, sentence, software
 from maniport.util.defaults import POSITION_TOLERANCE
 
-POSITION_GRADES = {"position tracked": 0.0, "position mostly tracked": MISSED_SHARE, "position not tracked": np.inf}
+POSITION_GRADES = {
+    "position tracked": 0.0,
+    "position mostly tracked": MISSED_SHARE,
+    "position not tracked": np.inf,
+}
 DISTANCE_GRADES = {"ellipsoids tracked": ENOUGH_DISTANCE, "ellipsoids approximated": NEAR_DISTANCE,
                    "ellipsoids approximated in part": 1.2, "ellipsoids not tracked": np.inf}  # fmt: skip
 """Largest shares of waypoints far from the path, and median distances, by words; 1.2: one axis 82 % too long."""
@@ -33,7 +37,11 @@ def result_report(result: TransferResult | MotionResult) -> Report:
     sections, motions = [_settings(result)], dict[str, Metrics]()
     if isinstance(result, TransferResult):
         sections.insert(0, recording_section(result.recording))
-        source, spec, count = Path(result.recording.source).stem or "A recording", result.config.spec, len(result.time)
+        source, spec, count = (
+            Path(result.recording.source).stem or "A recording",
+            result.config.spec,
+            len(result.time),
+        )
         person = " and ".join(str(arm.fit.arm.side) for arm in result.arms)
         methods = " and ".join(dict.fromkeys(label(arm.method) for arm in result.arms))
         lead = (
@@ -46,15 +54,24 @@ def result_report(result: TransferResult | MotionResult) -> Report:
         assert result.motion is not None
         time = result.motion.trajectory.control_time
         lead = f"{len(result.motion.trajectory.time)} target ellipsoids, followed by {robot} in {np.ptp(time):.1f} s."
-        title = f"{Path(result.config.profile).stem} → {robot}" if result.config.profile else f"The motion of {robot}"
+        title = (
+            f"{Path(result.config.profile).stem} → {robot}"
+            if result.config.profile
+            else f"The motion of {robot}"
+        )
     for arm in reversed(result.arms):
         own = _arm_sections(arm, alone=not several)
-        motions = {arm.name: {metric.key: metric for metric in own[0].metrics if not metric.is_warning}} | motions
+        motions = {
+            arm.name: {metric.key: metric for metric in own[0].metrics if not metric.is_warning}
+        } | motions
         sections[:0] = _named(arm.name, own) if several else own
     if several and result.motion is not None:
         time = result.time if isinstance(result, TransferResult) else result.motion.trajectory.time
         collisions = result.arms[0].collisions
-        sections.insert(0, group_section(result.motion, time, () if collisions is None else collisions.unchecked))
+        sections.insert(
+            0,
+            group_section(result.motion, time, () if collisions is None else collisions.unchecked),
+        )
     report = Report(title, lead, tuple(sorted(sections, key=lambda section: section.folded)))
     if result.motion is not None:
         return _with_outcome(report, result, motions)
@@ -86,7 +103,11 @@ def _named(arm: str, sections: Sequence[Section]) -> list[Section]:
     def named(metric: Metric) -> Metric:
         if metric.severity != "info" and metric.text:
             return replace(metric, text=f"{name} arm: {metric.text}")
-        return replace(metric, label=f"{name}: {metric.label[:1].lower()}{metric.label[1:]}") if metric.main else metric
+        return (
+            replace(metric, label=f"{name}: {metric.label[:1].lower()}{metric.label[1:]}")
+            if metric.main
+            else metric
+        )
 
     return [
         replace(
@@ -112,12 +133,20 @@ def _settings(result: Result) -> Section:
         rotation = result.config.rotation.round(6).tolist()
         section.numbers(method=[arm.method for arm in result.arms], base_rotation=rotation)
     else:
-        section.add("Files", "sources", [file for file in (result.config.profile, result.config.path) if file])
+        section.add(
+            "Files",
+            "sources",
+            [file for file in (result.config.profile, result.config.path) if file],
+        )
     for arm in result.arms:
         chain = chain_metrics(arm.robot)
         base, _, fixed = (metric.text for metric in chain)
         text = f"{arm.robot.name}, {arm.robot.dof} joints, from {base} to {arm.robot.frame}"
-        value = {"name": arm.robot.name, "joints": arm.robot.dof, **{metric.key: metric.value for metric in chain}}
+        value = {
+            "name": arm.robot.name,
+            "joints": arm.robot.dof,
+            **{metric.key: metric.value for metric in chain},
+        }
         key = "robot" if len(result.arms) == 1 else f"{arm.name}_robot"
         section.add("Robot", key, value, text, f"Fixed joints: {fixed}" if fixed else "")
     section.metrics += tuple(software(result.config.seed))
@@ -133,7 +162,10 @@ def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]
         levels = [(DISTANCE_GRADES, median)]
         if "position_error" in metrics:
             levels.insert(0, (POSITION_GRADES, metrics["position_error"].value["far_share"]))
-        grades = (next(words for words, bound in table.items() if level <= bound) for table, level in levels)
+        grades = (
+            next(words for words, bound in table.items() if level <= bound)
+            for table, level in levels
+        )
         reached = f"{count['count'] - count['missed']} of {count['count']} waypoints reached"
         titles.append(sentence(f"{start}{'; '.join(grades)}: {reached}"))
         if median > ENOUGH_DISTANCE:
@@ -148,7 +180,11 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
     slower = _repeated(result, "slower", speed_scale=0.5 * result.config.speed_scale)
     if report.status == "red":
         exceeded = "limits-exceeded" in report.warning_keys
-        return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
+        return (
+            ("Do not execute: reduce the speed scale.", slower)
+            if exceeded
+            else ("Do not execute.", "")
+        )
     for arm, metrics in zip(result.arms, motions.values(), strict=True):
         motion, error = arm.motion, metrics.get("position_error")
         assert motion is not None
@@ -173,7 +209,9 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         if evaluation is not None and evaluation.rejected is None:
             better = evaluation.recommended
             if better and better != evaluation.adapter.name:
-                text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
+                text = (
+                    f"The targets are infeasible: those of {better} are nearer to the feasible set."
+                )
                 return text, _repeated(result, better, method=better)
         text = "The targets are infeasible: try other methods and base rotations."
         return text, f"maniport view --config {{folder}}/{CONFIG}"

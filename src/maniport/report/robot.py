@@ -21,12 +21,16 @@ from maniport.report.values import Metric, Report, Section, Table, describe, lis
 def arm_report(arm: Arm) -> Report:
     """Describe an arm: its joints with their limits, fixed joints, and frames."""
     unknown, inertia = np.full(arm.dof, np.inf), arm.chain.inertia
-    speeds, efforts = (unknown if own is None else own for own in (arm.velocity_limits, arm.effort_limits))
+    speeds, efforts = (
+        unknown if own is None else own for own in (arm.velocity_limits, arm.effort_limits)
+    )
 
     def limit(value: float, unit: str) -> str:
         return f"{value:.3g} {unit}" if value < np.inf else "unknown"
 
-    joints = zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, efforts, strict=True)
+    joints = zip(
+        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, efforts, strict=True
+    )
     rows = tuple(
         (name, f"{low:.3f} to {high:.3f} {unit}" + f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" * angle,
          limit(speed, f"{unit}/s"), limit(effort, "N m" if angle else "N"))
@@ -35,13 +39,19 @@ def arm_report(arm: Arm) -> Report:
     limits = dict(zip(arm.joint_names, np.transpose([arm.lower, arm.upper]).tolist(), strict=True))
     columns = "joint", "position limits", "velocity limit", "effort limit"
     section = Section("", (), (Table(columns, rows, key="joints", value=limits),))
-    section.add("Arm", "arm", arm.name, arm.name + (f", a human {arm.side} arm" if arm.side else ""))
+    section.add(
+        "Arm", "arm", arm.name, arm.name + (f", a human {arm.side} arm" if arm.side else "")
+    )
     section.add("Degrees of freedom", "degrees_of_freedom", arm.dof)
     section.metrics += tuple(chain_metrics(arm))
     if not arm.side:
         mass = None if inertia is None else float(inertia[1:, 0, 0].sum())
-        section.add("Moving mass", "moving_mass_kg", mass, "unknown" if mass is None else f"{mass:.3g} kg")
-        warn_of_limits(section, MotionLimits.of(arm, joint_limit_margin=0.0))  # no motion of a person is planned
+        section.add(
+            "Moving mass", "moving_mass_kg", mass, "unknown" if mass is None else f"{mass:.3g} kg"
+        )
+        warn_of_limits(
+            section, MotionLimits.of(arm, joint_limit_margin=0.0)
+        )  # no motion of a person is planned
     section.add("Frames", "frames", list(arm.frames))
     return Report(arm.name, "", (section,))
 
@@ -49,8 +59,14 @@ def arm_report(arm: Arm) -> Report:
 def chain_metrics(arm: Arm) -> list[Metric]:
     """Return base frame, end effector and fixed joints."""
     chain = arm.chain
-    still = (name for name, at in chain.frames.items() if not at.joint and np.allclose(at.placement, np.eye(4)))
-    base = chain.base or next(still, "the base")  # the first frame at its place where none was chosen
+    still = (
+        name
+        for name, at in chain.frames.items()
+        if not at.joint and np.allclose(at.placement, np.eye(4))
+    )
+    base = chain.base or next(
+        still, "the base"
+    )  # the first frame at its place where none was chosen
     sliding = {joint.name for joint in chain.joints if joint.kind == PRISMATIC}
     locked = {name: float(value) for name, value in chain.locked.items()}
     text = listed(f"{name} at {value:.3g} m" if name in sliding else f"{name} at {np.degrees(value):.3g}°"
@@ -64,7 +80,10 @@ def chain_metrics(arm: Arm) -> list[Metric]:
 
 def warn_of_limits(section: Section, limits: MotionLimits) -> None:
     """Warn of limits that are assumed, with their values and how to give real ones, and of unchecked torques."""
-    arm, advice = limits.arm, f"Give the real ones with {argument('motion_limits', option='--limits')}"
+    arm, advice = (
+        limits.arm,
+        f"Give the real ones with {argument('motion_limits', option='--limits')}",
+    )
     for suffix, quantity in zip(("", "/s", "/s²", "/s³"), ("position", *DERIVATIVES), strict=True):
         joints_of: dict[str, list[str]] = {}
         for name in limits.assumed[quantity]:
@@ -75,15 +94,29 @@ def warn_of_limits(section: Section, limits: MotionLimits) -> None:
         texts = [f"{text} for {listed(joints) if len(joints) < arm.dof else 'all joints'}"
                  for text, joints in joints_of.items()]  # fmt: skip
         if texts:
-            section.warn(f"assumed-{quantity}-limits", f"{quantity} limits are assumed: {'; '.join(texts)}. {advice}")
-    unknown = listed(name for name, effort in zip(arm.joint_names, limits.effort, strict=True) if np.isinf(effort))
+            section.warn(
+                f"assumed-{quantity}-limits",
+                f"{quantity} limits are assumed: {'; '.join(texts)}. {advice}",
+            )
+    unknown = listed(
+        name
+        for name, effort in zip(arm.joint_names, limits.effort, strict=True)
+        if np.isinf(effort)
+    )
     if limits.dynamics is None:
-        section.warn("unchecked-torques", "torques are not checked: the robot's description has no masses")
+        section.warn(
+            "unchecked-torques", "torques are not checked: the robot's description has no masses"
+        )
     elif unknown:
-        section.warn("unchecked-torques", f"torques of {unknown} are not checked: effort limits are unknown. {advice}")
+        section.warn(
+            "unchecked-torques",
+            f"torques of {unknown} are not checked: effort limits are unknown. {advice}",
+        )
 
 
-def warn_of_collisions(section: Section, result: Collisions | Clearance, unchecked: Sequence[str] = ()) -> None:
+def warn_of_collisions(
+    section: Section, result: Collisions | Clearance, unchecked: Sequence[str] = ()
+) -> None:
     """Warn of what is not checked for collisions; `unchecked`: links without a shape, and pairs of links."""
     if not result.checked:
         section.warn("unchecked-collisions", f"collisions are not checked: {result.reason}")
@@ -103,7 +136,10 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
                   limb.fork or "") for limb in others)  # fmt: skip
     value = {limb.frame: {"joints": list(limb.joints), "fork": limb.fork} for limb in others}
     table = Table(("--frame", "joints", "from … to", "--base"), rows, key="ends", value=value)
-    title, text = "Other ends" if arm else "Ends", "Fingers are omitted. With --base the chain begins at a branch."
+    title, text = (
+        "Other ends" if arm else "Ends",
+        "Fingers are omitted. With --base the chain begins at a branch.",
+    )
     ends = [Section(title, (), (table,), text=text)] if others else []
     if arm is None:
         arms = " or ".join(arm_names(name))
@@ -144,7 +180,9 @@ def placement_section(placed: Placement) -> Section:
     text = f"scale {placed.scale:.3f}, yaw {yaw:.1f}°, middle at ({middle}) m in the base frame"
     section.add("Path", "", None, text, "The target ellipsoids are rotated with the path.")
     base = {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.base_orientation.tolist()}
-    text = f"tilted by {tilt:.1f}° toward {heading:.1f}° from its x axis to its y axis" if tilt else ""
+    text = (
+        f"tilted by {tilt:.1f}° toward {heading:.1f}° from its x axis to its y axis" if tilt else ""
+    )
     about = "Rotation from the upright base about a horizontal axis."
     section.add("Base", "base_orientation", base, text, about)
     section.numbers(scale=float(placed.scale), yaw_deg=yaw, offset_m=offset, points_out_of_reach=out,

@@ -15,7 +15,11 @@ from maniport.version import __version__
 
 Severity = Literal["info", "note", "warning", "error"]
 
-STATUS = {"green": "no warnings", "amber": "check the warnings before execution", "red": "do not execute"}
+STATUS = {
+    "green": "no warnings",
+    "amber": "check the warnings before execution",
+    "red": "do not execute",
+}
 """Status of a result without warnings, with warnings and with errors, and its meaning."""
 
 RECORDING, FIT = "recording", "human-model"
@@ -70,7 +74,10 @@ class Metric:
     @property
     def cells(self) -> tuple[str, ...]:
         """Median, 95th percentile and maximum of statistics, and the time of the maximum [s], as text."""
-        return (*(f"{self.value[name]:.2f}" for name in ("median", "p95", "max")), f"{self.value['max_at_s']:.1f}")
+        return (
+            *(f"{self.value[name]:.2f}" for name in ("median", "p95", "max")),
+            f"{self.value['max_at_s']:.1f}",
+        )
 
     @property
     def heading(self) -> str:
@@ -89,9 +96,17 @@ class Table:
     value: Any = None
 
     @classmethod
-    def of(cls, records: Sequence[Mapping[str, Any]], columns: Mapping[str, str], caption: str, key: str) -> "Table":
+    def of(
+        cls,
+        records: Sequence[Mapping[str, Any]],
+        columns: Mapping[str, str],
+        caption: str,
+        key: str,
+    ) -> "Table":
         """Return a table of records: format strings by column name."""
-        rows = tuple(tuple(form.format(**record) for form in columns.values()) for record in records)
+        rows = tuple(
+            tuple(form.format(**record) for form in columns.values()) for record in records
+        )
         return cls(tuple(columns), rows, caption, key, list(records))
 
 
@@ -103,21 +118,41 @@ class Section:
     metrics: tuple[Metric, ...] = ()
     tables: tuple[Table, ...] = ()
     key: str = ""  # name in JSON; without one the metrics are at the top level there
-    text: str = ""  # Markdown below the title, one paragraph per line; names from files must be escaped
-    folded: bool = False  # whether it is a detail: the page folds it, and a summary in Markdown omits it
+    text: str = (
+        ""  # Markdown below the title, one paragraph per line; names from files must be escaped
+    )
+    folded: bool = (
+        False  # whether it is a detail: the page folds it, and a summary in Markdown omits it
+    )
 
-    def add(self, label: str, key: str, value: Any, text: str | None = None, about: str = "", **more: Any) -> None:
+    def add(
+        self,
+        label: str,
+        key: str,
+        value: Any,
+        text: str | None = None,
+        about: str = "",
+        **more: Any,
+    ) -> None:
         """Add a setting or a number with a description; its text is the value by default."""
-        written = (listed(value) if isinstance(value, list | tuple) else str(value)) if text is None else text
+        written = (
+            (listed(value) if isinstance(value, list | tuple) else str(value))
+            if text is None
+            else text
+        )
         self.metrics += (Metric(label, written, about, key, value, **more),)
 
     def numbers(self, **values: Any) -> None:
         """Add metrics that are in JSON only; the keys have the units."""
         self.metrics += tuple(Metric("", "", key=key, value=value) for key, value in values.items())
 
-    def warn(self, key: str, *texts: str, severity: Severity = "warning", value: Any = None) -> None:
+    def warn(
+        self, key: str, *texts: str, severity: Severity = "warning", value: Any = None
+    ) -> None:
         """Add warnings, or notes, with a stable key for programs."""
-        self.metrics += tuple(Metric("", sentence(text), "", key, value, severity=severity) for text in texts)
+        self.metrics += tuple(
+            Metric("", sentence(text), "", key, value, severity=severity) for text in texts
+        )
 
     def note(self, *texts: str) -> None:
         """Add notes."""
@@ -126,7 +161,11 @@ class Section:
     @property
     def lines(self) -> list[Metric]:
         """Settings and notes: metrics that are a line of text each."""
-        return [metric for metric in self.metrics if metric.text and not (metric.is_warning or metric.is_statistics)]
+        return [
+            metric
+            for metric in self.metrics
+            if metric.text and not (metric.is_warning or metric.is_statistics)
+        ]
 
     def statistics(self, without: Sequence[str] = ()) -> list[Table]:
         """Return a table of the statistics, but for those with some keys; none where it has no rows."""
@@ -174,7 +213,9 @@ class Report:
         """The metrics of the summary; statistics come first, those of one kind together."""
         metrics = [metric for metric in self.metrics if metric.main and metric.text]
         order = list(dict.fromkeys(metric.key for metric in metrics))
-        return tuple(sorted(metrics, key=lambda metric: (not metric.is_statistics, order.index(metric.key))))
+        return tuple(
+            sorted(metrics, key=lambda metric: (not metric.is_statistics, order.index(metric.key)))
+        )
 
     @property
     def warning_metrics(self) -> tuple[Metric, ...]:
@@ -183,7 +224,12 @@ class Report:
         for metric in self.metrics:
             if metric.is_warning and metric.text:
                 unique.setdefault(metric.text, metric)
-        return tuple(sorted(unique.values(), key=lambda metric: (metric.severity != "error", rank.get(metric.key, 0))))
+        return tuple(
+            sorted(
+                unique.values(),
+                key=lambda metric: (metric.severity != "error", rank.get(metric.key, 0)),
+            )
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -207,7 +253,11 @@ class Report:
     def status_text(self) -> str:
         """The status with its meaning and the kinds of the warnings in words; empty without a status."""
         kinds = ", ".join(key.replace("-", " ") for key in self.warning_keys)
-        return f"{self.status.capitalize()}: {STATUS[self.status]}{kinds and f' ({kinds})'}." if self.status else ""
+        return (
+            f"{self.status.capitalize()}: {STATUS[self.status]}{kinds and f' ({kinds})'}."
+            if self.status
+            else ""
+        )
 
     def command_for(self, folder: str = "results") -> str:
         """Return the command of the next step with the folder of the results, quoted for a shell."""
@@ -232,15 +282,24 @@ def at_time(time: float) -> str:
 def in_axes(distance: float) -> str:
     """Write a distance between ellipsoids as the error of one axis that has the same distance."""
     ratio = float(np.exp(0.5 * distance))
-    size = f"{ratio:.1f} times as long" if ratio >= 1.95 else f"{100.0 * (ratio - 1.0):.0f} % too long"
+    size = (
+        f"{ratio:.1f} times as long" if ratio >= 1.95 else f"{100.0 * (ratio - 1.0):.0f} % too long"
+    )
     return f"like one semi-axis {size}"
 
 
 def software(seed: int | None) -> list[Metric]:
     """Return the seed and the versions of the software."""
     versions = {"maniport": __version__, "Python": platform.python_version()}
-    for package, name in {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}.items():
-        with contextlib.suppress(metadata.PackageNotFoundError):  # it is installed by other means than a package
+    for package, name in {
+        "numpy": "NumPy",
+        "scipy": "SciPy",
+        "pin": "Pinocchio",
+        "pin-pink": "Pink",
+    }.items():
+        with contextlib.suppress(
+            metadata.PackageNotFoundError
+        ):  # it is installed by other means than a package
             versions[name] = metadata.version(package)
     about = "The same seed and versions give the same numbers."
     return [

@@ -63,7 +63,9 @@ def write_results(
         raise InvalidInputError(f"result must be one of {names}; found {type(result).__name__}")
     formats = export_files(exports)
     if formats and getattr(result, "motion", None) is None:
-        raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(formats)}")
+        raise InvalidInputError(
+            f"exports are of a robot's motion, of which there is none; found {sorted(formats)}"
+        )
     require_free(Path(folder), RESULT_FILES, overwrite)
     step, report = Step(progress, "Write results"), report_of(result)
     with folder_written_whole(folder, RESULT_FILES, overwrite) as staging:
@@ -73,7 +75,9 @@ def write_results(
     return report
 
 
-def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: Path, pages: bool = True) -> None:
+def write_run(
+    result: Any, report: Report, formats: Mapping[str, str], folder: Path, pages: bool = True
+) -> None:
     """Write data, summaries, exports and the page of a result to a folder that exists."""
     result.write_data(folder)
     for name in SUMMARIES:

@@ -66,7 +66,9 @@ def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
     d = point.shape[-1]
     left, right = as_symmetric(first, "first", d), as_symmetric(second, "second", d)
     require_broadcast(base=point, first=left, second=right)
-    return np.asarray(np.einsum("...ij,...ji->...", np.linalg.solve(point, left), np.linalg.solve(point, right)))
+    return np.asarray(
+        np.einsum("...ij,...ji->...", np.linalg.solve(point, left), np.linalg.solve(point, right))
+    )
 
 
 def log(base: ArrayLike, point: ArrayLike) -> Array:
@@ -119,7 +121,9 @@ def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
     require_broadcast(base=center, tangent=step)
     factor, inverse = cholesky(center)
     logs, vectors = eigh(congruence(inverse, step))
-    moved = _rounding(center, inverse) * np.maximum(1.0, np.abs(logs).max(axis=-1)) * _growth(logs, 1.0)
+    moved = (
+        _rounding(center, inverse) * np.maximum(1.0, np.abs(logs).max(axis=-1)) * _growth(logs, 1.0)
+    )
     return _point(factor, inverse, bounded(np.exp, "tangent")(logs), vectors, moved)
 
 
@@ -147,7 +151,10 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     exponent = as_finite(t, "t")[..., None]
     require_broadcast(a=start, b=end, t=exponent[..., None])
     ((factor, inverse), _, left, singular, _), moved = _factored(start, end)
-    logs, beyond = 2.0 * np.log(singular), np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0]
+    logs, beyond = (
+        2.0 * np.log(singular),
+        np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0],
+    )
     moved = moved * np.maximum(1.0, _growth(logs, beyond) / _growth(logs, 1.0))
     powers = bounded(lambda logs: np.exp(exponent * logs), "t")(logs)
     return _point(factor, inverse, powers, left, moved)
@@ -251,7 +258,9 @@ def _point(factor: Array, inverse: Array, values: Array, vectors: Array, moved: 
 def _rounding(matrices: Array, inverse: Array) -> Array:
     """Bound the distance by which rounding moves A, given G with A⁻¹ = Gᵀ G: tr(A) tr(A⁻¹) bounds the condition."""
     per_condition = 8.0 * float(np.finfo(np.float64).eps)  # measured against fifty digits
-    return np.asarray(per_condition * np.trace(matrices, axis1=-2, axis2=-1) * np.sum(inverse**2, axis=(-2, -1)))
+    return np.asarray(
+        per_condition * np.trace(matrices, axis1=-2, axis2=-1) * np.sum(inverse**2, axis=(-2, -1))
+    )
 
 
 def _growth(logarithms: Array, t: Array | float) -> Array:

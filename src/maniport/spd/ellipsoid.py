@@ -87,7 +87,9 @@ def axis_over_time(points: Array, which: int, like: Array | None = None) -> Arra
     Signs are continuous, but change where an axis is more than 120° from that of `like`.
     """
     semi_axes, directions = axes(points)
-    short, long = (semi_axes[:, -2], semi_axes[:, -1]) if which == -1 else (semi_axes[:, 0], semi_axes[:, 1])
+    short, long = (
+        (semi_axes[:, -2], semi_axes[:, -1]) if which == -1 else (semi_axes[:, 0], semi_axes[:, 1])
+    )
     defined = np.flatnonzero(short < 0.97 * long)
     vectors = np.full(directions.shape[:2], np.nan)
     if len(defined) == 0:

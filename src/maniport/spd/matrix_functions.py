@@ -8,7 +8,15 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import ILL_CONDITIONED, compose, eigh, require_in_range
-from maniport.util.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
+from maniport.util.validation import (
+    MAX_DIMENSION,
+    MIN_DIMENSION,
+    Array,
+    as_finite,
+    as_number,
+    as_spd,
+    as_symmetric,
+)
 
 _above = cache(np.triu_indices)  # Rows and columns of the entries above the diagonal
 
@@ -89,7 +97,9 @@ def powm(points: ArrayLike, exponent: float) -> Array:
     ndarray, shape (..., d, d)
     """
     s = as_number(exponent, "exponent")
-    return apply(as_spd(points, "points", copy=False), bounded(lambda values: values**s, "exponent"))
+    return apply(
+        as_spd(points, "points", copy=False), bounded(lambda values: values**s, "exponent")
+    )
 
 
 def to_vector(symmetric: ArrayLike) -> Array:

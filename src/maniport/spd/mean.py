@@ -52,9 +52,13 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     data = as_points(points, "points", minimum=1, copy=False)
     w = as_weights(weights, len(data))
     tol = as_number(tol, "tol", above=0.0)
-    state = _State.at(apply(np.einsum("n,nij->ij", w, apply(data, np.log)), np.exp), data, w)  # log-Euclidean mean
+    state = _State.at(
+        apply(np.einsum("n,nij->ij", w, apply(data, np.log)), np.exp), data, w
+    )  # log-Euclidean mean
     if state is None:
-        raise NotSPDError("points are too ill-conditioned for their mean: rounding makes them indefinite about it")
+        raise NotSPDError(
+            "points are too ill-conditioned for their mean: rounding makes them indefinite about it"
+        )
     for _ in range(50):
         following = _line_search(state, data, w) if state.norm > tol else None
         if following is None:
@@ -88,7 +92,9 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None) -> float:
     data = as_points(points, "points", minimum=1, copy=False)
     middle = mean(data) if center is None else as_spd(center, "center", data.shape[-1])
     if middle.ndim != 2:
-        raise InvalidInputError(f"center must be one matrix, shape (d, d); found shape {middle.shape}")
+        raise InvalidInputError(
+            f"center must be one matrix, shape (d, d); found shape {middle.shape}"
+        )
     return float(np.mean(distance_unchecked(middle, data)))
 
 
@@ -120,7 +126,10 @@ class _State(NamedTuple):
         # than 1e-3 is not put down to rounding.
         size = float(weights @ (np.linalg.norm(data, axis=(-2, -1)) / values[:, 0]))
         rounding = min(float(np.finfo(np.float64).eps) / spectrum[0] * size, 1e-3)
-        cost, norm = 0.5 * float(weights @ np.sum(logs**2, axis=-1)), float(np.linalg.norm(gradient))
+        cost, norm = (
+            0.5 * float(weights @ np.sum(logs**2, axis=-1)),
+            float(np.linalg.norm(gradient)),
+        )
         return cls(center, compose(root, frame), values, vectors, cost, gradient, norm, rounding)
 
 
@@ -129,7 +138,9 @@ def _line_search(now: _State, data: Array, weights: Array) -> _State | None:
     direction = _newton_direction(now, weights)
     descent, length = float(np.sum(now.gradient * direction)), 1.0
     while length > 1e-8:
-        following = _State.at(congruence(now.root, apply(length * direction, np.exp)), data, weights)
+        following = _State.at(
+            congruence(now.root, apply(length * direction, np.exp)), data, weights
+        )
         # near the solution the cost no longer resolves the step, but the gradient does
         if following is not None and following.norm < 0.5 * now.norm:
             return following
@@ -160,7 +171,9 @@ def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Ar
             f"{name} must be non-negative with a positive sum; found minimum {weights.min():.3g}, "
             f"maximum {weights.max():.3g}"
         )
-    shares = weights / weights.max()  # first: a sum of the largest numbers there are would be infinite
+    shares = (
+        weights / weights.max()
+    )  # first: a sum of the largest numbers there are would be infinite
     return np.asarray(shares / shares.sum())
 
 
@@ -177,7 +190,9 @@ def _add_hessians(values, logs, vectors, weights, hessian):  # type: ignore[no-u
                 if abs(x) < 1e-3:
                     stretch += x * x / 3.0
                 else:
-                    stretch = x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
+                    stretch = (
+                        x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
+                    )
                 entry = n
                 for i in range(n):
                     tangent[i] = v[i, p] * v[i, q]

@@ -14,7 +14,13 @@ from numpy.typing import ArrayLike
 from maniport.spd.kernels import compose, eigh
 from maniport.spd.kernels.loops import KAPPA
 from maniport.spd.matrix_functions import apply
-from maniport.util.validation import SPD_TOLERANCE, Array, as_number, as_positive_semidefinite, as_spd
+from maniport.util.validation import (
+    SPD_TOLERANCE,
+    Array,
+    as_number,
+    as_positive_semidefinite,
+    as_spd,
+)
 
 HINT = "Singular ellipsoids need regularization: give damping=0.01 (adds 1 % of the domain's mean eigenvalue)"
 
@@ -35,7 +41,9 @@ class Regularization:
         if self.damping is None:
             return self
         points = as_positive_semidefinite(domain, name)
-        return replace(self, epsilon=float(self.damping * np.trace(points.mean(axis=0)) / points.shape[-1]))
+        return replace(
+            self, epsilon=float(self.damping * np.trace(points.mean(axis=0)) / points.shape[-1])
+        )
 
     def apply(self, points: ArrayLike, name: str = "points", dimension: int | None = None) -> Array:
         """Return SPD matrices, shape (..., d, d), or raise `NotSPDError` with advice when nothing is to be done."""
@@ -59,7 +67,10 @@ def damped_again(points: Array, epsilon: float) -> Array:
     values, vectors = eigh(points)
     flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
     lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)
-    return compose(np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)), vectors)
+    return compose(
+        np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)),
+        vectors,
+    )
 
 
 def without_damping(points: Array, damping: float) -> Array:

@@ -30,7 +30,9 @@ from maniport.util.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {
     name: getattr(import_module(f"{__name__}.{module}"), kind)
-    for name, (module, kind) in ((name, place.split(":")) for name, place in defaults.METHODS.items())
+    for name, (module, kind) in (
+        (name, place.split(":")) for name, place in defaults.METHODS.items()
+    )
 }
 """The methods by the names that the command line uses, cheapest first."""
 
@@ -94,14 +96,18 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
 
 
 def _same_base_rotation(shared: ArrayLike, own: ArrayLike | None) -> bool:
-    rotations = (np.asarray(np.eye(3) if rotation is None else rotation) for rotation in (shared, own))
+    rotations = (
+        np.asarray(np.eye(3) if rotation is None else rotation) for rotation in (shared, own)
+    )
     first, other = (rotation[:3, :3] for rotation in rotations)
     return first.shape == other.shape and np.allclose(first, other, atol=1e-9)
 
 
 def name_of(adapter: DomainAdapter) -> str:
     """Return the name of an adapter's method in `METHODS`, or its class where it has none."""
-    return next((name for name, kind in METHODS.items() if type(adapter) is kind), type(adapter).__name__)
+    return next(
+        (name for name, kind in METHODS.items() if type(adapter) is kind), type(adapter).__name__
+    )
 
 
 __all__ = [

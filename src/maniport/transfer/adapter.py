@@ -21,7 +21,14 @@ from maniport.spd.regularization import Regularization, damped_again, without_da
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.validation import Array, as_finite, as_points, as_positive_semidefinite, as_rotation, as_spd
+from maniport.util.validation import (
+    Array,
+    as_finite,
+    as_points,
+    as_positive_semidefinite,
+    as_rotation,
+    as_spd,
+)
 
 
 class DomainAdapter(NotebookDisplay, Estimator, ABC):
@@ -107,7 +114,11 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         base_rotation = as_base_rotation(self.base_rotation, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
-            self.teacher_damping_, self.student_damping_, self.base_rotation_ = damping_t, damping_s, base_rotation
+            self.teacher_damping_, self.student_damping_, self.base_rotation_ = (
+                damping_t,
+                damping_s,
+                base_rotation,
+            )
             self._fit(self._in_student_frame(cloud_t), cloud_s)
             self._settle()
         except BaseException:  # a mixture of two fits would map wrongly
@@ -166,7 +177,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         d = self._dimension()
         regular = self.student_side(points)
         if self.student_damping_ > 0.0:
-            regular = damped_again(as_positive_semidefinite(points, "points", d), float(self.student_damping_))
+            regular = damped_again(
+                as_positive_semidefinite(points, "points", d), float(self.student_damping_)
+            )
         back = self._map_back(regular.reshape(-1, d, d))
         if self.base_rotation_ is not None:
             back = congruence(self.base_rotation_.T, back)
@@ -188,7 +201,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         """
         mapped, target = self._compared(points, truth)
         if len(mapped) != len(target):
-            raise InvalidInputError(f"points and truth must be equally many; found {len(mapped)} and {len(target)}")
+            raise InvalidInputError(
+                f"points and truth must be equally many; found {len(mapped)} and {len(target)}"
+            )
         return distance_unchecked(target, mapped)
 
     def score(self, teacher: ArrayLike, student: ArrayLike) -> float:
@@ -224,7 +239,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
     def teacher_side(self, points: ArrayLike, name: str = "points") -> Array:
         """Return the teacher's ellipsoids as the fit saw them: damped, in the student's frame; (..., d, d)."""
         d = self._dimension()
-        return self._in_student_frame(Regularization(epsilon=float(self.teacher_damping_)).apply(points, name, d))
+        return self._in_student_frame(
+            Regularization(epsilon=float(self.teacher_damping_)).apply(points, name, d)
+        )
 
     def student_side(self, points: ArrayLike, name: str = "points") -> Array:
         """Return the student's ellipsoids as the fit saw them: damped, shape (..., d, d)."""
@@ -244,7 +261,11 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         if d == 6:
             base = np.eye(6) if self.base_rotation_ is None else self.base_rotation_
             return orthonormal(base[:3, :3] + base[3:, 3:])
-        return self._map_rotation() if self.base_rotation_ is None else self._map_rotation() @ self.base_rotation_
+        return (
+            self._map_rotation()
+            if self.base_rotation_ is None
+            else self._map_rotation() @ self.base_rotation_
+        )
 
     @property
     def student_regularization(self) -> Regularization:
@@ -254,7 +275,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
     def _dimension(self) -> int:
         if not hasattr(self, "teacher_mean_"):
-            raise NotFittedError(f"this {type(self).__name__} is not fitted yet; call fit(teacher, student) first")
+            raise NotFittedError(
+                f"this {type(self).__name__} is not fitted yet; call fit(teacher, student) first"
+            )
         return len(self.teacher_mean_)
 
 
@@ -268,7 +291,9 @@ def as_base_rotation(base_rotation: ArrayLike | None, d: int) -> Array | None:
     if base_rotation is None:
         return None
     if d == 6 and np.shape(base_rotation) == (3, 3):
-        rotation = np.asarray(np.kron(np.eye(2), as_rotation(base_rotation, "base_rotation", 3)), dtype=np.float64)
+        rotation = np.asarray(
+            np.kron(np.eye(2), as_rotation(base_rotation, "base_rotation", 3)), dtype=np.float64
+        )
     else:
         rotation = as_rotation(base_rotation, "base_rotation", d)
     return None if np.array_equal(rotation, np.eye(d)) else rotation

@@ -16,7 +16,15 @@ import numpy as np
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.spd.regularization import Regularization
 from maniport.util.files import array_names, load_arrays, save_arrays
-from maniport.util.validation import as_choice, as_count, as_finite, as_flag, as_number, as_rotation, as_spd
+from maniport.util.validation import (
+    as_choice,
+    as_count,
+    as_finite,
+    as_flag,
+    as_number,
+    as_rotation,
+    as_spd,
+)
 
 FILE_FORMAT = "maniport-adapter-4"
 
@@ -45,7 +53,9 @@ SCHEMA: Schema = {
     "base_rotation_": Attribute(("d", "d"), as_rotation),
     "rotation_": Attribute(("d", "d"), as_rotation),
     "dispersion_ratio_": Attribute((), POSITIVE),
-    "history_": Attribute(("iterations",), lambda value, name: as_count(np.size(as_finite(value, name)), name)),
+    "history_": Attribute(
+        ("iterations",), lambda value, name: as_count(np.size(as_finite(value, name)), name)
+    ),
     "cost_": Attribute((), as_number),
     "converged_": Attribute((), as_flag),
     "n_iter_": Attribute((), partial(as_count, minimum=0)),
@@ -64,7 +74,12 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     fitted = {key: value for key, value in vars(adapter).items() if _is_attribute(key)}
     _require_valid(fitted, adapter.schema)
     arrays: dict[str, Any] = {}
-    plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(adapter).__name__, "parameters": {}, "fitted": {}}
+    plain: dict[str, Any] = {
+        "format": FILE_FORMAT,
+        "method": type(adapter).__name__,
+        "parameters": {},
+        "fitted": {},
+    }
     for group, values in (("parameters", adapter.get_params()), ("fitted", fitted)):
         for key, value in values.items():
             if isinstance(value, list | tuple | np.ndarray):
@@ -85,14 +100,20 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     names = array_names(path, "adapter file")
     if "adapter" not in names:
         raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {names}")
-    wanted = [key for key in names if key.startswith("parameters.") or _is_attribute(key.partition("fitted.")[2])]
+    wanted = [
+        key
+        for key in names
+        if key.startswith("parameters.") or _is_attribute(key.partition("fitted.")[2])
+    ]
     arrays = load_arrays(path, "adapter file", ["adapter", *wanted])
     try:
         plain = json.loads(str(arrays.pop("adapter")))
         if (written := plain["format"]) != FILE_FORMAT:
             hint = f"this version reads {FILE_FORMAT!r}: fit the adapter again"
             raise FileFormatError(f"{str(path)!r} has the format {written!r}; {hint}")
-        methods: dict[str, Any] = {key: kind for key, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)}
+        methods: dict[str, Any] = {
+            key: kind for key, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)
+        }
         method = methods[as_choice(plain["method"], "method", methods)]
         groups = {group: dict(plain[group]) for group in ("parameters", "fitted")}
         for key, value in arrays.items():
@@ -109,7 +130,14 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
         adapter._settle()
     except FileFormatError:
         raise
-    except (InvalidInputError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+    except (
+        InvalidInputError,
+        KeyError,
+        TypeError,
+        ValueError,
+        OverflowError,
+        RecursionError,
+    ) as error:
         raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
     return adapter
 
@@ -135,7 +163,15 @@ def _require_valid(fitted: Mapping[str, Any], schema: Schema) -> None:
         actual = np.shape(value)
         expected = tuple(sizes.get(size, size) if isinstance(size, str) else size for size in shape)
         if len(actual) != len(shape) or any(
-            size != length for size, length in zip(expected, actual, strict=True) if isinstance(size, int)
+            size != length
+            for size, length in zip(expected, actual, strict=True)
+            if isinstance(size, int)
         ):
-            raise InvalidInputError(f"{name} must have the shape {expected}; found {actual}".replace("'", ""))
-        sizes |= {size: length for size, length in zip(shape, actual, strict=True) if isinstance(size, str)}
+            raise InvalidInputError(
+                f"{name} must have the shape {expected}; found {actual}".replace("'", "")
+            )
+        sizes |= {
+            size: length
+            for size, length in zip(shape, actual, strict=True)
+            if isinstance(size, str)
+        }

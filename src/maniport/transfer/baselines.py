@@ -34,7 +34,9 @@ class IdentityMap(DomainAdapter):
 
     def _exchanged(self, points: Array, sign: float) -> Array:
         """Exchange the teacher's damping for the student's, or back."""
-        return points + sign * (self.student_damping_ - self.teacher_damping_) * np.eye(points.shape[-1])
+        return points + sign * (self.student_damping_ - self.teacher_damping_) * np.eye(
+            points.shape[-1]
+        )
 
 
 class NearestNeighbor(DomainAdapter):
@@ -66,7 +68,10 @@ class NearestNeighbor(DomainAdapter):
     _index: NeighborIndex
 
     def __init__(
-        self, damping: float | None = None, base_rotation: ArrayLike | None = None, n_samples: int = 5000
+        self,
+        damping: float | None = None,
+        base_rotation: ArrayLike | None = None,
+        n_samples: int = 5000,
     ) -> None:
         super().__init__(damping, base_rotation)
         self.n_samples = n_samples

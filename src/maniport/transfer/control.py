@@ -29,7 +29,11 @@ def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-de
         x[i] = a[i, i] ** power if a[i, i] > 0.0 else 0.0
     lowest, highest = x.min(), x.max()
     # the last bound refuses a singular X, whose zero was rounded up
-    if not (lowest >= MIN_EIGENVALUE and highest <= MAX_EIGENVALUE and lowest > SPD_TOLERANCE**power * highest):
+    if not (
+        lowest >= MIN_EIGENVALUE
+        and highest <= MAX_EIGENVALUE
+        and lowest > SPD_TOLERANCE**power * highest
+    ):
         return False
     multiply(right, v, b)
     compose(x, b, a)
@@ -51,7 +55,9 @@ def compiled_map(function: Any, d: int, *terms: Array) -> Callable[..., Array]:
     if not numba.config.DISABLE_JIT:
         function.disable_compile()  # arrays of other types are errors
 
-    def mapped(point: Array, out: Array | None = None) -> Array:  # called 10 % faster than an object with a method
+    def mapped(
+        point: Array, out: Array | None = None
+    ) -> Array:  # called 10 % faster than an object with a method
         if out is None:
             out = np.empty(shape)
         try:
@@ -69,8 +75,12 @@ def _refuse(shape: tuple[int, int], point: Array, out: Array) -> NoReturn:
     for array in (point, out):
         fits = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == np.float64
         if not (fits and array.flags.c_contiguous):
-            text = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
-            raise InvalidInputError(f"point and out must be C-contiguous float64 arrays of shape {shape}; found {text}")
+            text = " and ".join(
+                f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out)
+            )
+            raise InvalidInputError(
+                f"point and out must be C-contiguous float64 arrays of shape {shape}; found {text}"
+            )
     raise NotSPDError(
         "point and its image must be symmetric, finite and positive-definite; found "
         f"{np.array2string(point, precision=4, separator=', ')}"
@@ -87,7 +97,13 @@ def map_lengths(point, base_rotation, numbers, parts, table, out):  # type: igno
     if point.shape != (n, n) or out.shape != (n, n):
         return False
     epsilon, student, power, shift, level, inverse_square, soft = numbers
-    a, b, v, x, u = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n * (n + 1) // 2)
+    a, b, v, x, u = (
+        np.empty((n, n)),
+        np.empty((n, n)),
+        np.empty((n, n)),
+        np.empty(n),
+        np.empty(n * (n + 1) // 2),
+    )
     if not damp(point, a, epsilon):
         return False
     congruence(base_rotation, a, b)
@@ -174,7 +190,9 @@ def damp(point, a, added):  # type: ignore[no-untyped-def]
             largest = max(largest, abs(point[i, j]))
     for i in range(n):
         for j in range(n):
-            if not abs(point[i, j] - point[j, i]) <= SYMMETRY_TOLERANCE * largest:  # also true for nan
+            if (
+                not abs(point[i, j] - point[j, i]) <= SYMMETRY_TOLERANCE * largest
+            ):  # also true for nan
                 return False
             a[i, j] = 0.5 * (point[i, j] + point[j, i])
         a[i, i] += added

@@ -51,9 +51,13 @@ class CloudPair:
     def nearest(self, rotation: Array) -> Array:
         """Distances from the seeking ellipsoids to the nearest of the other cloud, shape (k,)."""
         turning = _mandel_rotation(rotation)
-        return _distances(self._seeking @ (turning.T if self._teacher_seeks else turning), self._sought)[2]
+        return _distances(
+            self._seeking @ (turning.T if self._teacher_seeks else turning), self._sought
+        )[2]
 
-    def improved(self, start: Array, end: Array, certainty: float = 3.0, share: float = 0.1) -> tuple[bool, str]:
+    def improved(
+        self, start: Array, end: Array, certainty: float = 3.0, share: float = 0.1
+    ) -> tuple[bool, str]:
         """Whether the rotation `end` clearly brings the clouds nearer than `start`; and if not, what it does.
 
         It does where the mean distance between the clouds falls by `certainty` standard errors and a `share` of their
@@ -66,7 +70,9 @@ class CloudPair:
         if rotation_angle(start, end) < 1e-6:
             return False, ""
         before = self.distances(start)
-        within = sum(float(_distances(cloud, cloud)[0].mean()) for cloud in (self.teacher, self.student))
+        within = sum(
+            float(_distances(cloud, cloud)[0].mean()) for cloud in (self.teacher, self.student)
+        )
         gain = _combined([(1.0, before), (-1.0, self.distances(end))])
         gained = 2.0 * gain.mean / max(2.0 * float(before[0].mean()) - within, 1e-12)
         nearer = gain.certainty >= certainty and gained >= share
@@ -74,10 +80,15 @@ class CloudPair:
             return True, ""
         if gain.mean > 0.0:
             error = gained / gain.certainty
-            return False, f"brings the domains nearer by {100 * gained:.1f} % ± {100 * error:.1f} % only"
+            return (
+                False,
+                f"brings the domains nearer by {100 * gained:.1f} % ± {100 * error:.1f} % only",
+            )
         return False, "does not bring the domains nearer"
 
-    def free_directions(self, rotation: Array, turn: float = np.pi / 6.0, least: float = 1e-3) -> Array:
+    def free_directions(
+        self, rotation: Array, turn: float = np.pi / 6.0, least: float = 1e-3
+    ) -> Array:
         """Directions (k, m) of a rotation, m = d (d − 1) / 2, that the clouds do not determine, as rotation vectors.
 
         `turn` is the angle of the finite differences [rad]; much smaller ones measure the graininess of the samples. A
@@ -93,21 +104,30 @@ class CloudPair:
 
         def difference(step: Array) -> Gain:
             """Second difference of the mean distance."""
-            return _combined([(-2.0, middle), *((1.0, self.distances(side)) for side in sides(step))])
+            return _combined(
+                [(-2.0, middle), *((1.0, self.distances(side)) for side in sides(step))]
+            )
 
         directions, free = np.eye(len(rotation) * (len(rotation) - 1) // 2), []
-        for _ in range(2):  # oblique directions are off by up to 3°; measured again along these they are exact to 0.1°
+        for _ in range(
+            2
+        ):  # oblique directions are off by up to 3°; measured again along these they are exact to 0.1°
             steps = 0.5 * turn * directions
             hessian = np.diag([difference(step).mean for step in steps])
             for a, first in enumerate(steps):
                 for b, second in enumerate(steps[:a]):
                     along, across = (first + second) / np.sqrt(2.0), (first - second) / np.sqrt(2.0)
-                    hessian[a, b] = hessian[b, a] = 0.5 * (difference(along).mean - difference(across).mean)
+                    hessian[a, b] = hessian[b, a] = 0.5 * (
+                        difference(along).mean - difference(across).mean
+                    )
             directions = np.linalg.eigh(hessian)[1].T @ directions
         for direction in directions:
             change = difference(turn * direction)
             if change.mean < least * turn**2 * middle[0].mean() or change.certainty < 2.0:
-                around = [_coincidence(self.nearest(side), here).certainty for side in sides(turn * direction)]
+                around = [
+                    _coincidence(self.nearest(side), here).certainty
+                    for side in sides(turn * direction)
+                ]
                 free += [direction] if min(around) < 3.0 else []
         return np.array(free).reshape(-1, len(directions))
 
@@ -146,7 +166,9 @@ def subsample(vectors: Array, limit: int) -> Array:
 
 def _combined(terms: Sequence[tuple[float, Distances]]) -> Gain:
     """Mean of a linear combination of distances, and its standard error over draws of both clouds."""
-    rows, columns = (np.sum([factor * means[side] for factor, means in terms], axis=0) for side in (0, 1))
+    rows, columns = (
+        np.sum([factor * means[side] for factor, means in terms], axis=0) for side in (0, 1)
+    )
     variance = np.var(rows, ddof=1) / len(rows) + np.var(columns, ddof=1) / len(columns)
     return Gain(float(np.mean(rows)), float(np.sqrt(variance)))
 
@@ -167,7 +189,9 @@ def _mandel_rotation(rotation: Array) -> Array:
 def _distances(vectors: Array, others: Array) -> tuple[Array, Array, Array]:
     """Mean distances from each vector (n, k) to the others (m, k), and from these to all; and to the nearest other."""
     rows, columns, least = np.empty(len(vectors)), np.zeros(len(others)), np.empty(len(vectors))
-    single = (np.ascontiguousarray(array, np.float32) for array in (vectors, others.T))  # twice as fast, exact enough
+    single = (
+        np.ascontiguousarray(array, np.float32) for array in (vectors, others.T)
+    )  # twice as fast, exact enough
     _fill_distances(*single, rows, columns, least)
     return rows / len(columns), columns / len(rows), least
 

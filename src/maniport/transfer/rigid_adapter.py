@@ -27,7 +27,11 @@ class RigidMap:
     @cached_property
     def factors(self) -> tuple[Array, float, Array]:
         """W, s and B."""
-        return roots(self.teacher_mean)[1], self.ratio, np.asarray(roots(self.student_mean)[0] @ self.rotation)
+        return (
+            roots(self.teacher_mean)[1],
+            self.ratio,
+            np.asarray(roots(self.student_mean)[0] @ self.rotation),
+        )
 
     def apply(self, points: Array) -> Array:
         """Map SPD matrices (..., d, d) of the teacher to the student."""
@@ -84,7 +88,9 @@ class RigidAdapter(DomainAdapter):
         if self.base_rotation_ is not None:
             left = left @ self.base_rotation_
         numbers = np.array([power, self.teacher_damping_, self.student_damping_])
-        return compiled_map(map_rigidly, len(left), *map(np.ascontiguousarray, (left, right)), numbers)
+        return compiled_map(
+            map_rigidly, len(left), *map(np.ascontiguousarray, (left, right)), numbers
+        )
 
     def _map(self, points: Array) -> Array:
         return self._rigid_map.apply(points)
@@ -136,4 +142,6 @@ class ParallelTransport(RigidAdapter):
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         self._settle()
-        self._set_closed_form("closed form", float(np.sqrt(np.mean(nearest(self._map(teacher), student)[1] ** 2))))
+        self._set_closed_form(
+            "closed form", float(np.sqrt(np.mean(nearest(self._map(teacher), student)[1] ** 2)))
+        )

@@ -40,7 +40,9 @@ def rotation_angle(rotation: Array, other: Array) -> float:
     """Geodesic distance between two rotations [rad]: for d = 3 the angle of R₁ᵀ R₂."""
     # through the difference, which keeps small angles exact
     if len(rotation) <= 3:  # its only plane's chord appears twice among the singular values
-        return 2.0 * math.asin(min(math.sqrt(0.5) * float(np.linalg.norm(rotation - other)) / 2.0, 1.0))
+        return 2.0 * math.asin(
+            min(math.sqrt(0.5) * float(np.linalg.norm(rotation - other)) / 2.0, 1.0)
+        )
     chords = np.linalg.svd(rotation - other, compute_uv=False)[::2]
     return float(np.linalg.norm(2.0 * np.arcsin(np.clip(chords / 2.0, 0.0, 1.0))))
 

@@ -17,10 +17,14 @@ from typing import Any
 from maniport.errors import OutputError, argument
 from maniport.util.input_limits import as_path
 
-EARLIER = ".earlier"  # suffix of the former target where two folders cannot be exchanged in one operation
+EARLIER = (
+    ".earlier"  # suffix of the former target where two folders cannot be exchanged in one operation
+)
 
 _targets: dict[Path, Path] = {}  # targets that this process is writing, by temporary path
-_written: dict[Path, str] = {}  # targets that this process has written, without what is in them; text before the name
+_written: dict[
+    Path, str
+] = {}  # targets that this process has written, without what is in them; text before the name
 
 
 @contextmanager
@@ -50,7 +54,9 @@ def folder_written_whole(
         _require_own(path, own, overwrite)
         with temporary_sibling(target, folder=True) as staging:
             yield staging
-            _require_own(path, own, overwrite)  # files that others wrote there in the meantime stay as well
+            _require_own(
+                path, own, overwrite
+            )  # files that others wrote there in the meantime stay as well
             place(staging, target)
 
 
@@ -63,7 +69,9 @@ def claim(folder: Path, marker: str, content: dict[str, Any], same: Collection[s
         earlier = None
     if not isinstance(earlier, dict) or not content.keys() <= earlier.keys():
         if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()):
-            raise OutputError(f"{str(folder)!r} holds other things; give a new folder with {argument('output')}")
+            raise OutputError(
+                f"{str(folder)!r} holds other things; give a new folder with {argument('output')}"
+            )
     elif any(earlier[name] != content[name] for name in same):
         raise OutputError(
             f"{str(folder)!r} holds results of another {' or '.join(same)}; give a new folder with {argument('output')}"
@@ -156,10 +164,14 @@ def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
         return
     if not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
-    entries = (entry for entry in folder.rglob("*") if not (entry.is_dir() and any(entry.iterdir())))
+    entries = (
+        entry for entry in folder.rglob("*") if not (entry.is_dir() and any(entry.iterdir()))
+    )
     others = (entry.relative_to(folder).as_posix() for entry in entries if entry.name not in own)
     if names := ", ".join(map(repr, islice(others, 5))):
-        raise OutputError(f"{str(folder)!r} holds other things ({names}); give a new folder with {argument('output')}")
+        raise OutputError(
+            f"{str(folder)!r} holds other things ({names}); give a new folder with {argument('output')}"
+        )
     if not overwrite and any(folder.iterdir()):
         advice = f"give {argument('overwrite')} to replace it, or a new folder"
         raise OutputError(f"{str(folder)!r} holds an earlier result; {advice}")

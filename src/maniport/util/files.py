@@ -14,8 +14,20 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import FileFormatError, nearest_first
 from maniport.util.atomic_io import written_whole
-from maniport.util.input_limits import ARRAYS_BYTES, MEGABYTE, SETTINGS_BYTES, existing_file, read_whole
-from maniport.util.validation import Array, as_finite, as_positive_semidefinite, as_times, require_shape
+from maniport.util.input_limits import (
+    ARRAYS_BYTES,
+    MEGABYTE,
+    SETTINGS_BYTES,
+    existing_file,
+    read_whole,
+)
+from maniport.util.validation import (
+    Array,
+    as_finite,
+    as_positive_semidefinite,
+    as_times,
+    require_shape,
+)
 
 
 def spreadsheet_cell(value: Any) -> Any:
@@ -24,16 +36,22 @@ def spreadsheet_cell(value: Any) -> Any:
     return f"'{value}" if formula else value
 
 
-def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any], compress: bool = True) -> None:
+def save_arrays(
+    path: str | os.PathLike[str], arrays: dict[str, Any], compress: bool = True
+) -> None:
     """Write named arrays to an ``.npz`` file, whole or not at all."""
     with written_whole(path) as temporary, open(temporary, "wb") as stream:
         (np.savez_compressed if compress else np.savez)(stream, **arrays)
 
 
-def load_arrays(path: str | os.PathLike[str], what: str, names: Collection[str] | None = None) -> dict[str, Any]:
+def load_arrays(
+    path: str | os.PathLike[str], what: str, names: Collection[str] | None = None
+) -> dict[str, Any]:
     """Read arrays of an ``.npz`` file."""
     with _archive(path, what) as archive:
-        chosen = {name: info for name, info in _members(archive).items() if names is None or name in names}
+        chosen = {
+            name: info for name, info in _members(archive).items() if names is None or name in names
+        }
         unpacked = sum(info.file_size for info in chosen.values())
         if unpacked > ARRAYS_BYTES:
             raise FileFormatError(
@@ -63,7 +81,9 @@ def _archive(path: str | os.PathLike[str], what: str) -> Iterator[zipfile.ZipFil
     except FileFormatError:
         raise
     except Exception as error:  # noqa: BLE001 - decompressors and NumPy raise errors of a dozen types on damaged files
-        raise FileFormatError(f"{what} {str(path)!r} is not a readable .npz file: {error}") from None
+        raise FileFormatError(
+            f"{what} {str(path)!r} is not a readable .npz file: {error}"
+        ) from None
 
 
 def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
@@ -75,7 +95,11 @@ def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
 def read_npy(stream: IO[bytes], size: int) -> Any:
     """Read an array from a stream of `size` bytes in NumPy's format; may raise errors of any type."""
     version = np.lib.format.read_magic(stream)
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    read = (
+        np.lib.format.read_array_header_1_0
+        if version == (1, 0)
+        else np.lib.format.read_array_header_2_0
+    )
     shape, _, dtype = read(stream)
     if math.prod(shape) * max(dtype.itemsize, 1) > size:
         raise ValueError(f"its header declares the shape {shape} of {dtype}, more than there is")
@@ -86,7 +110,9 @@ def read_npy(stream: IO[bytes], size: int) -> Any:
     return array
 
 
-def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None) -> None:
+def save_ellipsoids(
+    path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None
+) -> None:
     """Write ellipsoids (n, d, d), and their times (n,) in seconds where there are any, to an ``.npz`` file."""
     points = as_finite(manipulability, "manipulability")
     require_shape(points, "manipulability", ("n", "d", "d"), " with n ≥ 1")
@@ -99,7 +125,9 @@ def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     return as_positive_semidefinite(points, f"manipulability in {str(path)!r}"), time
 
 
-def save_path(path: str | os.PathLike[str], positions: ArrayLike, time: ArrayLike | None = None) -> None:
+def save_path(
+    path: str | os.PathLike[str], positions: ArrayLike, time: ArrayLike | None = None
+) -> None:
     """Write positions (n, 3) [m], and their times (n,) in seconds where there are any, to an ``.npz`` file."""
     points = as_finite(positions, "path")
     require_shape(points, "path", ("n", 3))
@@ -117,7 +145,9 @@ def _save(path: str | os.PathLike[str], name: str, points: Array, time: ArrayLik
     save_arrays(path, {name: points} | times)
 
 
-def _load(path: str | os.PathLike[str], what: str, name: str, shape: tuple[Any, ...]) -> tuple[Array, Array | None]:
+def _load(
+    path: str | os.PathLike[str], what: str, name: str, shape: tuple[Any, ...]
+) -> tuple[Array, Array | None]:
     """Return the array of that name, and its times where there are any."""
     arrays, where = load_arrays(path, what, (name, "time")), f"in {str(path)!r}"
     if name not in arrays:
@@ -125,7 +155,9 @@ def _load(path: str | os.PathLike[str], what: str, name: str, shape: tuple[Any, 
         raise FileFormatError(f"{what} {str(path)!r} has no array {name!r}; it holds {held}")
     points = as_finite(arrays[name], f"{name} {where}")
     require_shape(points, f"{name} {where}", shape)
-    return points, as_times(arrays["time"], f"time {where}", len(points)) if "time" in arrays else None
+    return points, as_times(
+        arrays["time"], f"time {where}", len(points)
+    ) if "time" in arrays else None
 
 
 def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
@@ -165,7 +197,9 @@ def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str
     for key in content:
         if key not in keys:
             near = ", ".join(nearest_first(key, keys))
-            raise FileFormatError(f"{where}: unknown key {key!r}; allowed are, nearest first: {near}")
+            raise FileFormatError(
+                f"{where}: unknown key {key!r}; allowed are, nearest first: {near}"
+            )
     return content
 
 
@@ -175,7 +209,9 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
             event = self.peek_event()
-            raise yaml.composer.ComposerError(None, None, f"aliases (*{event.anchor}) are not read", event.start_mark)
+            raise yaml.composer.ComposerError(
+                None, None, f"aliases (*{event.anchor}) are not read", event.start_mark
+            )
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:

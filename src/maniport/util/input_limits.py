@@ -17,7 +17,9 @@ ROBOT_BYTES = 16 * MEGABYTE  # Of a URDF, MJCF or SRDF
 MESH_BYTES = 256 * MEGABYTE  # Of a mesh, and of the buffers that a glTF names
 RECORDING_BYTES = 512 * MEGABYTE
 KEYPOINTS_BYTES = 128 * MEGABYTE  # Of keypoints in JSON, which take ten times as much in memory
-ARRAYS_BYTES = 1024 * MEGABYTE  # Of the arrays that are taken out of an ``.npz`` file, as they are in memory
+ARRAYS_BYTES = (
+    1024 * MEGABYTE
+)  # Of the arrays that are taken out of an ``.npz`` file, as they are in memory
 SETTINGS_BYTES = MEGABYTE // 4  # Of what people write by hand
 
 TAGS = 500_000  # Tags in a robot's XML
@@ -31,12 +33,18 @@ TRIANGLES = 10_000_000  # Triangles and, by themselves, points of one mesh, and 
 FRAMES = 2_000_000
 POINTS = 5000  # Named points of a recording
 PLACES = 50_000_000  # Frames × points of a recording
-LINE = 2 * MEGABYTE  # Characters of a line of a table: `POINTS` places of 20 digits for each number fill half of it
-FRAME_BYTES = MEGABYTE // 64  # Of one live frame, a line or a datagram: 150 points with long names; parsed in 1 ms
+LINE = (
+    2 * MEGABYTE
+)  # Characters of a line of a table: `POINTS` places of 20 digits for each number fill half of it
+FRAME_BYTES = (
+    MEGABYTE // 64
+)  # Of one live frame, a line or a datagram: 150 points with long names; parsed in 1 ms
 NAME = 256  # Characters of the name of a column, a marker with those of its model
 
 
-def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[str] | None = None) -> None:
+def require_at_most(
+    count: int, most: int, what: str, path: str | os.PathLike[str] | None = None
+) -> None:
     """Raise `FileFormatError` when a file holds too many of `what`; `InvalidInputError` without its path."""
     if count > most:
         text = f"has {count} {what}; at most {most} are read"
@@ -50,20 +58,31 @@ def as_path(value: Any, name: str = "path", other: str = "") -> Path:
     return Path(value)
 
 
-def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], most: int, hint: str = "") -> Path:
+def existing_file(
+    path: str | os.PathLike[str], suffixes: Collection[str], most: int, hint: str = ""
+) -> Path:
     """Check what can be checked of a file before it is read; what has no end is not even opened."""
     file = Path(path)
     try:
         status = file.stat()
     except (FileNotFoundError, NotADirectoryError):
-        raise FileFormatError(f"{file}: there is no such file{_similar(file, suffixes)}{hint}") from None
-    except (OSError, ValueError) as error:  # names that are too long or hold a zero byte, loops of links
-        raise FileFormatError(f"{str(file)!r}: cannot be read: {getattr(error, 'strerror', error)}") from None
+        raise FileFormatError(
+            f"{file}: there is no such file{_similar(file, suffixes)}{hint}"
+        ) from None
+    except (
+        OSError,
+        ValueError,
+    ) as error:  # names that are too long or hold a zero byte, loops of links
+        raise FileFormatError(
+            f"{str(file)!r}: cannot be read: {getattr(error, 'strerror', error)}"
+        ) from None
     if stat.S_ISDIR(status.st_mode):
         wanted = f"a file with suffix {', '.join(suffixes)}" if suffixes else "a file"
         raise FileFormatError(f"{file}: this is a folder; give {wanted}")
     if suffixes and file.suffix.lower() not in suffixes:
-        raise FileFormatError(f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(suffixes)}{hint}")
+        raise FileFormatError(
+            f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(suffixes)}{hint}"
+        )
     if not stat.S_ISREG(status.st_mode):
         raise FileFormatError(f"{file}: this is a pipe, a socket or a device; give a file")
     if status.st_size > most:
@@ -91,4 +110,8 @@ def _similar(file: Path, suffixes: Collection[str]) -> str:
     if not file.parent.is_dir():
         return f", nor a folder {str(file.parent)!r}"
     others = [other.name for other in file.parent.iterdir() if other.suffix.lower() in suffixes]
-    return f"; there are {', '.join(map(repr, nearest_first(file.name, others)[:5]))}" if others else ""
+    return (
+        f"; there are {', '.join(map(repr, nearest_first(file.name, others)[:5]))}"
+        if others
+        else ""
+    )

@@ -66,6 +66,9 @@ def _digest(function: Callable[..., Any]) -> str:
     while waiting:
         function = waiting.pop()
         files.add(inspect.getfile(function))
-        called = (getattr(function.__globals__.get(name), "py_func", None) for name in function.__code__.co_names)
+        called = (
+            getattr(function.__globals__.get(name), "py_func", None)
+            for name in function.__code__.co_names
+        )
         waiting += [other for other in called if other not in (None, function)]
     return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(files))).hexdigest()

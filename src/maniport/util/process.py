@@ -14,7 +14,11 @@ from maniport.errors import InvalidInputError
 from maniport.util.validation import as_count
 
 LOOPBACK = "127.0.0.1"
-LOOPBACK_NAMES = (LOOPBACK, "localhost", "[::1]")  # This machine's own names, as addresses of pages spell them
+LOOPBACK_NAMES = (
+    LOOPBACK,
+    "localhost",
+    "[::1]",
+)  # This machine's own names, as addresses of pages spell them
 LAST_PORT = 65_535
 
 

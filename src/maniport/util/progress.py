@@ -9,7 +9,9 @@ T = TypeVar("T")
 Progress = Callable[..., None]
 """Called as progress(step, fraction) during a step and progress(step, 1.0, result) at its end."""
 
-Part = Callable[[float], None]  # Called with the fraction, from 0 to 1, of a piece of a step that is done
+Part = Callable[
+    [float], None
+]  # Called with the fraction, from 0 to 1, of a piece of a step that is done
 
 ALMOST = 0.999
 """Largest fraction before the end of a step, which is reported with its result."""

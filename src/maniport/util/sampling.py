@@ -32,4 +32,9 @@ def statistics(values: ArrayLike, time: ArrayLike) -> dict[str, float]:
     array = np.asarray(values, dtype=float)
     index = int(np.nanargmax(array))
     median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
-    return {"median": median, "p95": p95, "max": float(array[index]), "max_at_s": float(np.asarray(time)[index])}
+    return {
+        "median": median,
+        "p95": p95,
+        "max": float(array[index]),
+        "max_at_s": float(np.asarray(time)[index]),
+    }

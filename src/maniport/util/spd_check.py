@@ -31,7 +31,9 @@ def vouch(matrices, results, fraction, tolerance, low, high, definite):  # type:
             continue
         if not low <= abs(trace) <= high:
             return False
-        for j in range(n):  # root-free: factor[i, k] holds L_ik D_k below the diagonal and 1 / D_k on it
+        for j in range(
+            n
+        ):  # root-free: factor[i, k] holds L_ik D_k below the diagonal and 1 / D_k on it
             size = factor[j, j]
             pivot = size - fraction * abs(trace)
             for k in range(j):

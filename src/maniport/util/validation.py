@@ -43,8 +43,20 @@ def inside(values: Any, bounds: Bounds) -> Any:
 
 def _in_words(bounds: Bounds) -> str:
     """Describe a range for a message, with a leading space; empty without bounds."""
-    left = f"({bounds['above']:g}" if "above" in bounds else f"[{bounds['minimum']:g}" if "minimum" in bounds else ""
-    right = f"{bounds['below']:g})" if "below" in bounds else f"{bounds['maximum']:g}]" if "maximum" in bounds else ""
+    left = (
+        f"({bounds['above']:g}"
+        if "above" in bounds
+        else f"[{bounds['minimum']:g}"
+        if "minimum" in bounds
+        else ""
+    )
+    right = (
+        f"{bounds['below']:g})"
+        if "below" in bounds
+        else f"{bounds['maximum']:g}]"
+        if "maximum" in bounds
+        else ""
+    )
     if left and right:
         return f" in {left}, {right}"
     words = {"above": "above", "minimum": "of at least", "below": "below", "maximum": "of at most"}
@@ -68,7 +80,11 @@ def _behind(index: tuple[int, ...]) -> str:
 
 def as_finite(value: ArrayLike, name: str) -> Array:
     """Convert to a float64 array without nan or infinity."""
-    if type(value) is np.ndarray and value.dtype == np.float64 and math.isfinite(np.vdot(value, value)):
+    if (
+        type(value) is np.ndarray
+        and value.dtype == np.float64
+        and math.isfinite(np.vdot(value, value))
+    ):
         return value  # control steps call this often
     rule = f"{name} must be an array of numbers"
     if value is None or np.ma.is_masked(value):
@@ -84,7 +100,9 @@ def as_finite(value: ArrayLike, name: str) -> Array:
     if bad.any():
         index = _first(bad)
         count = f" ({int(bad.sum())} such entries)" if index else ""
-        raise InvalidInputError(f"{name} must be finite; found {array[index]}{_behind(index)}{count}")
+        raise InvalidInputError(
+            f"{name} must be finite; found {array[index]}{_behind(index)}{count}"
+        )
     return array
 
 
@@ -93,16 +111,24 @@ def require_shape(array: NDArray[Any], name: str, shape: tuple[Any, ...], note: 
     axes = shape[1:] if shape[0] is ... else shape
     sizes = array.shape if axes is shape else array.shape[-len(axes) :]
     pairs = list(zip(sizes, axes, strict=False))
-    if len(sizes) != len(axes) or any(n < 1 if isinstance(axis, str) else n != axis for n, axis in pairs):
-        words = ", ".join("..." if axis is ... else str(axis) for axis in shape) + ("," if len(shape) == 1 else "")
-        raise InvalidInputError(f"{name} must have shape ({words}){note}; found shape {array.shape}")
+    if len(sizes) != len(axes) or any(
+        n < 1 if isinstance(axis, str) else n != axis for n, axis in pairs
+    ):
+        words = ", ".join("..." if axis is ... else str(axis) for axis in shape) + (
+            "," if len(shape) == 1 else ""
+        )
+        raise InvalidInputError(
+            f"{name} must have shape ({words}){note}; found shape {array.shape}"
+        )
 
 
 def as_square(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
     """Convert to finite square matrices, shape (..., d, d) with d from 2 to 12 (or exactly `dimension`)."""
     array = as_finite(value, name)
     if array.ndim < 2 or array.shape[-1] != array.shape[-2]:
-        raise InvalidInputError(f"{name} must hold square matrices, shape (..., d, d); found shape {array.shape}")
+        raise InvalidInputError(
+            f"{name} must hold square matrices, shape (..., d, d); found shape {array.shape}"
+        )
     d = array.shape[-1]
     if dimension is not None and d != dimension:
         raise InvalidInputError(f"{name} must hold {dimension}×{dimension} matrices; found {d}×{d}")
@@ -122,7 +148,9 @@ def as_positive_semidefinite(value: ArrayLike, name: str, dimension: int | None 
     return _symmetric(-SPD_TOLERANCE, value, name, dimension, "no negative eigenvalue is allowed")
 
 
-def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str = "", copy: bool = True) -> Array:
+def as_spd(
+    value: ArrayLike, name: str, dimension: int | None = None, hint: str = "", copy: bool = True
+) -> Array:
     """Convert to symmetric positive-definite matrices, shape (..., d, d).
 
     A `hint` is what the caller may do about singular matrices (see `SPD_TOLERANCE`). Without `copy` the result is
@@ -133,12 +161,19 @@ def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str 
 
 
 def as_points(
-    value: ArrayLike, name: str, dimension: int | None = None, minimum: int = 2, hint: str = "", copy: bool = True
+    value: ArrayLike,
+    name: str,
+    dimension: int | None = None,
+    minimum: int = 2,
+    hint: str = "",
+    copy: bool = True,
 ) -> Array:
     """Convert to a set of SPD matrices, shape (n, d, d), with at least `minimum` members; `copy` as in `as_spd`."""
     array = as_spd(value, name, dimension, hint, copy)
     if array.ndim != 3:
-        raise InvalidInputError(f"{name} must be a set of matrices, shape (n, d, d); found shape {array.shape}")
+        raise InvalidInputError(
+            f"{name} must be a set of matrices, shape (n, d, d); found shape {array.shape}"
+        )
     if len(array) < minimum:
         raise InvalidInputError(f"{name} must hold at least {minimum} matrices; found {len(array)}")
     return array
@@ -157,7 +192,9 @@ def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Ar
     """Convert to one rotation matrix, shape (d, d), orthonormal to 1e-6 with determinant +1."""
     matrix = as_square(value, name, dimension)
     if matrix.ndim != 2:
-        raise InvalidInputError(f"{name} must be one rotation matrix, shape (d, d); found shape {matrix.shape}")
+        raise InvalidInputError(
+            f"{name} must be one rotation matrix, shape (d, d); found shape {matrix.shape}"
+        )
     gap = float(np.abs(matrix @ matrix.T - np.eye(len(matrix))).max())
     determinant = float(np.linalg.det(matrix))
     if gap > 1e-6 or determinant < 0:
@@ -171,13 +208,17 @@ def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Ar
 
 def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None) -> int:
     """Convert to an integer from `minimum` to `maximum`."""
-    bounds = Bounds(minimum=minimum) if maximum is None else Bounds(minimum=minimum, maximum=maximum)
+    bounds = (
+        Bounds(minimum=minimum) if maximum is None else Bounds(minimum=minimum, maximum=maximum)
+    )
     try:
         count = operator.index(value)
     except TypeError:
         count = minimum - 1
     if not inside(count, bounds):
-        raise InvalidInputError(f"{name} must be a whole number{_in_words(bounds)}; found {value!r}")
+        raise InvalidInputError(
+            f"{name} must be a whole number{_in_words(bounds)}; found {value!r}"
+        )
     return count
 
 
@@ -193,7 +234,11 @@ def as_number(value: Any, name: str, **bounds: Unpack[Bounds]) -> float:
 
 
 def as_numbers(
-    value: ArrayLike, name: str, count: int | None = None, broadcast: bool = False, **bounds: Unpack[Bounds]
+    value: ArrayLike,
+    name: str,
+    count: int | None = None,
+    broadcast: bool = False,
+    **bounds: Unpack[Bounds],
 ) -> Array:
     """Convert to `count` numbers (or any) within `bounds`, shape (count,); `broadcast` also accepts one number."""
     array = as_finite(value, name)
@@ -208,7 +253,9 @@ def as_numbers(
     return np.array(array if count is None else np.broadcast_to(array, (count,)))
 
 
-def as_times(value: ArrayLike, name: str = "time", count: int | None = None, fewest: int = 1) -> Array:
+def as_times(
+    value: ArrayLike, name: str = "time", count: int | None = None, fewest: int = 1
+) -> Array:
     """Convert to strictly increasing times [s], shape (n,), with n = `count` or at least `fewest`."""
     times = as_finite(value, name)
     if times.ndim != 1 or len(times) < fewest or count not in (None, len(times)):
@@ -231,7 +278,9 @@ def as_metres(value: ArrayLike, name: str) -> Array:
     positions = as_finite(value, name)
     farthest = float(np.abs(positions).max(initial=0.0))
     if farthest > MAX_POSITION:
-        raise InvalidInputError(f"{name} must be in meters, within ±{MAX_POSITION:g}; found {farthest:g}")
+        raise InvalidInputError(
+            f"{name} must be in meters, within ±{MAX_POSITION:g}; found {farthest:g}"
+        )
     return positions
 
 
@@ -254,12 +303,21 @@ def as_generator(random_state: Any, name: str = "random_state") -> np.random.Gen
     """Make a random generator from None, a whole number or a `numpy.random.Generator`."""
     if random_state is None or isinstance(random_state, np.random.Generator):
         return np.random.default_rng(random_state)
-    return np.random.default_rng(as_count(random_state, f"{name} (unless None or a numpy Generator)", minimum=0))
+    return np.random.default_rng(
+        as_count(random_state, f"{name} (unless None or a numpy Generator)", minimum=0)
+    )
 
 
-def vouched(value: ArrayLike, dimension: int | None, fraction: float | None, copy: bool = True) -> Array | None:
+def vouched(
+    value: ArrayLike, dimension: int | None, fraction: float | None, copy: bool = True
+) -> Array | None:
     """Return the symmetric parts of matrices that one compiled pass proves valid; None if it does not."""
-    if type(value) is not np.ndarray or value.dtype != np.float64 or value.ndim < 2 or not value.size:
+    if (
+        type(value) is not np.ndarray
+        or value.dtype != np.float64
+        or value.ndim < 2
+        or not value.size
+    ):
         return None
     d = value.shape[-1]
     fits = MIN_DIMENSION <= d <= MAX_DIMENSION if dimension is None else d == dimension
@@ -268,7 +326,9 @@ def vouched(value: ArrayLike, dimension: int | None, fraction: float | None, cop
     from maniport.util.spd_check import vouch  # here, since Numba takes its time to import
 
     flat = np.ascontiguousarray(value).reshape(-1, d, d)
-    flat = flat if flat.flags.writeable and flat.flags.aligned else flat.copy()  # else Numba would compile again
+    flat = (
+        flat if flat.flags.writeable and flat.flags.aligned else flat.copy()
+    )  # else Numba would compile again
     limits = fraction or 0.0, SYMMETRY_TOLERANCE, MIN_MAGNITUDE, MAX_MAGNITUDE, fraction is not None
     if not copy and vouch(flat, np.empty((0, d, d)), *limits):
         return flat.reshape(value.shape)
@@ -277,7 +337,12 @@ def vouched(value: ArrayLike, dimension: int | None, fraction: float | None, cop
 
 
 def _symmetric(
-    fraction: float | None, value: ArrayLike, name: str, dimension: int | None, rule: str = "", copy: bool = True
+    fraction: float | None,
+    value: ArrayLike,
+    name: str,
+    dimension: int | None,
+    rule: str = "",
+    copy: bool = True,
 ) -> Array:
     """Convert to symmetric matrices; every eigenvalue must lie above `fraction` of the trace, unless it is None."""
     plain = vouched(value, dimension, fraction, copy)
@@ -308,7 +373,11 @@ def _symmetric(
     if np.any(bad):
         index = _first(bad)
         low, high = np.linalg.eigvalsh(array[index])[[0, -1]]
-        kind = "singular" if fraction > 0 and low >= -SPD_TOLERANCE * abs(trace[index]) else "indefinite"
+        kind = (
+            "singular"
+            if fraction > 0 and low >= -SPD_TOLERANCE * abs(trace[index])
+            else "indefinite"
+        )
         more = f" ({np.sum(bad)} of {bad.size} matrices)" if bad.size > 1 else ""
         raise NotSPDError(
             f"{name}{_at(index)} is {kind}: its eigenvalues range from {low:.3g} to {high:.3g}{more}; {rule}"

@@ -14,7 +14,9 @@ from maniport.spd.ellipsoid import axes
 from maniport.util.validation import Array
 from maniport.viewer.state import Frame
 
-PERSON_AT = np.array([0.0, -0.6, 1.4])  # Base frame of the person [m], to the left for a viewer in front of them
+PERSON_AT = np.array(
+    [0.0, -0.6, 1.4]
+)  # Base frame of the person [m], to the left for a viewer in front of them
 ROBOT_AT = np.array([0.0, 0.5, 0.7])
 FIELD_OF_VIEW = 45.0  # Vertical [degrees]
 PALE = (196, 201, 208)
@@ -56,9 +58,13 @@ class Skeleton:
     """A polyline (k, 3) of an arm as thick lines with balls at its corners."""
 
     def __init__(self, scene: Any, name: str, skeleton: Array, radius: float, color: Color):
-        self._lines = scene.add_line_segments(f"{name}/lines", _edges(skeleton), color, thickness=2.0 * radius)
+        self._lines = scene.add_line_segments(
+            f"{name}/lines", _edges(skeleton), color, thickness=2.0 * radius
+        )
         look = {"radius": 1.25 * radius, "color": color}
-        self._balls = [scene.add_icosphere(f"{name}/{i}", position=at, **look) for i, at in enumerate(skeleton)]
+        self._balls = [
+            scene.add_icosphere(f"{name}/{i}", position=at, **look) for i, at in enumerate(skeleton)
+        ]
 
     def draw(self, skeleton: Array) -> None:
         """Move to a new configuration."""
@@ -70,10 +76,14 @@ class Skeleton:
 class Shell:
     """An ellipsoid at a hand; as a wireframe it is visible around another one, too."""
 
-    def __init__(self, scene: Any, name: str, color: Color, opacity: float, wireframe: bool = False):
+    def __init__(
+        self, scene: Any, name: str, color: Color, opacity: float, wireframe: bool = False
+    ):
         look = {"subdivisions": 2 if wireframe else 4, "wireframe": wireframe, "opacity": opacity}
         radius = 1.015 if wireframe else 1.0  # the middles of its edges are outside of a ball
-        self._ball = scene.add_icosphere(name, radius, color, **look, cast_shadow=False, receive_shadow=False)
+        self._ball = scene.add_icosphere(
+            name, radius, color, **look, cast_shadow=False, receive_shadow=False
+        )
 
     def draw(self, ellipsoid: Array, position: Array) -> None:
         """Take the shape of an ellipsoid (3, 3) about a position (3,) [m]."""
@@ -101,20 +111,32 @@ class Scene:
         )  # fmt: skip
         scene.add_frame("/person", show_axes=False, position=PERSON_AT - aside)
         # head and trunk about the middle of the neck [m], in the trunk frame
-        middles = [base + np.array([0.0, middle_of(arm), 0.0]) for arm, base in zip(persons, bases, strict=True)]
+        middles = [
+            base + np.array([0.0, middle_of(arm), 0.0])
+            for arm, base in zip(persons, bases, strict=True)
+        ]
         for name, size, at in (
             ("trunk", (0.11, 0.16, 0.30), (-0.06, 0.0, -0.30)),
             ("neck", (0.05, 0.05, 0.12), (-0.05, 0.0, 0.03)),
             ("head", (0.095, 0.075, 0.12), (-0.02, 0.0, 0.22)),
         ):
-            look = {"scale": size, "position": np.mean(middles, axis=0) + at, "opacity": 0.55, "cast_shadow": False}
+            look = {
+                "scale": size,
+                "position": np.mean(middles, axis=0) + at,
+                "opacity": 0.55,
+                "cast_shadow": False,
+            }
             scene.add_icosphere(f"/person/{name}", 1.0, PALE, **look)
         models = " and ".join(dict.fromkeys(arm.name for arm in persons))
-        scene.add_label("/person/name", f"person: {models}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
+        scene.add_label(
+            "/person/name", f"person: {models}", position=(0.0, 0.15, 0.5), anchor="bottom-center"
+        )
         self._base = scene.add_frame("/robot", axes_length=0.15, axes_radius=0.006, position=place)
         columns = {tuple(base.tolist()) for base in place + robot.base_positions}  # below the bases
         for i, (x, y, z) in enumerate(columns):
-            scene.add_cylinder(f"/column/{i}", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z))
+            scene.add_cylinder(
+                f"/column/{i}", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z)
+            )
         above = place + np.array([0.0, 0.0, 1.25])
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
         names = [""] if len(persons) == 1 else [f"/{k}" for k in range(len(persons))]
@@ -133,17 +155,28 @@ class DrawnSide:
     """An arm of the person and of the robot, with their ellipsoids; `name` is such as ``"/0"``, or empty."""
 
     def __init__(
-        self, scene: Any, name: str, person: Arm, robot: Arm, surfaces: Sequence[Surface], base: Array, frame: Frame
+        self,
+        scene: Any,
+        name: str,
+        person: Arm,
+        robot: Arm,
+        surfaces: Sequence[Surface],
+        base: Array,
+        frame: Frame,
     ):
         self._person, self._robot, home, place = person, robot, f"/person{name}", f"/robot{name}"
         if name:
             scene.add_frame(home, show_axes=False, position=base)
             scene.add_frame(place, show_axes=False)
-        self._teacher = Skeleton(scene, f"{home}/arm", person.skeleton(frame.target.joints), 0.028, (86, 120, 150))
+        self._teacher = Skeleton(
+            scene, f"{home}/arm", person.skeleton(frame.target.joints), 0.028, (86, 120, 150)
+        )
         look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
         self._joints = np.array([part.joint for part in surfaces], dtype=int)
         self.meshes = [
-            scene.add_mesh_simple(f"{place}/surface/{own.joint}", own.points.astype(np.float32), own.triangles, **look)
+            scene.add_mesh_simple(
+                f"{place}/surface/{own.joint}", own.points.astype(np.float32), own.triangles, **look
+            )
             for own in surfaces
         ]
         self._skeleton = None
@@ -154,7 +187,9 @@ class DrawnSide:
         # the achieved one first: browsers draw nothing behind the first of two translucent shells at one place
         self._achieved = Shell(scene, f"{place}/achieved", ACHIEVED.rgb, 0.35)
         self._target = Shell(scene, f"{place}/target", TARGET.rgb, 0.6, wireframe=True)
-        self._position = scene.add_icosphere(f"{place}/target_position", 0.02, TARGET.rgb, subdivisions=2)
+        self._position = scene.add_icosphere(
+            f"{place}/target_position", 0.02, TARGET.rgb, subdivisions=2
+        )
 
     def draw(self, frame: Frame) -> None:
         """Draw a frame."""

@@ -51,8 +51,12 @@ class Page:
         module = viser()
         require_free(port)
         with _silent(), _own_pages_only():
-            self._server = server = module.ViserServer(host=LOOPBACK, port=port, label="maniport", verbose=False)
-        server.request_share_url = lambda verbose=True: None  # a program could request it, and open this page to others
+            self._server = server = module.ViserServer(
+                host=LOOPBACK, port=port, label="maniport", verbose=False
+            )
+        server.request_share_url = lambda verbose=True: (
+            None
+        )  # a program could request it, and open this page to others
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(330)
@@ -92,12 +96,21 @@ def _own_pages_only() -> Iterator[None]:
 
         def answer(connection: Any, request: Any) -> Any:
             host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-            if (host.rpartition(":")[0] or host) not in LOOPBACK_NAMES or origin not in (None, f"http://{host}"):
-                return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: open its address itself\n")
+            if (host.rpartition(":")[0] or host) not in LOOPBACK_NAMES or origin not in (
+                None,
+                f"http://{host}",
+            ):
+                return connection.respond(
+                    http.HTTPStatus.FORBIDDEN, "maniport view: open its address itself\n"
+                )
             request.headers.pop("Accept-Encoding", None)
             response = process_request(connection, request)
-            if response is not None and b"<title>Viser</title>" in response.body:  # viser has no option for it
-                response.body = response.body.replace(b"<title>Viser</title>", b"<title>maniport view</title>", 1)
+            if (
+                response is not None and b"<title>Viser</title>" in response.body
+            ):  # viser has no option for it
+                response.body = response.body.replace(
+                    b"<title>Viser</title>", b"<title>maniport view</title>", 1
+                )
                 response.headers.pop("Content-Length")
                 response.headers["Content-Length"] = str(len(response.body))
             return response
@@ -110,7 +123,9 @@ def _own_pages_only() -> Iterator[None]:
     finally:
         connections.serve = usual  # type: ignore[misc]
     if not guarded:
-        raise InvalidInputError("this version of viser starts its server in a way that cannot be guarded")
+        raise InvalidInputError(
+            "this version of viser starts its server in a way that cannot be guarded"
+        )
 
 
 class Panel:
@@ -124,16 +139,24 @@ class Panel:
         self._head = gui.add_html("")
         self._method = gui.add_dropdown("Method", tuple(METHODS), initial_value="length-field")
         self._follows = gui.add_checkbox("End effector follows", player is not None)
-        button = gui.add_button("Find a better configuration", hint="The robot jumps to the best configuration found")
+        button = gui.add_button(
+            "Find a better configuration", hint="The robot jumps to the best configuration found"
+        )
         button.on_click(lambda _: setattr(state, "jump", True))
         self._sliders: list[Any] = []
         if player is not None:
             self._plays, self._duration = gui.add_checkbox("Play", True), float(player.t[-1])
-            self._time = gui.add_slider("Time [s]", 0.0, float(np.ceil(100 * self._duration) / 100), 0.01, 0.0)
+            self._time = gui.add_slider(
+                "Time [s]", 0.0, float(np.ceil(100 * self._duration) / 100), 0.01, 0.0
+            )
             self._speed, self._position = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0), 0.0
             self._written = 0.0  # position in the slider
         else:
-            bent = {"elv_angle": 60.0, "shoulder_elv": 50.0, "elbow_flexion": 80.0}  # at first, far from singular
+            bent = {
+                "elv_angle": 60.0,
+                "shoulder_elv": 50.0,
+                "elbow_flexion": 80.0,
+            }  # at first, far from singular
             for side in state.sides:
                 arm, name = side.teacher, f"{side.teacher.side} " if several else ""
                 limits = np.degrees([arm.lower, arm.upper]).round(3).T.tolist()
@@ -143,9 +166,14 @@ class Panel:
                         self._sliders.append(gui.add_slider(readable(joint), low, high, 0.5, start))
         rotations = {name: np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
                      for name, angles in BASE_ORIENTATIONS.items()}  # fmt: skip
-        preset = next((name for name, own in rotations.items() if np.allclose(own, base_rotation, atol=1e-6)), "own")
+        preset = next(
+            (name for name, own in rotations.items() if np.allclose(own, base_rotation, atol=1e-6)),
+            "own",
+        )
         self._rotations = rotations | {preset: base_rotation}
-        self._preset = gui.add_dropdown("Base orientation", tuple(self._rotations), initial_value=preset)
+        self._preset = gui.add_dropdown(
+            "Base orientation", tuple(self._rotations), initial_value=preset
+        )
         self._notes = gui.add_markdown("")
 
     def read(self, seconds: float) -> Command:
@@ -155,23 +183,34 @@ class Panel:
             joints = np.radians([slider.value for slider in self._sliders])
         else:
             if self._time.value != self._written:  # the slider was moved
-                self._written, self._position = self._time.value, min(self._time.value, self._duration)
+                self._written, self._position = (
+                    self._time.value,
+                    min(self._time.value, self._duration),
+                )
             elif self._plays.value:
                 self._position = (self._position + self._speed.value * seconds) % self._duration
             joints = player(self._position)
-        return Command(joints, self._method.value, self._rotations[self._preset.value], self._follows.value)
+        return Command(
+            joints, self._method.value, self._rotations[self._preset.value], self._follows.value
+        )
 
     def write(self, frames: Sequence[Frame]) -> None:
         """Write the numbers of the frame of each arm."""
         lines, notes = [], []
         for name, frame in zip(self._names, frames, strict=True):
-            error = "" if frame.position_error is None else f"; position error {1e3 * frame.position_error:.1f} mm"
+            error = (
+                ""
+                if frame.position_error is None
+                else f"; position error {1e3 * frame.position_error:.1f} mm"
+            )
             lines += [
                 f'<div style="font-size: 2.2em; line-height: 1.1">{frame.distance:.2f}</div>',
                 f"<div>{name}ellipsoid distance: {in_axes(frame.distance).replace(' %', '&nbsp;%')}{error}</div>",
             ]
             notes += [f"*{name}{note}*\n" for note in frame.target.notes]
-        self._head.content = f'<div style="padding: 0 0.6em">{"".join(lines)}<div>{LEGEND}</div></div>'
+        self._head.content = (
+            f'<div style="padding: 0 0.6em">{"".join(lines)}<div>{LEGEND}</div></div>'
+        )
         self._notes.content = "\n".join(notes)
         if self._state.playback is not None and self._plays.value:
             self._time.value = self._written = round(self._position, 2)
@@ -191,7 +230,10 @@ class LiveView(Page):
         self.state, self.rate = state, 0.0
         try:
             self._panel = Panel(self._server.gui, state, base_rotation)
-            first, persons = state.frames(self._panel.read(0.0), 0.0), [side.teacher for side in state.sides]
+            first, persons = (
+                state.frames(self._panel.read(0.0), 0.0),
+                [side.teacher for side in state.sides],
+            )
             bases = [side.base for side in state.sides]
             self._scene = Scene(self._server.scene, persons, state.robot, first, bases)
             self.no_surface = self._scene.no_surface
@@ -224,7 +266,9 @@ class LiveView(Page):
 
     def _frame(self, client: Any) -> None:
         position, target = camera_for(client.camera.aspect, len(self.state.sides))
-        client.camera.position = position  # viser shifts the target along, so that it is set afterwards
+        client.camera.position = (
+            position  # viser shifts the target along, so that it is set afterwards
+        )
         client.camera.look_at = target
 
 
@@ -236,15 +280,25 @@ class Onlooker(Page):
         self._person, self._robot = person, as_group(robot)
         self._scene: Scene | None = None
         self._began = 0.0  # time of the first state that was drawn [s]
-        self._text, self._written = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
+        self._text, self._written = (
+            self._server.gui.add_markdown("The person has not been seen yet."),
+            0.0,
+        )
         self._server.gui.add_html(f'<div style="padding: 0 0.6em">{LEGEND}</div>')
 
     def show(self, state: LiveState) -> None:
         """Draw a state; nothing before the person was seen for the first time."""
         arm = state.arm
         if len(arm.achieved) != 3:
-            raise InvalidInputError(f"state: the page shows 3×3 ellipsoids; found {arm.achieved.shape}")
-        if arm.person is None or arm.demonstrated is None or arm.target is None or arm.distance is None:
+            raise InvalidInputError(
+                f"state: the page shows 3×3 ellipsoids; found {arm.achieved.shape}"
+            )
+        if (
+            arm.person is None
+            or arm.demonstrated is None
+            or arm.target is None
+            or arm.distance is None
+        ):
             return
         target = Target(arm.person, arm.demonstrated, arm.target)
         frames = [Frame(target, state.joint_positions, arm.achieved, arm.distance)]
@@ -254,7 +308,13 @@ class Onlooker(Page):
                 self._began = state.time
             self._scene.draw(frames, np.eye(3))
             if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
-                error = "" if arm.position_error is None else f", position error {1e3 * arm.position_error:.0f} mm"
+                error = (
+                    ""
+                    if arm.position_error is None
+                    else f", position error {1e3 * arm.position_error:.0f} mm"
+                )
                 numbers = f"ellipsoid distance {arm.distance:.2f}{error}"
-                self._text.content = f"**{state.state}**, {state.time - self._began:.1f} s\n\n{numbers}"
+                self._text.content = (
+                    f"**{state.state}**, {state.time - self._began:.1f} s\n\n{numbers}"
+                )
                 self._written = now

@@ -41,7 +41,9 @@ from maniport.util.validation import Array
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE = 2048, 4096, 16_384
 AT_ONCE = "parallel-transport"  # The method that is fitted before the page is there: it takes milliseconds
 
-_alone = threading.Lock()  # warnings are caught for a whole process, and Numba compiles in one thread at a time
+_alone = (
+    threading.Lock()
+)  # warnings are caught for a whole process, and Numba compiles in one thread at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,9 @@ class Command:
 
     joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
     method: str
-    base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
+    base_rotation: (
+        Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
+    )
     follow_hand: bool = False  # Whether the robot's end effector follows the person's hand, too
 
 
@@ -114,17 +118,25 @@ class Frame:
     target: Target
     joints: Array  # Of the robot's arm
     achieved: Array  # Ellipsoid, shape (3, 3)
-    distance: float  # Affine-invariant distance of target and achieved ellipsoid, both with the damping
+    distance: (
+        float  # Affine-invariant distance of target and achieved ellipsoid, both with the damping
+    )
     position_error: float | None = None  # Of the robot's end effector [m]
 
 
 class Side:
     """One arm of the person and one of the robot, and the maps between them."""
 
-    def __init__(self, teacher: Arm, student: Arm, maps: Maps, bank: SeedBank, base: Array | None = None):
+    def __init__(
+        self, teacher: Arm, student: Arm, maps: Maps, bank: SeedBank, base: Array | None = None
+    ):
         self.teacher, self.student, self.maps, self.bank = teacher, student, maps, bank
-        self.base = np.zeros(3) if base is None else base  # of the person's arm, in the frame of both [m]
-        self.objective = Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT)
+        self.base = (
+            np.zeros(3) if base is None else base
+        )  # of the person's arm, in the frame of both [m]
+        self.objective = Objective.of(
+            student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT
+        )
 
     def target(self, joints: Array, method: str, chosen: LiveMap) -> Target:
         """Map the person's arm; the end effector is free. Until a method is fitted another one's map is used."""
@@ -137,13 +149,21 @@ class Side:
     def best(self, target: Target) -> Array:
         """Return the best configuration that is found for a target, shape (dof,)."""
         positions = None if target.position is None else target.position[None]
-        options: dict[str, Any] = {"damping": self.bank.damping, "positions": positions, "bank": self.bank}
-        return np.asarray(nearest_feasible(self.student, target.ellipsoid[None], **options).joint_positions[0])
+        options: dict[str, Any] = {
+            "damping": self.bank.damping,
+            "positions": positions,
+            "bank": self.bank,
+        }
+        return np.asarray(
+            nearest_feasible(self.student, target.ellipsoid[None], **options).joint_positions[0]
+        )
 
     def schedule(self, target: Target, time: Array) -> Schedule:
         """Keep a target at times (n,)."""
         shapes = np.broadcast_to(target.ellipsoid, (len(time), 3, 3))
-        positions = None if target.position is None else np.broadcast_to(target.position, (len(time), 3))
+        positions = (
+            None if target.position is None else np.broadcast_to(target.position, (len(time), 3))
+        )
         return Schedule(self.objective, time, shapes, positions)
 
     def frame(self, target: Target, q: Array) -> Frame:
@@ -160,19 +180,26 @@ class ViewState:
     `playback` is a recorded motion: joint positions of all arms of the person as a spline over time from 0 [s].
     """
 
-    def __init__(self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: BSpline | None = None):
+    def __init__(
+        self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: BSpline | None = None
+    ):
         self.robot, self.sides, self.playback = as_group(robot), tuple(sides), playback
         self._controller = Controller(robot, speed_limits(robot, None), np.full(robot.dof, np.inf))
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
         self.places: Future[list[Placement]] | None = None  # of the hands' paths, of each side
         self.jump = True  # whether the next step starts from the best configuration found
 
-    def frames(self, command: Command, seconds: float, longest: float = 0.1, rate: float = 120.0) -> list[Frame]:
+    def frames(
+        self, command: Command, seconds: float, longest: float = 0.1, rate: float = 120.0
+    ) -> list[Frame]:
         """Let the robot follow a command for some time, at most `longest` [s], in steps at a rate [Hz]."""
         elapsed, targets = min(seconds, longest), self._targets(command)
         pairs = list(zip(self.sides, targets, strict=True))
         if self.jump:
-            self.joints, self.jump = self._joined([side.best(target) for side, target in pairs]), False
+            self.joints, self.jump = (
+                self._joined([side.best(target) for side, target in pairs]),
+                False,
+            )
         if elapsed > 0.0:
             time = np.linspace(0.0, elapsed, int(np.ceil(elapsed * rate)) + 1)
             schedules = [side.schedule(target, time) for side, target in pairs]
@@ -180,7 +207,9 @@ class ViewState:
         joints = (self.joints[columns] for columns in self.robot.columns)
         return [side.frame(target, own) for (side, target), own in zip(pairs, joints, strict=True)]
 
-    def find_places(self, motion: Sequence[Array], maps: Sequence[LiveMap], points: int = 32) -> list[Placement]:
+    def find_places(
+        self, motion: Sequence[Array], maps: Sequence[LiveMap], points: int = 32
+    ) -> list[Placement]:
         """Find one placement for the hands' paths, along joints (n, dof) of each of the person's arms."""
         rows = evenly_spaced(len(motion[0]), points)
         hands, targets = [], []
@@ -189,7 +218,11 @@ class ViewState:
             targets.append(np.array([chosen.transform(ellipsoid) for ellipsoid in ellipsoids]))
             hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
         banks = [side.bank for side in self.sides]
-        options: dict[str, Any] = {"map_rotation": _mean_rotation(maps), "damping": banks[0].damping, "bank": banks}
+        options: dict[str, Any] = {
+            "map_rotation": _mean_rotation(maps),
+            "damping": banks[0].damping,
+            "bank": banks,
+        }
         return list(place_path(hands, targets, self.robot.arms, yaw=0.0, **options))
 
     def _targets(self, command: Command) -> list[Target]:
@@ -204,7 +237,9 @@ class ViewState:
             note = "a placement is searched for; the end effector is free until then"
             return [replace(target, notes=(*target.notes, note)) for target in targets]
         rotation = _mean_rotation(maps)
-        for k, (side, target, place) in enumerate(zip(self.sides, targets, self.places.result(), strict=True)):
+        for k, (side, target, place) in enumerate(
+            zip(self.sides, targets, self.places.result(), strict=True)
+        ):
             hand = side.teacher.forward(target.joints)[:3, 3] + side.base  # whose path is turned
             targets[k] = replace(target, position=replace(place, map_rotation=rotation).apply(hand))
         return targets
@@ -222,33 +257,51 @@ def _mean_rotation(maps: Sequence[LiveMap]) -> Array:
     return orthonormal(np.sum([chosen.rotation for chosen in maps], axis=0))
 
 
-def prepare(config: Config, recording: str | Path | None = None, progress: Progress = no_progress) -> ViewState:
+def prepare(
+    config: Config, recording: str | Path | None = None, progress: Progress = no_progress
+) -> ViewState:
     """Load arms of person and robot, sample their domains, and fit the first method."""
     seed, loaded_robot = config.seed, load_robot(config)
     robot, both = as_group(loaded_robot), isinstance(loaded_robot, ArmGroup)
     if both and config.side not in (AUTO, BOTH):
-        raise InvalidInputError(f"--side: the robot has two arms, for both of the person; found {config.side!r}")
+        raise InvalidInputError(
+            f"--side: the robot has two arms, for both of the person; found {config.side!r}"
+        )
     if both and len(robot.arms) != 2:
-        raise InvalidInputError(f"the view of both arms needs two robot arms; place them with {placing_options()}")
+        raise InvalidInputError(
+            f"the view of both arms needs two robot arms; place them with {placing_options()}"
+        )
     side = BOTH if both else config.side
     require_person(config.person, AUTO if both else side)
     for student in robot.arms:
         require_trackable(student)
     if recording is None:
-        persons = [human_arm(config.person, own) for own in (GROUP if both else (RIGHT if side == AUTO else side,))]
+        persons = [
+            human_arm(config.person, own)
+            for own in (GROUP if both else (RIGHT if side == AUTO else side,))
+        ]
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in persons])
         motion, playback = [arm.sample(32, seed) for arm in persons], None
     else:
         fits = fit_arms(read_recording(recording), config.person, progress=progress, side=side)
-        persons, bases, motion = [fit.arm for fit in fits.arms], fits.bases, [fit.joint_angles for fit in fits.arms]
+        persons, bases, motion = (
+            [fit.arm for fit in fits.arms],
+            fits.bases,
+            [fit.joint_angles for fit in fits.arms],
+        )
         playback = make_interp_spline(fits.time - fits.time[0], np.concatenate(motion, axis=1), k=1)
     progress("Prepare page", 0.0)
     sides = []
     for teacher, student, base in zip(persons, robot.arms, bases, strict=True):
         bank = SeedBank(student, BANK_SIZE, seed)
-        domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
+        domains = (
+            sample_domain(teacher, TEACHER_SAMPLES, seed),
+            sample_domain(student, STUDENT_SAMPLES, seed + 1),
+        )
         sides.append(Side(teacher, student, Maps(*domains, student, bank), bank, base))
     state = ViewState(robot, sides, playback)
-    state.places = in_background(state.find_places, motion, [side.maps.get(AT_ONCE, config.rotation) for side in sides])
+    state.places = in_background(
+        state.find_places, motion, [side.maps.get(AT_ONCE, config.rotation) for side in sides]
+    )
     progress("Prepare page", 1.0, f"{AT_ONCE}; the placement follows")
     return state

@@ -19,7 +19,15 @@ from maniport.errors import FileFormatError, InvalidInputError
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_generator, as_number
 
-__all__ = ["Box", "Collisions", "Lowest", "Nearest", "as_collisions", "free_configurations", "read_boxes"]
+__all__ = [
+    "Box",
+    "Collisions",
+    "Lowest",
+    "Nearest",
+    "as_collisions",
+    "free_configurations",
+    "read_boxes",
+]
 
 
 class Nearest(NamedTuple):
@@ -100,7 +108,9 @@ class Collisions(NotebookDisplay):
         boxes = [box.hull() for box in as_boxes(obstacles)]
         disabled = set() if srdf is None else disabled_pairs(srdf, arm)
         surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf}
-        reason = f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
+        reason = (
+            f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
+        )
         try:
             if chosen := select_pairs(group, boxes, height, disabled):
                 return cls(arm, *chosen, surroundings=surroundings)
@@ -116,7 +126,9 @@ class Collisions(NotebookDisplay):
     def between(self) -> "Collisions":
         """Collisions between different arms of a group only."""
         every, across = self._selected, self._selected.across
-        selected = every._replace(pairs=every.pairs[across], share=every.share[across], across=across[across])
+        selected = every._replace(
+            pairs=every.pairs[across], share=every.share[across], across=across[across]
+        )
         return Collisions(self.arm, self._solids, selected, self.reason)
 
     @cached_property
@@ -142,7 +154,9 @@ class Collisions(NotebookDisplay):
     def stand_ins(self) -> tuple[str, ...]:
         """Links with collision shapes from the description, since visual meshes are missing."""
         arms = as_group(self.arm).arms
-        return tuple(dict.fromkeys(link for arm in arms if self.checked for link in arm.geometry.stand_ins))
+        return tuple(
+            dict.fromkeys(link for arm in arms if self.checked for link in arm.geometry.stand_ins)
+        )
 
     @property
     def table(self) -> float | None:
@@ -171,17 +185,25 @@ class Collisions(NotebookDisplay):
         flat, shape = self._flat(q)
         least, which = np.full(len(flat), np.inf), np.full(len(flat), len(self._pairs))
         for part in _blocks(len(flat)) if len(self._pairs) else ():
-            left, reach = np.arange(part.start, part.stop), 0.02  # pairs nearer than this are measured first [m]
+            left, reach = (
+                np.arange(part.start, part.stop),
+                0.02,
+            )  # pairs nearer than this are measured first [m]
             while len(left):
                 rows, columns, distances, *_ = self._solids.contacts(flat[left], self._pairs, reach)
                 order = np.lexsort((columns, distances, rows))
                 nearest, at = np.unique(rows[order], return_index=True)
-                least[left[nearest]], which[left[nearest]] = distances[order][at], columns[order][at]
+                least[left[nearest]], which[left[nearest]] = (
+                    distances[order][at],
+                    columns[order][at],
+                )
                 left, reach = left[least[left] > reach], 2.0 * reach
         names = np.array([*self._names(self._pairs), ("", "")])[which]
         return Nearest(least.reshape(shape), names[:, 0].reshape(shape), names[:, 1].reshape(shape))
 
-    def gradient(self, q: ArrayLike, threshold: float, scaled: bool = False) -> tuple[NDArray[np.intp], Array, Array]:
+    def gradient(
+        self, q: ArrayLike, threshold: float, scaled: bool = False
+    ) -> tuple[NDArray[np.intp], Array, Array]:
         """Compute distances below a threshold [m] and their derivatives at configurations (n, dof).
 
         Returns for each of k pairs: index of the configuration, ascending; signed distance [m]; derivative (k, dof).
@@ -192,7 +214,10 @@ class Collisions(NotebookDisplay):
         share = self._selected.share if scaled else np.ones(len(pairs))
         contacts = solids.contacts(flat, pairs, as_number(threshold, "threshold") * share)
         share = share[contacts.columns]
-        distance, slope = contacts.distances / share, solids.slopes(flat, pairs, contacts) / share[:, None]
+        distance, slope = (
+            contacts.distances / share,
+            solids.slopes(flat, pairs, contacts) / share[:, None],
+        )
         kept = distance < threshold
         return contacts.rows[kept], distance[kept], slope[kept]
 

@@ -36,11 +36,15 @@ class Hull:
                 faces = ConvexHull(outline[chosen]).equations
                 beyond = outline @ faces[:, :3].T + faces[:, 3]
                 farthest = np.argmax(beyond, axis=0)
-                out = np.where(np.isin(farthest, chosen), 0.0, beyond[farthest, np.arange(len(faces))])
+                out = np.where(
+                    np.isin(farthest, chosen), 0.0, beyond[farthest, np.arange(len(faces))]
+                )
                 best = [face for face in np.argsort(-out, kind="stable") if out[face] > 1e-4]
                 if not best:
                     break
-                count = min(most - len(chosen), 1 + len(best) // 4)  # a new corner may make its neighbors redundant
+                count = min(
+                    most - len(chosen), 1 + len(best) // 4
+                )  # a new corner may make its neighbors redundant
                 chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
             corners = outline[chosen]
         vertices, skin = coal.StdVec_Vec3s(), 0.0
@@ -49,7 +53,11 @@ class Hull:
         corners = np.ascontiguousarray(solid.points())
         if len(outline) > len(corners):
             here, there, sphere = coal.Transform3s(), coal.Transform3s(), coal.Sphere(0.0)
-            request, result, faces = coal.DistanceRequest(), coal.DistanceResult(), ConvexHull(corners).equations
+            request, result, faces = (
+                coal.DistanceRequest(),
+                coal.DistanceResult(),
+                ConvexHull(corners).equations,
+            )
             for point in outline[(outline @ faces[:, :3].T + faces[:, 3] > 0.0).any(axis=1)]:
                 there.setTranslation(point)
                 result.clear()
@@ -65,7 +73,9 @@ class Part:
     joint: int  # number of joints of the chain that move it
     mesh: Mesh  # in the frame of the last of them [m]; of a finger the hull of all poses
     own: bool = False  # whether it is on the chain, not attached to it
-    end_position: Array | None = None  # (3,) of the end effector if it carries it, which hulls enclose [m]
+    end_position: Array | None = (
+        None  # (3,) of the end effector if it carries it, which hulls enclose [m]
+    )
 
 
 @lru_cache(maxsize=16)
@@ -84,7 +94,9 @@ def parts_of(geometry: Geometry) -> tuple[Part, ...]:
         body = attached[name]
         swept = len(body.placements) > 1
         points = _outline(points) if swept else points
-        points = np.concatenate([points @ place[:3, :3].T + place[:3, 3] for place in body.placements])
+        points = np.concatenate(
+            [points @ place[:3, :3].T + place[:3, 3] for place in body.placements]
+        )
         if swept:
             hull = ConvexHull(_outline(points))
             points, triangles = hull.points, hull.simplices.astype(np.int32)
@@ -115,9 +127,13 @@ def hulls_of(part: Part, fine: bool = False) -> tuple[Hull, ...]:
         if len(corners):
             outlines.append(_outline(corners.reshape(-1, 3)))
     if (end := part.end_position) is not None:
-        nearest = int(np.argmin([np.linalg.norm(outline - end, axis=1).min() for outline in outlines]))
+        nearest = int(
+            np.argmin([np.linalg.norm(outline - end, axis=1).min() for outline in outlines])
+        )
         outlines[nearest] = np.concatenate([outlines[nearest], [end]])
-    return tuple(Hull.around(part.name, part.joint, outline, 256 if fine else 96) for outline in outlines)
+    return tuple(
+        Hull.around(part.name, part.joint, outline, 256 if fine else 96) for outline in outlines
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +141,9 @@ class _Piece:
     """Triangles of a link on one side of some planes."""
 
     triangles: Array  # (n, 3, 3)
-    planes: tuple[tuple[int, float, int], ...]  # axis, where the plane crosses it, and the side: 0 below, 1 above
+    planes: tuple[
+        tuple[int, float, int], ...
+    ]  # axis, where the plane crosses it, and the side: 0 below, 1 above
 
     @cached_property
     def volume(self) -> float:
@@ -140,7 +158,12 @@ class _Piece:
             for at in np.linspace(low[axis], high[axis], 7)[1:-1].tolist():
                 sides = _cut(self.triangles, axis, at)
                 if all(map(len, sides)):
-                    cuts.append([_Piece(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)])
+                    cuts.append(
+                        [
+                            _Piece(side, (*self.planes, (axis, at, i)))
+                            for i, side in enumerate(sides)
+                        ]
+                    )
         return min(cuts[1:] or cuts, key=lambda pieces: sum(piece.volume for piece in pieces))
 
 
@@ -150,15 +173,28 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
     count = above.sum(axis=1)
     crossing = (count > 0) & (count < 3)
     split, upper = triangles[crossing], above[crossing]
-    lone = np.argmax(upper == (upper.sum(axis=1) == 1)[:, None], axis=1)  # the corner alone on its side
+    lone = np.argmax(
+        upper == (upper.sum(axis=1) == 1)[:, None], axis=1
+    )  # the corner alone on its side
     rows = np.arange(len(split))
     a, b, c = (split[rows, (lone + k) % 3] for k in range(3))
     share = [(at - a[:, axis]) / (end[:, axis] - a[:, axis]) for end in (b, c)]
     ab, ac = (a + part[:, None] * (end - a) for part, end in zip(share, (b, c), strict=True))
-    corners, stumps = np.stack([a, ab, ac], axis=1), [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    corners, stumps = (
+        np.stack([a, ab, ac], axis=1),
+        [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)],
+    )
     corner_above = upper[rows, lone]
-    below_plane = [triangles[count == 0], corners[~corner_above], *(stump[corner_above] for stump in stumps)]
-    above_plane = [triangles[count == 3], corners[corner_above], *(stump[~corner_above] for stump in stumps)]
+    below_plane = [
+        triangles[count == 0],
+        corners[~corner_above],
+        *(stump[corner_above] for stump in stumps),
+    ]
+    above_plane = [
+        triangles[count == 3],
+        corners[corner_above],
+        *(stump[~corner_above] for stump in stumps),
+    ]
     return np.concatenate(below_plane), np.concatenate(above_plane)
 
 
@@ -170,13 +206,17 @@ def _outline(points: Array) -> Array:
             points = points[(points @ faces[:, :3].T + faces[:, 3] > -1e-9).any(axis=1)]
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
-        points = np.concatenate([points + 5e-4 * np.array(corner) for corner in product((-1, 1), repeat=3)])
+        points = np.concatenate(
+            [points + 5e-4 * np.array(corner) for corner in product((-1, 1), repeat=3)]
+        )
         return np.asarray(points[ConvexHull(points).vertices])
 
 
 def _extreme(points: Array) -> np.ndarray:
     """Return indices of the points that are farthest along 26 directions."""
-    directions = np.array([direction for direction in product((-1, 0, 1), repeat=3) if any(direction)])
+    directions = np.array(
+        [direction for direction in product((-1, 0, 1), repeat=3) if any(direction)]
+    )
     return np.unique(np.argmax(points @ directions.T, axis=0))
 
 

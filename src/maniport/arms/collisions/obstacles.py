@@ -43,7 +43,10 @@ class Box:
 
     def hull(self) -> Hull:
         """Compute the convex hull, fixed to the base."""
-        corners = self.size * [*product((-0.5, 0.5), repeat=3)] @ rotation_about(2, self.yaw).T + self.center
+        corners = (
+            self.size * [*product((-0.5, 0.5), repeat=3)] @ rotation_about(2, self.yaw).T
+            + self.center
+        )
         return Hull.around(self.name, 0, corners)
 
 
@@ -58,7 +61,9 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
     """
     named = read_settings(path, ("obstacles",)).get("obstacles")
     if not isinstance(named, dict) or not named:
-        raise FileFormatError(f"{path}: obstacles must be a mapping of names to obstacles, each with center and size")
+        raise FileFormatError(
+            f"{path}: obstacles must be a mapping of names to obstacles, each with center and size"
+        )
     obstacles = []
     for name, content in named.items():
         box = require_mapping(content, ("center", "size", "yaw"), f"{path}: obstacles: {name}")

@@ -17,7 +17,10 @@ from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 
 FIRST = 1024  # samples that estimate how often hulls meet; the others are used before a pair is left out
-OFTEN, NEARLY_ALL = 0.05, 0.9  # shares of these samples above which meshes decide, and overlap by design
+OFTEN, NEARLY_ALL = (
+    0.05,
+    0.9,
+)  # shares of these samples above which meshes decide, and overlap by design
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,7 +32,9 @@ class Body:
     arm: int  # arm that it was read with
     robot: int
     link: int  # link of the tree that moves it
-    arms: NDArray[np.bool_]  # (n_arms,): arms that it is a part of; a base is one of all arms of its robot
+    arms: NDArray[
+        np.bool_
+    ]  # (n_arms,): arms that it is a part of; a base is one of all arms of its robot
 
 
 class SelectedPairs(NamedTuple):
@@ -43,7 +48,9 @@ class SelectedPairs(NamedTuple):
     across: NDArray[np.bool_]  # (pairs,): pairs of links of two arms
 
 
-NO_PAIRS = SelectedPairs(*(np.empty((0, 2), dtype=np.int64),) * 4, np.empty(0), np.empty(0, dtype=np.bool_))
+NO_PAIRS = SelectedPairs(
+    *(np.empty((0, 2), dtype=np.int64),) * 4, np.empty(0), np.empty(0, dtype=np.bool_)
+)
 
 
 def select_pairs(
@@ -68,7 +75,11 @@ def select_pairs(
 
 def _bodies(group: ArmGroup) -> list[Body]:
     """All bodies of the first arm, then those of each further arm alone; empty without the shapes of an arm."""
-    listed, robots, common = [parts_of(arm.geometry) for arm in group.arms], _robots(group), group.common
+    listed, robots, common = (
+        [parts_of(arm.geometry) for arm in group.arms],
+        _robots(group),
+        group.common,
+    )
     if not all(any(part.own for part in parts) for parts in listed):
         return []
     bodies: list[Body] = []
@@ -78,7 +89,9 @@ def _bodies(group: ArmGroup) -> list[Body]:
         moved = {part.name for k in others for part in listed[k] if part.joint > common[i, k]}
         shared = max((int(common[i, k]) for k in others), default=-1)
         for part in parts:
-            if part.joint > shared or (part.name not in earlier and (part.own or part.name not in moved)):
+            if part.joint > shared or (
+                part.name not in earlier and (part.own or part.name not in moved)
+            ):
                 arms = (robots == robots[i]) & (common[i] >= part.joint)
                 link = group.kinematics.links[i][part.joint]
                 bodies.append(Body(part, part.name, i, int(robots[i]), link, arms))
@@ -117,16 +130,26 @@ class _Selection:
             for body, own in zip(bodies, enclosed, strict=True) for hull in own
         ]  # fmt: skip
         self.bodies, self.solids = bodies, Solids(group.kinematics, [*hulls, *boxes], table)
-        self.owners = np.repeat(np.arange(len(bodies)), [len(own) for own in enclosed])  # body of each hull
-        self.q = np.concatenate([np.clip(0.0, group.lower, group.upper)[None], group.sample(9999, random_state=0)])
+        self.owners = np.repeat(
+            np.arange(len(bodies)), [len(own) for own in enclosed]
+        )  # body of each hull
+        self.q = np.concatenate(
+            [np.clip(0.0, group.lower, group.upper)[None], group.sample(9999, random_state=0)]
+        )
         self.between, candidates = _candidates(group, bodies, disabled)
         a, b = np.nonzero(np.triu(candidates[self.owners[:, None], self.owners], 1))
         count, moving = len(hulls), [i for i, hull in enumerate(hulls) if hull.joint]
         around = [*range(count, count + len(boxes)), *([TABLE] if np.isfinite(table) else [])]
-        self.pairs = np.array([*zip(b, a, strict=True), *((i, k) for i in moving for k in around)], dtype=np.int64)
+        self.pairs = np.array(
+            [*zip(b, a, strict=True), *((i, k) for i in moving for k in around)], dtype=np.int64
+        )
         self.pairs = self.pairs.reshape(-1, 2)
-        self.links = np.array(((self.pairs >= 0) & (self.pairs < count)).all(axis=1), dtype=np.bool_)
-        self.ends = self.owners[np.where(self.links[:, None], self.pairs, 0)]  # bodies of pairs of links
+        self.links = np.array(
+            ((self.pairs >= 0) & (self.pairs < count)).all(axis=1), dtype=np.bool_
+        )
+        self.ends = self.owners[
+            np.where(self.links[:, None], self.pairs, 0)
+        ]  # bodies of pairs of links
 
     def classified(self) -> tuple[SelectedPairs, set[Part]]:
         """Return the pairs by class, see `Collisions`, and the parts whose hulls are too coarse."""
@@ -136,7 +159,9 @@ class _Selection:
         reach = np.where(near, 0.005, np.where(links, 0.1, 0.02))
         bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
         never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
-        never[never] = (solids.distance_bounds(q[FIRST:], pairs[never], reach[never]) > reach[never]).all(axis=0)
+        never[never] = (
+            solids.distance_bounds(q[FIRST:], pairs[never], reach[never]) > reach[never]
+        ).all(axis=0)
         hits = np.array(bounds <= 0.0, dtype=np.bool_)
         always = self._touching_surroundings(hits)
         unresolved, coarse = np.zeros_like(always), set[Part]()
@@ -152,7 +177,9 @@ class _Selection:
                 continue
             if not touching.any() and self.between[a, b] <= 2:
                 # 2048 samples with two coordinates are 8° apart
-                close = np.asarray((solids.distance_bounds(q[:2048], pairs[columns], 0.0) <= 0.0).any(axis=1))
+                close = np.asarray(
+                    (solids.distance_bounds(q[:2048], pairs[columns], 0.0) <= 0.0).any(axis=1)
+                )
                 if not self._meshes_touch(a, b, q[:2048][close]).any():
                     never[columns] = True
                     continue
@@ -172,7 +199,10 @@ class _Selection:
         solids, always = self.solids, np.asarray(hits.all(axis=0) & ~self.links)
         for k in np.flatnonzero(always):
             always[k] = np.all(solids.contacts(self.q[:FIRST], self.pairs[[k]]).distances <= 0.0)
-        last = {max(b.link for b in self.bodies if b.part.own and b.arm == arm) for arm in {b.arm for b in self.bodies}}
+        last = {
+            max(b.link for b in self.bodies if b.part.own and b.arm == arm)
+            for arm in {b.arm for b in self.bodies}
+        }
         for a, b in self.pairs[always].tolist():
             if b != TABLE or solids.hulls[a].joint in last:
                 what = f"table: the plane at z = {solids.table:g} m"
@@ -185,10 +215,15 @@ class _Selection:
     def _meshes_touch(self, a: int, b: int, q: Array) -> NDArray[np.bool_]:
         """Whether the meshes of two bodies touch at configurations (n, dof), shape (n,)."""
         request, result = coal.CollisionRequest(), coal.CollisionResult()
-        touching, (first, second) = np.zeros(len(q), dtype=np.bool_), (self.bodies[i] for i in (a, b))
+        touching, (first, second) = (
+            np.zeros(len(q), dtype=np.bool_),
+            (self.bodies[i] for i in (a, b)),
+        )
         solids = _mesh_solid(first.part), _mesh_solid(second.part)
         for row, (turns, origins) in enumerate(zip(*self.solids.tree.link_poses(q), strict=True)):
-            at, other = (coal.Transform3s(turns[body.link], origins[body.link]) for body in (first, second))
+            at, other = (
+                coal.Transform3s(turns[body.link], origins[body.link]) for body in (first, second)
+            )
             result.clear()
             touching[row] = coal.collide(solids[0], at, solids[1], other, request, result) > 0
         return touching
@@ -203,7 +238,9 @@ class _Selection:
         zero = np.zeros((1, solids.tree.coupling.shape[1]))
         for i in fixed:
             body, hull = self.bodies[self.owners[i]], hulls[i]
-            if not body.part.own:  # a leg or another arm may reach below a table in front of the robot
+            if (
+                not body.part.own
+            ):  # a leg or another arm may reach below a table in front of the robot
                 continue
             low, high = float(hull.corners[:, 2].min()), float(hull.corners[:, 2].max())
             if solids.table > low + sunk:
@@ -220,7 +257,9 @@ class _Selection:
                     what = f"bases: {own!r} is {depth:.3f} m deep in {other!r}"
                     if k >= count:
                         what = f"obstacles: {other!r} intersects the robot's base: {own!r} is {depth:.3f} m deep in it"
-                    raise InvalidInputError(f"{what}; allowed is at most {sunk:g} m. Place them farther apart")
+                    raise InvalidInputError(
+                        f"{what}; allowed is at most {sunk:g} m. Place them farther apart"
+                    )
 
 
 def _candidates(
@@ -237,7 +276,9 @@ def _candidates(
     for parent in tree.parents.tolist():
         above.append(parent if parent in occupied else above[parent])
     own = np.array([body.part.own for body in bodies])
-    adjacent = (np.array(above)[links][:, None] == links) & (links[:, None] > links) & own[:, None] & own
+    adjacent = (
+        (np.array(above)[links][:, None] == links) & (links[:, None] > links) & own[:, None] & own
+    )
     robots, names = np.array([body.robot for body in bodies]), [body.part.name for body in bodies]
     off = np.array([[frozenset((a, b)) in disabled for b in names] for a in names], dtype=np.bool_)
     same_robot = robots[:, None] == robots

@@ -35,9 +35,14 @@ class Solids:
         self.hulls, self.table, self.tree = tuple(hulls), table, tree
         joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
         self._links = np.append(joints, 0)  # the last is the table, fixed to the base
-        self._shapes = [*(hull.solid for hull in hulls), coal.Halfspace(np.array([0.0, 0.0, 1.0]), max(table, -1e9))]
+        self._shapes = [
+            *(hull.solid for hull in hulls),
+            coal.Halfspace(np.array([0.0, 0.0, 1.0]), max(table, -1e9)),
+        ]
         self._skins = np.array([*(hull.skin for hull in hulls), 0.0])
-        ends = np.array([(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]).reshape(-1, 2, 3)
+        ends = np.array(
+            [(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]
+        ).reshape(-1, 2, 3)
         self._arrays = (
             *tree.arrays,
             np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
@@ -51,36 +56,57 @@ class Solids:
     def distance_bounds(self, q: Array, pairs: Pairs, sufficient: float | Array) -> Array:
         """Lower bounds of the distances of pairs [m], (n, pairs), for q (n, dof); not refined above `sufficient`."""
         bounds, margins = np.empty((len(q), len(pairs))), np.zeros(len(pairs)) + sufficient
-        _fill_distance_bounds(self.tree.positions(q), *self._arrays, pairs, margins, self.table, bounds)
+        _fill_distance_bounds(
+            self.tree.positions(q), *self._arrays, pairs, margins, self.table, bounds
+        )
         return bounds
 
-    def contacts(self, q: Array, pairs: Pairs, margin: float | Array = np.inf, depths: bool = True) -> Contacts:
+    def contacts(
+        self, q: Array, pairs: Pairs, margin: float | Array = np.inf, depths: bool = True
+    ) -> Contacts:
         """Measure the pairs that may be within a margin [m], common or per pair, at configurations (n, dof)."""
         rows, columns = np.nonzero(self.distance_bounds(q, pairs, margin) <= margin)
-        distances, normals, points = np.empty(len(rows)), np.empty((len(rows), 3)), np.empty((len(rows), 3))
+        distances, normals, points = (
+            np.empty(len(rows)),
+            np.empty((len(rows), 3)),
+            np.empty((len(rows), 3)),
+        )
         if not len(rows):  # most control steps
             return Contacts(rows, columns, distances, normals, points)
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.enable_signed_distance = depths
-        used, which = np.unique(rows, return_inverse=True) if len(q) > 1 else (np.zeros(1, dtype=np.intp), rows)
+        used, which = (
+            np.unique(rows, return_inverse=True)
+            if len(q) > 1
+            else (np.zeros(1, dtype=np.intp), rows)
+        )
         turns, origins = self.tree.link_poses(q[used])
         links, ends = self._links[pairs[columns]].tolist(), pairs[columns].tolist()
-        moved = {(row, link) for row, own in zip(which.tolist(), links, strict=True) for link in own}
+        moved = {
+            (row, link) for row, own in zip(which.tolist(), links, strict=True) for link in own
+        }
         places = {key: coal.Transform3s(turns[key], origins[key]) for key in moved}
         for k, row in enumerate(which.tolist()):
             (a, b), (link_a, link_b) = ends[k], links[k]
             result.clear()
-            first, second = (self._shapes[a], places[row, link_a]), (self._shapes[b], places[row, link_b])
+            first, second = (
+                (self._shapes[a], places[row, link_a]),
+                (self._shapes[b], places[row, link_b]),
+            )
             distances[k] = coal.distance(*first, *second, request, result)
             normals[k], points[k] = -result.normal, result.getNearestPoint1()
-        return Contacts(rows, columns, distances - self._skins[pairs[columns]].sum(axis=1), normals, points)
+        return Contacts(
+            rows, columns, distances - self._skins[pairs[columns]].sum(axis=1), normals, points
+        )
 
     def slopes(self, q: Array, pairs: Pairs, contacts: Contacts) -> Array:
         """Return derivatives of the distances in the configuration, shape (k, dof)."""
         rows, columns, _, normals, points = contacts
         places = rows, self._links[pairs[columns]], normals, points
         changes = np.zeros((len(rows), len(self.tree.axes)))
-        _fill_slopes(*self.tree.link_poses(q), *self.tree.arrays[2:], self.tree.moves, *places, changes)
+        _fill_slopes(
+            *self.tree.link_poses(q), *self.tree.arrays[2:], self.tree.moves, *places, changes
+        )
         return self.tree.coupled(changes)
 
 
@@ -93,9 +119,13 @@ def _fill_slopes(turns, origins, axes, slides, moves, rows, links, normals, poin
             sign = 1.0 * moves[links[k, 0], j] - 1.0 * moves[links[k, 1], j]
             for i in range(3 if sign != 0.0 else 0):
                 p, q = (i + 1) % 3, (i + 2) % 3
-                turned = (points[k, p] - at[p]) * normals[k, q] - (points[k, q] - at[q]) * normals[k, p]
+                turned = (points[k, p] - at[p]) * normals[k, q] - (points[k, q] - at[q]) * normals[
+                    k, p
+                ]
                 for m in range(3):
-                    changes[k, j] += sign * (normals[k, i] if slides[j] else turned) * turn[i, m] * axes[j, m]
+                    changes[k, j] += (
+                        sign * (normals[k, i] if slides[j] else turned) * turn[i, m] * axes[j, m]
+                    )
 
 
 @kernel
@@ -112,7 +142,9 @@ def _fill_distance_bounds(  # type: ignore[no-untyped-def]
             j = joints[h]
             for i in range(3):
                 middles[h, i] = origins[j, i] + (
-                    turns[j, i, 0] * centers[h, 0] + turns[j, i, 1] * centers[h, 1] + turns[j, i, 2] * centers[h, 2]
+                    turns[j, i, 0] * centers[h, 0]
+                    + turns[j, i, 1] * centers[h, 1]
+                    + turns[j, i, 2] * centers[h, 2]
                 )
         for p in range(len(pairs)):
             a, b = pairs[p]
@@ -122,10 +154,18 @@ def _fill_distance_bounds(  # type: ignore[no-untyped-def]
                 height = middles[a, 2] - radii[a] - table
                 if height <= sufficient:
                     up = turns[j, 2]
-                    height = origins[j, 2] - table + _least(corners, starts[a], starts[a + 1], up[0], up[1], up[2])[0]
+                    height = (
+                        origins[j, 2]
+                        - table
+                        + _least(corners, starts[a], starts[a + 1], up[0], up[1], up[2])[0]
+                    )
                 bounds[n, p] = height - skin
                 continue
-            x, y, z = middles[a, 0] - middles[b, 0], middles[a, 1] - middles[b, 1], middles[a, 2] - middles[b, 2]
+            x, y, z = (
+                middles[a, 0] - middles[b, 0],
+                middles[a, 1] - middles[b, 1],
+                middles[a, 2] - middles[b, 2],
+            )
             distance = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
             if distance <= sufficient:
                 distance = _apart(
@@ -165,7 +205,13 @@ def _apart(  # type: ignore[no-untyped-def]
         bz = turn_b[0, 2] * x + turn_b[1, 2] * y + turn_b[2, 2] * z
         least_a, i = _least(corners, a0, a1, ax, ay, az)
         least_b, j = _least(corners, b0, b1, -bx, -by, -bz)
-        between = x * (at_a[0] - at_b[0]) + y * (at_a[1] - at_b[1]) + z * (at_a[2] - at_b[2]) + least_a + least_b
+        between = (
+            x * (at_a[0] - at_b[0])
+            + y * (at_a[1] - at_b[1])
+            + z * (at_a[2] - at_b[2])
+            + least_a
+            + least_b
+        )
         most = max(most, between / length - 1e-9)  # rounding
         if most > sufficient:
             break

@@ -20,7 +20,15 @@ from maniport.arms.loaders.model import Limb, Limbs, RobotModel, one_side
 from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
 from maniport.arms.loaders.serial import chain_to
 from maniport.arms.restriction import check_lock, restrict, standing
-from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, argument, spoken, typed, unknown_name
+from maniport.errors import (
+    FileFormatError,
+    InvalidInputError,
+    UnknownNameError,
+    argument,
+    spoken,
+    typed,
+    unknown_name,
+)
 from maniport.util.input_limits import ROBOT_BYTES, existing_file
 from maniport.util.validation import Array, as_finite
 
@@ -43,7 +51,12 @@ def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Ch
     return chain_to(read_model(path), frame, joints)
 
 
-READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml, XACRO: _read_xml}
+READERS: dict[str, Reader] = {
+    ".urdf": _read_xml,
+    ".xml": _read_xml,
+    ".mjcf": _read_xml,
+    XACRO: _read_xml,
+}
 """Readers of robot files by suffix, called with the path and the frame and joints of `load_arm`.
 
 A reader returns the chain to the frame, or to the default end effector of the joints; `load_arm` locks the other
@@ -117,7 +130,9 @@ def load_arm(
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
     if isinstance(mesh_folders, (str, os.PathLike)) or not isinstance(mesh_folders, Iterable):
-        raise InvalidInputError(f"mesh_folders must be a sequence of folders; found {mesh_folders!r}")
+        raise InvalidInputError(
+            f"mesh_folders must be a sequence of folders; found {mesh_folders!r}"
+        )
     folders = tuple(Path(folder).absolute() for folder in mesh_folders)
     for folder in folders:
         if not folder.is_dir():
@@ -146,12 +161,16 @@ def read_arm(
     It begins at the base that the name implies unless `base` is given.
     """
     if not isinstance(name_or_path, (str, os.PathLike)):
-        raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
+        raise InvalidInputError(
+            f"name_or_path must be a name or a path; found {type(name_or_path).__name__}"
+        )
     text = os.fspath(name_or_path)
     if name_or_path in PERSONS:
         return human_arm(text, RIGHT if side is None else side).chain
     if side is not None:
-        raise InvalidInputError(f"{argument('side')} is for persons ({', '.join(PERSONS)}); {text!r} is a robot")
+        raise InvalidInputError(
+            f"{argument('side')} is for persons ({', '.join(PERSONS)}); {text!r} is a robot"
+        )
     if name_or_path in ROBOTS:
         return ROBOTS[text](frame)
     file, limb = _robot_file(name_or_path), None
@@ -170,7 +189,9 @@ def read_arm(
     if limb is None:
         return chain
     if any(ours.name != theirs for ours, theirs in zip(chain.joints, limb.joints, strict=False)):
-        raise InvalidInputError(f"the frame {frame!r} is not on {text!r}; its end effector is {limb.frame!r}")
+        raise InvalidInputError(
+            f"the frame {frame!r} is not on {text!r}; its end effector is {limb.frame!r}"
+        )
     return chain if limb.fork is None or base is not None else restrict(chain, base=limb.fork)
 
 
@@ -193,7 +214,13 @@ def _robot_file(name_or_path: Robot) -> RobotFile:
     text, path = os.fspath(name_or_path), Path(name_or_path)
     is_name = isinstance(name_or_path, str) and not os.path.isfile(path)
     robot = find_robot(text) if is_name else None
-    if robot is None and is_name and path.suffix.lower() not in READERS and path.name == text and not path.exists():
+    if (
+        robot is None
+        and is_name
+        and path.suffix.lower() not in READERS
+        and path.name == text
+        and not path.exists()
+    ):
         names, how = known_names()
         where = f"(a file must end in {', '.join(READERS)}{how})"
         raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
@@ -263,18 +290,29 @@ def load_arms(
         if name not in group.joint_names:
             raise unknown_name("joint", name, group.joint_names, f"on the arms of {group.name!r}")
     for i, columns in enumerate(group.columns):
-        own = {group.joint_names[column]: name for column, name in zip(columns, arms[i].joint_names, strict=True)}
+        own = {
+            group.joint_names[column]: name
+            for column, name in zip(columns, arms[i].joint_names, strict=True)
+        }
         moving = None if wanted is None else [own[name] for name in wanted if name in own]
         if moving == []:
             listed = ", ".join(wanted or ())
-            raise InvalidInputError(f"joints: none of {listed} moves the {names[i]} arm, which has {', '.join(own)}")
-        arms[i] = arms[i].restricted(joints=moving, lock={own[name]: at for name, at in held.items() if name in own})
+            raise InvalidInputError(
+                f"joints: none of {listed} moves the {names[i]} arm, which has {', '.join(own)}"
+            )
+        arms[i] = arms[i].restricted(
+            joints=moving, lock={own[name]: at for name, at in held.items() if name in own}
+        )
     return ArmGroup(*arms, names=names) if wanted or held else group
 
 
 def _several(name: str, value: Any, count: int | None = None) -> list[Any]:
     """Require a sequence of values, one for each arm."""
-    values = [] if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__") else list(value)
+    values = (
+        []
+        if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__")
+        else list(value)
+    )
     if not values or len(values) != (count or len(values)):
         raise InvalidInputError(
             f"{spoken(name)} must be a sequence of {count or 'several'}, one for each arm; found {value!r}"

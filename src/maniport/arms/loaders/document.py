@@ -41,7 +41,9 @@ def require(rule: bool, path: str | os.PathLike[str], fault: str) -> None:
         raise FileFormatError(f"{path}: {fault}")
 
 
-def numbers(text: str | None, count: int | None, where: str, most: float = LARGEST, least: float = -np.inf) -> Array:
+def numbers(
+    text: str | None, count: int | None, where: str, most: float = LARGEST, least: float = -np.inf
+) -> Array:
     """Read the numbers of an attribute, each at least `least` and at most `most` in absolute value.
 
     `where` names the file, the element and the attribute, for messages.
@@ -54,7 +56,9 @@ def numbers(text: str | None, count: int | None, where: str, most: float = LARGE
     if not expected or not np.all((np.abs(values) <= most) & (values >= least)):
         rule = f"{count or 'several'} number{'s' * (count != 1)}{f', each below {most:g}' * bool(most < np.inf)}"
         sign = " and not negative" if least == 0.0 else ""
-        raise FileFormatError(f"{where} with {rule}{sign}; found {None if text is None else text[:80]!r}")
+        raise FileFormatError(
+            f"{where} with {rule}{sign}; found {None if text is None else text[:80]!r}"
+        )
     return values
 
 
@@ -72,7 +76,10 @@ def body_inertia(where: str, mass: float, moments: Sequence[float], pose: Array)
 
 
 def read_shapes(
-    read: Callable[..., Iterable[Shape]], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
+    read: Callable[..., Iterable[Shape]],
+    path: Path,
+    links: Collection[str],
+    mesh_folders: Sequence[Path] = (),
 ) -> list[Shape]:
     """Read the visual shapes of some links; meshes of others may be missing."""
     shapes: list[Shape] = []
@@ -83,7 +90,9 @@ def read_shapes(
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
         require_at_most(len(shapes), SHAPES, "shapes", path)
         if not np.all(np.abs(shape.mesh[0]) < MAX_POSITION):  # false for nan, too
-            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {MAX_POSITION:g} m")
+            raise FileFormatError(
+                f"{path}: a shape of link {shape.link!r} reaches farther than {MAX_POSITION:g} m"
+            )
     return shapes
 
 
@@ -93,12 +102,17 @@ def parsed(path: Path) -> ElementTree.Element:
         content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
         text = _expanded(path) if path.suffix.lower() == XACRO else content
         require_at_most(text.count("<"), TAGS, "tags", path)
-        builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()  # prefixes need no declaration
+        builder, parser = (
+            ElementTree.TreeBuilder(),
+            expat.ParserCreate(),
+        )  # prefixes need no declaration
         parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
         parser.Parse(text, True)
         root = builder.close()
     except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: not a text file: {error.reason} at byte {error.start}") from None
+        raise FileFormatError(
+            f"{path}: not a text file: {error.reason} at byte {error.start}"
+        ) from None
     except expat.ExpatError as error:
         raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
     level, depth = [root], 0
@@ -111,11 +125,22 @@ def parsed(path: Path) -> ElementTree.Element:
 def _expanded(path: Path) -> str:
     """Expand a xacro file to a URDF, with the defaults of its arguments, in a process with limits."""
     xacrodoc()
-    child = [sys.executable, "-P", xacro_child.__file__, str(path), str(ROBOT_BYTES), str(2048 * MEGABYTE)]
+    child = [
+        sys.executable,
+        "-P",
+        xacro_child.__file__,
+        str(path),
+        str(ROBOT_BYTES),
+        str(2048 * MEGABYTE),
+    ]
     try:
-        done = subprocess.run(child, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST_XACRO, check=False)
+        done = subprocess.run(
+            child, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST_XACRO, check=False
+        )
     except subprocess.TimeoutExpired:
-        raise FileFormatError(f"{path}: xacro cannot expand it: it takes more than {LONGEST_XACRO:g} s") from None
+        raise FileFormatError(
+            f"{path}: xacro cannot expand it: it takes more than {LONGEST_XACRO:g} s"
+        ) from None
     text = done.stdout.decode(errors="replace")
     if done.returncode != 0:
         reason = " ".join(text.split()) or f"exit code {done.returncode}"
@@ -164,7 +189,11 @@ class MeshPaths:
         package, real = _package(name), file.resolve()
         named = () if package is None or package[0] in ("..", ".") else self._packages(package[0])
         folders = (*self._own(), *_ros_folders(), *self.more, *named)
-        if not any(real.is_relative_to(place.resolve()) for folder in folders for place in (folder, *_origins(folder))):
+        if not any(
+            real.is_relative_to(place.resolve())
+            for folder in folders
+            for place in (folder, *_origins(folder))
+        ):
             raise FileFormatError(
                 f"{self.path}: names {name!r}, which lies outside its folder and its packages, at {str(real)!r}; if it "
                 f"is to be read, allow it with mesh_folders=[{str(real.parent)!r}] (--mesh-folders)"
@@ -228,6 +257,9 @@ def _holds_home(folder: Path) -> bool:
 
 def _ros_folders() -> list[Path]:
     """Folders of ROS packages, which the user trusts."""
-    folders = {key: os.environ.get(key, "").split(os.pathsep) for key in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")}
+    folders = {
+        key: os.environ.get(key, "").split(os.pathsep)
+        for key in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    }
     ros, ament = ([Path(entry) for entry in entries if entry] for entries in folders.values())
     return [*ros, *(place / "share" for place in ament)]

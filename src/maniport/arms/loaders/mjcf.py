@@ -9,7 +9,14 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Joint, Mesh, Shape
-from maniport.arms.loaders.document import LARGEST, MeshPaths, body_inertia, is_file, numbers, require
+from maniport.arms.loaders.document import (
+    LARGEST,
+    MeshPaths,
+    body_inertia,
+    is_file,
+    numbers,
+    require,
+)
 from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
 from maniport.arms.meshes import solid
@@ -45,7 +52,9 @@ def read(path: Path, root: Element) -> RobotModel:
         if joint.get("active", "true") == "true":
             follower, leader = joint.get("joint1", ""), joint.get("joint2")
             c = [*document.numbers(joint, "polycoef", None, "0 1 0 0 0").tolist(), 0.0]
-            offset = c[0] + document.rest(follower) - c[1] * document.rest(leader)  # positions count from rest
+            offset = (
+                c[0] + document.rest(follower) - c[1] * document.rest(leader)
+            )  # positions count from rest
             model.followers[follower] = Follower(leader, c[1], offset, not any(c[2:]))
     return model
 
@@ -53,15 +62,25 @@ def read(path: Path, root: Element) -> RobotModel:
 def _body(model: RobotModel, document: Document, parent: str, element: Element) -> RobotBody:
     """Return a body with the joints that move it."""
     placement, joints, inertia = document.pose(element), list[Joint](), _inertia(document, element)
-    kinds = {joint: document.attribute(joint, "type") or "hinge" for joint in element.findall("joint")}
+    kinds = {
+        joint: document.attribute(joint, "type") or "hinge" for joint in element.findall("joint")
+    }
     for joint, kind in kinds.items():
-        fault = f"<joint> {joint.get('name', '')!r} has type {kind!r}; allowed are {', '.join(KINDS)}"
+        fault = (
+            f"<joint> {joint.get('name', '')!r} has type {kind!r}; allowed are {', '.join(KINDS)}"
+        )
         require(kind in KINDS, document.path, fault)
     if "ball" in kinds.values():
-        return RobotBody(element.get("name", ""), parent, placement, blocked="ball", inertia=inertia)
+        return RobotBody(
+            element.get("name", ""), parent, placement, blocked="ball", inertia=inertia
+        )
     for joint, kind in kinds.items():
         if kind in ("hinge", "slide"):
-            name, axis, at = joint.get("name", ""), document.numbers(joint, "axis", 3, "0 0 1"), np.eye(4)
+            name, axis, at = (
+                joint.get("name", ""),
+                document.numbers(joint, "axis", 3, "0 0 1"),
+                np.eye(4),
+            )
             at[:3, 3] = document.numbers(joint, "pos", 3, "0 0 0")
             low, high = document.range(joint, "range", "limited") * document.unit(joint)
             moving = model.joint(
@@ -85,7 +104,9 @@ def _inertia(document: Document, body: Element) -> Array | None:
         ]
         return None if any(heavy) else np.zeros((6, 6))
     full = inertial.get("fullinertia") is not None
-    moments = document.numbers(inertial, "fullinertia" if full else "diaginertia", 6 if full else 3, "0 0 0")
+    moments = document.numbers(
+        inertial, "fullinertia" if full else "diaginertia", 6 if full else 3, "0 0 0"
+    )
     where = f"{document.path}: link {body.get('name')!r}"
     mass = float(numbers(inertial.get("mass"), 1, f"{where} needs a mass", least=0.0)[0])
     return body_inertia(where, mass, [*moments, 0.0, 0.0, 0.0][:6], document.pose(inertial))
@@ -105,10 +126,18 @@ def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) 
     owners += [(body.get("name", ""), body) for body in document.root.findall("worldbody//body")]
     for name, owner in owners:
         geoms = owner.findall("geom") if name in links else []
-        contacts = [[document.numbers(geom, key, 1, "1")[0] for key in ("contype", "conaffinity")] for geom in geoms]
+        contacts = [
+            [document.numbers(geom, key, 1, "1")[0] for key in ("contype", "conaffinity")]
+            for geom in geoms
+        ]
         visual = [geom for geom, bits in zip(geoms, contacts, strict=True) if not any(bits)]
-        for geom in visual or [geom for geom in geoms if document.numbers(geom, "group", 1, "0")[0] <= 2]:
-            kind, title = document.attribute(geom, "type") or "sphere", document.attribute(geom, "mesh")
+        for geom in visual or [
+            geom for geom in geoms if document.numbers(geom, "group", 1, "0")[0] <= 2
+        ]:
+            kind, title = (
+                document.attribute(geom, "type") or "sphere",
+                document.attribute(geom, "mesh"),
+            )
             if kind == "plane":  # infinite
                 continue
             if title is None and kind in SIZES:
@@ -116,7 +145,9 @@ def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) 
             elif title in meshes:
                 placement, made = document.pose(geom), _asset(paths, document, *meshes[title])
             else:
-                raise FileFormatError(f"{path}: a <geom> of body {name!r} has an unknown shape: {title or kind!r}")
+                raise FileFormatError(
+                    f"{path}: a <geom> of body {name!r} has an unknown shape: {title or kind!r}"
+                )
             points, triangles = made
             yield Shape(name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
 
@@ -128,9 +159,15 @@ def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, Mesh]:
     if document.attribute(geom, "fromto") is not None:
         ends = document.numbers(geom, "fromto", 6).reshape(2, 3)
         placement[:3, :3], placement[:3, 3] = rotation_to(ends[0] - ends[1]), ends.mean(axis=0)
-        size = np.append(np.full(len(factors) - 1, size[0]), 0.5 * np.linalg.norm(ends[0] - ends[1]))
+        size = np.append(
+            np.full(len(factors) - 1, size[0]), 0.5 * np.linalg.norm(ends[0] - ends[1])
+        )
     enough = len(size) >= len(factors) and bool(np.all(size >= 0))
-    require(enough, document.path, f"a <geom> {kind} needs {len(factors)} sizes, not negative; found {size}")
+    require(
+        enough,
+        document.path,
+        f"a <geom> {kind} needs {len(factors)} sizes, not negative; found {size}",
+    )
     return placement, solid(kind, *(factors * size[: len(factors)]))
 
 
@@ -148,10 +185,14 @@ def _own_mesh(path: Path, mesh: Element) -> Mesh:
     """Points and triangles of a mesh in an MJCF; without triangles the hull of the points."""
     try:
         points = np.array([float(word) for word in mesh.get("vertex", "").split()]).reshape(-1, 3)
-        rows = np.array([int(word) for word in mesh.get("face", "").split()], dtype=np.int32).reshape(-1, 3)
+        rows = np.array(
+            [int(word) for word in mesh.get("face", "").split()], dtype=np.int32
+        ).reshape(-1, 3)
         if not np.all(np.abs(points) < LARGEST) or not np.all((rows >= 0) & (rows < len(points))):
             raise ValueError("invalid numbers")
         return points, rows if len(rows) else ConvexHull(points).simplices.astype(np.int32)
     except (ValueError, OverflowError, QhullError) as error:
         reason = str(error).splitlines()[0]
-        raise FileFormatError(f"{path}: the points of the mesh {mesh.get('name')!r} are no solid: {reason}") from None
+        raise FileFormatError(
+            f"{path}: the points of the mesh {mesh.get('name')!r} are no solid: {reason}"
+        ) from None

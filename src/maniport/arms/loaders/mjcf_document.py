@@ -13,11 +13,29 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms.chain import rotation_about
 from maniport.arms.loaders.document import LARGEST, numbers, parsed, require
-from maniport.util.input_limits import INCLUDES, LINKS, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
+from maniport.util.input_limits import (
+    INCLUDES,
+    LINKS,
+    NESTING,
+    ROBOT_BYTES,
+    TAGS,
+    existing_file,
+    require_at_most,
+)
 from maniport.util.validation import Array
 
 WORLD = "world"  # name of the root body
-ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
+ACTUATORS = (
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+)
 
 
 class Document:
@@ -26,8 +44,14 @@ class Document:
     def __init__(self, path: Path, root: Element):
         self.path, self.root = path, with_includes(path, root)
         self.parents = {child: parent for parent in self.root.iter() for child in parent}
-        self.options = {name: value for compiler in self.root.findall("compiler") for name, value in compiler.items()}
-        self.joints = {joint.get("name", ""): joint for joint in self.root.iterfind("worldbody//joint")}
+        self.options = {
+            name: value
+            for compiler in self.root.findall("compiler")
+            for name, value in compiler.items()
+        }
+        self.joints = {
+            joint.get("name", ""): joint for joint in self.root.iterfind("worldbody//joint")
+        }
 
     def check(self) -> None:
         """Raise `FileFormatError` for inconsistent or unsupported elements."""
@@ -43,13 +67,19 @@ class Document:
         order = self.options.get("eulerseq", "xyz")
         rule = re.fullmatch("[xyzXYZ]{3}", order) is not None
         require(rule, self.path, f"eulerseq must have three letters of xyzXYZ; found {order!r}")
-        require(self.root.find("worldbody//body") is not None, self.path, "has no body in <worldbody>")
+        require(
+            self.root.find("worldbody//body") is not None, self.path, "has no body in <worldbody>"
+        )
         for tag in ("body", "joint"):
-            names = Counter(element.get("name") for element in self.root.findall(f"worldbody//{tag}"))
+            names = Counter(
+                element.get("name") for element in self.root.findall(f"worldbody//{tag}")
+            )
             require_at_most(names.total(), LINKS, f"elements <{tag}>", self.path)
             names[WORLD] += tag == "body"  # implicit
             for name, times in names.items():
-                require(name is None or times < 2, self.path, f"{tag} {name!r} appears {times} times")
+                require(
+                    name is None or times < 2, self.path, f"{tag} {name!r} appears {times} times"
+                )
         classes = {None, *(default.get("class", "main") for default in self.root.iter("default"))}
         for element in self.root.findall("worldbody//*"):
             for name in (element.get("class"), element.get("childclass")):
@@ -65,7 +95,10 @@ class Document:
         while name is None and node is not None:
             name, node = node.get("childclass"), self.parents.get(node)
         top = self.root.find("default")
-        entry = next((d for d in self.root.iter("default") if name is not None and d.get("class") == name), top)
+        entry = next(
+            (d for d in self.root.iter("default") if name is not None and d.get("class") == name),
+            top,
+        )
         while entry is not None and entry.tag == "default":
             for default in reversed(entry):
                 if default.tag in tags and default.get(attribute) is not None:
@@ -90,7 +123,10 @@ class Document:
     def pose(self, element: Element) -> Array:
         """Pose (4, 4) of an element in the frame of its body."""
         result = np.eye(4)
-        result[:3, :3], result[:3, 3] = self._rotation(element), self.numbers(element, "pos", 3, "0 0 0")
+        result[:3, :3], result[:3, 3] = (
+            self._rotation(element),
+            self.numbers(element, "pos", 3, "0 0 0"),
+        )
         return result
 
     def _rotation(self, element: Element) -> Array:
@@ -110,7 +146,9 @@ class Document:
             return np.asarray(Rotation.from_rotvec(values[3] * self._angle * axis).as_matrix())
         if name == "euler":
             turn = np.eye(3)
-            for letter, angle in zip(self.options.get("eulerseq", "xyz"), values * self._angle, strict=True):
+            for letter, angle in zip(
+                self.options.get("eulerseq", "xyz"), values * self._angle, strict=True
+            ):
                 step = rotation_about("xyz".index(letter.lower()), float(angle))
                 turn = turn @ step if letter.islower() else step @ turn
             return turn
@@ -123,7 +161,11 @@ class Document:
     def rest(self, name: str | None) -> float:
         """Return the `ref` of a joint [rad] or [m]."""
         joint = self.joints.get(name or "")
-        return 0.0 if joint is None else float(self.numbers(joint, "ref", 1, "0")[0]) * self.unit(joint)
+        return (
+            0.0
+            if joint is None
+            else float(self.numbers(joint, "ref", 1, "0")[0]) * self.unit(joint)
+        )
 
     def unit(self, joint: Element) -> float:
         """Return the unit of a joint's range and rest position [rad] or [m]."""
@@ -132,14 +174,23 @@ class Document:
     def effort_limit(self, joint: Element) -> float:
         """Largest torque [N m] or force [N] of a joint and of all its actuators, in the weaker direction."""
         ends = ("joint", "jointinparent")
-        actuators = [a for a in self.root.findall("actuator/*") if joint.get("name") in [a.get(end) for end in ends]]
+        actuators = [
+            a
+            for a in self.root.findall("actuator/*")
+            if joint.get("name") in [a.get(end) for end in ends]
+        ]
         total = sum(map(self._actuator_limit, actuators)) if actuators else np.inf
         return min(total, self._weaker(joint, "actuatorfrc"))
 
     def _actuator_limit(self, actuator: Element) -> float:
         """Largest torque [N m] or force [N] at the joint: by the force range, or by the controls of a plain motor."""
-        gear, gain = (float(self.numbers(actuator, name, None, "1")[0]) for name in ("gear", "gainprm"))
-        plain = actuator.tag in ("motor", "general") and self.attribute(actuator, "biastype") in (None, "none")
+        gear, gain = (
+            float(self.numbers(actuator, name, None, "1")[0]) for name in ("gear", "gainprm")
+        )
+        plain = actuator.tag in ("motor", "general") and self.attribute(actuator, "biastype") in (
+            None,
+            "none",
+        )
         controls = abs(gain) * self._weaker(actuator, "ctrl") if plain else np.inf
         return abs(gear) * min(self._weaker(actuator, "force"), controls)
 
@@ -173,7 +224,9 @@ def with_includes(path: Path, root: Element) -> Element:
     if root.find(".//include") is not None:
         _fill(tree, path, {path.resolve(): sum(1 for _ in root.iter())})
         first: dict[str, Element] = {}
-        for section in list(tree):  # join sections of one name; later attributes override earlier ones
+        for section in list(
+            tree
+        ):  # join sections of one name; later attributes override earlier ones
             if section.tag in first:
                 first[section.tag].attrib.update(section.attrib)
                 first[section.tag].extend(section)
@@ -191,7 +244,9 @@ def with_includes(path: Path, root: Element) -> Element:
 
 def _fill(element: Element, path: Path, seen: dict[Path, int], level: int = 1) -> None:
     """Replace <include> by the content of files; `seen` counts the elements of each file."""
-    require_at_most(level, NESTING, "levels of elements within elements, with the files that it includes", path)
+    require_at_most(
+        level, NESTING, "levels of elements within elements, with the files that it includes", path
+    )
     children: list[Element] = []
     for child in element:
         if child.tag != "include":
@@ -200,14 +255,20 @@ def _fill(element: Element, path: Path, seen: dict[Path, int], level: int = 1) -
             continue
         name = child.get("file", "")
         require(bool(name), path, "an <include> names no file")
-        file = Path(os.path.realpath(path.parent / name))  # not strict: symbolic links may be cyclic
+        file = Path(
+            os.path.realpath(path.parent / name)
+        )  # not strict: symbolic links may be cyclic
         inside = file.is_relative_to(path.parent.resolve())
-        require(inside, path, f"includes {name!r}, which lies outside of its folder; put it below that")
+        require(
+            inside, path, f"includes {name!r}, which lies outside of its folder; put it below that"
+        )
         require(file not in seen, path, f"includes {name!r} more than once, or in a cycle")
         require_at_most(len(seen), INCLUDES, "included files", path)
         root = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, f"; {path} includes it"))
         seen[file] = sum(1 for _ in root.iter())
-        require_at_most(sum(seen.values()), TAGS, "elements with those of the files that it includes", path)
+        require_at_most(
+            sum(seen.values()), TAGS, "elements with those of the files that it includes", path
+        )
         _fill(root, path, seen, level)
         children += root
     element[:] = children

@@ -33,7 +33,9 @@ class RobotBody:
     placement: Array  # its pose (4, 4) in the frame of the last of its joints, or of the parent without joints
     joints: tuple[Joint, ...] = ()  # the first is placed in the frame of the parent
     blocked: str = ""  # type of a joint with several axes, which is at rest
-    inertia: Array | None = None  # spatial inertia (6, 6) in its frame; None if only shapes determine it
+    inertia: Array | None = (
+        None  # spatial inertia (6, 6) in its frame; None if only shapes determine it
+    )
     welds: tuple[str, ...] = ()  # names of fixed joints, which files may declare as mimic joints
 
 
@@ -43,15 +45,21 @@ class RobotModel:
 
     path: Path
     name: str
-    shapes: Callable[..., Iterable[Shape]]  # of an XML document; see `maniport.arms.loaders.document.read_shapes`
+    shapes: Callable[
+        ..., Iterable[Shape]
+    ]  # of an XML document; see `maniport.arms.loaders.document.read_shapes`
     bodies: dict[str, RobotBody] = field(default_factory=dict)
-    sites: dict[str, tuple[str, Array]] = field(default_factory=dict)  # body, and the pose (4, 4) in its frame
+    sites: dict[str, tuple[str, Array]] = field(
+        default_factory=dict
+    )  # body, and the pose (4, 4) in its frame
     followers: dict[str, Follower] = field(default_factory=dict)
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)  # [rad] or [m]
     speeds: dict[str, float] = field(default_factory=dict)  # infinite where unknown
     efforts: dict[str, float] = field(default_factory=dict)  # infinite where unknown
     unlimited: list[str] = field(default_factory=list)
-    closed: dict[str, tuple[float, float]] = field(default_factory=dict)  # limits that exclude all positions
+    closed: dict[str, tuple[float, float]] = field(
+        default_factory=dict
+    )  # limits that exclude all positions
 
     def joint(
         self,
@@ -65,15 +73,21 @@ class RobotModel:
         armature: float = 0.0,
     ) -> Joint:
         """Make a joint with one axis and note its limits."""
-        huge = 100.0 if kind == PRISMATIC else 20 * np.pi  # what is larger means "no limit" [m or rad]
+        huge = (
+            100.0 if kind == PRISMATIC else 20 * np.pi
+        )  # what is larger means "no limit" [m or rad]
         if bounds[0] >= bounds[1] and any(bounds):
             self.closed[name] = bounds
         if not (-huge < bounds[0] < bounds[1] < huge):
             self.unlimited.append(name)
             bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)
         self.bounds[name] = bounds
-        self.speeds[name], self.efforts[name] = (limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort))
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # `Joint` checks the axis
+        self.speeds[name], self.efforts[name] = (
+            limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort)
+        )
+        with np.errstate(
+            invalid="ignore", divide="ignore", over="ignore"
+        ):  # `Joint` checks the axis
             return Joint(name, kind, axis / np.linalg.norm(axis), placement, armature)
 
     def line(self, body: str) -> list[str]:
@@ -98,10 +112,14 @@ def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
     scores = []  # occurrences of one side, as "left" or "l", minus those of the other
     for limb in longest:
-        words = [word for name in (*limb.joints, limb.frame) for word in _words(name) if word in _SIDES]
+        words = [
+            word for name in (*limb.joints, limb.frame) for word in _words(name) if word in _SIDES
+        ]
         scores.append(sum(1 if word in (side, side[0]) else -1 for word in words))
     if scores.count(max(scores)) > 1:
-        raise unknown_name("arm", robot, [limb.frame for limb in longest], f"(no limb is called {side})")
+        raise unknown_name(
+            "arm", robot, [limb.frame for limb in longest], f"(no limb is called {side})"
+        )
     return longest[scores.index(max(scores))]
 
 
@@ -110,8 +128,12 @@ class Limbs:
 
     def __init__(self, model: RobotModel, wanted: Collection[str] = ()):
         self.model, self._wanted = model, set(wanted)
-        self._paths: dict[str, list[RobotBody]] = {}  # bodies with joints from the base to each body
-        self._below: dict[str, list[RobotBody]] = {name: [] for name in model.bodies}  # next moving bodies
+        self._paths: dict[
+            str, list[RobotBody]
+        ] = {}  # bodies with joints from the base to each body
+        self._below: dict[str, list[RobotBody]] = {
+            name: [] for name in model.bodies
+        }  # next moving bodies
         for body in model.bodies.values():
             above = [] if body.parent is None else self._paths[body.parent]
             self._paths[body.name] = [*above, body] if body.joints else above
@@ -132,13 +154,18 @@ class Limbs:
 
         def is_hand(body: RobotBody) -> bool:
             below = self._below[body.name]
-            if not 0 < beyond[body.name] < len(self._joints(body.name)) or self._beyond(body.name) & self._wanted:
+            if (
+                not 0 < beyond[body.name] < len(self._joints(body.name))
+                or self._beyond(body.name) & self._wanted
+            ):
                 return False
             fingers = [joint.name for child in below for joint in child.joints]
             return len(below) > 1 or any(name in coupled or _is_finger(name) for name in fingers)
 
         tops = [self._paths[body.name] for body in moving if not beyond[body.name]]
-        self._ends = list(dict.fromkeys(next(filter(is_hand, path), path[-1]).name for path in tops))
+        self._ends = list(
+            dict.fromkeys(next(filter(is_hand, path), path[-1]).name for path in tops)
+        )
 
     def all(self) -> list[Limb]:
         """Return all limbs, the longest first."""
@@ -157,16 +184,25 @@ class Limbs:
     def choose(self) -> str:
         """Choose the end of the limb with most of the wanted joints, or of most joints."""
         source, wanted = self.model.path, self._wanted
-        size = {end: (len(wanted.intersection(self._joints(end))), len(self._joints(end))) for end in self._ends}
+        size = {
+            end: (len(wanted.intersection(self._joints(end))), len(self._joints(end)))
+            for end in self._ends
+        }
         most = max(size.values(), default=(0, 0))
         ends = [end for end in self._ends if size[end] == most]
         if not ends:
             raise InvalidInputError(f"{source}: has no movable joint")
         if len(ends) > 1 and most[0]:
-            shared = [body for body in self._paths[ends[0]] if all(body in self._paths[end] for end in ends)]
+            shared = [
+                body
+                for body in self._paths[ends[0]]
+                if all(body in self._paths[end] for end in ends)
+            ]
             chosen = [[joint.name in wanted for joint in body.joints] for body in shared]
             if sum(map(sum, chosen)) == most[0]:
-                ends = [[body.name for body, own in zip(shared, chosen, strict=True) if any(own)][-1]]
+                ends = [
+                    [body.name for body, own in zip(shared, chosen, strict=True) if any(own)][-1]
+                ]
         if len(ends) > 1:
             candidates = nearest_first("hand", [self.end_frame(end) for end in ends])
             raise InvalidInputError(
@@ -178,14 +214,25 @@ class Limbs:
     def end_frame(self, end: str) -> str:
         """Return the end-effector site, else the body that carries all further joints, else the outermost body."""
         bodies, sites = self.model.bodies, self.model.sites
-        rigid = [name for name, path in self._paths.items() if path and path[-1].name == end]  # with that body
+        rigid = [
+            name for name, path in self._paths.items() if path and path[-1].name == end
+        ]  # with that body
         on_end = [site for site, (body, _) in sites.items() if body in rigid and site not in bodies]
         if marked := _with_usual_name(on_end, ("pinch_site", "pinch", "attachment_site")):
             return marked
         tops = {str(child.parent) for child in self._below[end]}
         if not tops:
             tops = set(rigid) - {str(bodies[name].parent) for name in rigid}
-            usual = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
+            usual = (
+                "tool0",
+                "tcp",
+                "tool",
+                "tool_center_point",
+                "ee_link",
+                "ee",
+                "end_effector",
+                "flange",
+            )
             if named := _with_usual_name([name for name in rigid if name in tops], usual):
                 return named
         lines = [self.model.line(name) for name in tops]
@@ -206,7 +253,15 @@ class Limbs:
 
 def _with_usual_name(names: Collection[str], usual: Sequence[str]) -> str | None:
     """Return the first name that equals or ends with a usual name, in the order of `usual`."""
-    return next((name for end in usual for name in names if name == end or name.endswith((f"_{end}", f"/{end}"))), None)
+    return next(
+        (
+            name
+            for end in usual
+            for name in names
+            if name == end or name.endswith((f"_{end}", f"/{end}"))
+        ),
+        None,
+    )
 
 
 def _words(name: str) -> list[str]:

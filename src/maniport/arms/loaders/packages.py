@@ -27,22 +27,35 @@ class Package:
     pattern: str  # of robot files below this folder
     arms: Sequence[str]  # names of arms
     pairs: Sequence[str] = ()  # names of robots with two arms
-    files: Mapping[str, str] = field(default_factory=dict)  # stems of files whose name differs from that of the robot
+    files: Mapping[str, str] = field(
+        default_factory=dict
+    )  # stems of files whose name differs from that of the robot
     module: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all arms of the package."""
-        return (*self.arms, *(f"{robot}_{side}_arm" for robot in self.pairs for side in sorted(SIDES)))
+        return (
+            *self.arms,
+            *(f"{robot}_{side}_arm" for robot in self.pairs for side in sorted(SIDES)),
+        )
 
     def installed(self) -> dict[str, Path]:
         """Return the installed files by robot name."""
         if self.module is None:
-            ros = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+            ros = [
+                Path(entry)
+                for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+                if entry
+            ]
             places = [*(Path(entry) / "cmeel.prefix" for entry in sys.path), Path(sys.prefix), *ros]
         else:
             spec = importlib.util.find_spec(self.module)
-            places = [Path(place) for place in (spec.submodule_search_locations or ())] if spec is not None else []
+            places = (
+                [Path(place) for place in (spec.submodule_search_locations or ())]
+                if spec is not None
+                else []
+            )
         every: dict[str, Path] = {}
         for place in places:
             for path in sorted((place / self.folder).glob(self.pattern)):
@@ -50,7 +63,9 @@ class Package:
         return every | {name: every[stem] for name, stem in self.files.items() if stem in every}
 
 
-_TABLE = json.loads((Path(__file__).parents[1] / "data" / "packages.json").read_text(encoding="utf-8"))
+_TABLE = json.loads(
+    (Path(__file__).parents[1] / "data" / "packages.json").read_text(encoding="utf-8")
+)
 PACKAGES = {name: Package(**entry) for name, entry in _TABLE.items()}
 """Packages by name, in order of priority; ``package/name`` selects one."""
 
@@ -70,7 +85,9 @@ def find_robot(name: str) -> RobotFile | None:
     """Return the file of a robot in an installed package; None for names of no package."""
     title, _, robot = name.rpartition("/")
     if robot.isidentifier() and robot.endswith("_description") and title in ("", CATALOG):
-        installed = bool(importlib.util.find_spec(CATALOG) and importlib.util.find_spec(f"{CATALOG}.{robot}"))
+        installed = bool(
+            importlib.util.find_spec(CATALOG) and importlib.util.find_spec(f"{CATALOG}.{robot}")
+        )
         hidden = not installed and os.path.isdir(name)  # also a suffix of ROS packages
         return None if hidden else _from_catalog(robot, installed)
     if title and title not in PACKAGES:
@@ -86,7 +103,11 @@ def find_robot(name: str) -> RobotFile | None:
             return RobotFile(files[robot], name=robot, pair=robot in package.pairs)
         if title and files:
             raise unknown_name("robot", robot, {*package.names, *files}, f"in the package {title}")
-    missing = [key for key, package in packages.items() if title or robot in (*package.names, *package.pairs)]
+    missing = [
+        key
+        for key, package in packages.items()
+        if title or robot in (*package.names, *package.pairs)
+    ]
     if missing:  # or an older version without that robot
         raise MissingPackageError(
             f"the robot {robot!r} comes with the package {missing[0]}, which is not installed: "
@@ -105,7 +126,11 @@ def known_names() -> tuple[set[str], str]:
 def arm_names(name: str) -> tuple[str, ...]:
     """Return the names of the two arms of a robot in a package; none for other robots."""
     robots = {robot for package in PACKAGES.values() for robot in package.pairs}
-    return tuple(f"{name}_{side}_arm" for side in sorted(SIDES)) if name.rpartition("/")[2] in robots else ()
+    return (
+        tuple(f"{name}_{side}_arm" for side in sorted(SIDES))
+        if name.rpartition("/")[2] in robots
+        else ()
+    )
 
 
 def _from_catalog(name: str, installed: bool) -> RobotFile:
@@ -116,7 +141,9 @@ def _from_catalog(name: str, installed: bool) -> RobotFile:
         )
     if not installed:
         catalog = importlib.import_module(f"{CATALOG}._descriptions")
-        raise unknown_name("robot", name, getattr(catalog, "DESCRIPTIONS", ()), f"in the package {CATALOG}")
+        raise unknown_name(
+            "robot", name, getattr(catalog, "DESCRIPTIONS", ()), f"in the package {CATALOG}"
+        )
     try:
         module = importlib.import_module(f"{CATALOG}.{name}")
         file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
@@ -131,6 +158,11 @@ def _from_catalog(name: str, installed: bool) -> RobotFile:
             f"robot {name!r} could not be fetched by {CATALOG} (robot_descriptions pull {name} tries again): {error}"
         ) from None
     if file is None:
-        raise UnknownNameError(f"robot {name!r} of {CATALOG} has neither a URDF nor a xacro file nor an MJCF")
-    folders = [getattr(module, "REPOSITORY_PATH", None), *getattr(module, "XACRO_PACKAGE_PATHS", {}).values()]
+        raise UnknownNameError(
+            f"robot {name!r} of {CATALOG} has neither a URDF nor a xacro file nor an MJCF"
+        )
+    folders = [
+        getattr(module, "REPOSITORY_PATH", None),
+        *getattr(module, "XACRO_PACKAGE_PATHS", {}).values(),
+    ]
     return RobotFile(Path(file), tuple(Path(folder) for folder in folders if folder is not None))

@@ -19,14 +19,19 @@ Mounts = dict[str, tuple[int, Array]]
 def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | None) -> Chain:
     """Return the chain to a frame, by default the end effector of some joints; see `maniport.load_arm`."""
     path = model.path
-    places = {**{site: body for site, (body, _) in model.sites.items()}, **{body: body for body in model.bodies}}
+    places = {
+        **{site: body for site, (body, _) in model.sites.items()},
+        **{body: body for body in model.bodies},
+    }
     wanted = () if wanted is None else check_names(wanted, "joints")
     for name in wanted:
         if name not in model.bounds:
             raise unknown_name("joint", name, model.bounds, f"in '{path}'")
         if name in model.followers:
             leader = model.followers[name].leader
-            raise InvalidInputError(f"joints: {name!r} in '{path}' cannot move by itself, it follows {leader!r}")
+            raise InvalidInputError(
+                f"joints: {name!r} in '{path}' cannot move by itself, it follows {leader!r}"
+            )
     if end_frame is None:
         end_frame = Limbs(model, wanted).choose()
     elif end_frame not in places:
@@ -77,7 +82,9 @@ def _mounted(model: RobotModel, end: str) -> tuple[list[Joint], Mounts]:
                 f"{model.path}: the joint to {body.name!r} on the chain is of type {body.blocked}; only joints with "
                 "one axis are supported"
             )
-        if body.parent is None or (body.parent in mounts and (body.name in path or not (body.joints or body.blocked))):
+        if body.parent is None or (
+            body.parent in mounts and (body.name in path or not (body.joints or body.blocked))
+        ):
             count, pose = (0, np.eye(4)) if body.parent is None else mounts[body.parent]
             for joint in body.joints:
                 joints.append(replace(joint, placement=pose @ joint.placement))
@@ -86,7 +93,9 @@ def _mounted(model: RobotModel, end: str) -> tuple[list[Joint], Mounts]:
     return joints, mounts
 
 
-def _resolved(model: RobotModel, name: str, coordinates: Collection[str]) -> tuple[str | None, float, float]:
+def _resolved(
+    model: RobotModel, name: str, coordinates: Collection[str]
+) -> tuple[str | None, float, float]:
     """Coordinate that moves a joint, factor and position at zero."""
     factor, offset, seen = 1.0, 0.0, set[str]()
     while (follower := model.followers.get(name)) is not None:
@@ -95,7 +104,9 @@ def _resolved(model: RobotModel, name: str, coordinates: Collection[str]) -> tup
             return None, 0.0, offset
         if not follower.linear or follower.leader not in model.bounds or name in seen:
             fault = "nonlinearly" if not follower.linear else "which is no joint, or in a cycle"
-            raise FileFormatError(f"{model.path}: joint {name!r} follows {follower.leader!r} {fault}")
+            raise FileFormatError(
+                f"{model.path}: joint {name!r} follows {follower.leader!r} {fault}"
+            )
         seen.add(name)
         factor, name = factor * follower.factor, follower.leader
     if name in coordinates:
@@ -119,7 +130,9 @@ def _inertia(model: RobotModel, mounts: Mounts, count: int) -> Array | None:
     return inertia if np.any(inertia[1:]) else None
 
 
-def _bodies_off_chain(model: RobotModel, mounts: Mounts, coordinates: Sequence[str]) -> dict[str, Body]:
+def _bodies_off_chain(
+    model: RobotModel, mounts: Mounts, coordinates: Sequence[str]
+) -> dict[str, Body]:
     """Bodies off a chain, with their poses relative to the joints of the chain."""
     fingers, bodies = Limbs(model).fingers(), {}
     moving = {*coordinates, *fingers - model.followers.keys()}
@@ -127,12 +140,17 @@ def _bodies_off_chain(model: RobotModel, mounts: Mounts, coordinates: Sequence[s
         path = [model.bodies[above] for above in reversed(model.line(name)) if above not in mounts]
         if path:
             count, rest = mounts[str(path[0].parent)]
-            finger = next((body for body in path if any(joint.name in fingers for joint in body.joints)), path[-1])
+            finger = next(
+                (body for body in path if any(joint.name in fingers for joint in body.joints)),
+                path[-1],
+            )
             bodies[name] = Body(count, rest @ _poses(model, path, moving), finger.name)
     return bodies
 
 
-def _poses(model: RobotModel, path: Sequence[RobotBody], moving: Collection[str], most: int = 512) -> Array:
+def _poses(
+    model: RobotModel, path: Sequence[RobotBody], moving: Collection[str], most: int = 512
+) -> Array:
     """Poses of the last body of a path relative to the parent of the first, shape (k, 4, 4) with k ≤ `most`."""
     joints = [joint for body in path for joint in body.joints]
     rules = {joint.name: _resolved(model, joint.name, moving) for joint in joints}
@@ -143,13 +161,20 @@ def _poses(model: RobotModel, path: Sequence[RobotBody], moving: Collection[str]
         counts[name] = 1 if not np.isfinite(span) else 2 if slides else 2 + int(span / 0.4)
     while np.prod(list(counts.values())) > most:
         counts[max(counts, key=lambda leader: counts[leader])] -= 1
-    grids = [np.linspace(*model.bounds[leader], n) if n > 1 else np.zeros(1) for leader, n in counts.items()]
-    at = dict(zip(counts, (grid.ravel() for grid in np.meshgrid(*grids, indexing="ij")), strict=True))
+    grids = [
+        np.linspace(*model.bounds[leader], n) if n > 1 else np.zeros(1)
+        for leader, n in counts.items()
+    ]
+    at = dict(
+        zip(counts, (grid.ravel() for grid in np.meshgrid(*grids, indexing="ij")), strict=True)
+    )
     poses: Array = np.broadcast_to(np.eye(4), (int(np.prod([len(grid) for grid in grids])), 4, 4))
     for body in path:
         for joint in body.joints:
             leader, factor, offset = rules[joint.name]
-            positions = np.full(len(poses), offset) if leader is None else factor * at[leader] + offset
+            positions = (
+                np.full(len(poses), offset) if leader is None else factor * at[leader] + offset
+            )
             poses = poses @ joint.placement @ joint.motion(positions)
         poses = poses @ body.placement
     return poses

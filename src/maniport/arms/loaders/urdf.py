@@ -37,16 +37,28 @@ def read(path: Path, root: Element) -> RobotModel:
     below = set[str]()
     for name, joint in sorted(_named(path, root, "joint").items()):
         kind, parent, child = joint.get("type"), _end(joint, "parent"), _end(joint, "child")
-        require(kind in KINDS, path, f"joint {name!r} has type {kind!r}; allowed are {', '.join(KINDS)}")
+        require(
+            kind in KINDS, path, f"joint {name!r} has type {kind!r}; allowed are {', '.join(KINDS)}"
+        )
         for end, link in (("parent", parent), ("child", child)):
-            require(link in links, path, f"joint {name!r} names {link!r} as {end} link, which does not exist")
+            require(
+                link in links,
+                path,
+                f"joint {name!r} names {link!r} as {end} link, which does not exist",
+            )
         require(child not in below, path, f"link {child!r} is the child of two joints")
         children[parent].append(joint)
         below.add(child)
     roots = [link for link in links if link not in below]
     listed = ", ".join(map(repr, roots))
-    require(len(roots) == 1, path, f"must have one root link; found {len(roots)}{': ' * bool(roots)}{listed}")
-    model.bodies[roots[0]] = RobotBody(roots[0], None, np.eye(4), inertia=_inertia(path, links[roots[0]]))
+    require(
+        len(roots) == 1,
+        path,
+        f"must have one root link; found {len(roots)}{': ' * bool(roots)}{listed}",
+    )
+    model.bodies[roots[0]] = RobotBody(
+        roots[0], None, np.eye(4), inertia=_inertia(path, links[roots[0]])
+    )
     waiting = [(joint, 2) for joint in reversed(children[roots[0]])]
     while waiting:
         joint, depth = waiting.pop()
@@ -75,7 +87,11 @@ def _end(joint: Element, end: str) -> str:
 
 def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
     """Body of a link with the joint above it."""
-    name, kind, where = joint.get("name", ""), joint.get("type", ""), f"{model.path}: joint {joint.get('name')!r} needs"
+    name, kind, where = (
+        joint.get("name", ""),
+        joint.get("type", ""),
+        f"{model.path}: joint {joint.get('name')!r} needs",
+    )
     mimic, limit, axis = (joint.find(tag) for tag in ("mimic", "limit", "axis"))
     if mimic is not None:
         factor, offset = (
@@ -91,11 +107,17 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
     fault = f"joint {name!r} is {kind} and has no <limit>; use the type 'continuous' for joints without limits"
     require(limit is not None or kind == "continuous", model.path, fault)
     low, high, speed, effort = (
-        float(numbers("0" if limit is None else limit.get(key, "0"), 1, f"{where} a limit {key}", np.inf)[0])
+        float(
+            numbers(
+                "0" if limit is None else limit.get(key, "0"), 1, f"{where} a limit {key}", np.inf
+            )[0]
+        )
         for key in ("lower", "upper", "velocity", "effort")
     )
     bounds = (-np.inf, np.inf) if kind == "continuous" else (low, high)
-    direction = numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, f"{where} an axis")
+    direction = numbers(
+        "1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, f"{where} an axis"
+    )
     moving = model.joint(name, KINDS[kind], direction, placement, bounds, speed, effort)
     return RobotBody(child, parent, np.eye(4), (moving,), inertia=inertia)
 
@@ -105,7 +127,12 @@ def _origin(element: Element, where: str) -> Array:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
-    return pose(*(numbers(origin.get(key, "0 0 0"), 3, f"{where} an origin {key}").tolist() for key in ("xyz", "rpy")))
+    return pose(
+        *(
+            numbers(origin.get(key, "0 0 0"), 3, f"{where} an origin {key}").tolist()
+            for key in ("xyz", "rpy")
+        )
+    )
 
 
 def _inertia(path: Path, link: Element) -> Array:
@@ -113,7 +140,10 @@ def _inertia(path: Path, link: Element) -> Array:
     inertial, where = link.find("inertial"), f"{path}: link {link.get('name')!r}"
     if inertial is None:
         return np.zeros((6, 6))
-    mass, inertia = (Element(tag) if (part := inertial.find(tag)) is None else part for tag in ("mass", "inertia"))
+    mass, inertia = (
+        Element(tag) if (part := inertial.find(tag)) is None else part
+        for tag in ("mass", "inertia")
+    )
     moments = [float(numbers(inertia.get(f"i{axes}"), 1, f"{where} needs an inertia i{axes}")[0])
                for axes in ("xx", "yy", "zz", "xy", "xz", "yz")]  # fmt: skip
     weight = float(numbers(mass.get("value"), 1, f"{where} needs a mass", least=0.0)[0])
@@ -125,7 +155,11 @@ def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) 
     find = cache(paths.find)
 
     def meshes(link: Element, part: str) -> list[str]:
-        return [name for mesh in link.iterfind(f"{part}/geometry/mesh") if (name := mesh.get("filename", ""))]
+        return [
+            name
+            for mesh in link.iterfind(f"{part}/geometry/mesh")
+            if (name := mesh.get("filename", ""))
+        ]
 
     owners = [link for link in root.findall("link") if link.get("name") in links]
     kinds = ["visual" if all(map(find, meshes(link, "visual"))) else "collision" for link in owners]
@@ -160,7 +194,11 @@ def _mesh(paths: MeshPaths, link: Element, part: Element) -> Mesh:
     sizes = {"box": {"size": 3}, "sphere": {"radius": 1}}
     sizes["cylinder"] = sizes["capsule"] = {"radius": 1, "length": 1}
     allowed = "mesh, box, sphere, cylinder, capsule"
-    require(shape.tag in sizes, path, f"link {name!r} has the shape <{shape.tag}>; allowed are {allowed}")
+    require(
+        shape.tag in sizes,
+        path,
+        f"link {name!r} has the shape <{shape.tag}>; allowed are {allowed}",
+    )
     values = [
         float(value) for key, count in sizes[shape.tag].items()
         for value in numbers(shape.get(key), count, f"{where} {key}", least=0.0)

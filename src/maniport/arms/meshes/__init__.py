@@ -53,7 +53,10 @@ class Geometry:
         total = sum(len(triangles) for _, triangles in self.shapes.values())
         whole = {joint: joined(parts) for joint, parts in sorted(meshes.items())}
         if total > 15_000:
-            whole = {joint: reduced(mesh, 200 + 15_000 * len(mesh[1]) // total) for joint, mesh in whole.items()}
+            whole = {
+                joint: reduced(mesh, 200 + 15_000 * len(mesh[1]) // total)
+                for joint, mesh in whole.items()
+            }
         return tuple(Surface(joint, *mesh) for joint, mesh in whole.items() if len(mesh[1]))
 
     @cached_property
@@ -61,7 +64,10 @@ class Geometry:
         """Shapes of the links, see `Chain.holds`, in the frames of their joints."""
         meshes = _by_link(self._own).items()
         placements = {link: self.chain.frames[link].placement for link, _ in meshes}
-        return {link: (at @ placements[link][:3, :3].T + placements[link][:3, 3], rows) for link, (at, rows) in meshes}
+        return {
+            link: (at @ placements[link][:3, :3].T + placements[link][:3, 3], rows)
+            for link, (at, rows) in meshes
+        }
 
     @property
     def stand_ins(self) -> tuple[str, ...]:
@@ -105,7 +111,9 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Concatenate meshes."""
     starts = np.cumsum([0, *(len(points) for points, _ in meshes)])[:-1]
     points = np.concatenate([points for points, _ in meshes])
-    triangles = np.concatenate([rows + start for (_, rows), start in zip(meshes, starts, strict=True)])
+    triangles = np.concatenate(
+        [rows + start for (_, rows), start in zip(meshes, starts, strict=True)]
+    )
     return points, triangles.astype(np.int32)
 
 
@@ -119,10 +127,14 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
     size = float(np.ptp(points[kept], axis=0).max(initial=0.0)) if len(kept) else 0.0
     if size < 1e-9:
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int32)
-    cells = np.round((points[kept] - points[kept].min(axis=0)) / max(cell, 1e-6 * size)).astype(np.int64)
+    cells = np.round((points[kept] - points[kept].min(axis=0)) / max(cell, 1e-6 * size)).astype(
+        np.int64
+    )
     _, first, cell_of = np.unique(cells @ (1, 2**20, 2**40), return_index=True, return_inverse=True)
     rows = cell_of[rows.reshape(-1, 3)]
-    rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
+    rows = rows[
+        (rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])
+    ]
     _, new = np.unique(np.sort(rows, axis=1), axis=0, return_index=True)
     left, numbers = np.unique(rows[np.sort(new)], return_inverse=True)
     return points[kept[first[left]]], numbers.reshape(-1, 3).astype(np.int32)

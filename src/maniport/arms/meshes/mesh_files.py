@@ -19,19 +19,30 @@ from scipy.spatial.transform import Rotation
 from maniport.arms.chain import Mesh
 from maniport.arms.meshes import joined
 from maniport.errors import FileFormatError
-from maniport.util.input_limits import MESH_BYTES, NODES, TAGS, TRIANGLES, read_whole, require_at_most
+from maniport.util.input_limits import (
+    MESH_BYTES,
+    NODES,
+    TAGS,
+    TRIANGLES,
+    read_whole,
+    require_at_most,
+)
 from maniport.util.validation import Array
 
 
 def scaled(mesh: Mesh, scale: Array) -> Mesh:
     """Scale a mesh; a negative scale mirrors it, and reversed triangles keep their outside."""
     points, triangles = mesh
-    return points * scale, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(scale) < 0 else triangles
+    return points * scale, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(
+        scale
+    ) < 0 else triangles
 
 
 def load_mesh(path: Path) -> Mesh:
     """Read the points and triangles of a mesh file."""
-    content = read_whole(path, (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf"), MESH_BYTES)
+    content = read_whole(
+        path, (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf"), MESH_BYTES
+    )
     read = _read_collada if path.suffix.lower() == ".dae" else _read_by_trimesh
     try:
         with np.errstate(all="ignore"):  # `_checked` refuses nonfinite points
@@ -50,11 +61,16 @@ def load_mesh(path: Path) -> Mesh:
 
 def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
     """Require valid indices and finite points."""
-    points, triangles = np.asarray(points, dtype=np.float64).reshape(-1, 3), np.asarray(triangles).reshape(-1, 3)
+    points, triangles = (
+        np.asarray(points, dtype=np.float64).reshape(-1, 3),
+        np.asarray(triangles).reshape(-1, 3),
+    )
     require_at_most(max(points.size, triangles.size) // 3, TRIANGLES, "points or triangles", path)
     if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(points)):
         invalid = triangles[(triangles < 0) | (triangles >= len(points))][0]
-        raise FileFormatError(f"{path}: has a triangle with point number {invalid}; there are {len(points)}")
+        raise FileFormatError(
+            f"{path}: has a triangle with point number {invalid}; there are {len(points)}"
+        )
     if not np.all(np.isfinite(points)):
         raise FileFormatError(f"{path}: has points that are not finite")
     return points, triangles.astype(np.int32)
@@ -71,11 +87,23 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
     elif kind == "ply":
         header = content[: content.find(b"end_header")]
         for count in re.findall(rb"^\s*element\s+\S+\s+(\d+)", header, re.MULTILINE):
-            require_at_most(int(count[:20]), len(content), "elements announced, more than bytes", path)
+            require_at_most(
+                int(count[:20]), len(content), "elements announced, more than bytes", path
+            )
     elif kind in ("gltf", "glb"):
-        text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if kind == "glb" else content
+        text = (
+            content[20 : 20 + int.from_bytes(content[12:16], "little")]
+            if kind == "glb"
+            else content
+        )
         _require_sane(path, json.loads(text.decode("utf-8")))
-    scene = load_scene(io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True, process=False)
+    scene = load_scene(
+        io.BytesIO(content),
+        file_type=kind,
+        resolver=_Buffers(path),
+        skip_materials=True,
+        process=False,
+    )
     triangles = 0
     for name in scene.graph.nodes_geometry:
         pose, geometry = scene.graph[name]
@@ -110,7 +138,9 @@ class _Buffers(dict[str, bytes]):
     def __missing__(self, name: str) -> bytes:
         file = self.path.parent / unquote(name)
         if not file.resolve().is_relative_to(self.path.parent.resolve()):
-            raise FileFormatError(f"{self.path}: names the buffer {name!r}, which lies outside its folder")
+            raise FileFormatError(
+                f"{self.path}: names the buffer {name!r}, which lies outside its folder"
+            )
         self[name] = read_whole(file, (), self.left)
         self.left -= len(self[name])
         return self[name]
@@ -125,11 +155,17 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
         element.tag = element.tag.rpartition("}")[2]
         things.setdefault(f"#{element.get('id')}", element)
     scene = root.find("scene/instance_visual_scene")
-    scene = root.find("library_visual_scenes/visual_scene") if scene is None else things.get(scene.get("url", ""))
+    scene = (
+        root.find("library_visual_scenes/visual_scene")
+        if scene is None
+        else things.get(scene.get("url", ""))
+    )
     if scene is None:
         raise FileFormatError(f"{path}: cannot be read as a mesh: it has no scene")
     unit = root.find("asset/unit")
-    waiting = [(scene, np.diag([*(1.0 if unit is None else float(unit.get("meter", "1")),) * 3, 1.0]))]
+    waiting = [
+        (scene, np.diag([*(1.0 if unit is None else float(unit.get("meter", "1")),) * 3, 1.0]))
+    ]
     parts: dict[int, list[Mesh]] = {}  # of each geometry
     nodes = triangles = 0
     while waiting:  # nodes may instantiate nodes, exponentially many
@@ -169,7 +205,9 @@ def _step(element: Element) -> Array:
         step[:3, :3] = np.diag(_numbers(element))
     elif element.tag == "rotate":
         *axis, degrees = _numbers(element)
-        step[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
+        step[:3, :3] = Rotation.from_rotvec(
+            np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)
+        ).as_matrix()
     elif element.tag == "skew":
         raise ValueError("<skew> is not supported")
     return step
@@ -193,7 +231,9 @@ def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
             counts = _numbers(shape.find("vcount"), np.int64) if shape.tag == "polylist" else counts
             total = counts.sum(dtype=np.float64)
             if total != len(corners) or counts.min(initial=0) < 0:
-                raise ValueError(f"its polygons announce {total:.0f} corners; there are {len(corners)}")
+                raise ValueError(
+                    f"its polygons announce {total:.0f} corners; there are {len(corners)}"
+                )
             sizes = np.maximum(counts - 2, 0)
             first = np.repeat(np.cumsum(counts) - counts, sizes)
             second = first + 1 + np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
@@ -208,7 +248,9 @@ def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
 
 def _positions(vertices: Element, things: dict[str, Element]) -> Array:
     """Points of a mesh, shape (n, 3)."""
-    position = next(entry for entry in vertices.findall("input") if entry.get("semantic") == "POSITION")
+    position = next(
+        entry for entry in vertices.findall("input") if entry.get("semantic") == "POSITION"
+    )
     accessor = things[position.get("source", "")].find("technique_common/accessor")
     if accessor is None:
         raise ValueError("its points have no accessor")

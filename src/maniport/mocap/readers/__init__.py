@@ -13,13 +13,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.chain import SIDES
-from maniport.errors import FileFormatError, InvalidInputError, argument, printable, spoken, unknown_name
+from maniport.errors import (
+    FileFormatError,
+    InvalidInputError,
+    argument,
+    printable,
+    spoken,
+    unknown_name,
+)
 from maniport.mocap.cleaning import in_order, without_zeros
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import MAX_POSITION, Recording
 from maniport.mocap.roles import ARM, direction, find_roles, load_names, whole_bodies
 from maniport.util.defaults import RECORDINGS
-from maniport.util.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, as_path, existing_file, require_at_most
+from maniport.util.input_limits import (
+    FRAMES,
+    PLACES,
+    POINTS,
+    RECORDING_BYTES,
+    as_path,
+    existing_file,
+    require_at_most,
+)
 from maniport.util.validation import Array, as_choice, as_number
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
@@ -27,7 +42,10 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.
 
 # Usual lengths of an upper arm [m], from a child of ten to the tallest adults: no two units, but for "dm", fit one.
 UPPER_ARM = (0.20, 0.42)
-POSSIBLE_UPPER_ARM = (0.1, 0.6)  # Lengths of an upper arm [m] outside of which a declared unit is wrong
+POSSIBLE_UPPER_ARM = (
+    0.1,
+    0.6,
+)  # Lengths of an upper arm [m] outside of which a declared unit is wrong
 
 SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
 """``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free motion of the right arm (C3D).
@@ -69,8 +87,14 @@ class ImportOptions:
             raise InvalidInputError(text)
         require_size(*points.shape[:2])
         before = (list(names[:i]).count(name) for i, name in enumerate(names))
-        unique = [f"{name}#{count + 1}" if count else name for name, count in zip(names, before, strict=True)]
-        notes = [*notes, *(["names that occur more than once were numbered"] if unique != list(names) else [])]
+        unique = [
+            f"{name}#{count + 1}" if count else name
+            for name, count in zip(names, before, strict=True)
+        ]
+        notes = [
+            *notes,
+            *(["names that occur more than once were numbered"] if unique != list(names) else []),
+        ]
         missing = ~(np.abs(points) <= MAX_POSITION).all(axis=-1)
         points[missing] = np.nan
         if missing.all():
@@ -83,39 +107,60 @@ class ImportOptions:
             notes.insert(0, f"frames per second set by the caller: {self.rate:g}")
             time = np.arange(len(points)) / self.rate
         elif time is None:
-            raise InvalidInputError(f"the file states no frame rate; give {argument('rate')} in frames per second")
+            raise InvalidInputError(
+                f"the file states no frame rate; give {argument('rate')} in frames per second"
+            )
         times = np.asarray(time)
         if times.ndim != 1 or times.dtype.kind not in "fiu":
-            raise InvalidInputError(f"time must be numbers [s], shape (n,); found {times.dtype}, shape {times.shape}")
+            raise InvalidInputError(
+                f"time must be numbers [s], shape (n,); found {times.dtype}, shape {times.shape}"
+            )
         times = times.astype(np.float64)
         step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
         if 1.0 < step <= 1e9:
             power = int(np.ceil(np.log10(step) / 3))
             times = times * 1e-3**power
             name = ("milliseconds", "microseconds", "nanoseconds")[power - 1]
-            notes.append(f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart")
+            notes.append(
+                f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart"
+            )
         times, points, ordered = in_order(times, points)
         raw = Recording(tuple(unique), points, times, printable(file.name))
         scale, unit_note = self._scale(raw, unit)
         notes, warnings = (unit_note, *notes, *ordered), (*quality_warnings, *_bodies_warning(raw))
-        return without_zeros(replace(raw, positions=raw.positions * scale, notes=notes, quality_warnings=warnings))
+        return without_zeros(
+            replace(raw, positions=raw.positions * scale, notes=notes, quality_warnings=warnings)
+        )
 
     def _scale(self, recording: Recording, declared: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
         unit, (ends, length) = self.unit or known_unit(declared), _upper_arm(recording)
-        fitting = [name for name in UNITS if name != "dm" and UPPER_ARM[0] <= length * UNITS[name] <= UPPER_ARM[1]]
+        fitting = [
+            name
+            for name in UNITS
+            if name != "dm" and UPPER_ARM[0] <= length * UNITS[name] <= UPPER_ARM[1]
+        ]
         if unit is not None:
             low, high = POSSIBLE_UPPER_ARM
             if ends and not low <= length * UNITS[unit] <= high:
                 cause = argument("unit", unit) if self.unit else f"the unit of the file, {unit},"
-                better = (f"; {argument('unit', fit)} makes it {length * UNITS[fit]:.3g} m" for fit in fitting)
+                better = (
+                    f"; {argument('unit', fit)} makes it {length * UNITS[fit]:.3g} m"
+                    for fit in fitting
+                )
                 raise InvalidInputError(
                     f"{cause} makes the upper arm ({ends}) {length * UNITS[unit]:.3g} m long; possible are {low} to "
                     f"{high} m{''.join(better)}"
                 )
-            return UNITS[unit], f"unit {unit}, {'set by the caller' if self.unit else 'of the file'}"
+            return UNITS[
+                unit
+            ], f"unit {unit}, {'set by the caller' if self.unit else 'of the file'}"
         if not fitting:
-            cause = f"the upper arm ({ends}) has {length:.4g} units" if ends else "no points are those of an upper arm"
+            cause = (
+                f"the upper arm ({ends}) has {length:.4g} units"
+                if ends
+                else "no points are those of an upper arm"
+            )
             raise InvalidInputError(
                 f"the unit of length cannot be recognized: {cause}; give {argument('unit')} one of "
                 f"{', '.join(map(repr, UNITS))}. Points: {_first(recording.names, 12)}"
@@ -127,7 +172,9 @@ class ImportOptions:
 
 Reader = Callable[[Path, ImportOptions], Recording]
 
-READERS: dict[str, Reader | str] = {ending: f"{__name__}.{module}" for ending, module in RECORDINGS.items()}
+READERS: dict[str, Reader | str] = {
+    ending: f"{__name__}.{module}" for ending, module in RECORDINGS.items()
+}
 """For each ending the reader, or the module with a function ``read``, imported on first use.
 
 A reader takes the path and the `ImportOptions` of the caller, the method ``recording`` of which makes the result. Its
@@ -135,7 +182,9 @@ A reader takes the path and the `ImportOptions` of the caller, the method ``reco
 """
 
 
-def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: float | None = None) -> Recording:
+def read_recording(
+    path: str | os.PathLike[str], unit: str | None = None, rate: float | None = None
+) -> Recording:
     """Read a recording of a person's motion.
 
     The format is recognized by the content of the file, else by its ending.
@@ -165,8 +214,12 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
         When an option has a wrong value.
     """
     options = ImportOptions(
-        unit=None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS)),
-        rate=None if rate is None else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=1e5),
+        unit=None
+        if unit is None
+        else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS)),
+        rate=None
+        if rate is None
+        else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=1e5),
     )
     file = as_path(path, other=" or the name of a recording")
     if str(path) in SHIPPED and not file.is_file():
@@ -180,8 +233,16 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
         raise
     except ValueError as error:
         raise FileFormatError(f"{file}: {error}") from (None if isinstance(reader, str) else error)
-    except (LookupError, TypeError, OverflowError, RecursionError, SyntaxError) as error:  # also of XML and encodings
-        raise FileFormatError(f"{file}: not readable as {kind}, perhaps cut off: {error}") from error
+    except (
+        LookupError,
+        TypeError,
+        OverflowError,
+        RecursionError,
+        SyntaxError,
+    ) as error:  # also of XML and encodings
+        raise FileFormatError(
+            f"{file}: not readable as {kind}, perhaps cut off: {error}"
+        ) from error
 
 
 def shipped_recording(name: str) -> Path:
@@ -205,7 +266,14 @@ def known_unit(text: str) -> str | None:
     """Return the name of the unit that a file spells in its own way, or None."""
     name = text.strip().strip("\"'").lower()
     singular = name.removesuffix("s").replace("metre", "meter")
-    spellings = {"millimeter": "mm", "centimeter": "cm", "meter": "m", "in": "inch", "inche": "inch", "cmu": "CMU"}
+    spellings = {
+        "millimeter": "mm",
+        "centimeter": "cm",
+        "meter": "m",
+        "in": "inch",
+        "inche": "inch",
+        "cmu": "CMU",
+    }
     name = spellings.get(singular, name)
     return name if name in UNITS else None
 
@@ -248,7 +316,11 @@ def _format_of(file: Path) -> str:
     """Return the key of `READERS` for a file: by its content, else by its ending."""
     if os.path.isdir(file) and any(file.glob("*.json")):
         return ".json"
-    suffix, kind, hint = file.suffix.lower(), None, f"; bundled recordings: {', '.join(map(repr, SHIPPED))}"
+    suffix, kind, hint = (
+        file.suffix.lower(),
+        None,
+        f"; bundled recordings: {', '.join(map(repr, SHIPPED))}",
+    )
     # False of names that no file has; formats of the user go by their ending
     if os.path.exists(file) and isinstance(READERS.get(suffix, ""), str):
         existing_file(file, (), RECORDING_BYTES)
@@ -257,7 +329,9 @@ def _format_of(file: Path) -> str:
         kind = _by_content(head)
         for name, foreign in load_names("foreign_formats.yaml").items():
             starts = tuple(start.encode("latin-1") for start in foreign.get("starts", ()))
-            if head.startswith(starts) or (suffix in foreign["endings"] and kind in (None, ".npz", ".json")):
+            if head.startswith(starts) or (
+                suffix in foreign["endings"] and kind in (None, ".npz", ".json")
+            ):
                 raise FileFormatError(f"{file}: not supported ({name}): {foreign['advice']}")
     return kind or existing_file(file, tuple(READERS), RECORDING_BYTES, hint).suffix.lower()
 
@@ -285,7 +359,11 @@ def _bodies_warning(recording: Recording) -> list[str]:
     """Report which of several bodies is used."""
     bodies = max((whole_bodies(recording.observed, side) for side in SIDES), key=len)
     advice = f"the first is used; a point of another one in {argument('markers')} selects that one"
-    return [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"] if len(bodies) > 1 else []
+    return (
+        [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"]
+        if len(bodies) > 1
+        else []
+    )
 
 
 def _first(names: Sequence[str], most: int) -> str:
@@ -297,8 +375,12 @@ def _upper_arm(recording: Recording) -> tuple[str, float]:
     for side in SIDES:
         roles = find_roles(recording.observed, side)[1]
         if {"shoulder", "elbow"} <= roles.keys():
-            length = np.linalg.norm(direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1)
+            length = np.linalg.norm(
+                direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1
+            )
             if np.isfinite(length).any():
-                median = float(np.nanquantile(length, 0.5, method="lower"))  # not the mean of two units
+                median = float(
+                    np.nanquantile(length, 0.5, method="lower")
+                )  # not the mean of two units
                 return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
     return "", np.nan

@@ -8,7 +8,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.mocap.readers import ImportOptions, require_size
-from maniport.mocap.readers.text import is_cut_off, number_table, positive_number, rows_from, text_lines
+from maniport.mocap.readers.text import (
+    is_cut_off,
+    number_table,
+    positive_number,
+    rows_from,
+    text_lines,
+)
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import END
 from maniport.util.input_limits import POINTS, require_at_most
@@ -34,12 +40,16 @@ def read(file: Path, options: ImportOptions) -> Recording:
         raise ValueError("this is no BVH file: it does not begin with HIERARCHY")
     motion = next((i for i, line in enumerate(lines) if line.split()[:1] == ["MOTION"]), None)
     if motion is None:
-        raise ValueError(f"the file is cut off in its hierarchy, at line {len(lines)}: there is no MOTION")
+        raise ValueError(
+            f"the file is cut off in its hierarchy, at line {len(lines)}: there is no MOTION"
+        )
     nodes = _hierarchy(lines[:motion])
     require_at_most(len(nodes), POINTS, "joints and end sites")
     step, table, notes = _motion(lines, motion, sum(len(node.channels) for node in nodes))
     if any(kind == "position" for node in nodes[1:] for kind, _ in node.channels):
-        notes.append("position channels below the root were ignored: every bone keeps the length of its offset")
+        notes.append(
+            "position channels below the root were ignored: every bone keeps the length of its offset"
+        )
     require_size(len(table), len(nodes))
     parts = np.split(table, range(2000, len(table), 2000))  # limits the memory
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
@@ -49,8 +59,13 @@ def read(file: Path, options: ImportOptions) -> Recording:
     speed = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1) / step
     if len(speed) < 3 or not speed[0] > max(5.0, 10 * np.percentile(speed[1:], 99)):  # [m/s]
         return recording
-    notes = [*recording.notes, "the first frame, a rest pose from which the motion jumps, was omitted"]
-    return replace(recording, positions=recording.positions[1:], time=recording.time[:-1], notes=tuple(notes))
+    notes = [
+        *recording.notes,
+        "the first frame, a rest pose from which the motion jumps, was omitted",
+    ]
+    return replace(
+        recording, positions=recording.positions[1:], time=recording.time[:-1], notes=tuple(notes)
+    )
 
 
 def _hierarchy(lines: list[str]) -> list[_Node]:
@@ -79,10 +94,14 @@ def _hierarchy(lines: list[str]) -> list[_Node]:
                     raise ValueError("the channels of this joint occur twice")
                 channels = [(word[1:].lower(), word[0].lower()) for word in rest[1:]]
                 if rest[:1] != [str(len(channels))] or not set(channels) <= CHANNELS:
-                    raise ValueError("the number of channels differs from the declared one, or a channel is unknown")
+                    raise ValueError(
+                        "the number of channels differs from the declared one, or a channel is unknown"
+                    )
                 nodes[path[-1]].channels = channels
         except (ValueError, IndexError) as error:
-            raise ValueError(f"not readable as BVH: line {number}, {line.strip()!r}: {error}") from None
+            raise ValueError(
+                f"not readable as BVH: line {number}, {line.strip()!r}: {error}"
+            ) from None
     if not nodes:
         raise ValueError("the hierarchy holds no ROOT")
     return nodes
@@ -92,16 +111,23 @@ def _motion(lines: list[str], motion: int, width: int) -> tuple[float, Array, li
     """Return the time step [s], the channels of each frame, shape (n, width), and notes on repairs."""
     body = rows_from(lines, motion + 1)
     header = re.match(
-        r"\s*Frames\s*:\s*(\d{1,15})\s+Frame\s+Time\s*:\s*(\S+)\s*$", " ".join(row[1] for row in body[:2])
+        r"\s*Frames\s*:\s*(\d{1,15})\s+Frame\s+Time\s*:\s*(\S+)\s*$",
+        " ".join(row[1] for row in body[:2]),
     )
     if header is None:
-        raise ValueError(f"MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'")
+        raise ValueError(
+            f"MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'"
+        )
     declared, rows, step = header[1], body[2:], positive_number(header[2])
     if step is None:
-        raise ValueError(f"Frame Time at line {body[1][0]} must be a positive number; found {header[2]!r}")
+        raise ValueError(
+            f"Frame Time at line {body[1][0]} must be a positive number; found {header[2]!r}"
+        )
     table = number_table(rows, width)
     if is_cut_off(declared, len(rows)):
-        raise ValueError(f"the file is cut off: its header declares {declared} frames, and there are {len(rows)}")
+        raise ValueError(
+            f"the file is cut off: its header declares {declared} frames, and there are {len(rows)}"
+        )
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate
@@ -114,11 +140,15 @@ def _positions(nodes: list[_Node], table: Array) -> Array:
     positions, columns = np.zeros((len(table), len(nodes), 3)), iter(table.T)
     rotations: list[Array] = []
     for i, node in enumerate(nodes):
-        rotation = np.tile(np.eye(3), (len(table), 1, 1)) if node.parent < 0 else rotations[node.parent]
+        rotation = (
+            np.tile(np.eye(3), (len(table), 1, 1)) if node.parent < 0 else rotations[node.parent]
+        )
         positions[:, i] = positions[:, node.parent] + rotation @ node.offset
         for (kind, axis), values in zip(node.channels, columns, strict=False):
             if kind == "rotation":
-                rotation = rotation @ Rotation.from_euler(axis, values[:, None], degrees=True).as_matrix()
+                rotation = (
+                    rotation @ Rotation.from_euler(axis, values[:, None], degrees=True).as_matrix()
+                )
             elif node.parent < 0:
                 positions[:, i, "xyz".index(axis)] = values
         rotations.append(rotation)

@@ -32,20 +32,29 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if len(content) < BLOCK:
         raise ValueError(f"the file is cut off in its header: {len(content)} of {BLOCK} bytes")
     if content[1] != 0x50:
-        raise ValueError(f"this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50")
+        raise ValueError(
+            f"this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50"
+        )
     start = BLOCK * (max(content[0], 1) - 1)
-    section = content[start : start + BLOCK * content[start + 2]] if start + 4 <= len(content) else b""
+    section = (
+        content[start : start + BLOCK * content[start + 2]] if start + 4 <= len(content) else b""
+    )
     if len(section) < 4 or section[3] not in ORDER:
         raise ValueError(f"its parameters are missing or damaged at byte {start}")
     if len(section) < BLOCK * section[2]:
-        raise ValueError(f"the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes")
+        raise ValueError(
+            f"the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes"
+        )
     values = _parameters(section, start)
     positions = _points(content, section[3], values)
     rate = _number(values, "RATE")
     if not 0 < rate < np.inf:
         raise ValueError(f"POINT:RATE must be a positive number; found {rate}")
     # Quotes, blanks and the subject's prefix are taken off the labels, as long as the names stay different.
-    keys = ("LABELS", *(f"LABELS{i}" for i in range(2, 100)))  # more than 255 labels continue in LABELS2, …
+    keys = (
+        "LABELS",
+        *(f"LABELS{i}" for i in range(2, 100)),
+    )  # more than 255 labels continue in LABELS2, …
     labels = [str(label).strip(" \"'") for key in keys for label in values.get(f"POINT:{key}", [])]
     labels += [""] * positions.shape[1]
     labels = [label or f"point{i + 1}" for i, label in enumerate(labels[: positions.shape[1]])]
@@ -85,7 +94,9 @@ def _values(data: bytes, processor: int, name: str) -> list[Any]:
     count = math.prod(extents)
     stop = start + abs(kind) * count
     if kind not in (TEXT, *TYPES) or stop > len(data):
-        raise ValueError(f"its parameters are damaged: {name} has the type {kind} and {count} values")
+        raise ValueError(
+            f"its parameters are damaged: {name} has the type {kind} and {count} values"
+        )
     if kind != TEXT:
         return list(_numbers(data[start:stop], kind, processor))
     width = max(extents[0] if extents else 1, 1)
@@ -102,7 +113,9 @@ def _text(data: bytes) -> str:
 def _number(values: dict[str, list[Any]], name: str) -> float:
     numbers = values.get(f"POINT:{name}") or [""]
     if not isinstance(numbers[0], float):
-        raise ValueError(f"its parameters are damaged: POINT:{name} is missing or of the wrong type")
+        raise ValueError(
+            f"its parameters are damaged: POINT:{name} is missing or of the wrong type"
+        )
     return numbers[0]
 
 
@@ -131,14 +144,18 @@ def _points(content: bytes, processor: int, values: dict[str, list[Any]]) -> Arr
             "rotations alone, as of Theia, are not supported: export centers of joints as points"
         )
     if not math.isfinite(scale) or start < BLOCK:
-        raise ValueError(f"its parameters are damaged: POINT:SCALE is {scale}, POINT:DATA_START {begin}")
+        raise ValueError(
+            f"its parameters are damaged: POINT:SCALE is {scale}, POINT:DATA_START {begin}"
+        )
     needed = start + frames * size
     if needed > len(content):
         raise ValueError(
             f"the file is cut off: its header announces {frames} frames of {count} points, that is "
             f"{needed} bytes; it ends after {len(content)}"
         )
-    rows = np.frombuffer(content, np.uint8, frames * size, start).reshape(frames, size)[:, : kind * 4 * count]
+    rows = np.frombuffer(content, np.uint8, frames * size, start).reshape(frames, size)[
+        :, : kind * 4 * count
+    ]
     numbers = _numbers(rows.tobytes(), kind, processor).reshape(frames, count, 4)
     points = numbers[..., :3] if kind == REAL else numbers[..., :3] * scale
     points[~(numbers[..., 3] >= 0) | (points == 0).all(axis=-1)] = np.nan
@@ -153,5 +170,10 @@ def _frame_count(header: int, values: dict[str, list[Any]]) -> int:
     if all(len(end) == 2 for end in ends):
         first, last = (int(end[0]) % 2**16 + 2**16 * (int(end[1]) % 2**16) for end in ends)
         return last - first + 1
-    counts = [count for name in ("LONG_FRAMES", "FRAMES") for count in values.get(f"POINT:{name}", [])[:1]]
-    return next((int(count) for count in counts if isinstance(count, float) and header < count < np.inf), header)
+    counts = [
+        count for name in ("LONG_FRAMES", "FRAMES") for count in values.get(f"POINT:{name}", [])[:1]
+    ]
+    return next(
+        (int(count) for count in counts if isinstance(count, float) and header < count < np.inf),
+        header,
+    )

@@ -12,7 +12,14 @@ from maniport.mocap.readers import ImportOptions, arm_error, drop_untrusted, req
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import load_names
-from maniport.util.input_limits import FRAMES, KEYPOINTS_BYTES, PLACES, SETTINGS_BYTES, read_whole, require_at_most
+from maniport.util.input_limits import (
+    FRAMES,
+    KEYPOINTS_BYTES,
+    PLACES,
+    SETTINGS_BYTES,
+    read_whole,
+    require_at_most,
+)
 
 KEYS: dict[str, Any] = load_names("file_keys.yaml")["json"]
 
@@ -30,7 +37,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if file.is_dir():
         parts = sorted(file.glob("*.json"))
         require_at_most(len(parts), FRAMES, "files")
-        require_at_most(sum(part.lstat().st_size for part in parts), KEYPOINTS_BYTES, "bytes in its files")
+        require_at_most(
+            sum(part.lstat().st_size for part in parts), KEYPOINTS_BYTES, "bytes in its files"
+        )
         frames = [_loaded(part, SETTINGS_BYTES) for part in parts]
     else:
         frames = _loaded(file, KEYPOINTS_BYTES)
@@ -46,25 +55,40 @@ def read(file: Path, options: ImportOptions) -> Recording:
     table = np.full((len(bodies), len(names), 4), np.nan)
     for row, body in zip(table, bodies, strict=True):
         if body:
-            row[:] = [body.get(name, [np.nan] * 4) for name in names] if isinstance(body, dict) else body
+            row[:] = (
+                [body.get(name, [np.nan] * 4) for name in names] if isinstance(body, dict) else body
+            )
     positions, mediapipe = table[..., :3], len(names) == 33
     if mediapipe and {"left_hip", "right_hip"} <= set(names):
         # In MediaPipe's landmarks of the image the hips are anywhere, and their depth is zero.
         middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)
-        x, y, depth = np.nanmedian(np.abs(middle), axis=0) if np.isfinite(middle).all(axis=1).any() else (0.0, 0.0, 0.0)
+        x, y, depth = (
+            np.nanmedian(np.abs(middle), axis=0)
+            if np.isfinite(middle).all(axis=1).any()
+            else (0.0, 0.0, 0.0)
+        )
         if depth < 0.05 and max(x, y) > 0.2:
             raise ValueError(_IN_IMAGE)
     notes = drop_untrusted(positions, table[..., 3])
     orders = load_names("joint_orders.yaml")
-    if names is orders["by_count"][17] and arm_error(orders["human36m"], positions) < arm_error(names, positions):
+    if names is orders["by_count"][17] and arm_error(orders["human36m"], positions) < arm_error(
+        names, positions
+    ):
         names = orders["human36m"]
-        notes.append("17 keypoints taken in the order of Human3.6M, not of COCO: in it the arms keep their lengths")
-    if several := sum(len(frame.get(_first(frame, KEYS["people"], list), ())) > 1 for frame in frames):
+        notes.append(
+            "17 keypoints taken in the order of Human3.6M, not of COCO: in it the arms keep their lengths"
+        )
+    if several := sum(
+        len(frame.get(_first(frame, KEYS["people"], list), ())) > 1 for frame in frames
+    ):
         notes.append(f"several people in {several} frames; the first one was taken")
     clocks = [_first(frame, KEYS["seconds"]) for frame in frames]
     time: Any = None
     if all(clocks):
-        time = [_number(frame[key]) * KEYS["seconds"][key] for frame, key in zip(frames, clocks, strict=True)]
+        time = [
+            _number(frame[key]) * KEYS["seconds"][key]
+            for frame, key in zip(frames, clocks, strict=True)
+        ]
     elif (key := _first(head, KEYS["rates"])) and 0 < (rate := _number(head[key])) < np.inf:
         time = np.arange(len(bodies)) / rate
     unit = head["unit"] if isinstance(head.get("unit"), str) else "m" if mediapipe else ""
@@ -75,7 +99,9 @@ def _loaded(file: Path, most: int) -> Any:
     """Parse a JSON file, or one with a JSON value on each line."""
     content = read_whole(file, (), most)
     # Lists and mappings take more memory than their numbers.
-    require_at_most(content.count(b"[") + content.count(b"{"), PLACES // 10, "lists and mappings", file)
+    require_at_most(
+        content.count(b"[") + content.count(b"{"), PLACES // 10, "lists and mappings", file
+    )
     try:
         try:
             return json.loads(content)  # bytes: in UTF-8 or UTF-16
@@ -98,13 +124,21 @@ def _points(frame: Any) -> list[Point] | dict[str, Point]:
         if key := _first(frame, KEYS["people"], list):
             return _points(frame[key][0]) if frame[key] else []
         if key := _first(frame, KEYS["points"]):
-            return _points(_with_confidence(frame[key], frame.get(_first(frame, KEYS["confidences"], list)), key))
-        named = {str(name): point for name, point in frame.items() if isinstance(point, (dict, list))}
+            return _points(
+                _with_confidence(
+                    frame[key], frame.get(_first(frame, KEYS["confidences"], list)), key
+                )
+            )
+        named = {
+            str(name): point for name, point in frame.items() if isinstance(point, (dict, list))
+        }
         if any(name.endswith("2d") for name in named):
             raise ValueError(_IN_IMAGE)
         if not named:
             wanted = ", ".join((*KEYS["points"], *KEYS["people"]))
-            raise ValueError(f"no frame with keypoints by name, or with one of {wanted}; found {str([*frame])[:200]}")
+            raise ValueError(
+                f"no frame with keypoints by name, or with one of {wanted}; found {str([*frame])[:200]}"
+            )
         return {name: _point(point) for name, point in named.items()}
     if not isinstance(frame, list):
         return []
@@ -112,7 +146,11 @@ def _points(frame: Any) -> list[Point] | dict[str, Point]:
         return _points(frame[0])  # several people: the first
     points = [_point(point) for point in frame]
     names = [point.get("name") if isinstance(point, dict) else None for point in frame]
-    return dict(zip(map(str, names), points, strict=True)) if all(isinstance(name, str) for name in names) else points
+    return (
+        dict(zip(map(str, names), points, strict=True))
+        if all(isinstance(name, str) for name in names)
+        else points
+    )
 
 
 def _with_confidence(points: Any, scores: Any, key: str) -> Any:
@@ -120,10 +158,16 @@ def _with_confidence(points: Any, scores: Any, key: str) -> Any:
     if not isinstance(points, list) or not points:
         return points
     if key.lower().endswith("3d") and not isinstance(points[0], (list, dict)):
-        fours = len(points) % 4 == 0 and len(points) // 4 in load_names("joint_orders.yaml")["by_count"]
+        fours = (
+            len(points) % 4 == 0 and len(points) // 4 in load_names("joint_orders.yaml")["by_count"]
+        )
         width = 4 if fours else 3
         points = [points[i : i + width] for i in range(0, len(points), width)]
-    if scores and len(scores) == len(points) and all(isinstance(point, list) and len(point) == 3 for point in points):
+    if (
+        scores
+        and len(scores) == len(points)
+        and all(isinstance(point, list) and len(point) == 3 for point in points)
+    ):
         points = [[*point, score] for point, score in zip(points, scores, strict=True)]
     return points
 
@@ -133,11 +177,15 @@ def _point(point: Any) -> Point:
     if isinstance(point, dict):
         confidence = point.get(_first(point, KEYS["confidence"]), 1.0)
         point = point.get("position", point)
-        point = [point[axis] for axis in "xyz" if axis in point] if isinstance(point, dict) else point
+        point = (
+            [point[axis] for axis in "xyz" if axis in point] if isinstance(point, dict) else point
+        )
     if isinstance(point, list) and len(point) == 2:
         raise ValueError(_IN_IMAGE)
     if not isinstance(point, list) or len(point) not in (3, 4):
-        raise ValueError(f"a keypoint must be x, y, z, and optionally its confidence; found {str(point)[:80]}")
+        raise ValueError(
+            f"a keypoint must be x, y, z, and optionally its confidence; found {str(point)[:80]}"
+        )
     return [_number(value) for value in (*point, confidence)[:4]]
 
 
@@ -159,7 +207,9 @@ def _names(head: Mapping[str, Any], bodies: list[Any]) -> Sequence[str]:
     if own:
         return own
     if len(counts) != 1:
-        raise ValueError(f"every frame needs the same number of keypoints; found {counts[:8] or 'none'}")
+        raise ValueError(
+            f"every frame needs the same number of keypoints; found {counts[:8] or 'none'}"
+        )
     key = _first(head, KEYS["names"], list)
     if key and len(head[key]) == counts[0]:
         return list(map(str, head[key]))

@@ -17,7 +17,13 @@ from maniport.arms import myoarm
 from maniport.arms.human import JOINTS
 from maniport.mocap.directions import HALF_WIDTH, TRUNK, synthetic_recording
 from maniport.mocap.readers import ImportOptions
-from maniport.mocap.readers.text import LARGEST_ANGLE, is_cut_off, number_table, rows_from, text_lines
+from maniport.mocap.readers.text import (
+    LARGEST_ANGLE,
+    is_cut_off,
+    number_table,
+    rows_from,
+    text_lines,
+)
 from maniport.mocap.recording import Recording
 from maniport.util.validation import Array
 
@@ -27,23 +33,36 @@ RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup", "wrist_f
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read joint angles; see `maniport.mocap.readers.read_recording`."""
     lines = text_lines(file)
-    end = next((i for i, line in enumerate(lines[:200]) if line.strip().lower() == "endheader"), None)
+    end = next(
+        (i for i, line in enumerate(lines[:200]) if line.strip().lower() == "endheader"), None
+    )
     if end is None or end + 1 >= len(lines):
-        raise ValueError("this is no table of OpenSim: it lacks the line endheader or the numbers after it")
+        raise ValueError(
+            "this is no table of OpenSim: it lacks the line endheader or the numbers after it"
+        )
     header = dict(re.findall(r"^\s*(\w+)\s*=\s*(\S+)", "\n".join(lines[:end]), flags=re.MULTILINE))
     # newer files write the path of a coordinate in the model, as /jointset/elbow/elbow_flexion/value
     columns = [word.removesuffix("/value").rpartition("/")[2] for word in lines[end + 1].split()]
     if columns[:1] != ["time"]:
-        raise ValueError(f"line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}")
+        raise ValueError(
+            f"line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}"
+        )
     table = number_table(rows_from(lines, end + 2), len(columns))
     if is_cut_off(declared := header.get("nRows", ""), len(table)):
-        raise ValueError(f"the file is cut off: the header declares {declared} rows, and there are {len(table)}")
+        raise ValueError(
+            f"the file is cut off: the header declares {declared} rows, and there are {len(table)}"
+        )
     angles = {name: table[:, i] for i, name in enumerate(columns) if i}
     unit, notes, quality_warnings = _radians(angles, header.get("inDegrees", "").lower())
     points: dict[str, Array] = {}
     for side, mirror, endings in (("right", 1.0, ("", "_r")), ("left", -1.0, ("_l",))):
         for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):
-            own = {name: unit * angles[name + e] for name in family for e in endings if name + e in angles}
+            own = {
+                name: unit * angles[name + e]
+                for name in family
+                for e in endings
+                if name + e in angles
+            }
             if not own.keys() >= set(family[:4]):
                 continue
             q = np.stack([own.get(name, np.zeros(len(table))) for name in family], axis=1)
@@ -61,15 +80,23 @@ def read(file: Path, options: ImportOptions) -> Recording:
         )
     points |= {name: np.tile(np.array(point), (len(table), 1)) for name, point in TRUNK.items()}
     positions = np.stack(list(points.values()), axis=1)
-    return options.recording(file, list(points), positions, table[:, 0], "m", notes, quality_warnings)
+    return options.recording(
+        file, list(points), positions, table[:, 0], "m", notes, quality_warnings
+    )
 
 
 def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
     """Return radians per unit, from the header or by the angles, with notes and data-quality warnings."""
     full_turn = 2 * np.pi  # more than the range of any joint of an arm
-    arm = [angle for name, angle in angles.items() if re.sub("_[rl]$", "", name) in {*JOINTS, *RAJAGOPAL}]
+    arm = [
+        angle
+        for name, angle in angles.items()
+        if re.sub("_[rl]$", "", name) in {*JOINTS, *RAJAGOPAL}
+    ]
     finite = [np.abs(angle[np.isfinite(angle)]) for angle in arm]
-    largest = max((float(np.percentile(values, 95)) for values in finite if len(values)), default=0.0)
+    largest = max(
+        (float(np.percentile(values, 95)) for values in finite if len(values)), default=0.0
+    )
     if degrees == "no" and largest > full_turn:
         raise ValueError(
             f"the header declares angles in radians (inDegrees=no), but a joint of the arm is at "
@@ -78,8 +105,16 @@ def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str
     if degrees == "no":
         return 1.0, [], []
     if degrees == "" and largest <= full_turn:
-        return 1.0, ["angles taken as radians: the header does not state the unit, and those of the arm are ≤ 2 π"], []
-    text = f"all angles of the arm are within {largest:.2g}°: if they are radians, write inDegrees=no"
+        return (
+            1.0,
+            [
+                "angles taken as radians: the header does not state the unit, and those of the arm are ≤ 2 π"
+            ],
+            [],
+        )
+    text = (
+        f"all angles of the arm are within {largest:.2g}°: if they are radians, write inDegrees=no"
+    )
     return np.radians(1.0), [], [text] if degrees == "yes" and 0.0 < largest <= full_turn else []
 
 
@@ -97,7 +132,11 @@ def _rajagopal(q: Array) -> dict[str, Array]:
     radius = ulna * Rotation.from_rotvec(q[:, 4:5] * [0.05639803, 0.99840646, 0.001952])
     hand = radius * Rotation.from_euler("ZX", q[:, 5:7])
     elbow = humerus.apply([0.013144, -0.286273, -0.009595])
-    wrist = elbow + ulna.apply([-0.006727, -0.013007, 0.026083]) + radius.apply([-0.008797, -0.235841, 0.01361])
+    wrist = (
+        elbow
+        + ulna.apply([-0.006727, -0.013007, 0.026083])
+        + radius.apply([-0.008797, -0.235841, 0.01361])
+    )
     across, radial = humerus.apply(HALF_WIDTH * elbow_axis), radius.apply([0.0, 0.0, HALF_WIDTH])
     points = {
         "shoulder": np.zeros((len(q), 3)), "elbow": elbow, "wrist": wrist,
@@ -105,4 +144,6 @@ def _rajagopal(q: Array) -> dict[str, Array]:
         "elbow_lateral": elbow + across, "wrist_ulnar": wrist - radial, "wrist_radial": wrist + radial,
     }  # fmt: skip
     shoulder = np.array([0.0, -0.17, 0.0])  # of a right arm in the trunk [m]
-    return {name: point[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + shoulder for name, point in points.items()}
+    return {
+        name: point[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + shoulder for name, point in points.items()
+    }

@@ -10,7 +10,9 @@ from maniport.mocap.recording import Recording
 from maniport.util.input_limits import NESTING, RECORDING_BYTES, existing_file, require_at_most
 from maniport.util.validation import Array
 
-ELEMENTS = 3_000_000  # Most elements of a file; the largest file of positions alone has half of them
+ELEMENTS = (
+    3_000_000  # Most elements of a file; the largest file of positions alone has half of them
+)
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -45,11 +47,15 @@ def read(file: Path, options: ImportOptions) -> Recording:
             number, width = len(rows) + 1, 3 * len(names)
             require_size(number, len(names))
             if text is None:
-                raise ValueError(f"frame {number} holds no <position>; export positions of segments, too")
+                raise ValueError(
+                    f"frame {number} holds no <position>; export positions of segments, too"
+                )
             words = text.split(None, width)  # more words than that stay in one
             if len(words) != width:
                 amount = len(words) if len(words) < width else f"more than {width}"
-                raise ValueError(f"frame {number} holds {amount} numbers for {len(names)} segments, not three each")
+                raise ValueError(
+                    f"frame {number} holds {amount} numbers for {len(names)} segments, not three each"
+                )
             rows.append(np.array(words, dtype=np.float64))
             times.append(float(element.get("time", "nan")) / 1000.0)
         element.clear()
@@ -57,6 +63,12 @@ def read(file: Path, options: ImportOptions) -> Recording:
             path[-1].remove(element)
     if not rows or not names:
         raise ValueError("the file holds no frames")
-    time = np.arange(len(rows)) / rate if 0 < rate < np.inf else times if np.isfinite(times).all() else None
+    time = (
+        np.arange(len(rows)) / rate
+        if 0 < rate < np.inf
+        else times
+        if np.isfinite(times).all()
+        else None
+    )
     positions = np.array(rows).reshape(len(rows), -1, 3)
     return options.recording(file, names, positions, time, "m")

@@ -44,7 +44,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
     chosen = {what: next((key for key in own if key in names), None) for what, own in keys.items()}
     loaded = load_arrays(file, "recording", [key for key in chosen.values() if key])
     arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}
-    poses = [arrays[key] for key in ("poses", "root", "body") if key in arrays][: 1 if "poses" in arrays else 2]
+    poses = [arrays[key] for key in ("poses", "root", "body") if key in arrays][
+        : 1 if "poses" in arrays else 2
+    ]
     if ("poses" in arrays or len(poses) == 2) and not {"names", "positions"} <= arrays.keys():
         return _posed(file, options, arrays, poses)
     if "positions" not in arrays:
@@ -60,70 +62,123 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
     """Return a recording of positions (n, k, 3), with names of the file, of a file next to it or recognized."""
     positions = arrays["positions"]
     if positions.ndim != 3 or positions.shape[-1] != 3 or positions.dtype.kind not in "fiu":
-        raise ValueError(f"positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}")
+        raise ValueError(
+            f"positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}"
+        )
     require_size(*positions.shape[:2])
     count, names_file = positions.shape[1], file.with_suffix(".names.txt")
     unit, notes = next(map(str, arrays.get("unit", np.array("")).flat), ""), []
     names = arrays["names"].tolist() if "names" in arrays else None
     if names is None and names_file.exists():
-        names = list(filter(None, map(str.strip, decoded(read_whole(names_file, (), SETTINGS_BYTES)).splitlines())))
+        names = list(
+            filter(
+                None,
+                map(str.strip, decoded(read_whole(names_file, (), SETTINGS_BYTES)).splitlines()),
+            )
+        )
     if names is None:
         skeletons: dict[str, list[str]] = load_names("joint_orders.yaml")["skeletons"]
-        fits = [name for name, own in skeletons.items() if len(own) == count and arm_error(own, positions) < 1.0]
+        fits = [
+            name
+            for name, own in skeletons.items()
+            if len(own) == count and arm_error(own, positions) < 1.0
+        ]
         if len(fits) != 1:
             listed = ", ".join(f"{len(joints)} ({name})" for name, joints in skeletons.items())
-            cause = f"{' and '.join(fits)} both fit" if fits else f"recognized by their number are {listed}"
+            cause = (
+                f"{' and '.join(fits)} both fit"
+                if fits
+                else f"recognized by their number are {listed}"
+            )
             advice = f"write one name per line into '{names_file.name}' next to it"
             raise ValueError(f"{count} joints without names; {advice} ({cause})")
         names = skeletons[fits[0]]
-        notes = [f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"]
+        notes = [
+            f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"
+        ]
     names = [name.decode("utf-8", "replace") if isinstance(name, bytes) else name for name in names]
     if len(names) != count or not all(isinstance(name, str) for name in names):
-        raise ValueError(f"names must be {count} texts, one for each point; found {len(names)}: {str(names)[:80]}")
-    return options.recording(file, names, positions, _time(arrays, len(positions), options), unit, notes)
+        raise ValueError(
+            f"names must be {count} texts, one for each point; found {len(names)}: {str(names)[:80]}"
+        )
+    return options.recording(
+        file, names, positions, _time(arrays, len(positions), options), unit, notes
+    )
 
 
-def _time(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOptions) -> NDArray[Any] | None:
+def _time(
+    arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOptions
+) -> NDArray[Any] | None:
     """Return the times, from the rate where there are none; None where there is neither."""
     if "time" in arrays or "rate" not in arrays or options.rate is not None:
         return arrays.get("time")
     rate = arrays["rate"]
-    if rate.size != 1 or rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and rate.min() >= 1e-6):
-        raise ValueError(f"a recording needs time (n,) [s], or rate in frames per second; found {rate}")
+    if (
+        rate.size != 1
+        or rate.dtype.kind not in "fiu"
+        or not (np.isfinite(rate).all() and rate.min() >= 1e-6)
+    ):
+        raise ValueError(
+            f"a recording needs time (n,) [s], or rate in frames per second; found {rate}"
+        )
     return np.arange(count) / float(rate.flat[0])
 
 
-def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses: Sequence[Array]) -> Recording:
+def _posed(
+    file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses: Sequence[Array]
+) -> Recording:
     """Return the joints of a body from its pose parameters, in one array or in those of root and body."""
     count, body_height = len(poses[0]), 1.75  # [m]
     root = arrays.get("trans", np.zeros((count, 3)))
-    wrong = any(part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != count for part in (*poses, root))
+    wrong = any(
+        part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != count
+        for part in (*poses, root)
+    )
     if wrong or not count or sum(part[0].size for part in poses) < 66 or root.shape[1:] != (3,):
         shapes = " and ".join(f"{part.shape} of {part.dtype}" for part in (*poses, root))
-        raise ValueError(f"poses must be numbers of shape (n, 66 or more), and trans of shape (n, 3); found {shapes}")
+        raise ValueError(
+            f"poses must be numbers of shape (n, 66 or more), and trans of shape (n, 3); found {shapes}"
+        )
     require_size(count, 66 // 3)
     angles = np.concatenate([part.reshape(count, -1) for part in poses], axis=1)
     bones = _bones(body_height)
     parts = [slice(first, first + 20_000) for first in range(0, count, 20_000)]  # limits the memory
     positions = np.concatenate([_joints(bones, angles[part, :66], root[part]) for part in parts])
     lengths = f"lengths of a person of {body_height} m"
-    notes = [f"pose parameters without the body model: directions of bones from a T-pose, {lengths}"]
-    return options.recording(file, ["pelvis", *bones], positions, _time(arrays, count, options), "m", notes)
+    notes = [
+        f"pose parameters without the body model: directions of bones from a T-pose, {lengths}"
+    ]
+    return options.recording(
+        file, ["pelvis", *bones], positions, _time(arrays, count, options), "m", notes
+    )
 
 
 def _bones(body_height: float) -> dict[str, tuple[str, Array]]:
     """Return the parent of each joint and its position there [m], x to the left, y up, z forward."""
     shares, parent = {}, "pelvis"
-    for joint, share in {"spine1": 0.06, "spine2": 0.07, "spine3": 0.03, "neck": 0.14, "head": 0.05}.items():
+    for joint, share in {
+        "spine1": 0.06,
+        "spine2": 0.07,
+        "spine3": 0.03,
+        "neck": 0.14,
+        "head": 0.05,
+    }.items():
         shares[joint], parent = (parent, [0.0, share, 0.0]), joint
-    arm = {"shoulder": 0.099, "elbow": FRACTIONS["upper arm"], "wrist": FRACTIONS["forearm"], "hand": FRACTIONS["hand"]}
+    arm = {
+        "shoulder": 0.099,
+        "elbow": FRACTIONS["upper arm"],
+        "wrist": FRACTIONS["forearm"],
+        "hand": FRACTIONS["hand"],
+    }
     for side, sign in (("left", 1.0), ("right", -1.0)):
         parent = f"{side}_collar"
         shares[parent] = "spine3", [sign * 0.03, 0.128, 0.0]
         for joint, share in arm.items():
             shares[f"{side}_{joint}"] = parent, [sign * share, 0.0, 0.0]
             parent = f"{side}_{joint}"
-    return {joint: (parent, body_height * np.array(share)) for joint, (parent, share) in shares.items()}
+    return {
+        joint: (parent, body_height * np.array(share)) for joint, (parent, share) in shares.items()
+    }
 
 
 def _joints(bones: dict[str, tuple[str, Array]], angles: Array, root: Array) -> Array:
@@ -138,7 +193,9 @@ def _joints(bones: dict[str, tuple[str, Array]], angles: Array, root: Array) -> 
         points[joint] = points[parent] + rotations[parent].apply(offset)
         if joint in order:
             first = 3 * order.index(joint)
-            rotations[joint] = rotations[parent] * Rotation.from_rotvec(vectors[:, first : first + 3])
+            rotations[joint] = rotations[parent] * Rotation.from_rotvec(
+                vectors[:, first : first + 3]
+            )
     positions = np.stack(list(points.values()), axis=1)
     positions[lost] = np.nan
     return positions

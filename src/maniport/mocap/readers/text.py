@@ -8,7 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.util.input_limits import FRAMES, LINE, PLACES, RECORDING_BYTES, read_whole, require_at_most
+from maniport.util.input_limits import (
+    FRAMES,
+    LINE,
+    PLACES,
+    RECORDING_BYTES,
+    read_whole,
+    require_at_most,
+)
 from maniport.util.validation import Array
 
 Row = tuple[int, str]  # The number of a line, from one, and the line
@@ -52,7 +59,11 @@ def rows_from(lines: Sequence[str], start: int) -> list[Row]:
 
 
 def number_table(
-    rows: Sequence[Row], width: int, separator: str | None = None, used: Sequence[int] = (), short: bool = False
+    rows: Sequence[Row],
+    width: int,
+    separator: str | None = None,
+    used: Sequence[int] = (),
+    short: bool = False,
 ) -> Array:
     """Return the numbers of the used columns (default: all) of a table, shape (len(rows), len(used)).
 

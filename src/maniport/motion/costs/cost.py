@@ -51,13 +51,24 @@ def as_costs(costs: Sequence[Cost], arm: Arm | ArmGroup, time: Array) -> tuple[C
     q = np.tile(0.5 * (arm.lower + arm.upper), (2, 1))
     for i, cost in enumerate(costs):
         if not isinstance(cost, Cost):
-            raise InvalidInputError(f"costs[{i}] must have the methods residual and jacobian; found {cost!r}")
+            raise InvalidInputError(
+                f"costs[{i}] must have the methods residual and jacobian; found {cost!r}"
+            )
         residual = as_finite(cost.residual(q, time[:2]), f"costs[{i}].residual")
         if residual.ndim != 2 or len(residual) != 2:
-            raise InvalidInputError(f"costs[{i}].residual must have shape (2, r) here; found shape {residual.shape}")
+            raise InvalidInputError(
+                f"costs[{i}].residual must have shape (2, r) here; found shape {residual.shape}"
+            )
         if isinstance(cost, ToleranceCost) and (shape := np.shape(cost.error(q, time[:2]))) != (2,):
-            raise InvalidInputError(f"costs[{i}].error must have shape (2,) here; found shape {shape}")
-        jacobian, expected = as_finite(cost.jacobian(q, time[:2]), f"costs[{i}].jacobian"), (*residual.shape, arm.dof)
+            raise InvalidInputError(
+                f"costs[{i}].error must have shape (2,) here; found shape {shape}"
+            )
+        jacobian, expected = (
+            as_finite(cost.jacobian(q, time[:2]), f"costs[{i}].jacobian"),
+            (*residual.shape, arm.dof),
+        )
         if jacobian.shape != expected:
-            raise InvalidInputError(f"costs[{i}].jacobian must have shape {expected} here; found {jacobian.shape}")
+            raise InvalidInputError(
+                f"costs[{i}].jacobian must have shape {expected} here; found {jacobian.shape}"
+            )
     return tuple(costs)

@@ -29,7 +29,9 @@ class EllipsoidCost:
 
     def __getitem__(self, rows: Any) -> "EllipsoidCost":
         half = None if self.half is None else self.half[rows]
-        return EllipsoidCost(self.arm, self.spec, self.shift, self.damped[rows], self.whitening[rows], half)
+        return EllipsoidCost(
+            self.arm, self.spec, self.shift, self.damped[rows], self.whitening[rows], half
+        )
 
     def residual(self, q: Array, time: Array | None = None) -> Array:
         """Return residuals, shape (n, d (d + 1) / 2), where nothing is singular."""
@@ -72,17 +74,27 @@ class EllipsoidCost:
         values, vectors, _, changes = self.spectrum(velocity, changes)
         return self._log_changes(values, vectors, changes)
 
-    def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+    def spectrum(
+        self, velocity: Array, changes: Array | None = None
+    ) -> tuple[Array, Array, NDArray[np.bool_], Array]:
         """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M for those given."""
-        achieved, singular = velocity, np.zeros(max(len(velocity), len(self.whitening)), dtype=np.bool_)
+        achieved, singular = (
+            velocity,
+            np.zeros(max(len(velocity), len(self.whitening)), dtype=np.bool_),
+        )
         if self.spec.kind == "force":
             values, vectors = eigh(velocity)
             flat = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
             values[flat], singular[:] = 1.0, flat
             achieved = compose(1.0 / values, vectors)
             changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
-        values, vectors = np.empty((len(singular), self.spec.size)), np.empty((len(singular), *achieved.shape[1:]))
-        fill_spectrum(achieved + self.shift, self.whitening, values, vectors, singular, SPD_TOLERANCE)
+        values, vectors = (
+            np.empty((len(singular), self.spec.size)),
+            np.empty((len(singular), *achieved.shape[1:])),
+        )
+        fill_spectrum(
+            achieved + self.shift, self.whitening, values, vectors, singular, SPD_TOLERANCE
+        )
         return values, vectors, singular, np.empty((0,)) if changes is None else changes
 
     def _weighted_log(self, values: Array, vectors: Array) -> Array:
@@ -91,8 +103,14 @@ class EllipsoidCost:
 
     def _log_changes(self, values: Array, vectors: Array, changes: Array) -> Array:
         """Return derivatives of log X in the base frame, with divided differences of the logarithm."""
-        ratio, frames = values[:, :, None] / values[:, None] - 1.0, np.swapaxes(vectors, -1, -2) @ self.whitening
+        ratio, frames = (
+            values[:, :, None] / values[:, None] - 1.0,
+            np.swapaxes(vectors, -1, -2) @ self.whitening,
+        )
         near = np.abs(ratio) < 1e-8
-        slopes = np.where(near, 1.0 - 0.5 * ratio, np.log1p(ratio) / np.where(near, 1.0, ratio)) / values[:, None]
+        slopes = (
+            np.where(near, 1.0 - 0.5 * ratio, np.log1p(ratio) / np.where(near, 1.0, ratio))
+            / values[:, None]
+        )
         inner = slopes[:, None] * congruence(frames[:, None], changes)
         return congruence(vectors[:, None], inner)

@@ -33,14 +33,22 @@ class OrientationCost:
     def residual(self, q: Array, time: Array | None = None, poses: Array | None = None) -> Array:
         """Return residuals, shape (n, r), with r = 3 for each axis with a weight."""
         poses = self.arm.forward(q) if poses is None else poses
-        parts = [w * (poses[:, :3, k] - self.rotations[:, :, k]) for k, w in enumerate(self.weights) if w]
+        parts = [
+            w * (poses[:, :3, k] - self.rotations[:, :, k]) for k, w in enumerate(self.weights) if w
+        ]
         return parts[0] if len(parts) == 1 else np.hstack(parts)
 
-    def jacobian(self, q: Array, time: Array | None = None, motion: tuple[Array, Array] | None = None) -> Array:
+    def jacobian(
+        self, q: Array, time: Array | None = None, motion: tuple[Array, Array] | None = None
+    ) -> Array:
         """Return their derivatives, shape (n, r, dof)."""
         poses, jacobian = motion or self.arm.motion(q)
         turns = jacobian[:, 3:]
-        parts = [-w * np.cross(poses[:, :3, k, None], turns, axis=1) for k, w in enumerate(self.weights) if w]
+        parts = [
+            -w * np.cross(poses[:, :3, k, None], turns, axis=1)
+            for k, w in enumerate(self.weights)
+            if w
+        ]
         return parts[0] if len(parts) == 1 else np.hstack(parts)
 
     def error(self, q: Array) -> Array:

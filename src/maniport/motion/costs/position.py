@@ -21,7 +21,9 @@ class PositionCost:
         poses = self.arm.forward(q) if poses is None else poses
         return np.asarray(self.weight * (poses[:, :3, 3] - self.positions))
 
-    def jacobian(self, q: Array, time: Array | None = None, motion: tuple[Array, Array] | None = None) -> Array:
+    def jacobian(
+        self, q: Array, time: Array | None = None, motion: tuple[Array, Array] | None = None
+    ) -> Array:
         """Return their derivatives, shape (n, 3, dof)."""
         return np.asarray(self.weight * (motion or self.arm.motion(q))[1][:, :3])
 

@@ -14,10 +14,14 @@ class SmoothnessCost:
     The sums are over what exceeds the limits (dof,).
     """
 
-    def __init__(self, time: Array, factors: tuple[float, float], limits: tuple[Array | float, Array | float]):
+    def __init__(
+        self, time: Array, factors: tuple[float, float], limits: tuple[Array | float, Array | float]
+    ):
         """Take λ_v [s²/rad²] and λ_j [s⁶/rad²], and limits (dof,) of |q̇| and |q̈|."""
         orders = ((factors[0], limits[0]), (0.0, limits[1]), (factors[1], np.inf))
-        self._derivatives = [(Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k]
+        self._derivatives = [
+            (Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k
+        ]
 
     def add(self, q: Array, cost: float, gradient: Array, band: Array) -> float:
         """Add to a cost, which is returned, half its gradient (n, dof) and lower diagonals (4, n, dof) of joints."""
@@ -26,8 +30,12 @@ class SmoothnessCost:
             share = value / limit
             excess = np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0)
             cost += float(np.sum(spans * (smoothness * value**2 + LIMIT_WEIGHT * excess**2)))
-            gradient += difference.matrix.T @ (spans * (smoothness * value + LIMIT_WEIGHT * excess / limit))
-            difference.add_normal(spans * (smoothness + LIMIT_WEIGHT * (excess != 0.0) / limit**2), band)
+            gradient += difference.matrix.T @ (
+                spans * (smoothness * value + LIMIT_WEIGHT * excess / limit)
+            )
+            difference.add_normal(
+                spans * (smoothness + LIMIT_WEIGHT * (excess != 0.0) / limit**2), band
+            )
         return cost
 
 
@@ -42,11 +50,15 @@ class Differences:
             gap = at[:, level:] - at[:, : at.shape[1] - level]
             rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
         self.rows, self.spans = rows[:, 0], (at[:, -1:] - at[:, :1]) / order
-        self.matrix = diags_array(list(self.rows.T), offsets=range(order + 1), shape=(count, len(time)), format="csr")
+        self.matrix = diags_array(
+            list(self.rows.T), offsets=range(order + 1), shape=(count, len(time)), format="csr"
+        )
 
     def add_normal(self, weights: Array, band: Array) -> None:
         """Add lower diagonals of Dᵀ W D of each joint to (k + 1, n, dof); W is diagonal, `weights` (n − k, dof)."""
         m, width = self.rows.shape
         for below in range(width):
             for k in range(width - below):
-                band[below, k : m + k] += weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
+                band[below, k : m + k] += (
+                    weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
+                )

@@ -123,24 +123,34 @@ def place_path(
         When a value is wrong, an ellipsoid is asymmetric or, with the damping, not positive-definite, the arm reaches
         nothing in the workspace, the path does not fit, or `rank` is too high.
     """
-    generator, budget, chosen = as_generator(random_state), PlanSettings.budget, as_count(rank, "rank") - 1
+    generator, budget, chosen = (
+        as_generator(random_state),
+        PlanSettings.budget,
+        as_count(rank, "rank") - 1,
+    )
     several = isinstance(arm, ArmGroup | Sequence)
     arms: Sequence[Arm] = tuple(getattr(arm, "arms", arm)) if several else (arm,)
     arguments = {
         "path": path, "profile": profile, "collisions": collisions, "reachability_map": reachability_map, "bank": bank,
         "demands": demands,
     }  # fmt: skip
-    paths, profiles, models, maps, banks, demanded = (of_each(value, name, arm) for name, value in arguments.items())
+    paths, profiles, models, maps, banks, demanded = (
+        of_each(value, name, arm) for name, value in arguments.items()
+    )
     fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "Place path")
     banks = [bank_for(arms[i], spec, own, generator) for i, own in enumerate(banks)]
     maps = [
-        ReachabilityMap(own, spec, random_state=generator, collisions=model) if samples is None else samples
+        ReachabilityMap(own, spec, random_state=generator, collisions=model)
+        if samples is None
+        else samples
         for own, model, samples in zip(arms, models, maps, strict=True)
     ]
     for own, samples in zip(arms, maps, strict=True):
-        require_compatible("the reachability_map was built for", (samples.arm, own), (samples.spec, spec))
+        require_compatible(
+            "the reachability_map was built for", (samples.arm, own), (samples.spec, spec)
+        )
     _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
     rotation = np.eye(3) if map_rotation is None else as_rotation(map_rotation, "map_rotation", 3)
     objectives = [Objective.of(own, spec, damping, WEIGHT) for own in arms]
@@ -152,10 +162,14 @@ def place_path(
     problem = PlacementProblem(members, np.concatenate(turned), times, fixed, lower, upper, bounds)
     results = best_placements(problem, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(results):
-        raise InvalidInputError(f"rank must be at most {len(results)}, the number of placements; found {rank}")
+        raise InvalidInputError(
+            f"rank must be at most {len(results)}, the number of placements; found {rank}"
+        )
     best, placed, parts = results[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * len(arms))
     for i, (member, samples, part) in enumerate(zip(members, banks, parts, strict=True)):
-        q = interpolated(evenly_spaced(len(times), len(best.q[i])), best.q[i], np.arange(len(times)))
+        q = interpolated(
+            evenly_spaced(len(times), len(best.q[i])), best.q[i], np.arange(len(times))
+        )
         aims = member.targets(best.place)
         q = pointwise_best(aims, samples.starts_for(aims, budget.pointwise_starts), q, part)
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
@@ -179,10 +193,14 @@ def _checked(
     for i, objective in enumerate(objectives):
         index = "" if len(objectives) == 1 else f"s[{i}]"
         targets.append(objective.checked(profiles[i], f"profile{index}"))
-        require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
+        require_shape(
+            targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm"
+        )
         positions.append(as_metres(paths[i], f"path{index}"))
         shape = (len(targets[0]), 3)
-        require_shape(positions[i], f"path{index}", shape, ", one point for each ellipsoid of the profile")
+        require_shape(
+            positions[i], f"path{index}", shape, ", one point for each ellipsoid of the profile"
+        )
     return positions, targets
 
 
@@ -192,7 +210,9 @@ def as_workspace(workspace: Any) -> Array:
     if workspace is None:
         return bounds
     pairs = list(workspace) if isinstance(workspace, Sequence | np.ndarray) else []
-    if len(pairs) != 3 or not all(isinstance(pair, Sequence | np.ndarray) and len(pair) == 2 for pair in pairs):
+    if len(pairs) != 3 or not all(
+        isinstance(pair, Sequence | np.ndarray) and len(pair) == 2 for pair in pairs
+    ):
         raise InvalidInputError(
             f"workspace must be ((x0, x1), (y0, y1), (z0, z1)), None where open; found {workspace!r}"
         )
@@ -209,7 +229,9 @@ def fixed_place(scale: Any, yaw: Any, tilt: Any, offset: Any) -> tuple[Array, Ar
     fixed, scales = np.full(SIZE, np.nan), (0.5, 2.0)
     if isinstance(scale, tuple | list):
         if len(scale) != 2:
-            raise InvalidInputError(f"scale must be one number or a range (low, high); found {scale!r}")
+            raise InvalidInputError(
+                f"scale must be one number or a range (low, high); found {scale!r}"
+            )
         low = as_number(scale[0], "scale[0]", above=0.0)
         scales = (low, as_number(scale[1], "scale[1]", above=low))
     elif scale is not None:
@@ -226,15 +248,20 @@ def fixed_place(scale: Any, yaw: Any, tilt: Any, offset: Any) -> tuple[Array, Ar
     if offset is not None:
         values = list(offset) if np.ndim(offset) == 1 else []
         if len(values) != 3:
-            raise InvalidInputError(f"offset must be three numbers, None where free; found {offset!r}")
+            raise InvalidInputError(
+                f"offset must be three numbers, None where free; found {offset!r}"
+            )
         fixed[OFFSET] = [
-            np.nan if value is None else as_number(value, f"offset[{i}]") for i, value in enumerate(values)
+            np.nan if value is None else as_number(value, f"offset[{i}]")
+            for i, value in enumerate(values)
         ]
     lower = np.array([np.log(scales[0]), -np.pi, 0.0, -np.pi, *[-np.inf] * 3])
     return fixed, lower, np.array([np.log(scales[1]), np.pi, np.pi, np.pi, *[np.inf] * 3])
 
 
-def _require_reach(maps: Sequence[ReachabilityMap], bounds: Array, upright: bool, tolerance: float = 0.02) -> None:
+def _require_reach(
+    maps: Sequence[ReachabilityMap], bounds: Array, upright: bool, tolerance: float = 0.02
+) -> None:
     """Raise the workspace (2, 3) above tables; a sample of each arm must come into it, within a tolerance [m]."""
     for samples in maps:
         if samples.collisions is not None and samples.collisions.table is not None:
@@ -246,9 +273,15 @@ def _require_reach(maps: Sequence[ReachabilityMap], bounds: Array, upright: bool
             bounds[0, 2] = max(bounds[0, 2], samples.collisions.table)
     for samples in maps:
         end_positions = samples.reach
-        if np.linalg.norm(end_positions - np.clip(end_positions, *bounds), axis=1).min() > tolerance:
+        if (
+            np.linalg.norm(end_positions - np.clip(end_positions, *bounds), axis=1).min()
+            > tolerance
+        ):
             wanted, reached = (
-                ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *ends, strict=True))
+                ", ".join(
+                    f"{axis} {low:.2f} to {high:.2f}"
+                    for axis, low, high in zip("xyz", *ends, strict=True)
+                )
                 for ends in (bounds, (end_positions.min(axis=0), end_positions.max(axis=0)))
             )
             raise InvalidInputError(
@@ -259,7 +292,11 @@ def _require_reach(maps: Sequence[ReachabilityMap], bounds: Array, upright: bool
 
 def _times(time: ArrayLike | None, paths: Sequence[Array], speed: float = 0.1) -> Array:
     """Return times of waypoints at a mean speed [m/s], which is the same for all placements."""
-    times = np.arange(len(paths[0]), dtype=float) if time is None else as_times(time, count=len(paths[0]))
+    times = (
+        np.arange(len(paths[0]), dtype=float)
+        if time is None
+        else as_times(time, count=len(paths[0]))
+    )
     if len(times) < 2:
         return times
     length = max(np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths)

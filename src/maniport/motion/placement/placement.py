@@ -244,7 +244,9 @@ class PlacementProblem:
             positions, profiles = arm.placed(places)
             flat = profiles.reshape(-1, *profiles.shape[2:])
             demands = [(spec, vectors.reshape(-1, 3)) for spec, vectors in arm.demands(places)]
-            costs = arm.reachability_map.costs(arm.objective, flat, positions.reshape(-1, 3), samples, demands)
+            costs = arm.reachability_map.costs(
+                arm.objective, flat, positions.reshape(-1, 3), samples, demands
+            )
             total += costs.reshape(positions.shape[:2]).mean(axis=1)
         return total
 
@@ -262,8 +264,12 @@ class PlacementProblem:
         low, high = turned.min(axis=1), turned.max(axis=1)
         if free[SCALE]:
             with np.errstate(divide="ignore", invalid="ignore"):
-                fixed = np.fmin((most - places[:, OFFSET]) / high, (least - places[:, OFFSET]) / low)
-                largest = np.where(free[OFFSET], (most - least) / (high - low), np.maximum(fixed, 0.0)).min(axis=1)
+                fixed = np.fmin(
+                    (most - places[:, OFFSET]) / high, (least - places[:, OFFSET]) / low
+                )
+                largest = np.where(
+                    free[OFFSET], (most - least) / (high - low), np.maximum(fixed, 0.0)
+                ).min(axis=1)
                 places[:, SCALE] = np.minimum(places[:, SCALE], np.log(largest) - rounding)
         scale = np.exp(places[:, SCALE, None])
         ends = least - scale * low, most - scale * high

@@ -22,7 +22,13 @@ from maniport.errors import InvalidInputError
 from maniport.motion.demands import EXCESS_WEIGHT, inverses
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.placement.placement import SCALE, SIZE, TILT, ArmPath, PlacementProblem
-from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt, optimize, time_weights
+from maniport.motion.plan.optimizer import (
+    TrajectoryCost,
+    TrajectoryTerms,
+    levenberg_marquardt,
+    optimize,
+    time_weights,
+)
 from maniport.motion.plan.plan_settings import SearchBudget
 from maniport.motion.plan.roadmap import LARGEST_CHANGE, shortest_path
 from maniport.spd.kernels import compose
@@ -35,8 +41,12 @@ SAMPLES = 64  # Samples next to a waypoint that placements are compared by; with
 PLANNED = 4  # Placements for which trajectories are planned
 SEPARATION = 0.1
 """Smallest mean distance of the paths at these placements [m]; without it, two seeds of six end 30 % worse."""
-REFINED = 2  # Placements that are improved once more, without collisions, which takes most of the time
-COARSE_TOLERANCE = 1e-3  # Smallest relative decrease of the cost for another step while collisions are ignored
+REFINED = (
+    2  # Placements that are improved once more, without collisions, which takes most of the time
+)
+COARSE_TOLERANCE = (
+    1e-3  # Smallest relative decrease of the cost for another step while collisions are ignored
+)
 FIRST_WEIGHT, WEIGHT = 30.0, 200.0
 """Weights of the position error, of a first trajectory and of the cost of a placement [1/m]."""
 
@@ -54,11 +64,18 @@ class PlannedPlacement:
 
 
 def best_placements(
-    problem: PlacementProblem, seed: np.random.Generator, budget: SearchBudget, progress: Part = ignore_fraction
+    problem: PlacementProblem,
+    seed: np.random.Generator,
+    budget: SearchBudget,
+    progress: Part = ignore_fraction,
 ) -> list[PlannedPlacement]:
     """Search the free components; return placements with planned trajectories, best first."""
     free = bool(problem.free.any())
-    places = _shortlist(problem, seed, budget.candidates) if free else problem.inside(problem.fixed[None])
+    places = (
+        _shortlist(problem, seed, budget.candidates)
+        if free
+        else problem.inside(problem.fixed[None])
+    )
     if not len(places):
         raise InvalidInputError(
             "workspace: the path does not fit into it, at its smallest scale of "
@@ -69,8 +86,12 @@ def best_placements(
     if len(time) > 1:
         duration = time[-1] - time[0]
         weights = time_weights(time) / duration
-    terms = TrajectoryTerms(0.06 / duration, 3e-4 / duration, weights, rel_tol=budget.rel_tol)  # means over time
-    ignoring = PlacementTrajectoryCost(coarse, [replace(terms, rel_tol=COARSE_TOLERANCE)] * len(coarse.arms))
+    terms = TrajectoryTerms(
+        0.06 / duration, 3e-4 / duration, weights, rel_tol=budget.rel_tol
+    )  # means over time
+    ignoring = PlacementTrajectoryCost(
+        coarse, [replace(terms, rel_tol=COARSE_TOLERANCE)] * len(coarse.arms)
+    )
     avoiding = PlacementTrajectoryCost(
         coarse, [replace(terms, collisions=arm.reachability_map.collisions) for arm in coarse.arms]
     )
@@ -81,7 +102,10 @@ def best_placements(
     placements = sorted(map(avoiding.evaluated, states), key=attrgetter("cost"))
     progress(0.7)
     if free:
-        best = [avoiding.evaluated(avoiding.improved((own.place, own.q))) for own in placements[:REFINED]]
+        best = [
+            avoiding.evaluated(avoiding.improved((own.place, own.q)))
+            for own in placements[:REFINED]
+        ]
         placements = sorted(best + placements[REFINED:], key=attrgetter("cost"))
     progress(1.0)
     return placements
@@ -94,10 +118,15 @@ def _shortlist(problem: PlacementProblem, seed: np.random.Generator, count: int)
     lower, upper = problem.lower[:4], problem.upper[:4]
     unit = sobol(4, max(count - 1, 1).bit_length(), seed)[:count]
     reached = [arm.reachability_map.reach for arm in problem.arms]
-    centers = np.mean([reach[seed.choice(len(reach), count, replace=len(reach) < count)] for reach in reached], axis=0)
+    centers = np.mean(
+        [reach[seed.choice(len(reach), count, replace=len(reach) < count)] for reach in reached],
+        axis=0,
+    )
     places = np.column_stack([lower + unit * (upper - lower), centers])
     if tilted:
-        places[::5, TILT] = 0.0  # upright placements may fit into the workspace where tilted ones do not
+        places[::5, TILT] = (
+            0.0  # upright placements may fit into the workspace where tilted ones do not
+        )
     places = problem.inside(np.where(problem.free, places, problem.fixed))
     if not len(places):
         return places
@@ -146,7 +175,10 @@ class PlacementTrajectoryCost:
     def improved(self, state: State) -> State:
         """Descend in the placement and the trajectories; neither gets worse."""
         place, trajectories = state
-        start = place, tuple(cost.within(q) for cost, q in zip(self.costs, trajectories, strict=True))
+        start = (
+            place,
+            tuple(cost.within(q) for cost, q in zip(self.costs, trajectories, strict=True)),
+        )
         improved: State = levenberg_marquardt(self, start, self.terms[0].rel_tol)
         return improved
 
@@ -154,12 +186,19 @@ class PlacementTrajectoryCost:
         """Return a placement with its cost and distances."""
         cost, _ = self.evaluate(state)
         parts = zip(self.waypoints, state[1], strict=True)
-        return PlannedPlacement(*state, cost, tuple(waypoints.targets.distance(q) for waypoints, q in parts))
+        return PlannedPlacement(
+            *state, cost, tuple(waypoints.targets.distance(q) for waypoints, q in parts)
+        )
 
     def evaluate(self, state: State) -> tuple[float, Any]:
         """Cost; slopes of the trajectory of each arm with its coupling B (n, dof, k), and h (k,) and C (k, k)."""
         (place, trajectories), free = state, self.problem.free
-        total, arms, gradient, hessian = 0.0, [], np.zeros(free.sum()), np.zeros((free.sum(), free.sum()))
+        total, arms, gradient, hessian = (
+            0.0,
+            [],
+            np.zeros(free.sum()),
+            np.zeros((free.sum(), free.sum())),
+        )
         for waypoints, cost, q in zip(self.waypoints, self.costs, trajectories, strict=True):
             waypoints.move(place)
             value, slopes = cost.evaluate(q)
@@ -175,7 +214,9 @@ class PlacementTrajectoryCost:
         """State after a damped step, within the limits, and the expected decrease of the cost."""
         (place, trajectories), free, (arms, gradient, hessian) = state, self.problem.free, slopes
         inner, pull, solutions = hessian, gradient, []
-        for cost, q, (slope, blocks, band, coupling) in zip(self.costs, trajectories, arms, strict=True):
+        for cost, q, (slope, blocks, band, coupling) in zip(
+            self.costs, trajectories, arms, strict=True
+        ):
             damped = damping * (np.einsum("nii->ni", blocks) + band[0])
             sides = np.concatenate([slope[..., None], coupling], axis=2)
             solution = cost.solve(sides, blocks, band, cost.blocked(q, slope), damped)
@@ -184,8 +225,14 @@ class PlacementTrajectoryCost:
             solutions.append((solution, damped))
         at, lower, upper = place[free], self.problem.lower[free], self.problem.upper[free]
         weight = np.diag(hessian)
-        loose = ~(((at <= lower) & (gradient > 0.0)) | ((at >= upper) & (gradient < 0.0)) | (weight <= 0.0))
-        inner = inner + np.diag((damping + 1e-9) * weight)  # path and arm may turn together at no cost
+        loose = ~(
+            ((at <= lower) & (gradient > 0.0))
+            | ((at >= upper) & (gradient < 0.0))
+            | (weight <= 0.0)
+        )
+        inner = inner + np.diag(
+            (damping + 1e-9) * weight
+        )  # path and arm may turn together at no cost
         step = np.zeros(len(at))
         step[loose] = -np.linalg.solve(inner[np.ix_(loose, loose)], pull[loose])
         moved = place.copy()
@@ -193,7 +240,9 @@ class PlacementTrajectoryCost:
         moved = self.problem.within(moved[None])[0][0]
         expected = float(step @ (damping * weight * step - gradient))
         trial = []
-        for cost, q, (solution, damped), (slope, *_) in zip(self.costs, trajectories, solutions, arms, strict=True):
+        for cost, q, (solution, damped), (slope, *_) in zip(
+            self.costs, trajectories, solutions, arms, strict=True
+        ):
             change = -(solution[..., 0] + solution[..., 1:] @ step)
             expected += float(np.sum(change * (damped * change - slope)))
             trial.append(cost.within(q + change))
@@ -219,7 +268,9 @@ class MovingPathCost:
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
         targets, dof = self.targets, q.shape[1]
-        poses, jacobian, velocity, changes = targets.arm.posed_differentials(q, targets.objective.spec.bounded)
+        poses, jacobian, velocity, changes = targets.arm.posed_differentials(
+            q, targets.objective.spec.bounded
+        )
         values, vectors, singular, changes = targets.ellipsoid.spectrum(velocity, changes)
         assert targets.positions is not None
         achieved = self._roots @ compose(values, vectors) @ self._roots
@@ -228,13 +279,29 @@ class MovingPathCost:
         error = weight * (poses[:, :3, 3] - targets.positions)
         error_slopes = weight * np.concatenate([jacobian[:, :3], -self._shifts], axis=2)
         n, count = len(q), dof + SIZE
-        square, self.gradient, self.hessian = np.zeros(n), np.zeros((n, count)), np.zeros((n, count, count))
+        square, self.gradient, self.hessian = (
+            np.zeros(n),
+            np.zeros((n, count)),
+            np.zeros((n, count, count)),
+        )
         changes = np.concatenate([changes, turned], axis=1)
-        add_log_residual(values, vectors, targets.ellipsoid.whitening, changes, square, self.gradient, self.hessian)
+        add_log_residual(
+            values,
+            vectors,
+            targets.ellipsoid.whitening,
+            changes,
+            square,
+            self.gradient,
+            self.hessian,
+        )
         add_residual(error, error_slopes, square, self.gradient, self.hessian)
         for demand in self._demands:
             self._add_excess(q, *demand, square)
-        return np.sqrt(np.where(singular, np.inf, square)), self.gradient[:, :dof], self.hessian[:, :dof, :dof]
+        return (
+            np.sqrt(np.where(singular, np.inf, square)),
+            self.gradient[:, :dof],
+            self.hessian[:, :dof, :dof],
+        )
 
     def _add_excess(self, q: Array, spec: EllipsoidSpec, vectors: Array, square: Array) -> None:
         """Add the cost of vectors (n, 3) that exceed ellipsoids to `square` (n,), and its derivatives."""

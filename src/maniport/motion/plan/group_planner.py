@@ -22,7 +22,12 @@ from maniport.motion.plan.optimizer import (
     optimize_to_tolerance,
 )
 from maniport.motion.plan.plan_settings import PlanSettings
-from maniport.motion.plan.planner import ArmPlanner, as_early_as_possible, coarse_terms, time_parameterized
+from maniport.motion.plan.planner import (
+    ArmPlanner,
+    as_early_as_possible,
+    coarse_terms,
+    time_parameterized,
+)
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import stages_of
 from maniport.motion.problem import MotionProblem
@@ -55,7 +60,11 @@ class Planner:
 
     @classmethod
     def of(
-        cls, limits: MotionLimits, spec: EllipsoidSpec, collisions: Collisions | bool = True, random_state: Any = 0
+        cls,
+        limits: MotionLimits,
+        spec: EllipsoidSpec,
+        collisions: Collisions | bool = True,
+        random_state: Any = 0,
     ) -> "Planner":
         """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions."""
         group, model = as_group(limits.arm), as_collisions(collisions, limits.arm)
@@ -96,24 +105,39 @@ class Planner:
         `separate` are targets of each arm while it is planned by itself; default: those of the problem.
         """
         count, random = len(self.arms), as_generator(random_state)
-        parts, shares = [], zip(self.arms, separate or problem.targets, _copies(random, count), strict=True)
+        parts, shares = (
+            [],
+            zip(self.arms, separate or problem.targets, _copies(random, count), strict=True),
+        )
         for (arm, targets, own), part in zip(shares, pieces(progress, *count * [1.0]), strict=True):
             costs, around = problem.costs if count == 1 else (), arm.reachability_map.collisions
-            alone = replace(problem, targets=(targets,), limits=arm.limits, collisions=around, costs=costs)
+            alone = replace(
+                problem, targets=(targets,), limits=arm.limits, collisions=around, costs=costs
+            )
             q, timed = arm.solve(alone, settings, own, part)
             parts.append(q)
         return (timed, False) if count == 1 else self._joined(problem, parts, settings, random)
 
     def _joined(
-        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
+        self,
+        problem: MotionProblem,
+        parts: Sequence[Array],
+        settings: PlanSettings,
+        random: np.random.Generator,
     ) -> tuple[Trajectory, bool]:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact."""
         group, collisions = self.group, problem.collisions
         values = np.full((len(parts), len(parts[0]), group.dof), np.nan)
         for part, columns, own in zip(parts, group.columns, values, strict=True):
             own[:, columns] = part
-        mean = np.nanmean(values, axis=0)  # shared joints are the mean of all arms, or those of one arm
-        starts = [mean, *(np.where(np.isnan(own), mean, own) for own in values)] if group.shared else [mean]
+        mean = np.nanmean(
+            values, axis=0
+        )  # shared joints are the mean of all arms, or those of one arm
+        starts = (
+            [mean, *(np.where(np.isnan(own), mean, own) for own in values)]
+            if group.shared
+            else [mean]
+        )
         near = collisions is not None and collisions.between.checked
         near = near and bool(np.any(collisions.between.clearance(mean) < CLEARANCE))  # type: ignore[union-attr]
         if not (group.shared or problem.costs or near):
@@ -141,7 +165,11 @@ class Planner:
         return timed, True
 
     def _prioritized(
-        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
+        self,
+        problem: MotionProblem,
+        parts: Sequence[Array],
+        settings: PlanSettings,
+        random: np.random.Generator,
     ) -> list[Array]:
         """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others."""
         group, collisions, motions = self.group, problem.collisions, []

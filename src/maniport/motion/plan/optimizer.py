@@ -47,29 +47,46 @@ class TrajectoryTerms:
     clearance: float | Array = CLEARANCE  # c, or c at each waypoint (n,) [m]
 
 
-def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float) -> Array:
+def optimize(
+    targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float
+) -> Array:
     """Descend from joint positions q (n, dof); they end within the limits."""
     cost = TrajectoryCost(targets.arm, targets.weighing(position_weight), time, terms)
     return np.asarray(levenberg_marquardt(cost, cost.within(q), terms.rel_tol))
 
 
-def optimize_to_tolerance(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float) -> Array:
+def optimize_to_tolerance(
+    targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float
+) -> Array:
     """Raise the position weight, then smooth less, until the 95th percentile of the error is within the tolerance."""
     less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
     needed = 0.0
-    for weight, own in (*((weight, terms) for weight in POSITION_WEIGHTS), (POSITION_WEIGHTS[-1], less)):
+    for weight, own in (
+        *((weight, terms) for weight in POSITION_WEIGHTS),
+        (POSITION_WEIGHTS[-1], less),
+    ):
         if weight < min(needed, POSITION_WEIGHTS[-1]):
             continue
         q = optimize(targets, time, q, own, weight)
         error = targets.position_error(q)
-        if error is None or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance:
+        if (
+            error is None
+            or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance
+        ):
             break
-        needed = 0.7 * weight * np.sqrt(reached / tolerance)  # the error falls with the square of the weight
+        needed = (
+            0.7 * weight * np.sqrt(reached / tolerance)
+        )  # the error falls with the square of the weight
     return q
 
 
 def relaxed(
-    problem: MotionProblem, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float, rounds: int = 6
+    problem: MotionProblem,
+    time: Array,
+    q: Array,
+    terms: TrajectoryTerms,
+    tolerance: float,
+    rounds: int = 6,
 ) -> Array:
     """Optimize again with half the clearance and 1.5 times the duration around large errors, as long as that helps."""
 
@@ -83,7 +100,9 @@ def relaxed(
         if not far.any():
             break
         clearance = np.where(far, np.maximum(0.5 * clearance, 0.003), clearance)
-        time = np.append(time[0], time[0] + np.cumsum(np.where(far[1:] & far[:-1], 1.5, 1.0) * np.diff(time)))
+        time = np.append(
+            time[0], time[0] + np.cumsum(np.where(far[1:] & far[:-1], 1.5, 1.0) * np.diff(time))
+        )
         # few waypoints are a small share of the cost
         changed = replace(terms, clearance=clearance, rel_tol=0.1 * terms.rel_tol)
         trial = optimize(problem, time, q, changed, POSITION_WEIGHTS[-1])
@@ -112,7 +131,9 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
     damping, growth = 1e-3, 2.0
     for _ in range(max_iter):
         trial, expected = problem.trial(state, slopes, damping)
-        trial_cost, trial_slopes = problem.evaluate(trial)  # most steps are taken: the cost alone first takes longer
+        trial_cost, trial_slopes = problem.evaluate(
+            trial
+        )  # most steps are taken: the cost alone first takes longer
         gained = cost - trial_cost
         if gained > LEAST_GAIN * expected > 0.0:
             state, cost, slopes, growth = trial, trial_cost, trial_slopes, 2.0
@@ -133,8 +154,13 @@ class TrajectoryCost:
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
         self.clearance = np.broadcast_to(terms.clearance, len(time))
-        self.stiffness = CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)  # contact costs the same for every c
-        factors, limits = (terms.velocity_cost, terms.jerk_cost), (terms.velocity, terms.acceleration)
+        self.stiffness = CLEARANCE_WEIGHT * (
+            CLEARANCE / self.clearance
+        )  # contact costs the same for every c
+        factors, limits = (
+            (terms.velocity_cost, terms.jerk_cost),
+            (terms.velocity, terms.acceleration),
+        )
         self.smoothness = SmoothnessCost(time, factors, limits)
 
     def evaluate(self, q: Array) -> tuple[float, Any]:
@@ -142,7 +168,9 @@ class TrajectoryCost:
         length, gradient, hessian = self.waypoints.evaluate(q)
         square = length**2
         if self.terms.collisions is not None:
-            rows, distance, slope = self.terms.collisions.gradient(q, float(self.clearance.max()), scaled=True)
+            rows, distance, slope = self.terms.collisions.gradient(
+                q, float(self.clearance.max()), scaled=True
+            )
             lacking = self.stiffness[rows] * np.maximum(self.clearance[rows] - distance, 0.0)
             slope = (self.stiffness[rows] * (lacking > 0.0))[:, None] * slope
             np.add.at(square, rows, lacking**2)
@@ -157,7 +185,9 @@ class TrajectoryCost:
         """Joint positions after a damped step, within the limits, and the expected decrease of the cost."""
         gradient, hessian, band = slopes
         damped = damping * (np.einsum("nii->ni", hessian) + band[0])
-        step = -self.solve(gradient[..., None], hessian, band, self.blocked(q, gradient), damped)[..., 0]
+        step = -self.solve(gradient[..., None], hessian, band, self.blocked(q, gradient), damped)[
+            ..., 0
+        ]
         return self.within(q + step), float(np.sum(step * (damped * step - gradient)))
 
     def within(self, q: Array) -> Array:
@@ -166,9 +196,13 @@ class TrajectoryCost:
 
     def blocked(self, q: Array, gradient: Array) -> NDArray[np.bool_]:
         """Which joints are at a limit that the cost pushes them against, shape (n, dof)."""
-        return np.asarray(((q <= self.arm.lower) & (gradient > 0.0)) | ((q >= self.arm.upper) & (gradient < 0.0)))
+        return np.asarray(
+            ((q <= self.arm.lower) & (gradient > 0.0)) | ((q >= self.arm.upper) & (gradient < 0.0))
+        )
 
-    def solve(self, sides: Array, hessian: Array, band: Array, blocked: NDArray[np.bool_], damped: Array) -> Array:
+    def solve(
+        self, sides: Array, hessian: Array, band: Array, blocked: NDArray[np.bool_], damped: Array
+    ) -> Array:
         """Solve the normal equations for sides (n, dof, k) and joints that are not blocked; zero where singular."""
         n, dof, k = sides.shape
         free = ~blocked
@@ -179,7 +213,9 @@ class TrajectoryCost:
             for j in range(i + 1):
                 table[i - j, :, j] = blocks[:, i, j]
         for below in range(len(band)):
-            table[below * dof, : n - below] += band[below, : n - below] * (free[below:] & free[: n - below])
+            table[below * dof, : n - below] += band[below, : n - below] * (
+                free[below:] & free[: n - below]
+            )
         table[0] += damped + np.where(free, 1e-12 * damped.max(), 1.0)
         right = (sides * free[..., None]).reshape(n * dof, k)
         try:

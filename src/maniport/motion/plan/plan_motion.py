@@ -97,7 +97,8 @@ def plan_motion(
     bests: list[Array] | None = None
     if pointwise_bests is not None:
         bests = [
-            as_finite(best, "pointwise_bests").copy() for best in of_each(pointwise_bests, "pointwise_bests", arms)
+            as_finite(best, "pointwise_bests").copy()
+            for best in of_each(pointwise_bests, "pointwise_bests", arms)
         ]
         for best in bests:
             require_shape(best, "pointwise_bests", (len(schedules[0]),), ", one row for each time")
@@ -117,16 +118,28 @@ def plan_motion(
         for schedule, arm in zip(schedules, group.arms, strict=True)
     ]
     # waypoints are inserted between distant ones
-    finer, rows = zip(*(own.finer(0.16 / planning_time_scale(settings)) for own in schedules), strict=True)
-    targets, at, vectors = tuple(own.targets() for own in finer), finer[0].time, tuple[RelativePositionCost, ...]()
+    finer, rows = zip(
+        *(own.finer(0.16 / planning_time_scale(settings)) for own in schedules), strict=True
+    )
+    targets, at, vectors = (
+        tuple(own.targets() for own in finer),
+        finer[0].time,
+        tuple[RelativePositionCost, ...](),
+    )
     separate = targets
-    if relative:  # the vectors from the first end effector to the others take the place of all paths
+    if (
+        relative
+    ):  # the vectors from the first end effector to the others take the place of all paths
         first, *others = (own.positions for own in targets)
-        vectors = tuple(RelativePositionCost(group, (0, i), at, own - first) for i, own in enumerate(others, 1))
+        vectors = tuple(
+            RelativePositionCost(group, (0, i), at, own - first) for i, own in enumerate(others, 1)
+        )
         targets = tuple(replace(own, positions=None) for own in targets)
         schedules = [replace(schedule, positions=None) for schedule in schedules]
     problem = MotionProblem(at, targets, limits, collisions, (*extra, *vectors))
-    trajectory, coupled = planner.solve(problem, settings, generator, between(step, 0.2, 0.9), separate)
+    trajectory, coupled = planner.solve(
+        problem, settings, generator, between(step, 0.2, 0.9), separate
+    )
     problem, q = problem[rows[0]], trajectory.joint_positions[rows[0]]  # without those inserted
     trajectory = replace(trajectory, time=trajectory.time[rows[0]], joint_positions=q)
     if settings.home is not None:
@@ -151,13 +164,20 @@ def _pointwise_bests(
 ) -> list[Array]:
     """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
     rows, count = evenly_spaced(len(q), most), PlanSettings.budget.pointwise_starts
-    targets, columns = tuple(replace(own[rows], rotations=None) for own in problem.targets), planner.group.columns
-    banks = [own.bank.starts_for(part, count) for own, part in zip(planner.arms, targets, strict=True)]
+    targets, columns = (
+        tuple(replace(own[rows], rotations=None) for own in problem.targets),
+        planner.group.columns,
+    )
+    banks = [
+        own.bank.starts_for(part, count) for own, part in zip(planner.arms, targets, strict=True)
+    ]
     if vectors:
         starts = np.empty((len(rows), count, q.shape[1]))
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
-        best = pointwise_best(replace(problem[rows], targets=targets, costs=vectors), starts, q[rows])
+        best = pointwise_best(
+            replace(problem[rows], targets=targets, costs=vectors), starts, q[rows]
+        )
         parts = [best[:, own] for own in columns]
     else:
         shares = zip(targets, banks, columns, strict=True)

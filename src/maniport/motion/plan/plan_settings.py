@@ -22,7 +22,9 @@ class SearchBudget:
 
     candidates: int = 4096  # placements compared by samples
     placement_nodes: int = 60  # nodes per stage of the roadmap of a placement
-    nodes: int = 300  # nodes per stage of the roadmap of a plan; up to 2.4 times as many for short paths
+    nodes: int = (
+        300  # nodes per stage of the roadmap of a plan; up to 2.4 times as many for short paths
+    )
     stage: float = 0.55  # longest time between stages at the planning time scale [s]
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another optimizer step
     pointwise_starts: int = 32  # samples for the best pointwise solution at each placed waypoint
@@ -67,7 +69,9 @@ class PlanSettings:
     collisions: Collisions | bool = True
     orientation_axes: str = "pointing"
     home: ArrayLike | None = None
-    budget: ClassVar[SearchBudget] = SearchBudget()  # class attribute, so that studies can change it
+    budget: ClassVar[SearchBudget] = (
+        SearchBudget()
+    )  # class attribute, so that studies can change it
 
     def __post_init__(self) -> None:
         as_number(self.position_tolerance, "position_tolerance", above=0.0)
@@ -82,12 +86,16 @@ class PlanSettings:
         if not isinstance(limits, MotionLimits):
             limits = MotionLimits.of(arm, limits, self.joint_limit_margin)
         limits.require_held()
-        model = as_collisions(self.collisions if planner is None else planner.collisions, limits.arm)
+        model = as_collisions(
+            self.collisions if planner is None else planner.collisions, limits.arm
+        )
         home = None if self.home is None else require_free(self.home, "home", limits, model)
         return replace(self, motion_limits=limits, collisions=model or False, home=home)
 
 
-def require_free(configuration: ArrayLike, name: str, limits: MotionLimits, collisions: Collisions | None) -> Array:
+def require_free(
+    configuration: ArrayLike, name: str, limits: MotionLimits, collisions: Collisions | None
+) -> Array:
     """Require one configuration (dof,) within the limits and without collisions."""
     q: Array = limits.arm.require_within_limits(configuration, name, single=True)
     if collisions is not None and collisions.collides(q):

@@ -48,13 +48,19 @@ def planning_time_scale(settings: PlanSettings) -> float:
     return max(1.0 / settings.speed_scale, 1.0 if settings.real_time else PLANNING_TIME_SCALE)
 
 
-def coarse_terms(problem: MotionProblem, settings: PlanSettings) -> tuple[Array, TrajectoryTerms, float]:
+def coarse_terms(
+    problem: MotionProblem, settings: PlanSettings
+) -> tuple[Array, TrajectoryTerms, float]:
     """Return times of the waypoints and terms on the planning time scale, and the joint motion weight of the search."""
     time = planning_time_scale(settings) * (problem.time - problem.time[0])
     share = SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
     speeds, tolerance = SPEED_SHARE * problem.limits.velocity, settings.budget.rel_tol
     terms = TrajectoryTerms(
-        share * 0.12, share * 4e-3, velocity=speeds, collisions=problem.collisions, rel_tol=tolerance
+        share * 0.12,
+        share * 4e-3,
+        velocity=speeds,
+        collisions=problem.collisions,
+        rel_tol=tolerance,
     )
     return time, terms, share * JOINT_MOTION_WEIGHT
 
@@ -84,8 +90,13 @@ class ArmPlanner:
         path = self.search(nodes, time[stages], joint_motion_weight)
         progress(0.6)
         q = optimize(problem[stages], time[stages], nodes.q[path], terms, POSITION_WEIGHTS[0])
-        q, coarse_tolerance = interpolated(time[stages], q, time), 1e-3  # [m]; less than this is met with the time
-        q = optimize_to_tolerance(problem, time, q, terms, max(settings.position_tolerance, coarse_tolerance))
+        q, coarse_tolerance = (
+            interpolated(time[stages], q, time),
+            1e-3,
+        )  # [m]; less than this is met with the time
+        q = optimize_to_tolerance(
+            problem, time, q, terms, max(settings.position_tolerance, coarse_tolerance)
+        )
         return time_parameterized(problem, q, settings, settings.position_tolerance)
 
     def roadmap(self, problem: MotionProblem, count: int, random: np.random.Generator) -> Roadmap:
@@ -96,15 +107,24 @@ class ArmPlanner:
         else:  # joints that do not change the ellipsoid are in their middle
             q, idle = self.bank.starts_for(targets, count), self.reachability_map.idle
             q[..., idle] = (0.5 * (self.limits.arm.lower + self.limits.arm.upper))[idle]
-            first, own = np.arange(len(q) + 1) * q.shape[1], targets[np.repeat(np.arange(len(q)), q.shape[1])]
+            first, own = (
+                np.arange(len(q) + 1) * q.shape[1],
+                targets[np.repeat(np.arange(len(q)), q.shape[1])],
+            )
             q = q.reshape(-1, q.shape[-1])
             q = q if targets.orientation is None else turned_to_rotations(own, q)
             nodes = Roadmap(q, own.cost(q), first)
         time = np.repeat(problem.time, np.diff(nodes.first))
         for cost in problem.costs:
-            nodes = replace(nodes, cost=nodes.cost + np.sum(cost.residual(nodes.q, time) ** 2, axis=1))
+            nodes = replace(
+                nodes, cost=nodes.cost + np.sum(cost.residual(nodes.q, time) ** 2, axis=1)
+            )
         nodes = self._held(nodes, problem.time) if self.limits.arm.chain.payload else nodes
-        return nodes if problem.collisions is None else nodes.without(problem.collisions.collides(nodes.q))
+        return (
+            nodes
+            if problem.collisions is None
+            else nodes.without(problem.collisions.collides(nodes.q))
+        )
 
     def _held(self, nodes: Roadmap, time: Array) -> Roadmap:
         """Drop nodes at which a joint cannot hold the payload; an error where a stage has no others."""
@@ -115,7 +135,9 @@ class ArmPlanner:
         least = np.minimum.reduceat(shares, nodes.first[:-1])
         if least.max() >= 1.0:
             stage = int(least.argmax())
-            node = int(nodes.first[stage] + shares[nodes.first[stage] : nodes.first[stage + 1]].argmin())
+            node = int(
+                nodes.first[stage] + shares[nodes.first[stage] : nodes.first[stage + 1]].argmin()
+            )
             joint = int((torques[node] / limits.effort).argmax())
             raise InvalidInputError(
                 f"{limits.arm.name!r} cannot hold its payload on the path {time[stage] - time[0]:.2f} s after the "
@@ -141,10 +163,16 @@ def time_parameterized(
     problem: MotionProblem, q: Array, settings: PlanSettings, tolerance: float
 ) -> tuple[Array, Trajectory]:
     """Time a trajectory, optimize it with the smoothness that this time demands, relax it, and time it again."""
-    time, limits, collisions = as_early_as_possible(problem, q, settings).time, problem.limits, problem.collisions
+    time, limits, collisions = (
+        as_early_as_possible(problem, q, settings).time,
+        problem.limits,
+        problem.collisions,
+    )
     weights = time_weights(problem.time) * np.ptp(time) / np.ptp(problem.time)
     speeds, accelerations = SPEED_SHARE * limits.velocity, SPEED_SHARE * limits.acceleration
-    terms = TrajectoryTerms(3e-3, 1e-6, weights, speeds, accelerations, collisions, settings.budget.rel_tol)
+    terms = TrajectoryTerms(
+        3e-3, 1e-6, weights, speeds, accelerations, collisions, settings.budget.rel_tol
+    )
     q = optimize_to_tolerance(problem, time, q, terms, tolerance)
     timed = as_early_as_possible(problem, q, settings)
     other = relaxed(problem, time, q, terms, tolerance)
@@ -152,7 +180,9 @@ def time_parameterized(
         return q, timed
     other_timed = as_early_as_possible(problem, other, settings)
     if collisions is not None:
-        before, after = (collisions.collides(motion.control_positions).mean() for motion in (timed, other_timed))
+        before, after = (
+            collisions.collides(motion.control_positions).mean() for motion in (timed, other_timed)
+        )
         if after > before:
             return q, timed
     return other, other_timed

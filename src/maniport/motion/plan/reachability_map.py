@@ -34,26 +34,48 @@ class ReachabilityMap:
     """Samples of an arm by the positions of their end effector; those that collide are left out."""
 
     def __init__(
-        self, arm: Arm, spec: EllipsoidSpec, n: int | None = None, random_state: Any = 0, collisions: Any = None
+        self,
+        arm: Arm,
+        spec: EllipsoidSpec,
+        n: int | None = None,
+        random_state: Any = 0,
+        collisions: Any = None,
     ):
         self.arm, self.spec = arm, spec
         self.collisions: Collisions | None = as_collisions(collisions, arm)
         probes = arm.sample(32, 0)
         poses, jacobian, _, changes = arm.posed_differentials(probes, spec)
         self.axis = Axis.of(jacobian, poses[:, :3, 3])
-        moves, shapes = np.abs(jacobian[:, :3]).max(axis=(0, 1)), np.abs(changes).max(axis=(0, 2, 3))
+        moves, shapes = (
+            np.abs(jacobian[:, :3]).max(axis=(0, 1)),
+            np.abs(changes).max(axis=(0, 2, 3)),
+        )
         negligible = 1e-9
         self.idle = (moves <= negligible * moves.max()) & (shapes <= negligible * shapes.max())
-        turns = np.abs(np.cross(jacobian[:, 3:, :, None], poses[:, :3, None, :3], axis=1)).max(axis=(0, 1))
-        self._idle_turns = self.idle[:, None] & (turns > negligible)  # which idle joints turn which axes (dof, 3)
+        turns = np.abs(np.cross(jacobian[:, 3:, :, None], poses[:, :3, None, :3], axis=1)).max(
+            axis=(0, 1)
+        )
+        self._idle_turns = self.idle[:, None] & (
+            turns > negligible
+        )  # which idle joints turn which axes (dof, 3)
         generator = as_generator(random_state)
-        self._allowed, self._first_limits = dict[EllipsoidSpec, Array](), (arm.lower[0], arm.upper[0])
-        self._count, self._generator = SAMPLES if n is None else as_count(n, "n"), deepcopy(generator)
-        arm.sample(1, generator)  # samples are drawn on first use, from a copy; the caller's generator moves on
+        self._allowed, self._first_limits = (
+            dict[EllipsoidSpec, Array](),
+            (arm.lower[0], arm.upper[0]),
+        )
+        self._count, self._generator = (
+            SAMPLES if n is None else as_count(n, "n"),
+            deepcopy(generator),
+        )
+        arm.sample(
+            1, generator
+        )  # samples are drawn on first use, from a copy; the caller's generator moves on
 
     @cached_property
     def _samples(self) -> Array:
-        return free_configurations(self.arm, self._count, deepcopy(self._generator), collisions=self.collisions)
+        return free_configurations(
+            self.arm, self._count, deepcopy(self._generator), collisions=self.collisions
+        )
 
     @cached_property
     def q(self) -> Array:
@@ -87,10 +109,19 @@ class ReachabilityMap:
 
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""
-        return (points, np.zeros(points.shape[:-1])) if self.axis is None else self.axis.cylindrical(points)
+        return (
+            (points, np.zeros(points.shape[:-1]))
+            if self.axis is None
+            else self.axis.cylindrical(points)
+        )
 
     def costs(
-        self, objective: Objective, ellipsoids: Array, positions: Array, count: int, demands: Sequence[Demand] = ()
+        self,
+        objective: Objective,
+        ellipsoids: Array,
+        positions: Array,
+        count: int,
+        demands: Sequence[Demand] = (),
     ) -> Array:
         """Cost d² + (`GAP_WEIGHT` · gap)² of samples next to positions (n, 3), for ellipsoids (n, d, d); shape (n,).
 
@@ -101,12 +132,19 @@ class ReachabilityMap:
         result = np.empty(len(positions))
         for begin in range(0, len(positions), BLOCK):
             part = slice(begin, begin + BLOCK)
-            rows, gaps, first, angles, cost = self._near(objective, ellipsoids[part], positions[part], count)
-            beyond, radius = first - np.clip(first, *self._first_limits), self.coordinates(positions[part])[0][:, :1]
+            rows, gaps, first, angles, cost = self._near(
+                objective, ellipsoids[part], positions[part], count
+            )
+            beyond, radius = (
+                first - np.clip(first, *self._first_limits),
+                self.coordinates(positions[part])[0][:, :1],
+            )
             cost += GAP_WEIGHT**2 * (gaps**2 + (2.0 * radius * np.sin(0.5 * beyond)) ** 2)
             for spec, vectors in demands:
                 turned = (self._turns(-angles) @ vectors[part, :, None])[..., 0]
-                shares = np.sqrt(np.einsum("ni,nkij,nj->nk", turned, self._inverses(spec)[rows], turned))
+                shares = np.sqrt(
+                    np.einsum("ni,nkij,nj->nk", turned, self._inverses(spec)[rows], turned)
+                )
                 cost += (EXCESS_WEIGHT * np.maximum(shares - 1.0, 0.0)) ** 2
             best = max(cost.shape[1] // 16, 1)
             result[part] = np.partition(cost, best - 1, axis=1)[:, :best].mean(axis=1)
@@ -146,7 +184,10 @@ class ReachabilityMap:
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
         chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
         possible = np.isfinite(np.take_along_axis(cost, chosen, axis=1))
-        q, owner = np.take_along_axis(q, chosen[..., None], axis=1)[possible], np.nonzero(possible)[0]
+        q, owner = (
+            np.take_along_axis(q, chosen[..., None], axis=1)[possible],
+            np.nonzero(possible)[0],
+        )
         if targets.orientation is not None:
             q = turned_to_rotations(targets[owner], q)
         assert targets.positions is not None
@@ -159,7 +200,9 @@ class ReachabilityMap:
             nearest = order[rank < MIN_NODES]
             kept[nearest] |= short[owner[nearest]]
         q, owner = self._with_whole_turns(q[kept], owner[kept])
-        return Roadmap(q, targets[owner].cost(q), np.searchsorted(owner, np.arange(len(targets) + 1)))
+        return Roadmap(
+            q, targets[owner].cost(q), np.searchsorted(owner, np.arange(len(targets) + 1))
+        )
 
     def _turned_samples(self, targets: Targets, count: int) -> tuple[Array, Array]:
         """Return samples next to each target's position, turned there (n, k, dof), and their costs (n, k)."""
@@ -180,7 +223,9 @@ class ReachabilityMap:
         q[..., 0] = first
         return q, cost
 
-    def _with_whole_turns(self, q: Array, owner: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+    def _with_whole_turns(
+        self, q: Array, owner: NDArray[np.intp]
+    ) -> tuple[Array, NDArray[np.intp]]:
         """Add configurations (n, dof) a whole turn of the first joint away that its limits allow."""
         if self.axis is None:
             return q, owner

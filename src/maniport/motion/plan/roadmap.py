@@ -17,7 +17,9 @@ NEWTON_STEPS = 4
 LARGEST_CHANGE = {"rad": 1.0, "m": 0.3}
 """Change of a joint from stage to stage above which it jumps. With 0.6 rad and 0.2 m, force ellipsoids of UR5 and
 G1 are 8 and 12 % farther from their targets."""
-JOINT_MOTION_WEIGHT = 0.3  # Weight of squared joint velocities relative to d²; with 0.02 the motion is 1 % worse
+JOINT_MOTION_WEIGHT = (
+    0.3  # Weight of squared joint velocities relative to d²; with 0.02 the motion is 1 % worse
+)
 
 
 @dataclass(frozen=True)
@@ -26,13 +28,17 @@ class Roadmap:
 
     q: Array  # (n, dof)
     cost: Array  # (n,), by the objective
-    first: NDArray[np.intp]  # (stages + 1,); nodes of stage s are first[s] to first[s + 1], at least one
+    first: NDArray[
+        np.intp
+    ]  # (stages + 1,); nodes of stage s are first[s] to first[s + 1], at least one
 
     def without(self, bad: NDArray[np.bool_]) -> "Roadmap":
         """Drop bad nodes, except at stages that have no others."""
         owner = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
         kept = ~bad | ~np.isin(owner, owner[~bad])
-        return Roadmap(self.q[kept], self.cost[kept], np.searchsorted(owner[kept], np.arange(len(self.first))))
+        return Roadmap(
+            self.q[kept], self.cost[kept], np.searchsorted(owner[kept], np.arange(len(self.first)))
+        )
 
 
 def stages_of(time: Array, longest: float) -> NDArray[np.intp]:
@@ -109,7 +115,10 @@ def turned_to_rotations(targets: Targets, q: Array) -> Array:
     """Turn end effectors at q (n, dof) toward their target rotations, and bring them near their positions."""
     arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
     for _ in range(NEWTON_STEPS):
-        gradient, hessian = np.zeros(q.shape), np.tile(np.eye(arm.dof), (len(q), 1, 1))  # a little weight on motion
+        gradient, hessian = (
+            np.zeros(q.shape),
+            np.tile(np.eye(arm.dof), (len(q), 1, 1)),
+        )  # a little weight on motion
         targets.add_pose(q, arm.motion(q), gradient, hessian)
         q = _stepped(arm, q, -np.linalg.solve(hessian, gradient[..., None])[..., 0])
     return q

@@ -26,7 +26,9 @@ from maniport.util.defaults import RATE
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
-POWERS = np.array([1, 2, 3, 2, 3])  # of the speed that shares grow with: derivatives, torque and torque rate
+POWERS = np.array(
+    [1, 2, 3, 2, 3]
+)  # of the speed that shares grow with: derivatives, torque and torque rate
 RISE_TIME = 0.03
 """Longest time in which a torque rises from that of gravity at its limit of rate [s]. With 0.02 s the ladder recording
 takes 52.2 s instead of 49.7 s; without a limit, it leaves its path by 3.5 mm instead of 2.3 mm."""
@@ -36,14 +38,18 @@ PATH_TOLERANCE = 1e-4
 """Largest distance of a path beyond a limit that needs no other spline [rad or m]."""
 
 
-def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float = RATE) -> Trajectory:
+def retime(
+    limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float = RATE
+) -> Trajectory:
     """Pass waypoints (n, dof) at the demonstrated times (n,), or as soon as the limits allow where that is later.
 
     The result goes from rest at 0 s to rest and passes the waypoints at its ``time``. First, second and third
     differences of its samples, `rate` per second, are within the limits, and so are the positions. A joint that
     gravity alone overloads along the path exceeds its torque limit, by at most 5 % more.
     """
-    path = JointPath.through(np.asarray(time), np.asarray(q, dtype=float), limits.arm.lower, limits.arm.upper)
+    path = JointPath.through(
+        np.asarray(time), np.asarray(q, dtype=float), limits.arm.lower, limits.arm.upper
+    )
     require_few(path.grid[-1] * rate)
     own, (limits, rows) = limits, _constraints(limits, path)
     speed = _fastest(limits, path, rows)
@@ -58,7 +64,9 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
 def with_approach(motion: Trajectory, limits: MotionLimits, home: Array) -> Trajectory:
     """Begin and end at a home configuration, with straight joint motions at 30 % of the limits, from rest to rest."""
     rate = (len(motion.control_time) - 1) / motion.control_time[-1]
-    slow = replace(limits, **{quantity: 0.3 * getattr(limits, quantity) for quantity in DERIVATIVES})
+    slow = replace(
+        limits, **{quantity: 0.3 * getattr(limits, quantity) for quantity in DERIVATIVES}
+    )
 
     def straight(first: Array, last: Array) -> Array:
         duration = float((np.abs(last - first) / slow.velocity).max())  # with velocity limits alone
@@ -70,7 +78,9 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: Array) -> Traj
     before, after = straight(home, own[0]), straight(own[-1], home)
     positions = np.concatenate([before, own, after])
     time = np.arange(len(positions)) / rate
-    return Trajectory.of_positions(limits.arm, motion.time + len(before) / rate, time, positions, limits)
+    return Trajectory.of_positions(
+        limits.arm, motion.time + len(before) / rate, time, positions, limits
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,27 +98,40 @@ class JointPath:
         """Lay a cubic spline through waypoints (n, dof) at increasing times (n,), within limits."""
         since = times - times[0]
         spline = make_interp_spline(since, points, k=min(3, len(since) - 1))
-        overshoots = np.any((spline.c < lower - PATH_TOLERANCE) | (spline.c > upper + PATH_TOLERANCE))
+        overshoots = np.any(
+            (spline.c < lower - PATH_TOLERANCE) | (spline.c > upper + PATH_TOLERANCE)
+        )
         spline.c = np.clip(spline.c, lower, upper)  # a B-spline lies between its coefficients
         pieces, finer = np.ones(len(since) - 1, np.int64), 32
         if overshoots:
-            fine = np.interp(np.arange(finer * (len(since) - 1) + 1) / finer, np.arange(len(since)), since)
-            plain, spline = spline, make_interp_spline(fine, _within(since, points, fine, finer, lower, upper), k=3)
+            fine = np.interp(
+                np.arange(finer * (len(since) - 1) + 1) / finer, np.arange(len(since)), since
+            )
+            plain, spline = (
+                spline,
+                make_interp_spline(fine, _within(since, points, fine, finer, lower, upper), k=3),
+            )
             spline.c = np.clip(spline.c, lower, upper)
             moved = np.abs(plain(fine) - spline(fine)).max(axis=1) > PATH_TOLERANCE
             pieces[np.minimum(np.flatnonzero(moved) // finer, len(since) - 2)] = finer
         count = np.clip(since[-1] / 15e-3, 1250, 2500)  # twice as many make a motion 0.4 % shorter
-        n_pieces = np.maximum(pieces, np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64))
+        n_pieces = np.maximum(
+            pieces, np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64)
+        )
         knots = np.concatenate([[0], np.cumsum(n_pieces)])
         grid = np.interp(np.arange(knots[-1] + 1), knots, since)
         return cls(spline, grid, spline(grid, 1), spline(grid, 2), knots)
 
     def passed(self, speed: Array) -> Array:
         """Return times of the grid points [s] for parameter speeds (k,) with squares that are linear between them."""
-        return np.concatenate([[0.0], np.cumsum(2.0 * np.diff(self.grid) / (speed[1:] + speed[:-1]))])
+        return np.concatenate(
+            [[0.0], np.cumsum(2.0 * np.diff(self.grid) / (speed[1:] + speed[:-1]))]
+        )
 
 
-def _within(since: Array, points: Array, fine: Array, finer: int, lower: Array, upper: Array) -> Array:
+def _within(
+    since: Array, points: Array, fine: Array, finer: int, lower: Array, upper: Array
+) -> Array:
     """Positions (m, dof) of a path through waypoints that stays within limits, at times `fine` (m,)."""
     slopes = make_interp_spline(since, points, k=min(3, len(since) - 1))(since, 1)
     flat = np.asarray(PchipInterpolator(since, points)(since, 1))
@@ -124,15 +147,25 @@ def _within(since: Array, points: Array, fine: Array, finer: int, lower: Array, 
         slopes = np.where(wrong, flat, slopes)
 
 
-Rows = tuple[Array, Array, Array, Array]  # a, b, low and high of constraints low ≤ a u + b x ≤ high, (k, m) each
+Rows = tuple[
+    Array, Array, Array, Array
+]  # a, b, low and high of constraints low ≤ a u + b x ≤ high, (k, m) each
 
 
 def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, list[Rows]]:
     """Constraints of accelerations and torques at the grid points and between them; torque limits leave gravity 5 %."""
     # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
-    allowed, middles = np.minimum(limits.acceleration, 0.1 * limits.jerk), 0.5 * (path.grid[1:] + path.grid[:-1])
-    points = [(path.grid, path.first, path.second), (middles, path.spline(middles, 1), path.spline(middles, 2))]
-    rows: list[Any] = [(a / allowed, b / allowed, -np.ones(a.shape), np.ones(a.shape)) for _, a, b in points]
+    allowed, middles = (
+        np.minimum(limits.acceleration, 0.1 * limits.jerk),
+        0.5 * (path.grid[1:] + path.grid[:-1]),
+    )
+    points = [
+        (path.grid, path.first, path.second),
+        (middles, path.spline(middles, 1), path.spline(middles, 2)),
+    ]
+    rows: list[Any] = [
+        (a / allowed, b / allowed, -np.ones(a.shape), np.ones(a.shape)) for _, a, b in points
+    ]
     if limits.dynamics is None or not np.isfinite(limits.effort).any():
         return limits, rows
     terms = [limits.dynamics.along(path.spline(at), first, second) for at, first, second in points]
@@ -154,9 +187,14 @@ def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows]) -> Arr
     """Parameter speeds at the grid, shape (k,): at most 1."""
     steps = np.diff(path.grid)
     middles = path.grid[:-1] + 0.5 * steps
-    used, between = ((np.abs(slope) / limits.velocity).max(axis=1) for slope in (path.first, path.spline(middles, 1)))
+    used, between = (
+        (np.abs(slope) / limits.velocity).max(axis=1)
+        for slope in (path.first, path.spline(middles, 1))
+    )
     used = np.maximum(used, np.maximum(np.append(between, 0.0), np.append(0.0, between)))
-    most = np.minimum(1.0, 0.999 / np.maximum(used, 0.999))  # a little less, since samples lie between grid points
+    most = np.minimum(
+        1.0, 0.999 / np.maximum(used, 0.999)
+    )  # a little less, since samples lie between grid points
     # each constraint holds at the start, middle and end of a piece
     (a, b, *bounds), (a_middle, b_middle, *middle_bounds) = rows
     ahead, speed = steps[:, None], np.empty(len(path.grid))
@@ -174,7 +212,9 @@ def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows]) -> Arr
     return speed
 
 
-def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -> tuple[Array, int, Array]:
+def _sampled(
+    limits: MotionLimits, path: JointPath, speed: Array, rate: float
+) -> tuple[Array, int, Array]:
     """Return samples with limited jerk, the number of samples at rest, and the shares of `_largest_shares`."""
     passed = path.passed(speed)
     require_few(passed[-1] * rate)
@@ -184,8 +224,15 @@ def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -
     gain = 0.5 * np.diff(speed**2) / np.diff(path.grid)
     parameter = path.grid[cell] + since * (speed[cell] + 0.5 * gain[cell] * since)
     inside = np.clip(parameter, path.grid[cell], path.grid[cell + 1])
-    raw = np.ascontiguousarray(path.spline(inside).T)  # a joint a row: differences along rows are faster
-    abrupt = (2.0 * rate**2 * np.abs(np.diff(np.pad(raw, ((0, 0), (1, 1)), "edge"), 2)).max(axis=1) / limits.jerk).max()
+    raw = np.ascontiguousarray(
+        path.spline(inside).T
+    )  # a joint a row: differences along rows are faster
+    abrupt = (
+        2.0
+        * rate**2
+        * np.abs(np.diff(np.pad(raw, ((0, 0), (1, 1)), "edge"), 2)).max(axis=1)
+        / limits.jerk
+    ).max()
     torques = np.zeros((0, raw.shape[1]))
     if np.isfinite(limits.effort_rate).any() and limits.dynamics is not None:
         # the torques of averaged positions are nearly the averaged torques
@@ -194,10 +241,16 @@ def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -
         abrupt = max(abrupt, 2.2 * np.abs(moving).max())
     widest = max(0, int(np.ceil(0.5 * (abrupt * rate - 1.0))))
     require_few(len(clock) + 2.0 * widest)
-    held, held_torques = (np.pad(own, ((0, 0), (widest + REST, widest + REST)), "edge") for own in (raw, torques))
+    held, held_torques = (
+        np.pad(own, ((0, 0), (widest + REST, widest + REST)), "edge") for own in (raw, torques)
+    )
 
     def averaged(values: Array, half: int) -> Array:
-        average = uniform_filter1d(values, 2 * half + 1, axis=1, mode="nearest") if len(values) else values
+        average = (
+            uniform_filter1d(values, 2 * half + 1, axis=1, mode="nearest")
+            if len(values)
+            else values
+        )
         return np.asarray(average[:, widest - half : values.shape[1] - widest + half])
 
     def smoothed(half: int) -> Array:
@@ -219,9 +272,14 @@ def _largest_shares(limits: MotionLimits, samples: Array, rate: float) -> Array:
     for i, quantity in enumerate(DERIVATIVES):
         changes = np.abs(np.diff(samples.T, i + 1)).max(axis=1)
         shares[i] = (rate ** (i + 1) * changes / getattr(limits, quantity)).max()
-    if limits.dynamics is not None and (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any():
+    if (
+        limits.dynamics is not None
+        and (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any()
+    ):
         torques, held = limits.torques(samples, rate), limits.dynamics.gravity(samples)
-        left = np.maximum(limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6))
+        left = np.maximum(
+            limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6)
+        )
         shares[3] = (np.abs(torques - held) / left).max()
         shares[4] = (np.abs(np.diff(torques, axis=0)) * (rate / limits.effort_rate)).max()
     return shares
@@ -255,7 +313,9 @@ def _largest_start(a, b, low, high, step, limit, end):  # type: ignore[no-untype
                 x = high[m] / b[m]
             elif b[m] * x < low[m]:
                 x = low[m] / b[m]
-    for _ in range(2 * len(a) + 4):  # Newton's method on a convex function: each iteration leaves a line for good
+    for _ in range(
+        2 * len(a) + 4
+    ):  # Newton's method on a convex function: each iteration leaves a line for good
         lower, lower_slope, upper, upper_slope = _accelerations(a, b, low, high, step, x, end)
         gap = lower - upper
         if gap <= 1e-12 * (abs(lower) + abs(upper)):

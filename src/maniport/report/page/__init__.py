@@ -25,7 +25,9 @@ CARDS = ("distance", "position_error", "orientation_error", "limits", "collision
 SCRIPTS = ("geometry", "surface", "scene", "curves", "strips", "states", "player", "page", "print")
 
 
-def write_page(path: str | os.PathLike[str], report: Report, animation: Animation | None = None) -> None:
+def write_page(
+    path: str | os.PathLike[str], report: Report, animation: Animation | None = None
+) -> None:
     """Write a report, with an animation in its first section, to an HTML file, whole or not at all."""
     write_text(path, as_html(report, animation))
 
@@ -36,17 +38,27 @@ def as_html(report: Report, animation: Animation | None = None, largest: int = 6
         text = _page(report, animation, frames)
         if (size := len(text.encode())) < largest:
             return text
-    raise InvalidInputError(f"a page must stay below {largest / 1e6:g} MB; found {size / 1e6:.1f} MB")
+    raise InvalidInputError(
+        f"a page must stay below {largest / 1e6:g} MB; found {size / 1e6:.1f} MB"
+    )
 
 
-def document(title: str, body: str, script: str, style: str = "", data: str = "", end: str = "") -> str:
+def document(
+    title: str, body: str, script: str, style: str = "", data: str = "", end: str = ""
+) -> str:
     """Return an HTML file that loads nothing, in the style of all pages."""
-    colors = templates().get_template("colors.css").render(roles=ROLES.values(), states=STATES.values())
+    colors = (
+        templates().get_template("colors.css").render(roles=ROLES.values(), states=STATES.values())
+    )
     parts = {"script": script, "style": colors + _asset("page.css") + style}
     # names of the script and the style sheet for the security policy of the page, which allows no other
     hashes = {f"{name}_hash": f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
               for name, text in parts.items()}  # fmt: skip
-    values = parts | hashes | {"title": title, "body": body, "data": data, "end": end, "version": __version__}
+    values = (
+        parts
+        | hashes
+        | {"title": title, "body": body, "data": data, "end": end, "version": __version__}
+    )
     return templates().get_template("document.html").render(**values)
 
 
@@ -56,8 +68,14 @@ def _page(report: Report, animation: Animation | None, frames: int) -> str:
             if k and section.title and not section.folded]  # fmt: skip
     data, note, end = "", "", ""
     if animation is not None:
-        menu[:0] = [(title, f"motion-{i}") for i, title in enumerate(animation.panels)]  # the scripts give these ids
-        few = f" {frames} of {len(animation.time)} times are included." if len(animation.time) > frames else ""
+        menu[:0] = [
+            (title, f"motion-{i}") for i, title in enumerate(animation.panels)
+        ]  # the scripts give these ids
+        few = (
+            f" {frames} of {len(animation.time)} times are included."
+            if len(animation.time) > frames
+            else ""
+        )
         note, end = animation.note + few, " Keys: space to play, ← and → to step."
         data = f'<script type="application/json" id="motion">{as_json(animation, frames)}</script>'
     if any(section.folded for section in report.sections):
@@ -73,8 +91,12 @@ def _page(report: Report, animation: Animation | None, frames: int) -> str:
 @cache
 def templates() -> jinja2.Environment:
     """Return the templates of pages."""
-    loader = jinja2.FunctionLoader(lambda name: files(__package__).joinpath("templates", name).read_text("utf-8"))
-    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    loader = jinja2.FunctionLoader(
+        lambda name: files(__package__).joinpath("templates", name).read_text("utf-8")
+    )
+    environment = jinja2.Environment(
+        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
     environment.filters["linked"] = _linked
     return environment
 
@@ -82,7 +104,9 @@ def templates() -> jinja2.Environment:
 def _linked(text: str, moves: bool) -> Markup:
     """Escape a text, "84 %" in one line; its times become links where the page has a motion."""
     safe = str(escape(re.sub(r"(?<=\d) (?=%)", "\xa0", text)))
-    return Markup(re.sub(r"\bat (-?\d+\.\d) s\b", r'<a href="#t=\1">\g<0></a>', safe) if moves else safe)
+    return Markup(
+        re.sub(r"\bat (-?\d+\.\d) s\b", r'<a href="#t=\1">\g<0></a>', safe) if moves else safe
+    )
 
 
 @cache

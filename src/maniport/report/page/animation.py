@@ -58,7 +58,10 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     moves = "translates" if spec.part == "translation" else "rotates"
     speed = "unit joint speed" if spec.joint_weights is None else "the joint speeds of its weights"
-    notes = [MEANINGS[spec.kind].format(moves, speed), f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long."]
+    notes = [
+        MEANINGS[spec.kind].format(moves, speed),
+        f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long.",
+    ]
     if spec.part == "full":
         notes = ["Ellipsoids of six dimensions cannot be drawn; their distances can."]
     persons = [_person(arm, spec) for arm in result.arms if isinstance(arm, ArmTransfer)]
@@ -79,27 +82,43 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         unit=spec.bounded.unit,
         clocks={"robot": moved[0].time} if transferred and moved else {},
         note=" ".join(notes),
-        states=tuple(max(worst, key=order.index) for worst in zip(*(item.status for item in moved), strict=True)),
+        states=tuple(
+            max(worst, key=order.index)
+            for worst in zip(*(item.status for item in moved), strict=True)
+        ),
     )
 
 
 def _person(arm: ArmTransfer, spec: EllipsoidSpec) -> Body:
     """Return an arm of the person, about the middle of the neck."""
-    skeleton = arm.fit.arm.skeleton(arm.fit.joint_angles) - np.array([0.0, middle_of(arm.fit.arm), 0.0])
-    return Body("Person", skeleton, {role: own for role, own in _profiles_of(arm, spec).items() if role == PERSON.name})
+    skeleton = arm.fit.arm.skeleton(arm.fit.joint_angles) - np.array(
+        [0.0, middle_of(arm.fit.arm), 0.0]
+    )
+    return Body(
+        "Person",
+        skeleton,
+        {role: own for role, own in _profiles_of(arm, spec).items() if role == PERSON.name},
+    )
 
 
 def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
     """Return the arms of the robot; links that several arms share are drawn once."""
     bodies: list[Body] = []
     motions = [arm.motion for arm in result.arms if arm.motion is not None]
-    surfaces, reason = surfaces_of([arm.robot for arm in result.arms], [own.joint_positions[0] for own in motions])
+    surfaces, reason = surfaces_of(
+        [arm.robot for arm in result.arms], [own.joint_positions[0] for own in motions]
+    )
     if reason:  # the page is useful without surfaces
         notes.append(f"{result.robot.name} is drawn as a skeleton: {reason}.")
     for arm, motion, own in zip(result.arms, motions, surfaces, strict=True):
-        poses, skeleton = arm.robot.link_poses(motion.joint_positions), arm.robot.skeleton(motion.joint_positions)
+        poses, skeleton = (
+            arm.robot.link_poses(motion.joint_positions),
+            arm.robot.skeleton(motion.joint_positions),
+        )
         parts = tuple(Part(*_joined(surface), poses[:, surface.joint]) for surface in own)
-        drawn = {role: points for role, points in _profiles_of(arm, spec).items() if role != PERSON.name}
+        drawn = {
+            role: points for role, points in _profiles_of(arm, spec).items() if role != PERSON.name
+        }
         bodies.append(Body(arm.robot.name, skeleton, drawn, motion.path, parts))
     rotation = None
     if isinstance(result, TransferResult):
@@ -116,7 +135,9 @@ def _joined(surface: Surface) -> tuple[Array, NDArray[np.integer]]:
     return points, places.reshape(-1, 3)
 
 
-def surfaces_of(arms: Sequence[Arm], configurations: Sequence[Array]) -> tuple[list[list[Surface]], str]:
+def surfaces_of(
+    arms: Sequence[Arm], configurations: Sequence[Array]
+) -> tuple[list[list[Surface]], str]:
     """Return the surfaces of each arm of a robot, those that arms share once, or none and the reason in one line.
 
     Surfaces of two arms with one pose at their configurations (dof,) and bounds that differ by less than 1 cm are the
@@ -145,7 +166,9 @@ def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:
     if isinstance(arm, ArmTransfer):
         profiles = {PERSON.name: arm.demonstrated_profile, TARGET.name: arm.target_profile}
         if spec.kind == "force":
-            profiles = {role: np.asarray(np.linalg.inv(profile)) for role, profile in profiles.items()}
+            profiles = {
+                role: np.asarray(np.linalg.inv(profile)) for role, profile in profiles.items()
+            }
     if arm.motion is not None:
         profiles |= {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
     return {} if spec.part == "full" else profiles
@@ -159,11 +182,15 @@ def _panels_of(
     if motion is not None:
         lines = [Line("achieved", motion.distance)]
         if motion.pointwise_best is not None:
-            lines.append(Line("best pointwise distance found", motion.pointwise_best, REFERENCE.name, 1))
+            lines.append(
+                Line("best pointwise distance found", motion.pointwise_best, REFERENCE.name, 1)
+            )
         label, unit, meaning = STATISTICS["distance"]
         panels = [Panel(label, unit, tuple(lines), meaning)]
         if motion.position_error is not None:
-            line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))  # the axis is logarithmic
+            line = Line(
+                "end effector", np.maximum(1e3 * motion.position_error, 1e-2)
+            )  # the axis is logarithmic
             label, unit, meaning = STATISTICS["position_error"]
             panels.append(Panel(label, unit, (line,), meaning, logarithmic=True))
         yield "Distance and position error", panels
@@ -172,17 +199,29 @@ def _panels_of(
         if motion is not None:
             angle = Line("longest axis", np.degrees(motion.major_axis_angle))
             meaning = "Between target and achieved. The line breaks where two axes have one length."
-            panels.insert(0, Panel(STATISTICS["major_axis_angle"][0], "°", (angle,), meaning, span=(0.0, 90.0)))
+            panels.insert(
+                0,
+                Panel(STATISTICS["major_axis_angle"][0], "°", (angle,), meaning, span=(0.0, 90.0)),
+            )
         yield "Ellipsoids", panels
     if motion is not None:
         robot = result.robot
         names = [robot.joint_names[column] for column in robot.columns[result.arms.index(arm)]]
         panels = _joints(arm.robot, motion.joint_positions, ACHIEVED.name, names)
         if robot.shared and arm is result.arms[0]:
-            yield f"Shared joints of {robot.name}", [panel for panel in panels if panel.title in robot.shared]
-        yield f"Joints of {robot.name}", [panel for panel in panels if panel.title not in robot.shared]
+            yield (
+                f"Shared joints of {robot.name}",
+                [panel for panel in panels if panel.title in robot.shared],
+            )
+        yield (
+            f"Joints of {robot.name}",
+            [panel for panel in panels if panel.title not in robot.shared],
+        )
     if isinstance(arm, ArmTransfer):
-        yield HUMAN_JOINTS, _joints(arm.fit.arm, arm.fit.joint_angles, PERSON.name, arm.fit.arm.joint_names)
+        yield (
+            HUMAN_JOINTS,
+            _joints(arm.fit.arm, arm.fit.joint_angles, PERSON.name, arm.fit.arm.joint_names),
+        )
 
 
 def _alternated(panels: Sequence[Sequence[Panel]], names: Sequence[str]) -> tuple[Panel, ...]:
@@ -191,20 +230,28 @@ def _alternated(panels: Sequence[Sequence[Panel]], names: Sequence[str]) -> tupl
         return tuple(panels[0])
     rows = zip_longest(*panels)
     pairs = (pair for row in rows for pair in zip(names, row, strict=True) if pair[1] is not None)
-    return tuple(replace(panel, title=f"{name.capitalize()}: {panel.title}") for name, panel in pairs)
+    return tuple(
+        replace(panel, title=f"{name.capitalize()}: {panel.title}") for name, panel in pairs
+    )
 
 
 def _joints(arm: Arm, positions: Array, role: str, names: Sequence[str]) -> list[Panel]:
     """Return a panel for each joint with its limits; positions (n, dof) [rad or m], angles are drawn in degrees."""
     panels = []
     for k, name in enumerate(names):
-        unit, factor = ("°", 180.0 / np.pi) if arm.joint_units[k] == "rad" else (arm.joint_units[k], 1.0)
+        unit, factor = (
+            ("°", 180.0 / np.pi) if arm.joint_units[k] == "rad" else (arm.joint_units[k], 1.0)
+        )
         low, high = factor * float(arm.lower[k]), factor * float(arm.upper[k])
-        panel = Panel(name, unit, (Line("", factor * positions[:, k], role),), "No limits.", strip=True)
+        panel = Panel(
+            name, unit, (Line("", factor * positions[:, k], role),), "No limits.", strip=True
+        )
         if np.isfinite(high - low):
             margin = 0.06 * (high - low)
             meaning = f"Limits {low:.3g} and {high:.3g} {unit}.".replace("-", "−")
-            panel = replace(panel, meaning=meaning, limits=(low, high), span=(low - margin, high + margin))
+            panel = replace(
+                panel, meaning=meaning, limits=(low, high), span=(low - margin, high + margin)
+            )
         panels.append(panel)
     return panels
 
@@ -214,7 +261,9 @@ def semi_axis_panels(profiles: Mapping[str, Array], unit: str) -> list[Panel]:
     curves = {role: lengths(points)[:, ::-1] for role, points in profiles.items()}
     d = next(iter(curves.values())).shape[1]
     panels = []
-    for k, word in enumerate(("Longest", "Middle", "Shortest") if d == 3 else ("Longest", "Shortest")):
+    for k, word in enumerate(
+        ("Longest", "Middle", "Shortest") if d == 3 else ("Longest", "Shortest")
+    ):
         lines = tuple(Line(role, axes[:, k], role, wide=role == TARGET.name and len(curves) > 1)
                       for role, axes in curves.items())  # fmt: skip
         panels.append(Panel(f"{word} semi-axis", unit, lines))
@@ -227,7 +276,9 @@ def _panels_of_learned(learned: LearnedProfile) -> dict[str, tuple[Panel, ...]]:
     semi_axes, demonstrated = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
     d, unit, outlier = semi_axes.shape[1], learned.config.spec.unit, learned.agreement.outlier
 
-    def panel(title: str, unit: str, several: Array, values: Array, factor: Array | None = None) -> Panel:
+    def panel(
+        title: str, unit: str, several: Array, values: Array, factor: Array | None = None
+    ) -> Panel:
         lines = [Line(name, item, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)
                  for k, (name, item) in enumerate(zip(learned.names, several, strict=True))]  # fmt: skip
         curves = {"learned": values}

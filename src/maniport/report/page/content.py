@@ -59,7 +59,11 @@ STATES = {
 
 HUMAN_JOINTS = "Joints of the person"  # Topic of panels
 
-FORMS = {"f32": "<f4", "u16": "<u2", "u32": "<u4"}  # Numbers of encoded arrays, in little-endian order
+FORMS = {
+    "f32": "<f4",
+    "u16": "<u2",
+    "u32": "<u4",
+}  # Numbers of encoded arrays, in little-endian order
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +81,9 @@ class Body:
 
     name: str
     skeleton: Array  # (n, k, 3) corners of the polyline from base to end effector [m]
-    ellipsoids: Mapping[str, Array] = field(default_factory=dict)  # (n, d, d) by role, d ≤ 3, in the animation's unit
+    ellipsoids: Mapping[str, Array] = field(
+        default_factory=dict
+    )  # (n, d, d) by role, d ≤ 3, in the animation's unit
     path: Array | None = None  # (n, 3) target positions of the end effector [m]
     parts: tuple[Part, ...] = ()  # surfaces, which replace the skeleton
 
@@ -134,8 +140,13 @@ class Animation:
 def as_json(animation: Animation, frames: int) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
     kept, names = evenly_spaced(len(animation.time), frames), list(STATES)
-    time, states = animation.time[kept], [names.index(animation.states[k]) for k in kept if animation.states]
-    drawn = {role for stage in animation.stages for body in stage.bodies for role in body.ellipsoids}
+    time, states = (
+        animation.time[kept],
+        [names.index(animation.states[k]) for k in kept if animation.states],
+    )
+    drawn = {
+        role for stage in animation.stages for body in stage.bodies for role in body.ellipsoids
+    }
     data = vars(animation) | {
         "legend": {role.name: role.about for role in ROLES.values() if role.name in drawn},
         "start": float(time[0]),
@@ -204,7 +215,11 @@ def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
     poses, form = part.poses[kept, :3], "u16" if part.triangles.max(initial=0) < 2**16 else "u32"
     still = np.abs(poses - poses[0]).max() < 1e-9
     poses = poses[:1] if still else poses
-    return {"points": packed(part.points), "triangles": packed(part.triangles, form), "poses": packed(poses)}
+    return {
+        "points": packed(part.points),
+        "triangles": packed(part.triangles, form),
+        "poses": packed(poses),
+    }
 
 
 def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
@@ -212,7 +227,10 @@ def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
     package = rerun()
     place = package.escape_entity_path_part  # a name as one part of an entity path
     clocks = {"time": animation.time, **animation.clocks}
-    columns = [package.TimeColumn(name, duration=(time - time[0]).tolist()) for name, time in clocks.items()]
+    columns = [
+        package.TimeColumn(name, duration=(time - time[0]).tolist())
+        for name, time in clocks.items()
+    ]
     with written_whole(path) as temporary:
         stream = package.RecordingStream("maniport")
         stream.save(temporary)
@@ -227,14 +245,20 @@ def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
                 title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
                 for line in panel.lines:
                     where = "/".join(map(place, filter(None, ("curves", topic, title, line.name))))
-                    look = package.SeriesLines(colors=[ROLES[line.role].rgb], names=[line.name or title])
+                    look = package.SeriesLines(
+                        colors=[ROLES[line.role].rgb], names=[line.name or title]
+                    )
                     stream.log(where, look, static=True)
-                    stream.send_columns(where, indexes=columns, columns=package.Scalars.columns(scalars=line.values))
+                    stream.send_columns(
+                        where, indexes=columns, columns=package.Scalars.columns(scalars=line.values)
+                    )
         stream.flush()
         stream.disconnect()
 
 
-def _log_arm(package: Any, stream: Any, body: Body, home: str, clocks: list[Any], size: float) -> None:
+def _log_arm(
+    package: Any, stream: Any, body: Body, home: str, clocks: list[Any], size: float
+) -> None:
     grey = 190, 196, 204
 
     def log(where: str, look: Any, columns: Any) -> None:
@@ -244,16 +268,30 @@ def _log_arm(package: Any, stream: Any, body: Body, home: str, clocks: list[Any]
     fill = package.components.FillMode
     for role, ellipsoids in body.ellipsoids.items():
         lengths, directions = axes(ellipsoids)
-        directions[..., 0] *= np.sign(np.linalg.det(directions))[:, None]  # axes are lines; rotations are right-handed
+        directions[..., 0] *= np.sign(np.linalg.det(directions))[
+            :, None
+        ]  # axes are lines; rotations are right-handed
         mode = fill.MajorWireframe if role == TARGET.name else fill.Solid
         look = package.Ellipsoids3D.from_fields(colors=[ROLES[role].rgb], fill_mode=mode)
         turns = Rotation.from_matrix(directions).as_quat()
         centers = body.skeleton[:, -1]
-        log(role, look, package.Ellipsoids3D.columns(half_sizes=size * lengths, centers=centers, quaternions=turns))
+        log(
+            role,
+            look,
+            package.Ellipsoids3D.columns(
+                half_sizes=size * lengths, centers=centers, quaternions=turns
+            ),
+        )
     for k, part in enumerate(body.parts):
-        mesh = package.Mesh3D(vertex_positions=part.points, triangle_indices=part.triangles, albedo_factor=grey)
+        mesh = package.Mesh3D(
+            vertex_positions=part.points, triangle_indices=part.triangles, albedo_factor=grey
+        )
         turns = Rotation.from_matrix(part.poses[:, :3, :3]).as_quat()
-        log(f"links/{k}", mesh, package.Transform3D.columns(translation=part.poses[:, :3, 3], quaternion=turns))
+        log(
+            f"links/{k}",
+            mesh,
+            package.Transform3D.columns(translation=part.poses[:, :3, 3], quaternion=turns),
+        )
     if not body.parts:
         look = package.LineStrips3D.from_fields(colors=[grey], radii=[0.012])
         log("skeleton", look, package.LineStrips3D.columns(strips=list(body.skeleton)))

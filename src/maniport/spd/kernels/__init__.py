@@ -24,8 +24,13 @@ from maniport.spd.kernels.loops import (
 )
 from maniport.util.validation import SPD_TOLERANCE, Array
 
-MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150  # Range of the eigenvalues that an exponential or power may produce
-ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
+MIN_EIGENVALUE, MAX_EIGENVALUE = (
+    1e-150,
+    1e150,
+)  # Range of the eigenvalues that an exponential or power may produce
+ROUNDED = (
+    0.1 * SPD_TOLERANCE
+)  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 
 ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
 
@@ -58,7 +63,10 @@ def distances(a: Array, b: Array) -> Array:
     results = _run(distance_loop, (a, b), (0,))[0]
     if math.isnan(np.vdot(results, results)):  # faster than isnan and any
         rough = np.isnan(results)
-        pair = (np.broadcast_to(points, (*results.shape, *points.shape[-2:]))[rough] for points in (a, b))
+        pair = (
+            np.broadcast_to(points, (*results.shape, *points.shape[-2:]))[rough]
+            for points in (a, b)
+        )
         try:
             results[rough] = 2.0 * np.linalg.norm(np.log(factored(*pair)[3]), axis=-1)
         except np.linalg.LinAlgError:
@@ -75,10 +83,14 @@ def power_congruence(left: Array, points: Array, exponent: float, right: Array) 
         if not np.isnan(value):
             invalid.append(value)
 
-    images = _run(loop, (left, points, right), options=(exponent, MIN_EIGENVALUE, MAX_EIGENVALUE))[0]
+    images = _run(loop, (left, points, right), options=(exponent, MIN_EIGENVALUE, MAX_EIGENVALUE))[
+        0
+    ]
     if invalid:
         if min(invalid) < 0.0:
-            raise NotSPDError("points are too ill-conditioned: rounding makes them indefinite when they are recentered")
+            raise NotSPDError(
+                "points are too ill-conditioned: rounding makes them indefinite when they are recentered"
+            )
         require_in_range(np.array(invalid), "points")
     return images
 
@@ -101,7 +113,9 @@ def require_in_range(eigenvalues: Array, name: str) -> None:
         )
 
 
-def factored(a: Array, b: Array) -> tuple[tuple[Array, Array], tuple[Array, Array], Array, Array, Array]:
+def factored(
+    a: Array, b: Array
+) -> tuple[tuple[Array, Array], tuple[Array, Array], Array, Array, Array]:
     """Factor SPD matrices A = F Fᵀ and B = K Kᵀ, shapes (..., d, d): F and F⁻¹; K and K⁻¹; U, σ, Vᵀ of F⁻¹ K.
 
     The eigenvalues of A⁻¹ B are σ².
@@ -123,18 +137,27 @@ def symmetrize(matrices: Array) -> Array:
 
 
 def _run(
-    loop: Callable[..., None], arrays: tuple[Array, ...], axes: tuple[int, ...] = (2,), options: tuple[Any, ...] = ()
+    loop: Callable[..., None],
+    arrays: tuple[Array, ...],
+    axes: tuple[int, ...] = (2,),
+    options: tuple[Any, ...] = (),
 ) -> list[Array]:
     """Call a loop on broadcast matrices (..., d, d), in threads if many; results have so many `axes` of length d."""
     batch, d = arrays[0].shape[:-2], arrays[0].shape[-1]
     for array in arrays[1:]:
         if array.shape[:-2] != batch:
             batch = (
-                np.broadcast_shapes(batch, array.shape[:-2]) if batch and array.ndim > 2 else batch or array.shape[:-2]
+                np.broadcast_shapes(batch, array.shape[:-2])
+                if batch and array.ndim > 2
+                else batch or array.shape[:-2]
             )
     inputs, count = [_flat(array, batch) for array in arrays], math.prod(batch)
     results = [np.empty((*batch, *(d,) * number)) for number in axes]
-    flat = results if len(batch) == 1 else [result.reshape(count, *result.shape[len(batch) :]) for result in results]
+    flat = (
+        results
+        if len(batch) == 1
+        else [result.reshape(count, *result.shape[len(batch) :]) for result in results]
+    )
     if 0 < count <= WIDTH:
         loop(*inputs, *options, *flat)
     elif count:
@@ -142,9 +165,14 @@ def _run(
     return results
 
 
-def _divide(loop: Callable[..., None], arrays: list[Array], options: Any, results: list[Array], d: int) -> None:
+def _divide(
+    loop: Callable[..., None], arrays: list[Array], options: Any, results: list[Array], d: int
+) -> None:
     """Call a loop on parts of a batch of matrices (d, d), by several threads where that pays."""
-    count, size = len(results[0]), WIDTH * max(1, 65_000 // (WIDTH * d**3))  # some 0.1 ms, in the processor's cache
+    count, size = (
+        len(results[0]),
+        WIDTH * max(1, 65_000 // (WIDTH * d**3)),
+    )  # some 0.1 ms, in the processor's cache
     threads = max(1, min(int(config.NUMBA_NUM_THREADS), count // (8 * size)))
 
     def work(number: int) -> None:

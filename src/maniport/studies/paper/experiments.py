@@ -19,7 +19,13 @@ from maniport.evaluation import RMSE, rmse
 from maniport.spd import mean
 from maniport.spd.matrix_functions import apply
 from maniport.studies.paper import trajectories
-from maniport.transfer import DomainAdapter, EllipsoidCorrespondence, NearestNeighbor, ParallelTransport, RiemannianICP
+from maniport.transfer import (
+    DomainAdapter,
+    EllipsoidCorrespondence,
+    NearestNeighbor,
+    ParallelTransport,
+    RiemannianICP,
+)
 from maniport.transfer.rigid_adapter import RigidMap
 from maniport.transfer.rotation_group import random_rotation
 from maniport.util.defaults import DAMPING
@@ -27,12 +33,22 @@ from maniport.util.progress import Progress, Step, counted, pieces
 from maniport.util.validation import Array
 
 PAPER, OURS = "ours, paper's settings", "ours, defaults"  # How a row is fitted and measured
-SEPARATE, SAME = "random, sampled separately for each arm", "random, the same joint samples for both arms"
+SEPARATE, SAME = (
+    "random, sampled separately for each arm",
+    "random, the same joint samples for both arms",
+)
 DRAWS = 10  # Random sets over which errors are averaged
-PRINTED = "table", "row", "paper_rmse", "paper_iterations"  # Keys of a line with numbers of the paper
+PRINTED = (
+    "table",
+    "row",
+    "paper_rmse",
+    "paper_iterations",
+)  # Keys of a line with numbers of the paper
 
 Domains = tuple[Array, Array]  # Ellipsoids of the teacher and of the student
-Pairs = Mapping[str, Domains]  # By evaluation set: ellipsoids (k, d, d) of the teacher, and the truth
+Pairs = Mapping[
+    str, Domains
+]  # By evaluation set: ellipsoids (k, d, d) of the teacher, and the truth
 Line = dict[str, Any]
 """Errors of one method on one evaluation set: means over draws, with the row of the paper where it prints the number.
 
@@ -77,7 +93,9 @@ class PaperRow:
     data: str  # the domains of the fit: trajectories or random samples
     samples: int  # of each domain
     method: str  # as printed
-    rmse: Mapping[str, float]  # by evaluation set; divided by the dispersion of the mapped set (eq. 19)
+    rmse: Mapping[
+        str, float
+    ]  # by evaluation set; divided by the dispersion of the mapped set (eq. 19)
     start: str  # of ICP, see `maniport.RiemannianICP`
     exponent: float | None  # k of the weights w^k; None for parallel transport without ICP
     most_singular: int | None  # samples that are matched, when not all
@@ -86,30 +104,56 @@ class PaperRow:
     @property
     def label(self) -> str:
         """Number of samples, as the paper writes it."""
-        return f"{self.most_singular} most singular of {self.samples}" if self.most_singular else str(self.samples)
+        return (
+            f"{self.most_singular} most singular of {self.samples}"
+            if self.most_singular
+            else str(self.samples)
+        )
 
 
 TOY = "10 new points"
-EVALUATIONS = {"I": [TOY], "II": [f"M-Eval-{i}" for i in (1, 2, 3)], "III": [f"H-Eval-{i}" for i in (1, 2, 3, 4)]}
+EVALUATIONS = {
+    "I": [TOY],
+    "II": [f"M-Eval-{i}" for i in (1, 2, 3)],
+    "III": [f"H-Eval-{i}" for i in (1, 2, 3, 4)],
+}
 """Sets that the maps of each table are evaluated on, in the order of its columns."""
 
 
 def paper_table(number: str) -> list[PaperRow]:
     """Rows of Table I, II or III, from the top, as in `printed.csv` next to this module."""
-    lines, rows = (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines(), list[PaperRow]()
+    lines, rows = (
+        (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines(),
+        list[PaperRow](),
+    )
     for row in csv.DictReader(lines[1:]):
         if row["table"] == number:
             errors = dict(zip(EVALUATIONS[number], map(float, row["errors"].split()), strict=True))
             exponent = float(row["exponent"]) if row["exponent"] else None
-            most, iterations = (int(row[key]) if row[key] else None for key in ("most_singular", "iterations"))
-            own = row["data"], int(row["samples"]), row["method"], errors, row["start"], exponent, most, iterations
+            most, iterations = (
+                int(row[key]) if row[key] else None for key in ("most_singular", "iterations")
+            )
+            own = (
+                row["data"],
+                int(row["samples"]),
+                row["method"],
+                errors,
+                row["start"],
+                exponent,
+                most,
+                iterations,
+            )
             rows.append(PaperRow(number, len(rows) + 1, *own))
     return rows
 
 
-def adapter_of(row: PaperRow, settings: str, base_rotation: ArrayLike | None, damping: float | None) -> DomainAdapter:
+def adapter_of(
+    row: PaperRow, settings: str, base_rotation: ArrayLike | None, damping: float | None
+) -> DomainAdapter:
     """Return the adapter of a row: by the paper's text, or the same method with maniport's defaults."""
-    options: dict[str, Any] = {} if settings == PAPER else {"damping": damping, "base_rotation": base_rotation}
+    options: dict[str, Any] = (
+        {} if settings == PAPER else {"damping": damping, "base_rotation": base_rotation}
+    )
     if row.exponent is None:
         return ParallelTransport(**options)
     if settings == PAPER:
@@ -170,8 +214,13 @@ def two_dof(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> 
     title, rows, arms = "Table II: two-joint arms", paper_table("II"), trajectories.two_dof_arms()
     jobs = [(row, "trajectories") for row in rows if row.data == "trajectories"]
     jobs += [(row, data) for data in (SEPARATE, SAME) for row in rows if row.data == "random"]
-    truth = {name: _ellipsoids(arms, path, path) for name, path in trajectories.two_dof_evaluation().items()}
-    domains = {"trajectories": [_ellipsoids(arms, *2 * [trajectories.two_dof_training().reshape(-1, 2)])]}
+    truth = {
+        name: _ellipsoids(arms, path, path)
+        for name, path in trajectories.two_dof_evaluation().items()
+    }
+    domains = {
+        "trajectories": [_ellipsoids(arms, *2 * [trajectories.two_dof_training().reshape(-1, 2)])]
+    }
     domains[SEPARATE] = [_uniform(arms, 500, seed + k) for k in range(draws)]
     same = (arms[0].sample(500, np.random.default_rng(seed + k), "uniform") for k in range(draws))
     domains[SAME] = [_ellipsoids(arms, path, path) for path in same]
@@ -186,22 +235,41 @@ def two_dof(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> 
 
 def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the experiment from the human arm to the Panda; random sets begin with seed `seed`."""
-    title, samples, rows, lines = "Table III: human arm to Panda", 5000, paper_table("III"), list[Line]()
+    title, samples, rows, lines = (
+        "Table III: human arm to Panda",
+        5000,
+        paper_table("III"),
+        list[Line](),
+    )
     arms = trajectories.human_arm(), trajectories.robot_arm()
-    profiles = {name: arms[0].manipulability(path) for name, path in trajectories.human_evaluation().items()}
+    profiles = {
+        name: arms[0].manipulability(path) for name, path in trajectories.human_evaluation().items()
+    }
     person = trajectories.human_training()
-    paths = np.concatenate(person), np.concatenate([trajectories.robot_path(path) for path in person])
+    paths = (
+        np.concatenate(person),
+        np.concatenate([trajectories.robot_path(path) for path in person]),
+    )
     domains = {"trajectories": [_ellipsoids(arms, *paths)]}
     domains["random"] = [_uniform(arms, 400, seed + k) for k in range(draws)]
     parts = pieces(Step(progress, title), 1.0, 1.0)
     for settings, damping, part in zip((PAPER, OURS), (None, DAMPING), parts, strict=True):
-        draw = _draw(settings, _uniform(arms, samples, seed), {name: (p, p) for name, p in profiles.items()})
-        baseline = NearestNeighbor(damping=damping, n_samples=samples).fit(draw.teacher, draw.student)
-        truth = {name: (points, baseline.transform(points)) for name, (points, _) in draw.evaluation.items()}
+        draw = _draw(
+            settings, _uniform(arms, samples, seed), {name: (p, p) for name, p in profiles.items()}
+        )
+        baseline = NearestNeighbor(damping=damping, n_samples=samples).fit(
+            draw.teacher, draw.student
+        )
+        truth = {
+            name: (points, baseline.transform(points))
+            for name, (points, _) in draw.evaluation.items()
+        }
         for row in counted(rows, len(rows), part):
             sets = [_draw(settings, pair, truth, row.samples) for pair in domains[row.data]]
             data = SEPARATE if row.data == "random" else row.data
-            lines += measure(adapter_of(row, settings, np.eye(3), DAMPING), sets, settings, data, row)
+            lines += measure(
+                adapter_of(row, settings, np.eye(3), DAMPING), sets, settings, data, row
+            )
         resampled = _draw(settings, _uniform(arms, samples, seed + 1), truth)
         for line in measure(baseline, [resampled], settings, "baselines", rows[0], printed=False):
             lines.append(line | {"samples": str(samples), "method": "naive baseline, resampled"})
@@ -209,7 +277,12 @@ def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS)
 
 
 def measure(
-    adapter: DomainAdapter, draws: Sequence[Draw], settings: str, data: str, row: PaperRow, printed: bool = True
+    adapter: DomainAdapter,
+    draws: Sequence[Draw],
+    settings: str,
+    data: str,
+    row: PaperRow,
+    printed: bool = True,
 ) -> list[Line]:
     """Fit an adapter to every draw; return a line for each evaluation set, with the paper's numbers if `printed`."""
     errors: dict[str, list[RMSE]] = {name: [] for name in draws[0].evaluation}
@@ -230,7 +303,13 @@ def measure(
             forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
         paper = row.table, row.row, row.rmse[name], row.iterations
         line: Line = dict(zip(PRINTED, paper if printed else [None] * 4, strict=True))
-        line |= {"data": data, "samples": row.label, "method": row.method, "evaluation": name, "settings": settings}
+        line |= {
+            "data": data,
+            "samples": row.label,
+            "method": row.method,
+            "evaluation": name,
+            "settings": settings,
+        }
         counts = {"iterations": float(np.mean(iterations)), "draws": len(draws), "warned": warned}
         lines.append(line | forms | counts)
     return lines
@@ -244,8 +323,14 @@ def _raised(points: Array) -> Array:
 def _draw(settings: str, domains: Domains, evaluation: Pairs, samples: int | None = None) -> Draw:
     """Take every n-th ellipsoid of the domains (§ V-A); the paper's settings raise eigenvalues."""
     raised = (lambda points: points) if settings == OURS else _raised
-    teacher, student = (raised(points[:: len(points) // (samples or len(points))]) for points in domains)
-    return Draw(teacher, student, {name: (raised(own), raised(truth)) for name, (own, truth) in evaluation.items()})
+    teacher, student = (
+        raised(points[:: len(points) // (samples or len(points))]) for points in domains
+    )
+    return Draw(
+        teacher,
+        student,
+        {name: (raised(own), raised(truth)) for name, (own, truth) in evaluation.items()},
+    )
 
 
 def _uniform(arms: tuple[Arm, Arm], samples: int, seed: int) -> Domains:

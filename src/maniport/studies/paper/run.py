@@ -10,7 +10,16 @@ from typing import Any
 from maniport.report.page import write_page
 from maniport.report.renderings import write_report
 from maniport.report.values import Report, Section, Table, software
-from maniport.studies.paper.experiments import DRAWS, OURS, PAPER, Experiment, Line, human_robot, toy, two_dof
+from maniport.studies.paper.experiments import (
+    DRAWS,
+    OURS,
+    PAPER,
+    Experiment,
+    Line,
+    human_robot,
+    toy,
+    two_dof,
+)
 from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count
@@ -47,10 +56,18 @@ def reproduce(
     overwrite: bool = False,
 ) -> Report:
     """Run one or all of the paper's experiments and write tables to a folder, whole or not at all."""
-    names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, "all")) == "all" else (which,)
+    names = (
+        tuple(EXPERIMENTS)
+        if as_choice(which, "experiment", (*EXPERIMENTS, "all")) == "all"
+        else (which,)
+    )
     first, count = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
     require_free(Path(output), FILES, overwrite)
-    progress, started, experiments = progress or no_progress, clock.perf_counter(), list[Experiment]()
+    progress, started, experiments = (
+        progress or no_progress,
+        clock.perf_counter(),
+        list[Experiment](),
+    )
     with folder_written_whole(output, FILES, overwrite) as folder:
         for name in names:
             experiments.append(experiment := EXPERIMENTS[name](first, progress, draws=count))
@@ -67,10 +84,18 @@ def _report(experiments: Sequence[Experiment], seed: int, seconds: float) -> Rep
     """Return a section for each experiment, and the comparison with the paper."""
     run = Section("Run")
     run.add("Paper", "", None, "Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588)")
-    run.add("Time", "duration", round(seconds, 1), f"{seconds:.0f} s", "Of all experiments.", unit="s")
+    run.add(
+        "Time", "duration", round(seconds, 1), f"{seconds:.0f} s", "Of all experiments.", unit="s"
+    )
     run.metrics += tuple(software(seed))
     groups = compare(experiments)
-    table = Table(tuple(groups[0]), tuple(tuple(map(str, group.values())) for group in groups), "", "groups", groups)
+    table = Table(
+        tuple(groups[0]),
+        tuple(tuple(map(str, group.values())) for group in groups),
+        "",
+        "groups",
+        groups,
+    )
     lead = "The paper's numbers against ours with the paper's settings; our defaults use the base rotation and damping."
     compared = Section("Comparison with the paper", (), (table,), "comparison", lead)
     return Report(
@@ -83,7 +108,12 @@ def _report(experiments: Sequence[Experiment], seed: int, seconds: float) -> Rep
 
 def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[dict[str, Any]]:
     """Count the paper's numbers that are matched, lower and higher, by table, settings and form of the error."""
-    lines = [line for own in experiments for line in own.lines if line["table"] and line["settings"] != OURS]
+    lines = [
+        line
+        for own in experiments
+        for line in own.lines
+        if line["table"] and line["settings"] != OURS
+    ]
     ratios: dict[tuple[str, str, str], list[float]] = {}
     for line, form in product(lines, FORMS):
         key = line["table"], line["settings"], FORMS[form]
@@ -92,9 +122,15 @@ def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[d
     for (table, settings, error), values in ratios.items():
         lower = sum(value < 1.0 - tolerance for value in values)
         higher = sum(value > 1.0 + tolerance for value in values)
-        counts = {f"within {100 * tolerance:.0f} %": len(values) - lower - higher, "lower": lower, "higher": higher}
+        counts = {
+            f"within {100 * tolerance:.0f} %": len(values) - lower - higher,
+            "lower": lower,
+            "higher": higher,
+        }
         reason = REASONS[table] if lower + higher else ""
-        groups.append({"table": table, "settings": settings, "error": error, **counts, "reason": reason})
+        groups.append(
+            {"table": table, "settings": settings, "error": error, **counts, "reason": reason}
+        )
     return groups
 
 
@@ -104,14 +140,22 @@ def _section(experiment: Experiment) -> Section:
     section = Section(experiment.title, key=experiment.name, text="\n".join(experiment.notes))
     for settings in dict.fromkeys(line["settings"] for line in lines):
         own = [line for line in lines if line["settings"] == settings]
-        fits = {(line["row"], line["data"], line["samples"], line["method"]): line for line in own}.values()
+        fits = {
+            (line["row"], line["data"], line["samples"], line["method"]): line for line in own
+        }.values()
         warned, draws = (sum(line[key] for line in fits) for key in ("warned", "draws"))
         if warned:
-            section.warn("fits", f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits")
-    printed, further = ([line for line in lines if (line["table"] is None) is extra] for extra in (False, True))
+            section.warn(
+                "fits", f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits"
+            )
+    printed, further = (
+        [line for line in lines if (line["table"] is None) is extra] for extra in (False, True)
+    )
     section.tables = (_pivot(printed, LEGEND, "rows", lines),)
     if further:
-        section.tables += (_pivot(further, f"Rows that the paper does not have, {FORMS['per_dispersion']}:"),)
+        section.tables += (
+            _pivot(further, f"Rows that the paper does not have, {FORMS['per_dispersion']}:"),
+        )
     return section
 
 

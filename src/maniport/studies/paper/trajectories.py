@@ -38,7 +38,11 @@ def two_dof_training() -> Array:
 
 def two_dof_evaluation() -> dict[str, Array]:
     """M-Eval-1 to -3, each of shape (20, 2) [rad]; none of them is in the training set."""
-    return {"M-Eval-1": _half_turn(0, -135), "M-Eval-2": _half_turn(1, -110), "M-Eval-3": _half_turn(1, 65)}
+    return {
+        "M-Eval-1": _half_turn(0, -135),
+        "M-Eval-2": _half_turn(1, -110),
+        "M-Eval-3": _half_turn(1, 65),
+    }
 
 
 def human_arm() -> Arm:
@@ -74,7 +78,10 @@ def robot_targets(path: ArrayLike, reach: float = 0.815) -> tuple[Array, Array]:
 
     While the human arm is extended, the flange is `reach` from the shoulder; its farthest is 0.858 m.
     """
-    arm, shoulder = human_arm(), np.array([0.0, 0.0, 0.333])  # where the axes of its first three joints meet [m]
+    arm, shoulder = (
+        human_arm(),
+        np.array([0.0, 0.0, 0.333]),
+    )  # where the axes of its first three joints meet [m]
     extended = float(np.linalg.norm(arm.forward(np.zeros(arm.dof))[:3, 3]))
     return np.asarray(shoulder + reach / extended * arm.forward(path)[:, :3, 3]), shoulder
 

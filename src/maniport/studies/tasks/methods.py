@@ -24,7 +24,13 @@ from maniport.evaluation.capability import half_sphere, line_extent
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import MotionLimits
 from maniport.motion.objective import Objective
-from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path, stages_of
+from maniport.motion.plan.roadmap import (
+    IN_PLACE,
+    Roadmap,
+    moved_to_positions,
+    shortest_path,
+    stages_of,
+)
 from maniport.motion.trajectory import interpolated
 from maniport.studies.tasks.task import Demonstration, StudyRobot, Task, place
 from maniport.transfer import DomainAdapter, method_of
@@ -64,7 +70,9 @@ class Problem:
         """Stages of the first search: their rows, the rows of all nodes, and the nodes on the path (m, dof)."""
         longest, count = 0.8, 600  # [s] between stages, nodes per stage
         rows = stages_of(self.task.time, longest)
-        _, near = cKDTree(self.arm.forward(self.samples)[:, :3, 3]).query(self.task.path[rows], count)
+        _, near = cKDTree(self.arm.forward(self.samples)[:, :3, 3]).query(
+            self.task.path[rows], count
+        )
         owners: Rows = np.repeat(rows, count).astype(np.intp)
         nodes = self.samples[near.ravel()]
         idle = ~np.any(np.abs(self.arm.jacobian(nodes)[:, :3]) > 1e-9, axis=(0, 1))
@@ -72,12 +80,16 @@ class Problem:
         return rows, owners, moved_to_positions(self.arm, nodes, self.task.path[owners])[0]
 
 
-def problem_of(robot: StudyRobot, demonstration: Demonstration, seed: int = 0, slower: float = 4.0) -> Problem:
+def problem_of(
+    robot: StudyRobot, demonstration: Demonstration, seed: int = 0, slower: float = 4.0
+) -> Problem:
     """Place a demonstrated path, to be passed in `slower` times the person's time, and sample the robot."""
     samples = _samples(robot.name, seed)
     hand = demonstration.arm.forward(demonstration.joint_angles)[:, :3, 3]
     path, time = place(robot, hand, samples), slower * demonstration.time
-    task = Task.of(demonstration.name, robot.name, time, path, demonstration.arm, demonstration.joint_angles)
+    task = Task.of(
+        demonstration.name, robot.name, time, path, demonstration.arm, demonstration.joint_angles
+    )
     return Problem(task, demonstration, robot, samples, seed)
 
 
@@ -120,7 +132,9 @@ def follow(problem: Problem, start: Array) -> Array:
     """Follow the path from a start (dof,) by the pseudoinverse within the joint limits, as differential IK does."""
     path = problem.task.path
     approach = np.linspace(problem.arm.forward(start)[:3, 3], path[0], 10, endpoint=False)
-    return capability.follow_positions(problem.arm, start, np.concatenate([approach, path]))[len(approach) :]
+    return capability.follow_positions(problem.arm, start, np.concatenate([approach, path]))[
+        len(approach) :
+    ]
 
 
 def elbow_cost(problem: Problem) -> Cost:
@@ -129,7 +143,12 @@ def elbow_cost(problem: Problem) -> Cost:
 
     def directions(shoulder: Array, elbow: Array, hand: Array) -> Array:
         line, offset = hand - shoulder, elbow - shoulder
-        offset = offset - np.sum(offset * line, axis=1, keepdims=True) / np.sum(line**2, axis=1, keepdims=True) * line
+        offset = (
+            offset
+            - np.sum(offset * line, axis=1, keepdims=True)
+            / np.sum(line**2, axis=1, keepdims=True)
+            * line
+        )
         return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-9))
 
     points = person.arm.point_positions(person.joint_angles, ("shoulder", "elbow", "hand"))
@@ -137,7 +156,9 @@ def elbow_cost(problem: Problem) -> Cost:
 
     def cost(rows: Rows, q: Array) -> Array:
         links = problem.arm.link_poses(q)[..., :3, 3]
-        own = directions(links[:, robot.shoulder], links[:, robot.elbow], problem.arm.forward(q)[:, :3, 3])
+        own = directions(
+            links[:, robot.shoulder], links[:, robot.elbow], problem.arm.forward(q)[:, :3, 3]
+        )
         return np.asarray(np.sum((own - wanted[rows]) ** 2, axis=1))
 
     return cost
@@ -196,7 +217,9 @@ def ellipsoid_cost(problem: Problem, method: str, spec: EllipsoidSpec) -> Cost:
     adapter = fitted(method, person.arm, problem.robot.name, spec, problem.seed)
     target = adapter.transform(person.arm.ellipsoids(person.joint_angles, spec))
     objective = Objective.of(arm, spec.bounded)
-    targets = objective.targets(np.asarray(np.linalg.inv(target)) if spec.kind == "force" else target)
+    targets = objective.targets(
+        np.asarray(np.linalg.inv(target)) if spec.kind == "force" else target
+    )
     return lambda rows, q: targets[rows].cost(q)
 
 
@@ -220,10 +243,20 @@ def minimize(problem: Problem, cost: Cost) -> Array:
     q, _ = _on_path(problem, chosen)
     generator, all_rows = np.random.default_rng(problem.seed), np.arange(len(time), dtype=np.intp)
     for size in (0.4, 0.2, 0.1, 0.05, 0.025):
-        offsets = np.concatenate([np.zeros((1, arm.dof)), size * generator.normal(size=(39, arm.dof))])
-        moved = np.clip(np.repeat(q, len(offsets), axis=0) + np.tile(offsets, (len(q), 1)), arm.lower, arm.upper)
+        offsets = np.concatenate(
+            [np.zeros((1, arm.dof)), size * generator.normal(size=(39, arm.dof))]
+        )
+        moved = np.clip(
+            np.repeat(q, len(offsets), axis=0) + np.tile(offsets, (len(q), 1)), arm.lower, arm.upper
+        )
         owner: Rows = np.repeat(all_rows, len(offsets)).astype(np.intp)
-        q = _search(problem, cost, owner, moved_to_positions(arm, moved, problem.task.path[owner])[0], weight)
+        q = _search(
+            problem,
+            cost,
+            owner,
+            moved_to_positions(arm, moved, problem.task.path[owner])[0],
+            weight,
+        )
         smooth, error = _on_path(problem, gaussian_filter1d(q, 1.0, axis=0, mode="nearest"))
         q = smooth if error.max() <= IN_PLACE else q
     return q

@@ -14,15 +14,36 @@ from maniport.errors import InvalidInputError, ManiportError
 from maniport.report.renderings import write_report
 from maniport.report.values import Report, Section, Table, software
 from maniport.studies.tasks.methods import motions, problem_of
-from maniport.studies.tasks.score import LESS_IS_BETTER, SCORES, Scores, is_valid, read_motion, score, velocity_share
-from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Demonstration, StudyRobot, Task, demonstrations, of_folder
+from maniport.studies.tasks.score import (
+    LESS_IS_BETTER,
+    SCORES,
+    Scores,
+    is_valid,
+    read_motion,
+    score,
+    velocity_share,
+)
+from maniport.studies.tasks.task import (
+    HELD_OUT,
+    ROBOTS,
+    Demonstration,
+    StudyRobot,
+    Task,
+    demonstrations,
+    of_folder,
+)
 from maniport.util.atomic_io import claim, write_text
 from maniport.util.optional import mujoco
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import Array, as_choice, as_count
 from maniport.version import __version__
 
-QUICK = "freeform 1", "ladder 1", "H-Eval-2", "reach 1"  # Recordings of the quick set, for the first robot
+QUICK = (
+    "freeform 1",
+    "ladder 1",
+    "H-Eval-2",
+    "reach 1",
+)  # Recordings of the quick set, for the first robot
 
 RATIOS = {
     "push": "direct-force",
@@ -71,7 +92,9 @@ class Unit:
             return 1.0 / value if value > 0.0 and np.isfinite(value) else 0.0
         return value
 
-    def ratio(self, method: str, score: str, reference: str = "position-only", largest: float = 1000.0) -> float:
+    def ratio(
+        self, method: str, score: str, reference: str = "position-only", largest: float = 1000.0
+    ) -> float:
         """Return the ratio of merits, at most `largest`; 1 where both are 0."""
         own, other = self.merit(method, score), self.merit(reference, score)
         return min(own / other, largest) if other > 0.0 else (largest if own > 0.0 else 1.0)
@@ -104,7 +127,11 @@ def study_tasks(
     units = list[Unit]()
     for i, (robot, motion) in enumerate(pairs, 1):
         step = Step(progress, f"{motion.name} → {robot.name}")
-        units.append(_unit(folder / "pairs" / robot.name / motion.name.replace(" ", "-"), robot, motion, first))
+        units.append(
+            _unit(
+                folder / "pairs" / robot.name / motion.name.replace(" ", "-"), robot, motion, first
+            )
+        )
         step.end(f"{i} of {len(pairs)}{units[-1].failure and ', failed'}")
     report = study_report(units, first)
     for suffix in (".md", ".json"):
@@ -118,7 +145,9 @@ def score_file(motion: str | os.PathLike[str], task: str | os.PathLike[str]) -> 
     scores = score(own, read_motion(motion, own))
     section, good = Section("Scores"), is_valid(scores)
     for name, value in scores.items():
-        section.add(name.replace("_", " "), name, value, f"{value:.4g} {SCORES.get(name, '')}".strip())
+        section.add(
+            name.replace("_", " "), name, value, f"{value:.4g} {SCORES.get(name, '')}".strip()
+        )
     section.add("valid", "valid", good, "yes" if good else "no", "Path within 5 mm, limits kept.")
     return Report(f"{own.recording} on {own.robot}", "", (section,))
 
@@ -147,7 +176,10 @@ def _computed(folder: Path, robot: StudyRobot, demonstration: Demonstration, see
     for name, q in results:
         if name != "random":
             rows = [",".join(map(repr, row)) for row in np.column_stack([task.time, q]).tolist()]
-            write_text(folder / f"{name.replace(', ', '-')}.csv", "\n".join([",".join(task.columns), *rows, ""]))
+            write_text(
+                folder / f"{name.replace(', ', '-')}.csv",
+                "\n".join([",".join(task.columns), *rows, ""]),
+            )
     scores = [(name, score(task, q)) for name, q in results]
     if not is_valid(scores[0][1]):
         raise InvalidInputError("the position-only motion leaves the path or exceeds a limit")
@@ -164,8 +196,15 @@ def rows_of(scores: Sequence[tuple[str, Scores]]) -> Iterator[Row]:
         if name != "random":
             yield {"method": name, "valid": is_valid(own), **own}
         elif own is random[0]:
-            median = {key: float(np.median([other[key] for other in valid or random])) for key in own}
-            yield {"method": name, "valid": bool(valid), "valid_share": len(valid) / len(random), **median}
+            median = {
+                key: float(np.median([other[key] for other in valid or random])) for key in own
+            }
+            yield {
+                "method": name,
+                "valid": bool(valid),
+                "valid_share": len(valid) / len(random),
+                **median,
+            }
 
 
 def median_interval(values: Sequence[float] | Array, draws: int = 2000) -> dict[str, float]:
@@ -198,7 +237,9 @@ def study_report(units: Sequence[Unit], seed: int) -> Report:
     for i, unit in enumerate(unit for unit in units if unit.failure):
         run.add(f"{unit.recording}, {unit.robot}", f"failed_{i}", unit.failure)
     run.metrics += tuple(software(seed))
-    sections = [_robot_section(robot, [unit for unit in done if unit.robot == robot]) for robot in robots]
+    sections = [
+        _robot_section(robot, [unit for unit in done if unit.robot == robot]) for robot in robots
+    ]
     return Report("Task study", "Tasks with a hidden direction: methods of redundancy resolution on equal paths.",
                   (_summary(done), *sections, run))  # fmt: skip
 
@@ -211,15 +252,37 @@ def _summary(units: Sequence[Unit]) -> Section:
             own = [unit for unit in units if unit.robot == robot and unit.held_out == held_out]
             if not own:
                 continue
-            force, speed = (statistics(own, method) for method in ("length-field, force", "length-field, velocity"))
-            r = (values["median"] for values in (force["resemblance_force"], speed["resemblance_speed"]))
-            gains = ((_interval(gain), f"{gain['of_direct']:.2f}") for gain in (force["push"], speed["speed"]))
+            force, speed = (
+                statistics(own, method)
+                for method in ("length-field, force", "length-field, velocity")
+            )
+            r = (
+                values["median"]
+                for values in (force["resemblance_force"], speed["resemblance_speed"])
+            )
+            gains = (
+                (_interval(gain), f"{gain['of_direct']:.2f}")
+                for gain in (force["push"], speed["speed"])
+            )
             label = f"{robot}, held out" if held_out else robot
-            rows.append((label, str(len(own)), *itertools.chain(*gains), *(f"{value:.2f}" for value in r)))
+            rows.append(
+                (label, str(len(own)), *itertools.chain(*gains), *(f"{value:.2f}" for value in r))
+            )
             numbers = {"recordings": len(own), "force": force, "speed": speed}
             values.append({"robot": robot, "held_out": held_out, **numbers})
-    columns = ("robot", "recordings", "push", "of direct", "speed", "of direct", "r force", "r speed")
-    return Section("Length field", (), (Table(columns, tuple(rows), CAPTION, "rows", values),), "summary")
+    columns = (
+        "robot",
+        "recordings",
+        "push",
+        "of direct",
+        "speed",
+        "of direct",
+        "r force",
+        "r speed",
+    )
+    return Section(
+        "Length field", (), (Table(columns, tuple(rows), CAPTION, "rows", values),), "summary"
+    )
 
 
 def _robot_section(robot: str, units: Sequence[Unit]) -> Section:

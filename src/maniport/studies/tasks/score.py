@@ -49,18 +49,31 @@ class SimulatedArm:
     def __init__(self, arm: Arm, payload: float = 0.0):
         limits, chain = arm.effort_limits, arm.chain
         if chain.inertia is None or limits is None or not np.all(np.isfinite(limits)):
-            raise InvalidInputError(f"a simulation needs masses and torque limits, and {arm.name!r} lacks some")
+            raise InvalidInputError(
+                f"a simulation needs masses and torque limits, and {arm.name!r} lacks some"
+            )
         if len(chain.joints) != arm.dof or not np.array_equal(chain.coupling, np.eye(arm.dof)):
             raise InvalidInputError(f"{arm.name!r} must have one joint for each degree of freedom")
-        self.arm, self.limits, self.payload, self.mujoco = arm, np.asarray(limits), payload, mujoco()
+        self.arm, self.limits, self.payload, self.mujoco = (
+            arm,
+            np.asarray(limits),
+            payload,
+            mujoco(),
+        )
 
     @cached_property
     def model(self) -> Any:
         """Model without geometry."""
-        mj, spec, place = self.mujoco, model_spec(self.arm), self.arm.chain.frames[self.arm.frame].placement
+        mj, spec, place = (
+            self.mujoco,
+            model_spec(self.arm),
+            self.arm.chain.frames[self.arm.frame].placement,
+        )
         spec.option.timestep, spec.option.integrator = STEP, mj.mjtIntegrator.mjINT_IMPLICITFAST
         quaternion = Rotation.from_matrix(place[:3, :3]).as_quat(scalar_first=True)
-        end = spec.bodies[-1].add_body(name="end_effector", pos=place[:3, 3], quat=quaternion, explicitinertial=True)
+        end = spec.bodies[-1].add_body(
+            name="end_effector", pos=place[:3, 3], quat=quaternion, explicitinertial=True
+        )
         end.mass, end.ipos, end.inertia = max(self.payload, 1e-6), np.zeros(3), np.full(3, 1e-9)
         for body in spec.bodies[1:]:
             body.gravcomp = 1.0
@@ -68,10 +81,18 @@ class SimulatedArm:
             joint.name, joint.armature = f"joint{i}", ROTOR * limit
             joint.actgravcomp, joint.actfrcrange, joint.actfrclimited = True, [-limit, limit], True
             stiffness = limit / 4e-3
-            servo = spec.add_actuator(name=f"servo{i}", target=joint.name, trntype=mj.mjtTrn.mjTRN_JOINT)
+            servo = spec.add_actuator(
+                name=f"servo{i}", target=joint.name, trntype=mj.mjtTrn.mjTRN_JOINT
+            )
             servo.set_to_position(kp=stiffness, kv=2.0 * np.sqrt(stiffness * ROTOR * limit))
-            spec.add_sensor(type=mj.mjtSensor.mjSENS_JOINTACTFRC, objtype=mj.mjtObj.mjOBJ_JOINT, objname=joint.name)
-        spec.add_sensor(type=mj.mjtSensor.mjSENS_FRAMEPOS, objtype=mj.mjtObj.mjOBJ_BODY, objname="end_effector")
+            spec.add_sensor(
+                type=mj.mjtSensor.mjSENS_JOINTACTFRC,
+                objtype=mj.mjtObj.mjOBJ_JOINT,
+                objname=joint.name,
+            )
+        spec.add_sensor(
+            type=mj.mjtSensor.mjSENS_FRAMEPOS, objtype=mj.mjtObj.mjOBJ_BODY, objname="end_effector"
+        )
         return spec.compile()
 
     def pushed(self, q: Array, forces: Array) -> tuple[Array, Array]:
@@ -141,7 +162,9 @@ def is_valid(scores: Scores) -> bool:
 
 def _extents(arm: Arm, q: Array, directions: Array, kind: str = "force") -> Array:
     """Largest force or speed of configurations (n, dof), each along its own direction, (n,) [N] or [m/s]."""
-    return np.array([polytope_extent(arm, q[i], directions[i : i + 1], kind)[0, 0] for i in range(len(q))])
+    return np.array(
+        [polytope_extent(arm, q[i], directions[i : i + 1], kind)[0, 0] for i in range(len(q))]
+    )
 
 
 def push(simulated: SimulatedArm, q: Array, directions: Array) -> Array:
@@ -153,29 +176,47 @@ def push(simulated: SimulatedArm, q: Array, directions: Array) -> Array:
     for u in (directions, -directions):
         largest = _extents(simulated.arm, q, u)
         forces = np.where(np.isfinite(largest), largest, 0.0)[:, None] * ramp
-        torques, moved = simulated.pushed(q, -forces[..., None] * u[:, None])  # the reaction acts on the arm
-        ended = np.any(np.abs(torques) >= 0.999 * simulated.limits, axis=2) | (np.linalg.norm(moved, axis=2) > YIELD)
+        torques, moved = simulated.pushed(
+            q, -forces[..., None] * u[:, None]
+        )  # the reaction acts on the arm
+        ended = np.any(np.abs(torques) >= 0.999 * simulated.limits, axis=2) | (
+            np.linalg.norm(moved, axis=2) > YIELD
+        )
         last = np.where(ended.any(axis=1), ended.argmax(axis=1), len(ramp) - 1)
         weaker = np.minimum(weaker, forces[np.arange(n), last])
     return weaker
 
 
-def resist(simulated: SimulatedArm, q: Array, directions: Array, impulse: float = 5.0, duration: float = 0.01) -> Array:
+def resist(
+    simulated: SimulatedArm,
+    q: Array,
+    directions: Array,
+    impulse: float = 5.0,
+    duration: float = 0.01,
+) -> Array:
     """Hold configurations against an impulse [N s]; the larger peak displacement of both senses counts, (n,) [mm]."""
     forces, peaks = np.zeros((len(q), 300, 3)), np.zeros(len(q))
     for u in (directions, -directions):
         forces[:, : round(duration / STEP)] = impulse / duration * u[:, None]
-        peaks = np.maximum(peaks, np.linalg.norm(simulated.pushed(q, forces)[1], axis=2).max(axis=1))
+        peaks = np.maximum(
+            peaks, np.linalg.norm(simulated.pushed(q, forces)[1], axis=2).max(axis=1)
+        )
     return 1e3 * peaks
 
 
-def react(simulated: SimulatedArm, q: Array, directions: Array, distance: float = 0.1, steps: int = 20) -> Array:
+def react(
+    simulated: SimulatedArm, q: Array, directions: Array, distance: float = 0.1, steps: int = 20
+) -> Array:
     """Move along a line from rest to rest within velocity, acceleration and torque limits; the slower sense, (n,) [s].
 
     The line is followed by the pseudoinverse with a minimum-jerk profile. In T times the time, velocities are 1 / T,
     and accelerations and torques without gravity 1 / T² times as large: the limits determine the shortest time.
     """
-    arm, limits, slower = simulated.arm, MotionLimits.of(simulated.arm, joint_limit_margin=0.0), np.zeros(len(q))
+    arm, limits, slower = (
+        simulated.arm,
+        MotionLimits.of(simulated.arm, joint_limit_margin=0.0),
+        np.zeros(len(q)),
+    )
     share = np.linspace(0.0, 1.0, steps + 1)  # of the line
     s = np.linspace(0.0, 1.0, 2 * steps + 1)  # of the time
     profile = 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5
@@ -189,13 +230,21 @@ def react(simulated: SimulatedArm, q: Array, directions: Array, distance: float 
             reached &= error < 1e-3
         path = CubicSpline(share, np.stack(line, axis=1), axis=1)
         at, slope, curvature = (path(profile, order) for order in range(3))
-        motion = at, slope * first[:, None], curvature * first[:, None] ** 2 + slope * second[:, None]
+        motion = (
+            at,
+            slope * first[:, None],
+            curvature * first[:, None] ** 2 + slope * second[:, None],
+        )
         states = [values.reshape(-1, arm.dof) for values in motion]
         held = simulated.torques(states[0], 0.0 * states[1], 0.0 * states[2])
         moving = simulated.torques(*states) - held
         left = np.maximum(limits.effort - np.sign(moving) * held, 1e-9)
         squares = np.maximum(np.abs(moving) / left, np.abs(states[2]) / limits.acceleration)
-        times = np.maximum(np.abs(states[1]) / limits.velocity, np.sqrt(squares)).reshape(len(q), -1).max(axis=1)
+        times = (
+            np.maximum(np.abs(states[1]) / limits.velocity, np.sqrt(squares))
+            .reshape(len(q), -1)
+            .max(axis=1)
+        )
         slower = np.maximum(slower, np.where(reached, times, np.inf))
     return slower
 
@@ -206,7 +255,9 @@ def carry(simulated: SimulatedArm, time: Array, q: Array, per_waypoint: int = 4)
     Torques are linear in the payload, so that two evaluations determine it.
     """
     motion = CubicSpline(time, q)
-    finer = np.interp(np.arange(per_waypoint * (len(time) - 1) + 1) / per_waypoint, np.arange(len(time)), time)
+    finer = np.interp(
+        np.arange(per_waypoint * (len(time) - 1) + 1) / per_waypoint, np.arange(len(time)), time
+    )
     states = [motion(finer, order) for order in range(3)]
     empty = simulated.torques(*states)
     per_mass = _simulated(simulated.arm, simulated.payload + 1.0).torques(*states) - empty
@@ -225,17 +276,23 @@ def read_motion(path: str | os.PathLike[str], task: Task) -> Array:
 
     The first line has the names of `Task.columns`, as in files that `maniport` writes; other columns are ignored.
     """
-    head, *lines = read_whole(path, (".csv",), MOST_BYTES).decode("utf-8", "replace").splitlines() or [""]
+    head, *lines = read_whole(path, (".csv",), MOST_BYTES).decode(
+        "utf-8", "replace"
+    ).splitlines() or [""]
     names = [name.strip() for name in head.split(",")]
     if missing := [name for name in task.columns if name not in names]:
         raise FileFormatError(f"{path}: missing columns: {', '.join(missing)}")
     try:
-        table = np.array([[float(cell) for cell in line.split(",")] for line in lines if line.strip()])
+        table = np.array(
+            [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
+        )
         columns = as_finite(table, "values")[:, [names.index(name) for name in task.columns]]
         time = as_times(columns[:, 0], "time_s", fewest=2)
         if time[0] > task.time[0] + 1e-6 or time[-1] < task.time[-1] - 1e-6:
             span = f"{task.time[0]:g} to {task.time[-1]:g} s"
-            raise InvalidInputError(f"time_s must cover {span}; found {time[0]:g} to {time[-1]:g} s")
+            raise InvalidInputError(
+                f"time_s must cover {span}; found {time[0]:g} to {time[-1]:g} s"
+            )
     except (ValueError, IndexError) as error:
         raise FileFormatError(f"{path}: {error}") from None
     return np.stack([np.interp(task.time, time, column) for column in columns[:, 1:].T], axis=1)

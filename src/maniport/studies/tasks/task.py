@@ -64,12 +64,18 @@ HELD_OUT = {"ladder 4", "ladder 5", "left arm 2", "H-Eval-3", "reach 7", "reach 
 
 def demonstrations() -> Iterator[Demonstration]:
     """Yield the motions that ship with the package or that it generates."""
-    shipped = {"freeform": ("freeform", "right"), "left arm": ("both-arms", "left"), "ladder": ("ladder", "right")}
+    shipped = {
+        "freeform": ("freeform", "right"),
+        "left arm": ("both-arms", "left"),
+        "ladder": ("ladder", "right"),
+    }
     for name, (file, side) in shipped.items():
         yield from _clips(name, _recorded(file, side))
     person = human_arm()
     for name, path in human_evaluation().items():
-        path[:, 3] = np.maximum(path[:, 3], np.radians(5.0))  # force ellipsoids of a straight arm are unbounded
+        path[:, 3] = np.maximum(
+            path[:, 3], np.radians(5.0)
+        )  # force ellipsoids of a straight arm are unbounded
         yield _demonstration(name, person, np.linspace(0.0, 5.0, len(path)), path)
     person = myoarm()
     for i in range(8):
@@ -110,7 +116,9 @@ def _reach(arm: Arm, seed: int, duration: float = 6.0) -> tuple[Array, Array]:
     return time, points[i] + blend[:, None] * (points[i + 1] - points[i])
 
 
-def _demonstration(name: str, arm: Arm, time: Array, joint_angles: Array, rate: float = 10.0) -> Demonstration:
+def _demonstration(
+    name: str, arm: Arm, time: Array, joint_angles: Array, rate: float = 10.0
+) -> Demonstration:
     """Resample a motion at a rate [Hz]."""
     at = np.arange(0.0, time[-1] - time[0] + 1e-9, 1.0 / rate)
     q = np.stack([np.interp(at, time - time[0], column) for column in joint_angles.T], axis=1)
@@ -154,7 +162,9 @@ class Task:
     person_speed: Array  # at unit joint velocities, (m, 64) [m/s]
 
     @classmethod
-    def of(cls, recording: str, robot: str, time: Array, path: Array, person: Arm, joint_angles: Array) -> "Task":
+    def of(
+        cls, recording: str, robot: str, time: Array, path: Array, person: Arm, joint_angles: Array
+    ) -> "Task":
         """Evaluate the person's capability at the instants; trunk and base are parallel."""
         instants, u = evenly_spaced(len(time), 12), half_sphere()
         q = joint_angles[instants]
@@ -186,7 +196,10 @@ class Task:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the task as JSON."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
-        content = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()}
+        content = {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in values.items()
+        }
         write_text(path, json.dumps(content) + "\n")
 
     @classmethod
@@ -194,19 +207,28 @@ class Task:
         """Read a task; `FileFormatError` when a key is missing or a value is not allowed."""
         names, size = [item.name for item in fields(cls)], len(half_sphere())
         try:
-            content = require_mapping(json.loads(read_whole(path, (".json",), MOST_BYTES)), names, str(path))
+            content = require_mapping(
+                json.loads(read_whole(path, (".json",), MOST_BYTES)), names, str(path)
+            )
             if missing := [name for name in names if name not in content]:
                 raise InvalidInputError(f"missing keys: {', '.join(missing)}")
             time, instants = as_times(content["time"], fewest=4), np.asarray(content["instants"])
-            arrays = {name: as_finite(content[name], name) for name in ("path", "person_force", "person_speed")}
+            arrays = {
+                name: as_finite(content[name], name)
+                for name in ("path", "person_force", "person_speed")
+            }
             require_shape(arrays["path"], "path", (len(time), 3))
             allowed = instants.dtype.kind == "i" and instants.ndim == 1 and len(instants) > 0
             if not allowed or instants.min() < 0 or instants.max() >= len(time):
-                raise InvalidInputError(f"instants must be indices of waypoints, from 0 to {len(time) - 1}")
+                raise InvalidInputError(
+                    f"instants must be indices of waypoints, from 0 to {len(time) - 1}"
+                )
             for name in ("person_force", "person_speed"):
                 require_shape(arrays[name], name, (len(instants), size))
                 if np.any(arrays[name] <= 0.0):
                     raise InvalidInputError(f"{name} must be above 0")
         except (ValueError, TypeError) as error:
             raise FileFormatError(f"{path} is no task: {error}") from None
-        return cls(str(content["recording"]), str(content["robot"]), time, instants=instants, **arrays)
+        return cls(
+            str(content["recording"]), str(content["robot"]), time, instants=instants, **arrays
+        )

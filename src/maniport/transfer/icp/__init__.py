@@ -80,17 +80,24 @@ class RiemannianICP(RigidAdapter):
         selective = as_flag(self.require_improvement, "require_improvement")
         if as_choice(self.start, "start", ("parallel-transport", "identity")) == "identity":
             self.rotation_ = np.eye(d)
-        clouds = recenter(teacher, self.teacher_mean_, self.dispersion_ratio_), recenter(student, self.student_mean_)
+        clouds = (
+            recenter(teacher, self.teacher_mean_, self.dispersion_ratio_),
+            recenter(student, self.student_mean_),
+        )
         matched, others = clouds, list[Array]()
         if self.most_singular is not None:
             limit = as_count(self.most_singular, "most_singular", minimum=2)
             matched = _most_singular(clouds[0], limit), _most_singular(clouds[1], limit)
-        if self.base_rotation is None and count > 0 and d <= 6:  # beyond, m × m derivatives in each step take minutes
+        if (
+            self.base_rotation is None and count > 0 and d <= 6
+        ):  # beyond, m × m derivatives in each step take minutes
             others = rotations_by_voting(*matched, count)
         icp = ICP(*matched, correspondence_of(self.correspondence))
         # Clouds of arms are nearly symmetric: between two draws of the Panda's own domain, a rotation with a cost 1.2 %
         # lower was off by 180°.
-        start, best = best_registration(icp, self.rotation_, others, margin=0.05 if selective else 0.0)
+        start, best = best_registration(
+            icp, self.rotation_, others, margin=0.05 if selective else 0.0
+        )
         pair, run, self.stop_reason_ = CloudPair(*clouds), best, best.reason
         self.found_rotation_, self.start_kept_ = best.rotation, False
         self.rotation_, self.cost_ = best.rotation, best.cost
@@ -101,7 +108,9 @@ class RiemannianICP(RigidAdapter):
                 self.rotation_, self.cost_ = start.start, start.history[0]
             if effect:
                 angle = np.rad2deg(rotation_angle(start.start, best.rotation))
-                self.stop_reason_ = f"the start is kept: the rotation {angle:.1f}° away ({best.reason}) {effect}"
+                self.stop_reason_ = (
+                    f"the start is kept: the rotation {angle:.1f}° away ({best.reason}) {effect}"
+                )
         self.start_rotation_, self.converged_ = run.start, run.converged
         self.history_, self.n_iter_ = np.array(run.history), len(run.history) - 1
         if self.base_rotation is None and d == 3:
@@ -114,4 +123,6 @@ class RiemannianICP(RigidAdapter):
 def _most_singular(points: Array, limit: int) -> Array:
     """Select the ellipsoids (n, d, d) with the largest condition number, in their order."""
     values, _ = eigh(points)
-    return np.asarray(points[np.sort(np.argsort(-values[:, -1] / values[:, 0], kind="stable")[:limit])])
+    return np.asarray(
+        points[np.sort(np.argsort(-values[:, -1] / values[:, 0], kind="stable")[:limit])]
+    )

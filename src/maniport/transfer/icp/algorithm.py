@@ -41,9 +41,15 @@ class Registration:
 class ICP:
     """Step 3 for two recentered clouds, shapes (n, d, d) and (m, d, d)."""
 
-    def __init__(self, teacher: Array, student: Array, correspondence: Correspondence, tol: float = 1e-8):
+    def __init__(
+        self, teacher: Array, student: Array, correspondence: Correspondence, tol: float = 1e-8
+    ):
         self.teacher, self.student, self.correspondence = teacher, student, correspondence
-        self._match, self._factors, self._tol = correspondence.between(teacher, student), cholesky(student), tol
+        self._match, self._factors, self._tol = (
+            correspondence.between(teacher, student),
+            cholesky(student),
+            tol,
+        )
 
     def problem(self, rotation: Array) -> RotationProblem:
         """Match under `rotation` (eq. 18) and return the rotation problem (eq. 15)."""
@@ -51,7 +57,9 @@ class ICP:
         factors = [factor[matches.student] for factor in self._factors]
         return RotationProblem(factors, self.teacher[matches.teacher], matches.weight)
 
-    def run(self, start: Array, max_iter: int, gradient_tol: float = 1e-9, patience: int = 5) -> Registration:
+    def run(
+        self, start: Array, max_iter: int, gradient_tol: float = 1e-9, patience: int = 5
+    ) -> Registration:
         """Alternate eqs. 18 and 15 until the rotation converges or `patience` iterations do not lower the cost."""
         rotation, history, rotations = start, list[float](), list[Array]()
         reason, converged = f"{max_iter} iterations without convergence", False
@@ -74,7 +82,12 @@ class ICP:
 
 
 def best_registration(
-    icp: ICP, first: Array, others: Sequence[Array], margin: float, max_iter: int = 100, limit: int = 400
+    icp: ICP,
+    first: Array,
+    others: Sequence[Array],
+    margin: float,
+    max_iter: int = 100,
+    limit: int = 400,
 ) -> tuple[Registration, Registration]:
     """Return the registration from `first`, and the one of the lowest cost; another's is lower by a share `margin`.
 
@@ -104,23 +117,39 @@ def rotations_by_voting(
     of the clouds' frames, as further starts, recover no more.
     """
     if len(teacher) > len(student):
-        return [rotation.T for rotation in rotations_by_voting(student, teacher, elected, voters, candidates)]
+        return [
+            rotation.T
+            for rotation in rotations_by_voting(student, teacher, elected, voters, candidates)
+        ]
     d = teacher.shape[-1]
     signs = np.array([turn for turn in product((1.0, -1.0), repeat=d) if np.prod(turn) > 0.0])
-    signs = signs[:64] if d % 2 else signs[signs[:, 0] > 0.0][:64]  # in even dimension −P does what P does
+    signs = (
+        signs[:64] if d % 2 else signs[signs[:, 0] > 0.0][:64]
+    )  # in even dimension −P does what P does
     count = min(voters, len(teacher), 4096 // (len(signs) * candidates))
     if count < 3:
         return []
-    (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly_spaced(len(teacher), count)]), eigh(student)
+    (value_t, frame_t), (value_s, frame_s) = (
+        eigh(teacher[evenly_spaced(len(teacher), count)]),
+        eigh(student),
+    )
     for frame in (frame_t, frame_s):
         frame[:, :, 0] *= np.sign(np.linalg.det(frame))[:, None]
-    _, similar = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(candidates, len(student)) + 1)])
-    turns = (frame_s[similar][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[:, None, None]
+    _, similar = cKDTree(np.log(value_s)).query(
+        np.log(value_t), k=[*range(1, min(candidates, len(student)) + 1)]
+    )
+    turns = (frame_s[similar][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[
+        :, None, None
+    ]
     proposals = turns.reshape(-1, d * d)
     centers = turns[:, 0].reshape(-1, d * d)
-    radius = 2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)  # |R - R'| for 10° apart in one plane
+    radius = (
+        2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)
+    )  # |R - R'| for 10° apart in one plane
     tree, rotations = cKDTree(proposals), list[Array]()
-    for place in np.argsort(-tree.query_ball_point(centers, radius, return_length=True), kind="stable"):
+    for place in np.argsort(
+        -tree.query_ball_point(centers, radius, return_length=True), kind="stable"
+    ):
         if len(rotations) == elected:
             break
         agreeing = tree.query_ball_point(centers[place], radius, return_sorted=True)

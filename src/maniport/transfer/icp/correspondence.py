@@ -16,7 +16,9 @@ from maniport.spd.kernels import congruence, eigh
 from maniport.util.jit import kernel
 from maniport.util.validation import Array, as_choice, as_number
 
-EQUAL_EIGENVALUES = 1e-6  # Relative difference below which an eigenvector is undefined and must not decide a match
+EQUAL_EIGENVALUES = (
+    1e-6  # Relative difference below which an eigenvector is undefined and must not decide a match
+)
 
 TIE = 1e-12  # Scores that differ by less are equal; of equal scores the lowest index wins
 
@@ -77,7 +79,10 @@ class GeodesicCorrespondence(Correspondence):
         """Match with the nearest."""
         seeking, sought = sorted((teacher, student), key=len)
         index, weight = NeighborIndex(sought), np.ones(len(seeking))
-        return _between(lambda rotation: (index.query(congruence(rotation, seeking))[0], weight), seeking is teacher)
+        return _between(
+            lambda rotation: (index.query(congruence(rotation, seeking))[0], weight),
+            seeking is teacher,
+        )
 
 
 @dataclass(frozen=True)
@@ -104,11 +109,22 @@ class EllipsoidCorrespondence(Correspondence):
         (directions, shapes), (others, other_shapes) = map(_features, (seeking, sought))
         order = np.argsort(other_shapes[:, 0], kind="stable")
         positions = np.searchsorted(other_shapes[order, 0], shapes[:, 0])
-        others, other_shapes = (np.ascontiguousarray(x[order].T) for x in (others.swapaxes(1, 2), other_shapes))
+        others, other_shapes = (
+            np.ascontiguousarray(x[order].T) for x in (others.swapaxes(1, 2), other_shapes)
+        )
 
         def partners(rotation: Array) -> tuple[Indices, Array]:
             index, score = np.empty(len(shapes), np.intp), np.empty(len(shapes))
-            _search(np.dot(directions, rotation.T), shapes, positions, others, other_shapes, order, index, score)
+            _search(
+                np.dot(directions, rotation.T),
+                shapes,
+                positions,
+                others,
+                other_shapes,
+                order,
+                index,
+                score,
+            )
             best = score.max()
             return index, (score / best) ** self.exponent if best > 0 else np.ones_like(score)
 
@@ -136,7 +152,10 @@ def correspondence_of(value: str | Correspondence) -> Correspondence:
 def _features(points: Array) -> tuple[Array, Array]:
     """Return shortest and longest axes (n, 2, d), zero where undefined, and condition numbers and volumes (n, 2)."""
     values, vectors = eigh(points)
-    gaps = np.stack([values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]], axis=1) / values[:, [1, -1]]
+    gaps = (
+        np.stack([values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]], axis=1)
+        / values[:, [1, -1]]
+    )
     directions = np.stack([vectors[:, :, 0], vectors[:, :, -1]], axis=1)
     directions *= (gaps > EQUAL_EIGENVALUES)[:, :, None]
     shapes = np.stack([values[:, -1] / values[:, 0], np.sqrt(np.prod(values, axis=-1))], axis=1)
@@ -166,14 +185,23 @@ def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, in
             minor[:], major[:] = 0.0, 0.0
             for k in range(d):
                 x, y = directions_t[i, 0, k], directions_t[i, 1, k]
-                shortest, longest = directions_s[0, k, first : first + size], directions_s[1, k, first : first + size]
+                shortest, longest = (
+                    directions_s[0, k, first : first + size],
+                    directions_s[1, k, first : first + size],
+                )
                 for w in range(size):
                     minor[w] += x * shortest[w]
                     major[w] += y * longest[w]
-            conditions, volumes = shapes_s[0, first : first + size], shapes_s[1, first : first + size]
+            conditions, volumes = (
+                shapes_s[0, first : first + size],
+                shapes_s[1, first : first + size],
+            )
             for w in range(size):
                 minor[w] = abs(minor[w]) + abs(major[w])
-                gap, other = min(abs(conditions[w] - condition), 1e6), min(abs(volumes[w] - volume), 1e6)
+                gap, other = (
+                    min(abs(conditions[w] - condition), 1e6),
+                    min(abs(volumes[w] - volume), 1e6),
+                )
                 # exp(−g) ≤ 1 / (1 + g + g²/2), which costs no exponential
                 x, y = 1.0 + gap * (1.0 + 0.5 * gap), 1.0 + other * (1.0 + 0.5 * other)
                 bound[w] = minor[w] + (x + y) / (x * y)
@@ -181,7 +209,11 @@ def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, in
                 if bound[w] < best - TIE:
                     continue
                 j = first + w
-                score = minor[w] + np.exp(-abs(condition - conditions[w])) + np.exp(-abs(volume - volumes[w]))
+                score = (
+                    minor[w]
+                    + np.exp(-abs(condition - conditions[w]))
+                    + np.exp(-abs(volume - volumes[w]))
+                )
                 if score > best + TIE or (score >= best - TIE and order[j] < best_index):
                     best_index = order[j]
                 if score > best:

@@ -29,15 +29,25 @@ class RotationProblem:
 
     def cost(self, rotation: Array) -> float:
         """F(R), the weighted mean of squared distances."""
-        return float(_add_derivatives(rotation[None], *self._pairs, self._planes[:0], np.empty(0), np.empty((0, 0))))
+        return float(
+            _add_derivatives(
+                rotation[None], *self._pairs, self._planes[:0], np.empty(0), np.empty((0, 0))
+            )
+        )
 
     def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
         """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
         m = len(self._planes)
         gradient, hessian = np.zeros(m), np.zeros((m, m))
-        return float(_add_derivatives(rotation[None], *self._pairs, self._planes, gradient, hessian)), gradient, hessian
+        return (
+            float(_add_derivatives(rotation[None], *self._pairs, self._planes, gradient, hessian)),
+            gradient,
+            hessian,
+        )
 
-    def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4) -> Array:
+    def minimize(
+        self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4
+    ) -> Array:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
         rotation, steps = start, 0
         cost, gradient, hessian = self.derivatives(start)
@@ -48,9 +58,16 @@ class RotationProblem:
             moved = rotation_from_vector(direction) @ rotation
             following = self.derivatives(moved)
             # near the solution the cost no longer resolves the step, but the gradient does
-            resolved = following[0] <= cost * (1.0 + 1e-6) + 1e-14 and np.linalg.norm(following[1]) < 0.5 * norm
+            resolved = (
+                following[0] <= cost * (1.0 + 1e-6) + 1e-14
+                and np.linalg.norm(following[1]) < 0.5 * norm
+            )
             lower = resolved or following[0] < cost + armijo * slope
-            while not lower and length * -slope > 2.0 * np.finfo(np.float64).eps * cost and length > 1e-9:
+            while (
+                not lower
+                and length * -slope > 2.0 * np.finfo(np.float64).eps * cost
+                and length > 1e-9
+            ):
                 length /= 2.0
                 moved = rotation_from_vector(length * direction) @ rotation
                 lower = self.cost(moved) < cost + armijo * length * slope
@@ -81,7 +98,11 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
     With L⁻¹ R T Rᵀ L⁻ᵀ = V diag(λ) Vᵀ, the basis element Ω_a moves the pair by Vᵀ L⁻¹ Ω_a L V.
     """
     (count, d), m, cost = teacher.shape[:2], len(planes), 0.0
-    turned, whitened, vectors = np.empty(teacher.shape), np.empty(teacher.shape), np.empty(teacher.shape)
+    turned, whitened, vectors = (
+        np.empty(teacher.shape),
+        np.empty(teacher.shape),
+        np.empty(teacher.shape),
+    )
     values = np.empty((count, d))
     congruence_loop(rotation, teacher, turned)
     congruence_loop(inverse, turned, whitened)
@@ -109,7 +130,9 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
             for y in range(d):
                 high, log_high = values[pair, y], logs[pair, y]
                 gap, middle = low - high, 0.5 * (low + high)
-                if abs(gap) < NEAR * middle:  # there the logarithm of the middle is the middle of the logarithms
+                if (
+                    abs(gap) < NEAR * middle
+                ):  # there the logarithm of the middle is the middle of the logarithms
                     slope = 2.0 * (2.0 - (log_low + log_high)) / (middle * middle)
                 else:
                     slope = 4.0 * (rates[pair, x] - rates[pair, y]) / gap

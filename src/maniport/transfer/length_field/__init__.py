@@ -30,7 +30,9 @@ HELD_OUT = 400  # Most samples that are held out of the fit
 
 
 def _as_unit_vector_or_empty(value: Any, name: str) -> None:
-    if np.size(value) and (np.size(value) != 3 or abs(np.linalg.norm(as_finite(value, name)) - 1.0) > 1e-9):
+    if np.size(value) and (
+        np.size(value) != 3 or abs(np.linalg.norm(as_finite(value, name)) - 1.0) > 1e-9
+    ):
         raise InvalidInputError(f"{name} must be a unit vector or empty")
 
 
@@ -106,8 +108,14 @@ class LengthField(DomainAdapter):
 
     @threadpool_limits.wrap(limits=1)  # type: ignore[untyped-decorator]  # more threads take longer
     def _fit(self, teacher: Array, student: Array) -> None:
-        most, width = as_count(self.n_samples, "n_samples", minimum=2), as_number(self.width, "width", above=0.0)
-        ridge, rounds = as_number(self.ridge, "ridge", above=0.0), as_count(self.n_rounds, "n_rounds")
+        most, width = (
+            as_count(self.n_samples, "n_samples", minimum=2),
+            as_number(self.width, "width", above=0.0),
+        )
+        ridge, rounds = (
+            as_number(self.ridge, "ridge", above=0.0),
+            as_count(self.n_rounds, "n_rounds"),
+        )
         self._describe(teacher, student)
         for name, domain in (("teacher", teacher), ("student", student)):
             if len(domain) <= domain.shape[-1]:
@@ -116,18 +124,30 @@ class LengthField(DomainAdapter):
                     f"found {len(domain)}"
                 )
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
-        self.axis_ = as_axis(getattr(self.projector, "axis", None), "projector.axis", teacher.shape[-1])
+        self.axis_ = as_axis(
+            getattr(self.projector, "axis", None), "projector.axis", teacher.shape[-1]
+        )
         damping = float(self.student_damping_)
         if getattr(self.projector, "needs_damping", False) and damping == 0.0:
-            raise InvalidInputError(f"LengthField needs damping with the projector {self.projector!r}")
+            raise InvalidInputError(
+                f"LengthField needs damping with the projector {self.projector!r}"
+            )
         projector = NearestSamples(student) if self.projector is None else self.projector
         if not callable(projector) and not hasattr(projector, "search"):
             text = "projector must be callable, such as maniport.FeasibleProjector(arm)"
             raise InvalidInputError(f"{text}; found {projector!r}")
-        self.width_, self.centers_, self.lengths_ = width * self.student_dispersion_, np.zeros((0, 1)), np.zeros((0, 3))
+        self.width_, self.centers_, self.lengths_ = (
+            width * self.student_dispersion_,
+            np.zeros((0, 1)),
+            np.zeros((0, 3)),
+        )
         seen, held_out = _split(self._field(), teacher, most)
         samples = Samples(self._field(), seen, projector, damping)
-        count = min(300, len(seen)) if self.n_centers is None else as_count(self.n_centers, "n_centers", 1, len(seen))
+        count = (
+            min(300, len(seen))
+            if self.n_centers is None
+            else as_count(self.n_centers, "n_centers", 1, len(seen))
+        )
         self.centers_ = samples.x[centers_among(samples.x, count)]
         self.lengths_ = np.zeros((len(self.centers_), 3))
         field, history = fitted(self._field(), samples, ridge, rounds)
@@ -138,7 +158,9 @@ class LengthField(DomainAdapter):
         self.report_ = reported(field, Samples(field, points, projector, damping), len(held_out))
 
     def _damping(self) -> Regularization:
-        return Regularization(getattr(self.projector, "damping", None) if self.damping is None else self.damping)
+        return Regularization(
+            getattr(self.projector, "damping", None) if self.damping is None else self.damping
+        )
 
     def _settle(self) -> None:
         if not isinstance(report := getattr(self, "report_", {}), FieldReport):  # read from a file
@@ -148,9 +170,14 @@ class LengthField(DomainAdapter):
     def _field(self) -> LengthsMap:
         """Return the fitted map."""
         d, s = len(self.teacher_mean_), float(self.dispersion_ratio_)
-        teacher, student = (float(np.linalg.slogdet(mean)[1]) / d for mean in (self.teacher_mean_, self.student_mean_))
+        teacher, student = (
+            float(np.linalg.slogdet(mean)[1]) / d
+            for mean in (self.teacher_mean_, self.student_mean_)
+        )
         # log k makes the determinants of the means agree; less ℓ̄ it is −s log det(T̄) / d
-        return LengthsMap(s, -s * teacher, student, float(self.width_), self.centers_, self.lengths_, self.axis_)
+        return LengthsMap(
+            s, -s * teacher, student, float(self.width_), self.centers_, self.lengths_, self.axis_
+        )
 
     def _map(self, points: Array) -> Array:
         return self._field().apply(points)
@@ -179,7 +206,9 @@ class LengthField(DomainAdapter):
         base, *terms = self._field().terms()
         numbers = [self.teacher_damping_, self.student_damping_, *base]
         base_rotation = np.eye(d) if self.base_rotation_ is None else self.base_rotation_
-        terms = [np.array(term, dtype=np.float64, order="C") for term in (base_rotation, numbers, *terms)]
+        terms = [
+            np.array(term, dtype=np.float64, order="C") for term in (base_rotation, numbers, *terms)
+        ]
         return compiled_map(map_lengths, d, *terms)
 
 
@@ -187,7 +216,9 @@ def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:
     """Split ellipsoids (n, d, d) into at most `most` to fit to, and a held-out eighth; the same in any order."""
     values, vectors = base.base(teacher)
     keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
-    order = np.lexsort(np.round(keys / TIE).T[::-1])  # the axes decide between samples of equal eigenvalues
+    order = np.lexsort(
+        np.round(keys / TIE).T[::-1]
+    )  # the axes decide between samples of equal eigenvalues
     count = min(HELD_OUT, len(order) // 8)
     apart = evenly_spaced(len(order), count) if count >= 16 else evenly_spaced(0, 0)
     rest = np.delete(order, apart)

@@ -40,7 +40,11 @@ class LengthsMap:
         base = np.array([self.power, self.shift, self.level, self.width**-2, self._softening**2])
         centers = self._center_features
         weighed = np.column_stack([centers, -0.5 * np.sum(centers**2, axis=1)]) / self.width**2
-        return base, harmonics(self.axis), np.ascontiguousarray(np.column_stack([weighed, self.lengths]).T)
+        return (
+            base,
+            harmonics(self.axis),
+            np.ascontiguousarray(np.column_stack([weighed, self.lengths]).T),
+        )
 
     @property
     def _softening(self) -> float:
@@ -50,13 +54,17 @@ class LengthsMap:
     def apply(self, points: Array) -> Array:
         """Map SPD matrices (n, d, d)."""
         results = np.empty(points.shape)
-        for first in range(0, len(points), 512):  # kernel values of so many stay in the processor's cache
+        for first in range(
+            0, len(points), 512
+        ):  # kernel values of so many stay in the processor's cache
             part = slice(first, first + 512)
             eigenvalues, vectors = eigh(points[part])
             if not np.all(eigenvalues > ROUNDED * eigenvalues.sum(axis=1, keepdims=True)):
                 raise NotSPDError(ILL_CONDITIONED)
             with np.errstate(over="ignore"):
-                images = np.exp(self._moved(self.power * np.log(eigenvalues) + self.shift, vectors) + self.level)
+                images = np.exp(
+                    self._moved(self.power * np.log(eigenvalues) + self.shift, vectors) + self.level
+                )
             if not np.all((images >= MIN_EIGENVALUE) & (images <= MAX_EIGENVALUE)):
                 raise NotSPDError(ILL_CONDITIONED)
             results[part] = compose(images, vectors)
@@ -97,7 +105,9 @@ class LengthsMap:
         # ∂k_j/∂φ = k_j (φ(c_j) − φ(x)) / w²
         phi, centers = self.features(x), self._center_features
         drawn = near @ (self.lengths[:, :, None] * centers[:, None]).reshape(len(centers), -1)
-        pulls = (drawn.reshape(*field.shape, phi.shape[1]) - field[:, :, None] * phi[:, None]) / self.width**2
+        pulls = (
+            drawn.reshape(*field.shape, phi.shape[1]) - field[:, :, None] * phi[:, None]
+        ) / self.width**2
         if len(self.axis):
             turn = harmonics(self.axis)
             pulls = pulls @ (features_changing(x @ turn.T, self._softening) @ turn)
@@ -110,7 +120,9 @@ class LengthsMap:
         images = axiswise(field, t)
         ratios = (images[:, :, None] - images[:, None, :]) / np.where(apart, gaps, 1.0)
         stretch = 1.0 + np.where(apart, ratios, 0.5 * (rates[:, :, None] + rates[:, None, :]))
-        basis = congruence(np.swapaxes(vectors, -1, -2)[:, None], mandel_basis(d))  # (n, D, d, d): Vᵀ E_k V
+        basis = congruence(
+            np.swapaxes(vectors, -1, -2)[:, None], mandel_basis(d)
+        )  # (n, D, d, d): Vᵀ E_k V
         turned = stretch[:, None] * basis
         turned[..., np.arange(d), np.arange(d)] += np.swapaxes(along, 1, 2)
         return np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
@@ -118,7 +130,9 @@ class LengthsMap:
     @property
     def folded_centers(self) -> float:
         """Share of the centers where the map folds, or nearly so."""
-        return float(np.mean(least_singular(self.slopes(*eigh(from_vector(self.centers)))) < NEAR_SINGULAR))
+        return float(
+            np.mean(least_singular(self.slopes(*eigh(from_vector(self.centers)))) < NEAR_SINGULAR)
+        )
 
 
 def inverse(field: LengthsMap, points: Array) -> Array:
@@ -150,7 +164,9 @@ def inverse(field: LengthsMap, points: Array) -> Array:
 
 def least_singular(slopes: Array) -> Array:
     """Smallest singular values (n,) of matrices (n, D, D), negative where the determinant is."""
-    return np.asarray(np.linalg.svd(slopes, compute_uv=False)[:, -1] * np.sign(np.linalg.det(slopes)))
+    return np.asarray(
+        np.linalg.svd(slopes, compute_uv=False)[:, -1] * np.sign(np.linalg.det(slopes))
+    )
 
 
 def powers(values: Array) -> Array:
@@ -200,4 +216,6 @@ def features(parts: Array, soft: float) -> Array:
 
 def features_changing(parts: Array, soft: float, step: float = 1e-100) -> Array:
     """Return derivatives of `features` by `harmonics`, shape (n, 6, 6), exact by complex steps."""
-    return np.stack([features(parts + 1j * step * unit, soft).imag / step for unit in np.eye(6)], axis=2)
+    return np.stack(
+        [features(parts + 1j * step * unit, soft).imag / step for unit in np.eye(6)], axis=2
+    )

@@ -17,7 +17,13 @@ from maniport.spd.affine_invariant import NeighborIndex, distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.kernels import compose, congruence, symmetrize
 from maniport.spd.matrix_functions import apply, logarithm, to_vector
-from maniport.transfer.length_field.field import NEAR_SINGULAR, LengthsMap, axiswise, least_singular, powers
+from maniport.transfer.length_field.field import (
+    NEAR_SINGULAR,
+    LengthsMap,
+    axiswise,
+    least_singular,
+    powers,
+)
 from maniport.util.sampling import rank_correlation
 from maniport.util.validation import Array, as_finite, as_points, require_shape
 
@@ -52,7 +58,9 @@ class NearestSamples:
 class Samples:
     """The teacher's samples (n, d, d) that a field is fitted to or measured at."""
 
-    def __init__(self, field: LengthsMap, points: Array, projector: Any, damping: float, neighbors: int = 3):
+    def __init__(
+        self, field: LengthsMap, points: Array, projector: Any, damping: float, neighbors: int = 3
+    ):
         self.points = points
         self.values, self.vectors = field.base(points)
         self.x = to_vector(compose(self.values, self.vectors))
@@ -61,7 +69,9 @@ class Samples:
         if hasattr(projector, "search"):
             self._search = projector.search(damping)
             if len(points) > neighbors:
-                self._neighbors = np.asarray(cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1], np.intp)
+                self._neighbors = np.asarray(
+                    cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1], np.intp
+                )
 
     def projected(self, images: Array) -> tuple[Array, Array | None]:
         """Return the ellipsoids (n, d, d) nearest to the images, and derivatives (n, k, d, d) or None."""
@@ -88,7 +98,9 @@ def _all_equal(points: Array) -> bool:
     return bool(np.abs(points - points[0]).max() <= 1e-12 * np.abs(points[0]).max())
 
 
-def fitted(base: LengthsMap, samples: Samples, ridge: float, rounds: int) -> tuple[LengthsMap, list[float]]:
+def fitted(
+    base: LengthsMap, samples: Samples, ridge: float, rounds: int
+) -> tuple[LengthsMap, list[float]]:
     """Fit a field with centers in rounds; return it and the mean distance to the feasible set before and after each."""
     field, history = base, list[float]()
     near, among = field.kernel(samples.x), field.kernel(field.centers)
@@ -98,14 +110,24 @@ def fitted(base: LengthsMap, samples: Samples, ridge: float, rounds: int) -> tup
         history.append(float(np.mean(distance_unchecked(images, nearest))))
         if number < rounds:
             whitening = apply(images, lambda values: 1.0 / np.sqrt(values))
-            error = congruence(np.swapaxes(samples.vectors, -1, -2), logarithm(congruence(whitening, nearest)))
-            lengths = _lengths(field.lengths, samples, near, among, error, None if number == 0 else changes, ridge)
+            error = congruence(
+                np.swapaxes(samples.vectors, -1, -2), logarithm(congruence(whitening, nearest))
+            )
+            lengths = _lengths(
+                field.lengths, samples, near, among, error, None if number == 0 else changes, ridge
+            )
             field = replace(field, lengths=lengths)
     return field, history
 
 
 def _lengths(
-    lengths: Array, samples: Samples, near: Array, among: Array, error: Array, changes: Array | None, ridge: float
+    lengths: Array,
+    samples: Samples,
+    near: Array,
+    among: Array,
+    error: Array,
+    changes: Array | None,
+    ridge: float,
 ) -> Array:
     """Coefficients (m, 3) of (39) and (40), from kernel values `near` (n, m) and `among` (m, m) of the centers."""
     n, d = samples.values.shape
@@ -114,10 +136,16 @@ def _lengths(
     wanted = axiswise(near @ lengths, t) + vector[:, :d]
     weights, pull = np.broadcast_to(np.eye(d), (n, d, d)), wanted
     if changes is not None:
-        moves = np.swapaxes(to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], changes)), 1, 2)
+        moves = np.swapaxes(
+            to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], changes)), 1, 2
+        )
         residual = _unreachable(moves)
-        weights = residual[:, :d, :d] + 0.1 * np.eye(d)  # α, the cost of an error that motion of the joints removes
-        pull = (weights @ wanted[..., None])[..., 0] + (residual[:, :d, d:] @ vector[:, d:, None])[..., 0]
+        weights = residual[:, :d, :d] + 0.1 * np.eye(
+            d
+        )  # α, the cost of an error that motion of the joints removes
+        pull = (weights @ wanted[..., None])[..., 0] + (residual[:, :d, d:] @ vector[:, d:, None])[
+            ..., 0
+        ]
     mixed = np.swapaxes(t, 1, 2) @ weights @ t  # (n, 3, 3)
     normal = np.empty((rank, m, rank, m))
     for r in range(rank):
@@ -133,7 +161,9 @@ def _lengths(
 def _unreachable(moves: Array, gamma: float = 0.05) -> Array:
     """N = I − J (JᵀJ + γ I)⁻¹ Jᵀ, shape (n, D, D), of the changes along the joints J (n, D, k): the rest."""
     inner = np.swapaxes(moves, 1, 2) @ moves + gamma * np.eye(moves.shape[2])
-    return np.asarray(np.eye(moves.shape[1]) - moves @ np.linalg.solve(inner, np.swapaxes(moves, 1, 2)))
+    return np.asarray(
+        np.eye(moves.shape[1]) - moves @ np.linalg.solve(inner, np.swapaxes(moves, 1, 2))
+    )
 
 
 def centers_among(x: Array, count: int) -> NDArray[np.intp]:
@@ -165,10 +195,14 @@ MIN_RANK_CORRELATION = 0.8
 class FieldReport:
     """Effect of a length field on the teacher's samples that were held out of the fit."""
 
-    held_out: int  # number of samples held out; zero where the values are those at samples of the fit
+    held_out: (
+        int  # number of samples held out; zero where the values are those at samples of the fit
+    )
     gap: float  # distance from their images to the nearest feasible ellipsoids, mean
     gap_p95: float  # and 95th percentile
-    rank_correlation: float  # rank correlation of all distances between images and between the samples
+    rank_correlation: (
+        float  # rank correlation of all distances between images and between the samples
+    )
     near_singular: float  # fraction of the samples where the map folds, or nearly so
     moved_axes: float  # fraction whose longest axis is more than 10° from the image's; 0 where none is distinct
     reversing: float  # fraction where the determinant of the map's derivative is negative
@@ -178,16 +212,24 @@ class FieldReport:
         """Return the checks that the map fails, with value and limit; empty where it may be used."""
         shares = ((getattr(self, name), limit, text) for name, (limit, text) in MAX_SHARES.items())
         failed = [
-            f"{text} {100 * share:.0f} % (limit {100 * limit:.0f} %)" for share, limit, text in shares if share > limit
+            f"{text} {100 * share:.0f} % (limit {100 * limit:.0f} %)"
+            for share, limit, text in shares
+            if share > limit
         ]
         if self.rank_correlation < MIN_RANK_CORRELATION:
-            failed.append(f"rank correlation of distances {self.rank_correlation:.2f} (limit {MIN_RANK_CORRELATION:g})")
+            failed.append(
+                f"rank correlation of distances {self.rank_correlation:.2f} (limit {MIN_RANK_CORRELATION:g})"
+            )
         return tuple(failed)
 
     def in_words(self) -> str:
         """Return it as one line."""
-        where = f"at {self.held_out} held-out samples" if self.held_out else "at the samples of the fit"
-        shares = ", ".join(f"{text} {100 * getattr(self, name):.0f} %" for name, (_, text) in MAX_SHARES.items())
+        where = (
+            f"at {self.held_out} held-out samples" if self.held_out else "at the samples of the fit"
+        )
+        shares = ", ".join(
+            f"{text} {100 * getattr(self, name):.0f} %" for name, (_, text) in MAX_SHARES.items()
+        )
         return (
             f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), rank correlation "
             f"{self.rank_correlation:.3f}, {shares}, folds at {100 * self.near_singular:.1f} %"
@@ -205,7 +247,9 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
     varied = min(np.ptp(apart), np.ptp(own)) > 0.0
     slopes = field.slopes(samples.values, samples.vectors)
     singular, moved = least_singular(slopes), axis_angles(images, points, -1)
-    along = to_vector(np.einsum("nik,njk->nkij", samples.vectors, samples.vectors))  # (n, d, D): vec v vᵀ for axes v
+    along = to_vector(
+        np.einsum("nik,njk->nkij", samples.vectors, samples.vectors)
+    )  # (n, d, D): vec v vᵀ for axes v
     return FieldReport(
         held_out=held_out,
         gap=float(gaps.mean()),
@@ -214,5 +258,7 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
         near_singular=float(np.mean(singular <= NEAR_SINGULAR)),
         moved_axes=float(np.mean(moved > AXIS_MOVED)) if len(moved) else 0.0,
         reversing=float(np.mean(singular < 0.0)),
-        nonmonotone=float(np.mean(np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0)),
+        nonmonotone=float(
+            np.mean(np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0)
+        ),
     )
