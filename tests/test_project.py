@@ -1,7 +1,6 @@
 """What the project says of itself in several files is the same: versions, dependencies, systems."""
 
 import re
-import runpy
 import tomllib
 from importlib.metadata import metadata
 from pathlib import Path
@@ -94,8 +93,3 @@ def test_the_lock_is_up_to_date():
     ]
     assert {urlsplit(file["url"]).netloc for file in files} == {"files.pythonhosted.org"}
     assert all(file["hash"].startswith("sha256:") for file in files)
-
-
-def test_no_file_and_no_function_is_too_long():
-    count = runpy.run_path(str(ROOT / "scripts" / "count_lines.py"))
-    assert list(count["too_long"](count["PACKAGE"])) == []

@@ -1,6 +1,5 @@
-"""Texts of the package avoid metaphors, verbs that programs cannot do, and variables named by participles."""
+"""Texts of the package avoid metaphors."""
 
-import ast
 import io
 import re
 import tokenize
@@ -18,11 +17,9 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 TEMPLATES = sorted((ROOT / "src" / "maniport").rglob("*.html"))
 COMMANDS = sorted(typer.main.get_command(app).commands)
 BANNED = re.compile(
-    r"\b(house|room|wing|doors?|judge[sd]?|mend(?:s|ed)?|giv(?:es|ing) way|plays|wish(?:es)?|beside|meanwhile"
-    r"|tells?|told|says?|said|asks?|asked)\b",
+    r"\b(house|room|wing|doors?|judge[sd]?|mend(?:s|ed)?|giv(?:es|ing) way|plays|wish(?:es)?)\b",
     re.IGNORECASE,
 )
-NAMES = "one", "found", "given", "known", "each", "shown", "asked", "whose", "told", "said"
 
 
 def prose(file):
@@ -58,20 +55,3 @@ def test_help_pages_have_no_banned_words(command):
     assert (
         violations(f"maniport {command} --help-all", enumerate(result.output.splitlines(), 1)) == []
     )
-
-
-def defined(file):
-    nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
-    variables = [
-        node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-    ]
-    return variables + [node.arg for node in nodes if isinstance(node, ast.arg)]
-
-
-def test_variables_are_named_after_their_content():
-    assert [
-        f"{file.relative_to(ROOT)}: {name}"
-        for file in SOURCES
-        for name in defined(file)
-        if name in NAMES
-    ] == []

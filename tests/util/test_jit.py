@@ -11,7 +11,10 @@ from numba.core.caching import IndexDataCacheFile
 from maniport.util import jit
 
 CALLED = "from maniport.util.jit import part\n@part\ndef scale():\n    return {}\n"
-CALLER = "from maniport.util.jit import kernel\nfrom called import scale\n@kernel\ndef scaled(x):\n    return scale() * x\n"
+CALLER = (
+    "from maniport.util.jit import kernel\nfrom called import scale\n"
+    "@kernel\ndef scaled(x):\n    return scale() * x\n"
+)
 
 
 @pytest.fixture
