@@ -50,9 +50,9 @@ def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, 
 
 
 @kernel
-def fill_points(
+def fill_points(  # type: ignore[no-untyped-def]
     positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes
-):  # type: ignore[no-untyped-def]
+):
     """Fill vectors (n, k, 3) on a chain and derivatives (n, k, 3, dof); see `place_points`."""
     for n in range(len(positions)):
         place_points(
@@ -70,9 +70,9 @@ def fill_points(
 
 
 @part
-def place_points(
+def place_points(  # type: ignore[no-untyped-def]
     positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes
-):  # type: ignore[no-untyped-def]
+):
     """Fill vectors (k, 3) after so many `joints` and derivatives (k, 3, dof); only the first `count` are points."""
     rotations, origins, axis = (
         np.empty((len(axes) + 1, 3, 3)),

@@ -154,9 +154,9 @@ def search_all(q, targets, weights, body, held, no_prior, max_iterations, gain, 
 
 
 @kernel
-def follow(
+def follow(  # type: ignore[no-untyped-def]
     q, velocity, covariance, targets, dt, decay, noise, weights, body, held, information, gain
-):  # type: ignore[no-untyped-def]
+):
     """Predict angles, velocities and covariance after dt, search with the frame, and update.
 
     Also return |r|² and the largest change of an angle. Velocities decay by a factor; `noise` (dof,) is the variance of

@@ -237,9 +237,9 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _program(
+def _program(  # type: ignore[no-untyped-def]
     hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed, multipliers
-):  # type: ignore[no-untyped-def]
+):
     """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
 
     The cost is the mean over the durations (m,) of costs at the ends of the intervals, with one Hessian (dof, dof), and

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.errors import InvalidInputError, argument
 from maniport.motion import (
+    MotionLimits,
     Placement,
     Planner,
     RobotMotion,
@@ -112,10 +113,12 @@ def along(direction: Sequence[float], count: int) -> Array:
 def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     """Sample the robot within its limits."""
     assert settings.control is not None
-    step, limits = Step(settings.progress, "Sample robot"), settings.control.motion_limits
+    limits = settings.control.motion_limits
+    assert isinstance(limits, MotionLimits)
+    step = Step(settings.progress, "Sample robot")
     planner = Planner.of(
         limits, settings.config.spec.bounded, settings.control.collisions, generator
-    )  # type: ignore[arg-type]
+    )
     step.end()
     return planner
 
