@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from maniport.arms import Arm
 from maniport.mocap import fit_arm, read_recording, shipped_recording
-from maniport.studies.paper.trajectories import human_arm, human_evaluation
+from maniport.studies.trajectories import human_arm, human_evaluation
 
 from .inputs import Array
 

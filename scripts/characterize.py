@@ -26,11 +26,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+import maniport as mp
 from benchmarks.inputs import DAMPING, domains, spd_matrices
 from benchmarks.motions import motions
 from benchmarks.robots import FILES, ROBOTS, transferred
-
-import maniport as mp
 from maniport.mocap import shipped_recording
 from maniport.motion import plan_motion
 

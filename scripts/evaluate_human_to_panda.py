@@ -26,7 +26,7 @@ from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, report_of
-from maniport.studies.paper import trajectories
+from maniport.studies import trajectories
 from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.progress import Progress, Step

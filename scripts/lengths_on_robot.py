@@ -22,7 +22,7 @@ from maniport.arms import VELOCITY, Arm
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner, nearest_feasible, place_path, plan_motion
-from maniport.studies.paper.trajectories import human_arm, human_evaluation
+from maniport.studies.trajectories import human_arm, human_evaluation
 from maniport.transfer import method_of
 from maniport.util.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.sampling import evenly_spaced

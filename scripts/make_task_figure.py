@@ -2,7 +2,7 @@
 
     python scripts/make_task_figure.py FOLDER [OUTPUT.png]
 
-FOLDER is the output of ``maniport reproduce tasks``; the figure is written to ``docs/tasks.png`` by default.
+FOLDER is the output of ``python -m benchmarks.tasks run``; the figure is written to ``docs/tasks.png`` by default.
 """
 
 import json

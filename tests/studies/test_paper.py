@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 
 from maniport.errors import InvalidInputError, OutputError
 from maniport.report import as_numbers
-from maniport.studies.paper import run, trajectories
-from maniport.studies.paper.experiments import OURS, PAPER, SAME, Experiment, paper_table
-from maniport.studies.paper.run import compare
+from maniport.studies import run, trajectories
+from maniport.studies.experiments import OURS, PAPER, SAME, Experiment, paper_table
+from maniport.studies.run import compare
 
 
 def lines_of(result):

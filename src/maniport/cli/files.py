@@ -155,51 +155,17 @@ def evaluate(
 def reproduce(
     config: Config,
     console: Console,
-    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot, all, or tasks.")] = "all",
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the results.")
-    ] = None,
+    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot, or all.")] = "all",
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path(
+        "maniport-paper"
+    ),
     overwrite: Overwrite = False,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Task study: four recordings on the Panda only.")
-    ] = False,
-    robots: Annotated[
-        str | None, typer.Option("--robots", help="Task study: robots, separated by commas.")
-    ] = None,
-    recordings: Annotated[
-        Path | None, typer.Option("--recordings", help="Task study: folder of BVH files.")
-    ] = None,
-    score: Annotated[
-        Path | None, typer.Option("--score", help="Task study: joint positions to score, .csv.")
-    ] = None,
-    task: Annotated[
-        Path | None, typer.Option("--task", help="Task study: task of the joints, .json.")
-    ] = None,
 ) -> None:
-    """Repeat the paper's experiments, or run the task study."""
-    from maniport.studies.paper.run import reproduce
-    from maniport.studies.tasks.run import score_file, study_tasks
+    """Repeat the paper's experiments."""
+    from maniport.studies.run import reproduce
 
-    if which != "tasks" and (quick or robots or recordings or score or task):
-        raise InvalidInputError(
-            "--quick, --robots, --recordings, --score and --task are options of tasks"
-        )
-    if which == "tasks" and overwrite:
-        raise InvalidInputError("tasks takes no --overwrite")
-    if (score is None) != (task is None):
-        raise InvalidInputError("--score and --task: expected both or neither")
-    if score is not None and task is not None:
-        console.print_report(score_file(score, task))
-        return
-    output = output or Path("maniport-tasks" if which == "tasks" else "maniport-paper")
     with console.progress() as progress:
-        if which == "tasks":
-            names = [name.strip() for name in robots.split(",")] if robots else ()
-            report = study_tasks(
-                output, config.seed, progress, quick=quick, robots=names, recordings=recordings
-            )
-        else:
-            report = reproduce(which, output, config.seed, progress, overwrite=overwrite)
+        report = reproduce(which, output, config.seed, progress, overwrite=overwrite)
     console.print_report(report, output=str(output))
 
 

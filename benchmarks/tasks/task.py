@@ -17,7 +17,7 @@ from maniport.errors import FileFormatError, InvalidInputError, collected_warnin
 from maniport.evaluation.capability import half_sphere, polytope_extent
 from maniport.mocap import ArmFit, fit_arms, read_recording
 from maniport.motion.plan.roadmap import IN_PLACE, moved_to_positions
-from maniport.studies.paper.trajectories import human_arm, human_evaluation
+from maniport.studies.trajectories import human_arm, human_evaluation
 from maniport.util.atomic_io import write_text
 from maniport.util.files import require_mapping
 from maniport.util.input_limits import read_whole

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
+from benchmarks.tasks.task import Demonstration, StudyRobot, Task, place
 from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.arms.collisions import Collisions, free_configurations
 from maniport.arms.manipulability import JOINT_LIMITS
@@ -32,7 +33,6 @@ from maniport.motion.plan.roadmap import (
     stages_of,
 )
 from maniport.motion.trajectory import interpolated
-from maniport.studies.tasks.task import Demonstration, StudyRobot, Task, place
 from maniport.transfer import DomainAdapter, method_of
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array

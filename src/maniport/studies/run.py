@@ -10,7 +10,7 @@ from typing import Any
 from maniport.report.page import write_page
 from maniport.report.renderings import write_report
 from maniport.report.values import Report, Section, Table, software
-from maniport.studies.paper.experiments import (
+from maniport.studies.experiments import (
     DRAWS,
     OURS,
     PAPER,

@@ -18,7 +18,7 @@ from maniport.estimator import clone
 from maniport.evaluation import RMSE, rmse
 from maniport.spd import mean
 from maniport.spd.matrix_functions import apply
-from maniport.studies.paper import trajectories
+from maniport.studies import trajectories
 from maniport.transfer import (
     DomainAdapter,
     EllipsoidCorrespondence,

@@ -10,11 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from maniport.errors import InvalidInputError, ManiportError
-from maniport.report.renderings import write_report
-from maniport.report.values import Report, Section, Table, software
-from maniport.studies.tasks.methods import motions, problem_of
-from maniport.studies.tasks.score import (
+from benchmarks.tasks.methods import motions, problem_of
+from benchmarks.tasks.score import (
     LESS_IS_BETTER,
     SCORES,
     Scores,
@@ -23,7 +20,7 @@ from maniport.studies.tasks.score import (
     score,
     velocity_share,
 )
-from maniport.studies.tasks.task import (
+from benchmarks.tasks.task import (
     HELD_OUT,
     ROBOTS,
     Demonstration,
@@ -32,6 +29,9 @@ from maniport.studies.tasks.task import (
     demonstrations,
     of_folder,
 )
+from maniport.errors import InvalidInputError, ManiportError
+from maniport.report.renderings import write_report
+from maniport.report.values import Report, Section, Table, software
 from maniport.util.atomic_io import claim, write_text
 from maniport.util.optional import mujoco
 from maniport.util.progress import Progress, Step
@@ -66,7 +66,7 @@ CAPTION = (
 )
 
 Row = Mapping[str, Any]
-"""Scores of a method on a unit: ``method``, ``valid``, and those of `maniport.studies.tasks.score`."""
+"""Scores of a method on a unit: ``method``, ``valid``, and those of `benchmarks.tasks.score`."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def study_tasks(
 
 
 def score_file(motion: str | os.PathLike[str], task: str | os.PathLike[str]) -> Report:
-    """Score a file of joint positions, see `maniport.studies.tasks.score.read_motion`, on the task of a file."""
+    """Score a file of joint positions, see `benchmarks.tasks.score.read_motion`, on the task of a file."""
     own = Task.load(task)
     scores = score(own, read_motion(motion, own))
     section, good = Section("Scores"), is_valid(scores)

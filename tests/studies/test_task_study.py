@@ -4,16 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from maniport.arms import Arm, load_arm
-from maniport.cli import app
-from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError, OutputError
-from maniport.evaluation import polytope_extent
-from maniport.motion.arm_model import InverseDynamics
-from maniport.studies.tasks import methods, run
-from maniport.studies.tasks.run import Unit, median_interval, study_report
-from maniport.studies.tasks.score import (
+from benchmarks.tasks import methods, run
+from benchmarks.tasks.__main__ import main
+from benchmarks.tasks.run import Unit, median_interval, study_report
+from benchmarks.tasks.score import (
     ROTOR,
     SimulatedArm,
     carry,
@@ -23,7 +18,11 @@ from maniport.studies.tasks.score import (
     resist,
     score,
 )
-from maniport.studies.tasks.task import HELD_OUT, ROBOTS, Task, demonstrations, of_folder
+from benchmarks.tasks.task import HELD_OUT, ROBOTS, Task, demonstrations, of_folder
+from maniport.arms import Arm, load_arm
+from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError, OutputError
+from maniport.evaluation import polytope_extent
+from maniport.motion.arm_model import InverseDynamics
 
 pytest.importorskip("mujoco")
 
@@ -119,7 +118,7 @@ def test_arms_without_masses_are_refused():
         SimulatedArm(Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]]))
 
 
-def test_a_task_and_a_motion_survive_their_files(task, tmp_path):
+def test_a_task_and_a_motion_survive_their_files(task, tmp_path, capsys):
     q = np.round(joint_motion(), 9)
     task.save(tmp_path / "task.json")
     again = Task.load(tmp_path / "task.json")
@@ -130,11 +129,8 @@ def test_a_task_and_a_motion_survive_their_files(task, tmp_path):
     assert score(again, read_motion(file, again)) == score(task, q)
     assert run.is_valid(score(task, q))
     assert not run.is_valid(score(task, q + 0.01))
-    result = CliRunner().invoke(
-        app, ["reproduce", "tasks", "--score", str(file), "--task", str(tmp_path / "task.json")]
-    )
-    assert result.exit_code == 0
-    assert "Resemblance force" in result.output
+    assert main(["score", str(file), str(tmp_path / "task.json")]) == 0
+    assert "Resemblance force" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("name", "change"), [
@@ -262,8 +258,7 @@ def test_wrong_arguments_are_refused_before_work(tmp_path, monkeypatch):
         run.study_tasks(tmp_path / "x", robots=["toaster"])
     with pytest.raises(InvalidInputError):
         list(of_folder(tmp_path))
-    for options in (["tasks", "--score", "a.csv"], ["toy", "--quick"]):
-        assert CliRunner().invoke(app, ["reproduce", *options]).exit_code != 0
+    assert main(["score", "missing.csv", "missing.json"]) == 1
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     with pytest.raises(MissingPackageError, match=r"\.\[simulate\]"):
         run.study_tasks(tmp_path / "x")

@@ -16,13 +16,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from benchmarks.tasks.task import MOST_BYTES, Task
 from maniport.arms import Arm
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.evaluation.capability import half_sphere, line_extent, polytope_extent, resemblance
 from maniport.live.simulation import model_spec
 from maniport.motion import MotionLimits
 from maniport.motion.plan.roadmap import moved_to_positions
-from maniport.studies.tasks.task import MOST_BYTES, Task
 from maniport.util.input_limits import read_whole
 from maniport.util.optional import mujoco
 from maniport.util.validation import Array, as_finite, as_times, require_shape
