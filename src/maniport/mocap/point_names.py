@@ -33,7 +33,9 @@ _ADDED_BEFORE = re.compile(
 _ADDED_BEHIND = re.compile(r"[_.]\d+$")
 """Numbers that programs add behind a name, another one for each."""
 
-MOST_SHARE = 0.6  # Share of the names that must have a prefix or suffix in common for it to be taken off
+MOST_SHARE = (
+    0.6  # Share of the names that must have a prefix or suffix in common for it to be taken off
+)
 
 
 @cache
@@ -181,5 +183,7 @@ def _shared_starts(names: Sequence[str]) -> list[str]:
             break
         group = [name for name in group if name[length : length + 1] == letter]
         length += 1
-    ends_in_side = re.compile(r"(^|[^a-z])(r|l|right|left|thgir|tfel|右|左)[_ .\-]*$", re.IGNORECASE)
+    ends_in_side = re.compile(
+        r"(^|[^a-z])(r|l|right|left|thgir|tfel|右|左)[_ .\-]*$", re.IGNORECASE
+    )
     return [start for start in starts if not ends_in_side.search(start)][-4:]

@@ -13,18 +13,18 @@ from maniport.errors import (
     InvalidInputError,
     RecordingError,
     argument,
-    nearest_first,
     spoken,
     unknown_name,
 )
+from maniport.mocap.candidates import candidates
+from maniport.mocap.point_names import END as END
 from maniport.mocap.point_names import (
     keys_without_additions,
-    load_names,
     names_by_key,
     parts_of,
     spellings,
 )
-from maniport.mocap.point_names import END as END
+from maniport.mocap.point_names import load_names as load_names
 from maniport.mocap.point_names import other_side as other_side
 from maniport.mocap.recording import Recording
 from maniport.util.defaults import AUTO
@@ -46,7 +46,10 @@ DIRECTIONS = {  # Roles of a pair of such points, and from which to which
 ROLES = (*POINTS, *DIRECTIONS)
 ARM = POINTS[:3]  # Roles that make an arm
 TRUNK = ("trunk_up", "trunk_front", "trunk_left")
-COLLARBONES = ("RightShoulder", "LeftShoulder")  # In some skeletons the joint, in others the clavicle
+COLLARBONES = (
+    "RightShoulder",
+    "LeftShoulder",
+)  # In some skeletons the joint, in others the clavicle
 
 SHORTEST = 1e-4  # Shortest vector that has a direction [m]
 _NAMES = load_names("marker_sets.yaml")
@@ -60,6 +63,7 @@ the trunk may come from another one. Case, spaces, ``_``, ``.``, ``-``, prefixes
 what most names of a recording share are ignored, and the side may be written otherwise (``RightHand``, ``hand_r``).
 `fit_arm` and `read_recording` use the entries that are added.
 """
+
 
 def find_roles(names: Sequence[str], side: str = RIGHT, body: str = "") -> tuple[str, Roles]:
     """Return the marker set of a recording, and the points of each role."""
@@ -187,7 +191,7 @@ def _roles_by_key(by_key: Mapping[str, str], side: str) -> tuple[str, Roles]:
         roles["trunk_left"] = shoulders
     roles |= sets[best]
 
-    # In many skeletons the shoulder is the clavicle: it is the joint only where an elbow or a wrist is recorded with it.
+    # In many skeletons this is the clavicle: it is the joint only where an elbow or a wrist is recorded with it.
     joints = {by_key.get(key) for name in COLLARBONES for key in spellings(name)}
     if not roles.keys() & set(ARM[1:]) and joints & set(roles.get("shoulder", ())):
         del roles["shoulder"]
@@ -232,22 +236,14 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
     marker_set, roles = assigned_roles(recording, markers, side)
     other = SIDES[side == RIGHT]
     own, theirs = (find_roles(recording.observed, name)[1] for name in (side, other))
-    if missing := missing_roles(roles):
-        usual = {role: usual_names(role, marker_set, side) for role in missing}
-        names = nearest_first(" ".join(usual.values()).replace("'", ""), recording.observed)
-        listed = ", ".join(map(repr, names[:20])) + (
-            f", and {len(names) - 20} more" if len(names) > 20 else ""
-        )
-        has_other = set(missing) & set(ARM) and set(ARM) <= theirs.keys()
-        advice = (
-            f" The {other} arm is available: use {argument('side', other)}." if has_other else ""
-        )
-        raise RecordingError(
-            f"missing{f' in {recording.source!r}' if recording.source else ''}: "
-            f"{'; '.join(f'{role} (usually {names})' for role, names in usual.items())}.{advice} Points of the "
-            f"recording, nearest first: {listed or 'none'}. "
-            f"Assign points to roles with {argument('markers', example_markers(missing))}"
-        )
+    missing = missing_roles(roles)
+    if missing:
+        where = f" in {recording.source!r}" if recording.source else ""
+        advice = ""
+        if set(missing) & set(ARM) and set(ARM) <= theirs.keys():
+            advice = f" The {other} arm is available: use {argument('side', other)}."
+        text = missing_text(recording, missing, roles, marker_set, side)
+        raise RecordingError(f"missing{where}: {text}{advice}")
     names_of_arm, names_of_other = (
         {name for role in ARM for name in named.get(role, ())} for named in (own, theirs)
     )
@@ -267,8 +263,9 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
         if np.isfinite(displacement).any() and (median := float(np.nanmedian(displacement))) > most:
             raise RecordingError(
                 f"{role} of the {side} arm: {'+'.join(roles[role])} is {median:.2f} m to the {other} of {start} "
-                f"(median); these may be points of the {other} arm ({argument('side', other)}), the ends of trunk_left "
-                "or trunk_front may be exchanged, or the axes of the recording may be left-handed"
+                f"(median): left and right are exchanged, or one axis is mirrored (left-handed axes), or these are "
+                f"points of the {other} arm ({argument('side', other)}), or the ends of trunk_left or trunk_front are "
+                "exchanged"
             )
     return roles
 
@@ -416,6 +413,33 @@ def missing_roles(roles: Mapping[str, Any]) -> list[str]:
     return (
         missing if roles.get("trunk_front") or roles.get("trunk_left") else [*missing, "trunk_left"]
     )
+
+
+def missing_text(
+    recording: Recording, missing: Sequence[str], roles: Roles, marker_set: str, side: str
+) -> str:
+    """List missing roles with their usual names and candidates, and how to assign them."""
+    texts = []
+    for role in missing:
+        likely = ", ".join(map(repr, likely_points(recording, role, roles, marker_set, side)))
+        usual = usual_names(role, marker_set, side)
+        texts.append(f"{role} (usually {usual}; here perhaps {likely or 'none'})")
+    names = [repr(name) for name in recording.observed[:20]]
+    if len(recording.observed) > len(names):
+        names.append(f"and {len(recording.observed) - len(names)} more")
+    assign = argument("markers", example_markers(missing))
+    return f"{'; '.join(texts)}. Assign points to roles with {assign}. Points: {', '.join(names)}."
+
+
+def likely_points(
+    recording: Recording, role: str, roles: Roles, marker_set: str, side: str
+) -> list[str]:
+    """Return the points of a recording that may play a missing role of an arm, likely ones first."""
+    theirs = find_roles(recording.observed, LEFT if side == RIGHT else RIGHT)[1]
+    taken = set(points_of({role: roles[role] for role in POINTS if roles.get(role)}))
+    taken.update(points_of({role: theirs[role] for role in POINTS if role in theirs}))
+    usual = usual_names(role, marker_set, side)
+    return candidates(recording, role, roles, side, taken, usual)
 
 
 def example_markers(missing: Iterable[str]) -> dict[str, Any]:

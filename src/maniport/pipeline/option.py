@@ -61,7 +61,11 @@ class Option:
         if self.unchecked and not typed:
             return _as_tuple(value)
         if self.choices and (self.kind is str or (isinstance(value, str) and not _numbers(value))):
-            return as_choice(value, self.flag if typed else self.name, self.choices)
+            name = self.flag if typed else self.name
+            if self.kind is float and value not in self.choices:
+                words = ", ".join(map(repr, self.choices))
+                raise InvalidInputError(f"{name} must be {words} or a number; found {value!r}")
+            return as_choice(value, name, self.choices)
         unit = self.unit if typed else COMMAND_LINE_UNITS.get(self.unit, (self.unit,))[0]
         label = (self.flag if typed else self.name) + (f" [{unit}]" if unit else "")
         if self.kind is bool:
