@@ -195,7 +195,7 @@ def _fit(
         *(exchanged or model_differences(fit)),
         *used.quality_warnings,
         *gap_warning(fit, used.time),
-        *jump_warning(fit),
+        *([] if exchanged else jump_warning(fit)),
     )
     return replace(fit, quality_warnings=warnings)
 

@@ -8,7 +8,7 @@ Elbows and knees bend to one side only, but that side turns with the shoulder an
 toward the front f. From there, the shortest rotation that brings the segment to its direction u brings f to c(u), about
 which the segment rotates by some 90° in either direction at most. The cosine of the angle between c(u) and the
 direction in which the joint bends changes its sign, and nothing else, when left and right are exchanged. The exception
-are hands behind the back, where the angle reaches 140°; mirrored, they are hands at the chest.
+are hands behind the back, where the angle reaches 140°; mirrored, they are hands at the chest. Neither counts.
 """
 
 from collections.abc import Mapping
@@ -32,9 +32,12 @@ LEAST_FORWARD = 0.3
 CONTRADICTION = 0.5
 """Sum of cosines from which sides are told: one clear sign of the body, or several."""
 
-BEHIND_THE_BACK = (0.2, 0.9)
-"""A hand is behind the back where it is farther inward than the shoulder by the first, and behind it by less than the
-second, in lengths of the upper arm. Such frames do not count."""
+SIDEWARD = 0.7
+"""Part of a shank to the side, in its length, from which the knee shows no front: legs that are crossed in sitting."""
+
+AT_THE_TRUNK = (0.2, 0.9)
+"""A hand is at the trunk where it is farther inward than the shoulder by the first, and in front of or behind it by
+less than the second, in lengths of the upper arm. Such frames do not count."""
 
 
 @dataclass(frozen=True)
@@ -216,18 +219,19 @@ def _elbows(points: _Points, arm: Roles, frame: _Frame, side: str) -> float:
     left = np.cross(frame.up, frame.front)
     inward = left if side == RIGHT else -left
     reach = (wrist - shoulder) / np.linalg.norm(elbow - shoulder, axis=-1, keepdims=True)
-    inside, farthest = BEHIND_THE_BACK
-    behind = np.sum(reach * frame.front, axis=-1)
-    behind_the_back = (behind < 0) & (behind > -farthest)
-    behind_the_back &= np.sum(reach * inward, axis=-1) > inside
-    return _bend(elbow - shoulder, wrist - elbow, frame, LEAST_BEND, behind_the_back)
+    inside, farthest = AT_THE_TRUNK
+    at_the_trunk = np.abs(np.sum(reach * frame.front, axis=-1)) < farthest
+    at_the_trunk &= np.sum(reach * inward, axis=-1) > inside
+    return _bend(elbow - shoulder, wrist - elbow, frame, LEAST_BEND, at_the_trunk)
 
 
 def _knees(points: _Points, parts: Mapping[str, Group], frame: _Frame) -> float:
     if not {"hip", "knee", "ankle"} <= parts.keys():
         return float("nan")
     hip, knee, ankle = (points.mean(parts[part]) for part in ("hip", "knee", "ankle"))
-    return -_bend(knee - hip, ankle - knee, frame, LEAST_BEND)
+    left = np.cross(frame.up, frame.front)
+    is_sideward = np.abs(np.sum(unit(ankle - knee) * left, axis=-1)) > SIDEWARD
+    return -_bend(knee - hip, ankle - knee, frame, LEAST_BEND, is_sideward)
 
 
 def _toes(points: _Points, parts: Mapping[str, Group], frame: _Frame) -> float:

@@ -18,7 +18,10 @@ WORDS = {
         r"(?<!fore)(?<!low)(?<!lower)arm(?!ature)|sho$|^[rl]?gh|upper(?!.*(leg|chest|body))|腕",
         r"clavic|collar|scap",
     ),
-    "elbow": (r"elbow|elb|epicond|ejc|hle|hme|ひじ|肘", r"forearm|lowerarm|lowarm|farm|olecran|lower(?!.*(leg|back|body))"),
+    "elbow": (
+        r"elbow|elb|epicond|ejc|hle|hme|ひじ|肘",
+        r"forearm|lowerarm|lowarm|farm|olecran|lower(?!.*(leg|back|body))",
+    ),
     "wrist": (r"wrist|wri|wjc|styloid|rsp$|usp$|手首", r"hand(?!.*[a-z0-9]{3})|palm|radius|ulna"),
     "hand": (r"palm|knuckle|metacarp|hand|hm\d", r"middle|mid\d|index|finger|指"),
     "low": (
@@ -61,9 +64,10 @@ BONES = {
 }
 """Roles at the ends of each bone, and its usual lengths in lengths of the upper arm."""
 
-LARGEST_CHANGE = 0.1  # Relative standard deviation of the length of what is no bone
+LARGEST_CHANGE = 0.15  # Relative standard deviation of the length of a bone, with noise
 
-NO_WORD = 9  # Rank of a name without an anatomical word of the role
+NO_WORD = 9  # Rank of a name without an anatomical word
+OTHER_WORD = 10  # Rank of a name with a word of another role
 
 
 def candidates(
@@ -101,9 +105,11 @@ def candidates(
         if name in taken or side_of(name) == _other(side) or ELSEWHERE.search(key):
             continue
         rank = _rank(key, WORDS[role])
-        misfit = _misfit(recording, name, role, roles)
+        if rank == NO_WORD and any(re.search(words[0], key) for words in WORDS.values()):
+            rank = OTHER_WORD
+        is_no_bone = not _is_bone(recording, name, role, roles)
         similarity = SequenceMatcher(None, usual.lower(), name.lower()).ratio()
-        ranked.append((rank, misfit, name.startswith(END), -similarity, place, name))
+        ranked.append((rank, is_no_bone, name.startswith(END), -similarity, place, name))
     return [entry[-1] for entry in sorted(ranked)][:most]
 
 
@@ -141,27 +147,27 @@ def _rank(key: str, patterns: tuple[str, ...]) -> int:
     return NO_WORD
 
 
-def _misfit(recording: Recording, name: str, role: str, roles: Mapping[str, Any]) -> float:
-    """Return how unlike a bone to its neighbors in the arm a point makes: 1 is the most, and where nothing is known."""
+def _is_bone(recording: Recording, name: str, role: str, roles: Mapping[str, Any]) -> bool:
+    """Whether a point in a role makes bones with its neighbors in the arm; not where none is assigned."""
     places = {role: recording.point(name)}
     for neighbor in {end for bone in BONES for end in bone} - {role}:
         if roles.get(neighbor):
             places[neighbor] = np.mean([recording.point(part) for part in roles[neighbor]], axis=0)
     upper_arm = _median_length(places, "shoulder", "elbow")
 
-    misfits = []
+    is_bone = False
     for (start, end), (low, high) in BONES.items():
         if role not in (start, end) or not {start, end} <= places.keys():
             continue
         lengths = np.linalg.norm(places[end] - places[start], axis=-1)
         lengths = lengths[np.isfinite(lengths)]
-        if not len(lengths) or np.median(lengths) <= 0:
-            return 1.0
-        misfit = min(float(np.std(lengths) / np.median(lengths)) / LARGEST_CHANGE, 1.0)
-        if np.isfinite(upper_arm) and not low <= np.median(lengths) / upper_arm <= high:
-            misfit = 1.0
-        misfits.append(misfit)
-    return round(float(np.mean(misfits)), 2) if misfits else 1.0
+        median = float(np.median(lengths)) if len(lengths) else 0.0
+        if median <= 0 or np.std(lengths) > LARGEST_CHANGE * median:
+            return False
+        if upper_arm > 0 and not low <= median / upper_arm <= high:
+            return False
+        is_bone = True
+    return is_bone
 
 
 def _median_length(places: Mapping[str, Array], start: str, end: str) -> float:

@@ -57,6 +57,7 @@ def parts_of(name: str) -> tuple[str, str, str]:
     return namespace, end, bare
 
 
+@lru_cache(maxsize=8192)
 def other_side(name: str) -> str:
     """Return the name of the same point on the other side; the same name where it has no side."""
     bare = parts_of(name)[2]

@@ -69,7 +69,7 @@ class Config:
 
     unit: str | float | None = _human(
         None,
-        "Unit of length, or meters per unit; recognized by default",
+        "Unit, or meters per unit; recognized by default",
         choices=UNITS,
         above=0.0,
         common=True,

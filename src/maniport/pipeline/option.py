@@ -61,11 +61,7 @@ class Option:
         if self.unchecked and not typed:
             return _as_tuple(value)
         if self.choices and (self.kind is str or (isinstance(value, str) and not _numbers(value))):
-            name = self.flag if typed else self.name
-            if self.kind is float and value not in self.choices:
-                words = ", ".join(map(repr, self.choices))
-                raise InvalidInputError(f"{name} must be {words} or a number; found {value!r}")
-            return as_choice(value, name, self.choices)
+            return as_choice(value, self.flag if typed else self.name, self.choices)
         unit = self.unit if typed else COMMAND_LINE_UNITS.get(self.unit, (self.unit,))[0]
         label = (self.flag if typed else self.name) + (f" [{unit}]" if unit else "")
         if self.kind is bool:
@@ -152,9 +148,10 @@ def option(
     section: str, default: Any, help: str, unit: str = "", choices: Sequence[str] = (), **more: Any
 ) -> Any:
     """Make a dataclass field with a description; `Bounds` and attributes of `Option` by name."""
-    bounds = Bounds(
-        **{name: more.pop(name) for name in tuple(more) if name in Bounds.__annotations__}
-    )  # type: ignore[typeddict-item]
+    bounds = Bounds()
+    for name in Bounds.__annotations__:
+        if name in more:
+            bounds[name] = more.pop(name)  # type: ignore[literal-required]
     described = Option(section, help, unit, tuple(choices), bounds=bounds, default=default, **more)
     return field(default=default, metadata={"option": described})
 

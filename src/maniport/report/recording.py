@@ -69,13 +69,12 @@ def recording_report(
     exchanged = body_sides(recording, roles[best], best).warnings()
     section.warn("sides", *exchanged)
     for name in SIDES:
+        if not exchanged and not missing_roles(roles[name]):
+            try:
+                assign_roles(recording, markers_of[name], name)
+            except RecordingError as error:
+                section.warn("markers", str(error))
         _add_arm(section, recording, roles[name], name)
-        if exchanged or missing_roles(roles[name]):
-            continue
-        try:
-            assign_roles(recording, markers_of[name], name)
-        except RecordingError as error:
-            section.warn("markers", str(error))
     missing = missing_roles(roles[best])
     if missing:
         section.warn("arm-incomplete", "No arm is complete, so that none can be fitted")

@@ -178,7 +178,9 @@ class ImportOptions:
             for fit in _fitting_units(arm):
                 better += f"; {argument('unit', fit)} makes it {arm.upper_arm * UNITS[fit]:.3g} m"
             if not better:
-                better = f"; or give the height of the person in meters ({argument('height', 1.75)})"
+                better = (
+                    f"; or give the height of the person in meters ({argument('height', 1.75)})"
+                )
             raise InvalidInputError(
                 f"{cause} makes the upper arm ({arm.ends}) {arm.upper_arm * scale:.3g} m long; possible are {low} to "
                 f"{high} m{better}"
