@@ -148,10 +148,9 @@ def option(
     section: str, default: Any, help: str, unit: str = "", choices: Sequence[str] = (), **more: Any
 ) -> Any:
     """Make a dataclass field with a description; `Bounds` and attributes of `Option` by name."""
-    bounds = Bounds()
-    for name in Bounds.__annotations__:
-        if name in more:
-            bounds[name] = more.pop(name)  # type: ignore[literal-required]
+    bounds = Bounds(
+        **{name: more.pop(name) for name in tuple(more) if name in Bounds.__annotations__}
+    )  # type: ignore[typeddict-item]
     described = Option(section, help, unit, tuple(choices), bounds=bounds, default=default, **more)
     return field(default=default, metadata={"option": described})
 
