@@ -170,7 +170,7 @@ def reproduce(
 
 
 @command(
-    *("unit", "fps", "start", "stop", "markers", "side"),
+    *("unit", "height", "fps", "start", "stop", "markers", "side"),
     *("frame", "joints", "base", "lock", "mesh_folders"),
     example="maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json",
 )

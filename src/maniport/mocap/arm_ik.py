@@ -1,6 +1,6 @@
 """Joint angles of one or several human arms from a recording."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -12,6 +12,7 @@ from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, RecordingError, spoken
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_path import solve_arm
+from maniport.mocap.body_sides import body_sides
 from maniport.mocap.data_quality import (
     AT_LIMIT,
     gap_warning,
@@ -123,9 +124,11 @@ def fit_arms(
         [],
         [],
     )  # of the base frames in the trunk, from the neck
+    first = observations[0]
+    exchanged = body_sides(recording, first.roles, first.side).warnings()
     for observation in observations:
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit = _fit(replace(observation, frames=common, trunk=trunk), person, step)
+        fit = _fit(replace(observation, frames=common, trunk=trunk), person, step, exchanged)
         step.end(fit.summary)
         fits.append(fit)
         from_neck = direction(observation.used, (fit.roles["trunk_up"][1], fit.roles["shoulder"]))
@@ -162,8 +165,10 @@ def _markers_by_side(recording: Recording, markers: Markers) -> dict[str, Roles]
     return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
-    """Fit an arm to an observation."""
+def _fit(
+    observation: Observation, person: str, step: Step, exchanged: Sequence[str] = ()
+) -> ArmFit:
+    """Fit an arm to an observation; `exchanged` is the warning about its sides, which explains other differences."""
     used, frames, roles = observation.used, observation.frames, observation.roles
     lengths = segment_lengths(used, roles)
     arm = human_arm(person, observation.side, lengths=lengths)
@@ -187,10 +192,10 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
         smoothed=observation.smoothed,
     )
     warnings = (
-        *model_differences(fit),
+        *(exchanged or model_differences(fit)),
         *used.quality_warnings,
         *gap_warning(fit, used.time),
-        *jump_warning(fit),
+        *([] if exchanged else jump_warning(fit)),
     )
     return replace(fit, quality_warnings=warnings)
 

@@ -67,8 +67,15 @@ class Config:
     )
     seed: int = _run(0, "Random seed", minimum=0, common=True)
 
-    unit: str | None = _human(
-        None, "Unit of length; recognized by default", choices=UNITS, common=True
+    unit: str | float | None = _human(
+        None,
+        "Unit, or meters per unit; recognized by default",
+        choices=UNITS,
+        above=0.0,
+        common=True,
+    )
+    height: float | None = _human(
+        None, "Height of the person, for files in any scale", "m", minimum=0.5, maximum=2.5
     )
     fps: float | None = _human(
         None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True

@@ -78,7 +78,14 @@ def adapter_of(config: Config) -> DomainAdapter:
 def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> Recording:
     """Read a recording, or the part of it that is used."""
     if not isinstance(recording, Recording):
-        recording = read_recording(recording, unit=config.unit, rate=config.fps)
+        recording = read_recording(
+            recording,
+            unit=config.unit,
+            rate=config.fps,
+            height=config.height,
+            markers=marker_roles(config),
+            side=config.side,
+        )
     return (
         recording
         if config.start is None and config.stop is None
