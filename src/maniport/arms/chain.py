@@ -130,6 +130,7 @@ class Chain:
     )  # positions of locked coordinates [rad] or [m]
     unlimited: tuple[str, ...] = ()  # revolute joints without limits, limited to one turn
     source: str = ""  # argument of `load_arm`
+    xacro_args: Mapping[str, str] = field(default_factory=dict)  # argument of `load_arm`
     side: str | None = None  # of a person, "right" or "left"
 
     @property

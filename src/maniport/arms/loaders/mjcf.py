@@ -13,12 +13,12 @@ from maniport.arms.loaders.document import (
     LARGEST,
     MeshPaths,
     body_inertia,
-    is_file,
     numbers,
     require,
 )
 from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
+from maniport.arms.loaders.package_folders import is_file
 from maniport.arms.meshes import solid
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.errors import FileFormatError
