@@ -1,6 +1,7 @@
 """xacro: packages, arguments, and the remedies that messages name; URDF with elements of xacro."""
 
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -230,3 +231,57 @@ def test_wrong_words_of_arguments_are_errors(words):
     result = run("info", ARGUMENTS, "--xacro-args", *words)
     assert result.exit_code != 0
     assert "xacro-args" in printed(result)
+
+
+INERT = {
+    "property": '<xacro:property name="width" value="${2 * 0.1}"/>',
+    "argument": '<xacro:arg name="a" default="$(find x)"/>',
+    "block": '<xacro:property name="o"><origin xyz="${x} 0 0"/></xacro:property>',
+    "include": '<xacro:include filename="$(find x)/materials.xacro"/>',
+    "condition": '<xacro:if value="$(arg sim)"><gazebo reference="${p}tip"/></xacro:if>',
+    "plug-in": '<gazebo reference="${p}tip"/>',
+}
+
+
+@pytest.mark.parametrize("case", INERT)
+def test_elements_of_xacro_without_macros_are_inert_in_a_urdf(tmp_path, case):
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="r" {NAMESPACE}>{INERT[case]}{ARM}</robot>')
+    arm = load_arm(path)
+    assert (arm.joint_names, arm.frame) == (("j",), "tip")
+
+
+def test_a_urdf_with_a_property_loads():
+    arm = load_arm(CASES / "inert_xacro" / "arm.urdf")
+    assert (arm.dof, arm.frame) == (6, "l6")
+
+
+ACTIVE = {
+    "macro": '<xacro:macro name="m" params="n"><link name="${n}"/></xacro:macro>',
+    "use": '<xacro:m n="x"/>',
+    "selected link": '<xacro:if value="true"><link name="x"/></xacro:if>',
+    "macro in a condition": '<xacro:unless value="false"><xacro:m/></xacro:unless>',
+    "block": '<link name="x"><xacro:insert_block name="o"/></link>',
+    "property in a link": '<link name="x"><xacro:if value="1"><inertial/></xacro:if></link>',
+    "name": '<link name="${prefix}x"/>',
+    "number": '<link name="x"/><joint name="k" type="fixed"><origin xyz="${x} 0 0"/></joint>',
+}
+
+
+@pytest.mark.parametrize("case", ACTIVE)
+def test_files_that_need_xacro_are_refused_as_a_urdf(tmp_path, case):
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="r" {NAMESPACE}>{ACTIVE[case]}{ARM}</robot>')
+    with pytest.raises(FileFormatError, match=r"this is a xacro file.*\.xacro"):
+        load_arm(path)
+
+
+def test_the_ending_that_a_message_asks_for_is_enough(tmp_path):
+    path = tmp_path / "arm.urdf"
+    tool = f'<link name="tool"/>{JOINT.format("k", "tip", "tool")}'
+    path.write_text(
+        f'<robot name="r" {NAMESPACE}><xacro:macro name="m">{tool}</xacro:macro>{ARM}<xacro:m/></robot>'
+    )
+    with pytest.raises(FileFormatError, match=r"end in \.xacro"):
+        load_arm(path)
+    assert load_arm(shutil.copy(path, tmp_path / "arm.xacro")).frame == "tool"

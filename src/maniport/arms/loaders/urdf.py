@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Mesh, Shape, pose
-from maniport.arms.loaders.document import MeshPaths, body_inertia, numbers, require
+from maniport.arms.loaders.document import XACRO, MeshPaths, body_inertia, numbers, require
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
 from maniport.arms.meshes import solid
 from maniport.arms.meshes.mesh_files import scaled
@@ -24,12 +24,14 @@ KINDS = {
     **dict.fromkeys(("fixed", "floating", "planar"), ""),
 }
 """Joints with one axis by their types; a floating joint is at rest."""
+XACRO_PREFIX = "xacro:"
+INERT = ("property", "arg", "include", "if", "unless")
+"""Elements of xacro that a URDF may contain: what they declare has no effect without macros and expressions."""
 
 
 def read(path: Path, root: Element) -> RobotModel:
     """Read the bodies and joints of a robot in the Unified Robot Description Format."""
-    is_xacro = any("xacro" in element.tag for element in root.iter())
-    require(not is_xacro, path, "this is a xacro file; let its name end in .xacro")
+    _require_expanded(path, root)
     require(root.get("name") is not None, path, "the <robot> has no name")
     model, links = RobotModel(path, root.get("name", ""), shapes), _named(path, root, "link")
     require(bool(links), path, "has no link")
@@ -68,6 +70,29 @@ def read(path: Path, root: Element) -> RobotModel:
         waiting += [(other, depth + 1) for other in reversed(children[body.name])]
     require(len(model.bodies) == len(links), path, "has links in a cycle")
     return model
+
+
+def _require_expanded(path: Path, root: Element) -> None:
+    """Raise where a file has to be expanded by xacro; other elements of xacro change nothing.
+
+    A file needs xacro if it defines or uses macros, or if xacro selects or computes links or joints.
+    """
+    waiting = [(root, False, False)]
+    while waiting:
+        element, in_xacro, in_part = waiting.pop()
+        is_part = element.tag in ("link", "joint")
+        word = ""
+        if element.tag.startswith(XACRO_PREFIX):
+            in_xacro = True
+            if element.tag.removeprefix(XACRO_PREFIX) not in INERT or in_part:
+                word = f"<{element.tag}>"
+        elif in_xacro and is_part:
+            word = f"a <{element.tag}> inside an element of xacro"
+        elif is_part or in_part:
+            word = next((repr(text) for text in element.attrib.values() if "${" in text), "")
+        fault = f"this is a xacro file; let its name end in {XACRO} (it has {word})"
+        require(not word, path, fault)
+        waiting += [(child, in_xacro, in_part or is_part) for child in element]
 
 
 def _named(path: Path, root: Element, tag: str) -> dict[str, Element]:
