@@ -44,7 +44,7 @@ def read_model(
     if root.tag == "robot":
         return urdf.read(path, root)
     if root.tag == "mujoco":
-        return mjcf.read(path, root)
+        return mjcf.read(path, root, folders)
     raise FileFormatError(
         f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root.tag}>"
     )
