@@ -146,6 +146,15 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
         lead = f"Several limbs are of equal length: choose one with --frame{f', or name {arms}' if arms else ''}."
         return Report(name, lead, tuple(ends))
     report = arm_report(arm)
+    chosen = [limb for limb in limbs if limb.frame == arm.frame]
+    if chosen:
+        section = report.sections[0]
+        metrics = []
+        for metric in section.metrics:
+            if metric.key == "frame":
+                metric = replace(metric, text=f"{metric.text} ({chosen[0].reason})")
+            metrics.append(metric)
+        section.metrics = tuple(metrics)
     if not arm.side:
         collisions = Collisions.of(arm)
         warn_of_collisions(report.sections[0], collisions, collisions.unchecked)

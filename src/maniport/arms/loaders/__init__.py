@@ -16,7 +16,7 @@ from maniport.arms.chain import LEFT, RIGHT, Chain, as_pose, check_names, pose, 
 from maniport.arms.human import PERSONS, human_arm
 from maniport.arms.loaders import mjcf, urdf
 from maniport.arms.loaders.document import XACRO, parsed
-from maniport.arms.loaders.model import Limb, Limbs, RobotModel, one_side
+from maniport.arms.loaders.model import Limb, Limbs, RobotModel, longest_limbs, one_side
 from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
 from maniport.arms.loaders.serial import chain_to
 from maniport.arms.restriction import check_lock, restrict, standing
@@ -98,8 +98,8 @@ def load_arm(
         such as ``"ur5"``, ``"robosuite/ur5e"``, ``"talos_right_arm"`` (from the body that both arms have in common) or
         ``"ur5e_description"``.
     frame : str, optional
-        Name of the end effector, a body (link) or a site. By default the end of the longest limb: the body that
-        carries its gripper or hand, else the outermost body.
+        Name of the end effector, a body (link) or a site. By default the end of the longest limb that is no leg: a
+        fixed tool frame such as ``hand_tcp``, else the body that carries its gripper or hand, else the outermost body.
     joints : sequence of str, optional
         Names of the joints that move; by default all on the chain. The others are locked at zero, or at the limit
         nearest to zero.
@@ -253,7 +253,7 @@ def robot_limbs(
         raise InvalidInputError(f"{file.path}: has no movable joint")
     if file.side is not None:
         return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
-    alone = len(limbs) == 1 or len(limbs[0].joints) > len(limbs[1].joints)
+    alone = len(longest_limbs(limbs)) == 1
     return limbs, limbs[0] if alone and not file.pair else None
 
 
@@ -374,7 +374,7 @@ def _ends(
     robot: Robot, limbs: Sequence[Limb], end_frames: Sequence[str | None]
 ) -> list[str | None]:
     """Return the end effectors of the left and right limb of a robot, where `end_frames` has None."""
-    longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
+    longest = longest_limbs(limbs) if limbs else []
     if len(longest) < 2:
         only = f"one longest limb, to {longest[0].frame!r}" if longest else "one arm"
         raise InvalidInputError(
