@@ -89,6 +89,7 @@ class RobotModel:
     speeds: dict[str, float] = field(default_factory=dict)  # infinite where unknown
     efforts: dict[str, float] = field(default_factory=dict)  # infinite where unknown
     unlimited: list[str] = field(default_factory=list)
+    remarks: dict[str, dict[str, str]] = field(default_factory=dict)  # as in `Chain`
     closed: dict[str, tuple[float, float]] = field(
         default_factory=dict
     )  # limits that exclude all positions
@@ -121,6 +122,10 @@ class RobotModel:
             invalid="ignore", divide="ignore", over="ignore"
         ):  # `Joint` checks the axis
             return Joint(name, kind, axis / np.linalg.norm(axis), placement, armature)
+
+    def remark(self, kind: str, name: str, detail: str = "") -> None:
+        """Note something about a joint or link for reports."""
+        self.remarks.setdefault(kind, {})[name] = detail
 
     def line(self, body: str) -> list[str]:
         """Return a body and all bodies that carry it, the nearest first."""
