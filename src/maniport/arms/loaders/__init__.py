@@ -17,7 +17,7 @@ from maniport.arms.human import PERSONS, human_arm
 from maniport.arms.loaders import mjcf, urdf
 from maniport.arms.loaders.document import XACRO, parsed
 from maniport.arms.loaders.model import Limb, Limbs, RobotModel, longest_limbs, one_side
-from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
+from maniport.arms.loaders.packages import MOST_ROBOTS, RobotFile, find_robot, known_names
 from maniport.arms.loaders.serial import chain_to
 from maniport.arms.restriction import check_lock, restrict, standing
 from maniport.errors import (
@@ -141,9 +141,20 @@ def load_arm(
         if not low > -inf or not high < inf:
             raise FileFormatError(
                 f"{os.fspath(name_or_path)}: the prismatic joint {name!r} has no limits; add them to the file, or "
-                f"exclude the joint with {argument('joints')} or {argument('lock')}"
+                f"exclude the joint with {_exclusion(chain, name)}"
             )
     return Arm(replace(chain, source=os.fspath(name_or_path)))
+
+
+def _exclusion(chain: Chain, name: str) -> str:
+    """List the arguments that exclude a coordinate; a base beyond it only where joints follow."""
+    ways = f"{argument('joints')} or {argument('lock')}"
+    columns = np.flatnonzero(chain.coupling[:, chain.coordinates.index(name)])
+    last = int(columns[-1]) + 1  # number of joints to the last one that it moves
+    beyond = [frame for frame, place in chain.frames.items() if place.joint == last]
+    if not beyond or not np.any(chain.coupling[last:]):
+        return ways
+    return f"{argument('base', beyond[0])}, {ways}"
 
 
 def read_arm(
@@ -271,7 +282,7 @@ def _robot_file(name_or_path: Robot) -> RobotFile:
     ):
         names, how = known_names()
         where = f"(a file must end in {', '.join(READERS)}{how})"
-        raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
+        raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where, MOST_ROBOTS)
     robot = RobotFile(path) if robot is None else robot
     return replace(robot, path=existing_file(robot.path, READERS, ROBOT_BYTES))
 
