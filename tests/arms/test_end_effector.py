@@ -19,7 +19,8 @@ AXES = ("0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0", "0 0 1")
 def joint(name, parent, child, kind="revolute", xyz="0 0 0.1", axis="0 1 0", more=""):
     return (
         f'<link name="{child}"/><joint name="{name}" type="{kind}"><origin xyz="{xyz}"/><parent link="{parent}"/>'
-        f'<child link="{child}"/><axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/>{more}</joint>'
+        f'<child link="{child}"/><axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
+        f"{more}</joint>"
     )
 
 
