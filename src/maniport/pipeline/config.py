@@ -127,7 +127,10 @@ class Config:
         choices=("placed", "relative"),
     )
     mesh_folders: tuple[str, ...] = _robot(
-        (), "Folder of additional meshes; repeatable", repeated=True, is_file=True
+        (), "Folder of additional meshes or packages; repeatable", repeated=True, is_file=True
+    )
+    xacro_args: Mapping[str, str] | None = _robot(
+        None, "Arguments of a xacro file", metavar="NAME:=VALUE …", unchecked=True
     )
 
     method: str = _transfer(
@@ -329,7 +332,9 @@ class Config:
         if isinstance(arm, Arm):
             base = arm.chain.base if arm.chain.base_pose is None else None
             lock, source = dict(arm.chain.locked) or None, arm.chain.source or arm.name
+            arguments = dict(arm.chain.xacro_args) or None
             values |= {"robot": (source,), "frame": (arm.frame,), "base": base, "lock": lock}
+            values["xacro_args"] = arguments
         for name, described in OPTIONS.items():
             if described.typed:
                 part = content.setdefault(described.section, {}) if described.section else content

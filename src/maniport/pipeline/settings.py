@@ -165,6 +165,7 @@ def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
         "joints": config.joints or None,
         "lock": config.lock,
         "mesh_folders": config.mesh_folders,
+        "xacro_args": config.xacro_args,
     }
     if not (both or names_several(config)):
         return load_arm(
