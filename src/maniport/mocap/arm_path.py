@@ -120,7 +120,7 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
     )
     samples, modeled = sample_directions(directions)
     parts = np.array_split(keys, -(-len(keys) // 512))  # which bounds the memory
-    solutions = [_local_solutions(directions.take(part), samples, modeled) for part in parts]
+    solutions = [local_solutions(directions.take(part), samples, modeled) for part in parts]
     candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
     total, origins = cost[0] / RESIDUAL_SCALE**2, []
     for t in range(1, len(keys)):
@@ -138,7 +138,7 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
     return np.stack([np.interp(time, time[keys], angles) for angles in path.T], axis=-1)
 
 
-def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:
+def local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:
     """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k); each row on its own."""
     arm, starts = directions.arm, samples[nearest_samples(directions.targets, modeled)]
     rows = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
