@@ -83,13 +83,14 @@ def test_short_gaps_are_interpolated_and_long_ones_omitted(arm, slow_motion, rec
     recording = record(arm, time, q)
     positions = recording.positions.copy()
     positions[10:14, recording.names.index("elbow")] = np.nan
-    positions[50:70, recording.names.index("wrist")] = np.nan
+    for name in ("wrist", "wrist_ulnar", "wrist_radial", "hand"):
+        positions[50:70, recording.names.index(name)] = np.nan
     fit = fit_arm(replace(recording, positions=positions), arm.name)
     np.testing.assert_array_equal(fit.frames, np.r_[0:50, 70:100])
     np.testing.assert_allclose(fit.time, time[fit.frames])
     assert np.abs(fit.joint_angles - q[fit.frames]).max() < np.radians(0.1)
     assert any("elbow" in note and "interpolated" in note for note in fit.notes)
-    assert any("20 frames omitted, 1.01–1.39 s: wrist missing" in note for note in fit.notes)
+    assert any("20 frames omitted, 1.01–1.39 s: wrist, hand missing" in note for note in fit.notes)
     assert "20 frames in the middle" in fit.quality_warnings[-1]
 
 
@@ -279,7 +280,7 @@ def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, 
 def test_the_shipped_recording_of_both_arms():
     motion = fit_arms(read_recording("both-arms"))
     assert not any("model" in text for text in motion.quality_warnings)
-    assert [len(motion), *map(len, motion.arms)] == [272] * 3
+    assert [len(motion), *map(len, motion.arms)] == [318] * 3
     np.testing.assert_array_equal(motion.arms[0].frames, motion.arms[1].frames)
     for fit in motion.arms:
         residuals = fit.residual_summary()
