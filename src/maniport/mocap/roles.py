@@ -27,6 +27,7 @@ from maniport.mocap.point_names import (
 from maniport.mocap.point_names import load_names as load_names
 from maniport.mocap.point_names import other_side as other_side
 from maniport.mocap.recording import Recording
+from maniport.mocap.rigid_bodies import with_hidden_points
 from maniport.util.defaults import AUTO
 from maniport.util.validation import Array, as_choice
 
@@ -371,6 +372,9 @@ def direction(recording: Recording, pair: Any) -> Array:
 def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
     """Return the rotation from the trunk frame to the axes of the recording, in every frame."""
     second = across_role(roles)
+    points = recording.select(points_of({role: roles[role] for role in ("trunk_up", second)}))
+    if np.isnan(points.positions).any(axis=(1, 2)).all():
+        recording = with_hidden_points(points, recording)  # one or another is always hidden
     z = unit(direction(recording, roles["trunk_up"]), SHORTEST)
     across = direction(recording, roles[second])
     across = unit(across - np.sum(across * z, axis=-1, keepdims=True) * z, SHORTEST)
