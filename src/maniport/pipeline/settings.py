@@ -78,12 +78,16 @@ def adapter_of(config: Config) -> DomainAdapter:
 def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> Recording:
     """Read a recording, or the part of it that is used."""
     if not isinstance(recording, Recording):
-        recording = read_recording(recording, unit=config.unit, rate=config.fps)
-    return (
-        recording
-        if config.start is None and config.stop is None
-        else recording.crop(config.start, config.stop)
-    )
+        return read_recording(
+            recording,
+            unit=config.unit,
+            rate=config.fps,
+            start=config.start,
+            stop=config.stop,
+        )
+    if config.start is None and config.stop is None:
+        return recording
+    return recording.crop(config.start, config.stop)
 
 
 def fit_options(config: Config) -> dict[str, Any]:

@@ -7,7 +7,8 @@ Those of Rajagopal et al. (2016), which OpenCap and Pose2Sim use, rotate the hum
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,41 +20,73 @@ from maniport.mocap.directions import HALF_WIDTH, TRUNK, synthetic_recording
 from maniport.mocap.readers import ImportOptions
 from maniport.mocap.readers.text import (
     LARGEST_ANGLE,
+    NumberTable,
+    as_float,
+    field_of,
+    fields_of,
     is_cut_off,
-    number_table,
-    rows_from,
-    text_lines,
+    lines_of,
+    positive_number,
+    row_blocks,
+    sliced,
 )
+from maniport.mocap.readers.times import FileTimes, FrameTimes
 from maniport.mocap.recording import Recording
 from maniport.util.validation import Array
+
+HEADER = 200  # Lines within which the header must end
+BLANKS = " ,;\t\"'"  # Around the entries of a header
 
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup", "wrist_flex", "wrist_dev")
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read joint angles; see `maniport.mocap.readers.read_recording`."""
-    lines = text_lines(file)
-    end = next(
-        (i for i, line in enumerate(lines[:200]) if line.strip().lower() == "endheader"), None
+    head = list(islice(lines_of(file), HEADER))
+    end = next((i for i, (_, line) in enumerate(head) if _is_end(line)), None)
+    names = (
+        next(((n, line) for n, line in head[end + 1 :] if line.strip()), None)
+        if end is not None
+        else None
     )
-    if end is None or end + 1 >= len(lines):
+    if end is None or names is None:
         raise ValueError(
             "this is no table of OpenSim: it lacks the line endheader or the numbers after it"
         )
-    header = dict(re.findall(r"^\s*(\w+)\s*=\s*(\S+)", "\n".join(lines[:end]), flags=re.MULTILINE))
+    header = _header([line for _, line in head[:end]])
+    first, line = names
+    separator = next((character for character in ",;" if character in line), None)
     # newer files write the path of a coordinate in the model, as /jointset/elbow/elbow_flexion/value
-    columns = [word.removesuffix("/value").rpartition("/")[2] for word in lines[end + 1].split()]
+    columns = [
+        word.removesuffix("/value").rpartition("/")[2] for word in fields_of(line, separator)
+    ]
+    while columns and not columns[-1]:
+        columns.pop()
     if columns[:1] != ["time"]:
+        raise ValueError(f"line {first} must name the columns, time first; found {line[:80]!r}")
+
+    times: FrameTimes | None = None
+    blocks = row_blocks(file, first + 1)
+    if options.crops:
+        clock = []
+        for block in blocks:
+            clock += [as_float(field_of(row, separator, 0)) for row in block.lines]
+        times = _times(options, header, np.array(clock))
+        part = times.rows_between(options.start, options.stop)
+        blocks = sliced(row_blocks(file, first + 1), part)
+        count = len(clock)
+        times = times.part(part)
+    (table,) = NumberTable(len(columns), [range(len(columns))], separator).read(blocks)
+    if times is None:
+        times = _times(options, header, table[:, 0])
+        count = len(table)
+    declared = header.get("nrows", "")
+    if is_cut_off(declared, count):
         raise ValueError(
-            f"line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}"
-        )
-    table = number_table(rows_from(lines, end + 2), len(columns))
-    if is_cut_off(declared := header.get("nRows", ""), len(table)):
-        raise ValueError(
-            f"the file is cut off: the header declares {declared} rows, and there are {len(table)}"
+            f"the file is cut off: the header declares {declared} rows, and there are {count}"
         )
     angles = {name: table[:, i] for i, name in enumerate(columns) if i}
-    unit, notes, quality_warnings = _radians(angles, header.get("inDegrees", "").lower())
+    unit, notes, quality_warnings = _radians(angles, header.get("indegrees", "").lower())
     points: dict[str, Array] = {}
     for side, mirror, endings in (("right", 1.0, ("", "_r")), ("left", -1.0, ("_l",))):
         for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):
@@ -80,9 +113,33 @@ def read(file: Path, options: ImportOptions) -> Recording:
         )
     points |= {name: np.tile(np.array(point), (len(table), 1)) for name, point in TRUNK.items()}
     positions = np.stack(list(points.values()), axis=1)
-    return options.recording(
-        file, list(points), positions, table[:, 0], "m", notes, quality_warnings
-    )
+    return options.recording(file, list(points), positions, times, "m", notes, quality_warnings)
+
+
+def _is_end(line: str) -> bool:
+    return line.strip(BLANKS).lower() == "endheader"
+
+
+def _header(lines: Sequence[str]) -> dict[str, str]:
+    """Return the entries of the header by their keys in lower case; spreadsheets fill its lines with separators."""
+    header = {}
+    for line in lines:
+        key, _, value = line.strip(BLANKS).partition("=")
+        words = value.split()
+        if words:
+            header[key.strip().lower()] = words[0].strip(BLANKS)
+    return header
+
+
+def _times(options: ImportOptions, header: Mapping[str, str], clock: Array) -> FrameTimes:
+    """Return the times of frames from their column and the rate that some programs write into the header."""
+    rates = {}
+    for key in ("datarate", "samplerate", "framerate", "rate"):
+        rate = positive_number(header.get(key, ""))
+        if rate is not None:
+            rates[key] = rate
+    stated = FileTimes({"times of the frames": clock}, rates=rates)
+    return options.frame_times(stated, len(clock))
 
 
 def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
