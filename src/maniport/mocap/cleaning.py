@@ -32,7 +32,6 @@ from maniport.util.validation import Array
 
 MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
 
-MOST_REST_POSES = 2  # in a row: a T-pose and the pose of a calibration
 REST_JUMP = 0.03  # Least displacement of a point from a rest pose to the motion [m]
 JUMP_ACCELERATION = 50.0  # [m/s²]: of hands in fast reaching; at 30 Hz the jump exceeds 0.06 m
 
@@ -110,8 +109,8 @@ def without_rest_poses(
         notes.append(rest_pose_note(last, "last"))
     kept = slice(first, len(recording) - last)
     time = recording.time[kept]
-    if restarts and first:
-        time = time - time[0]
+    if restarts and first and recording.time[0] == 0.0:
+        time = recording.time[: len(time)]
     return replace(
         recording, positions=positions[kept], time=time, notes=(*recording.notes, *notes)
     )
@@ -131,13 +130,14 @@ def rest_frames(positions: Array, time: Array) -> int:
     the points in one step and what an acceleration of `JUMP_ACCELERATION` makes possible. A person who stands still
     and then moves, and a frozen beginning that the motion continues, are near to it.
     """
-    count = 0
-    for _ in range(MOST_REST_POSES):
-        more = _one_rest_pose(positions[count:], time[count:])
-        if more == 0:
-            break
-        count += more
-    return count
+    run = _identical_frames(positions)
+    if run < len(positions) and _identical_frames(positions[run:]) > 1:
+        # as a T-pose before the pose of a calibration
+        following = _one_rest_pose(positions[run:], time[run:])
+        distances = np.linalg.norm(positions[run] - positions[0], axis=-1)
+        if following and np.nanmax(distances, initial=0.0) > REST_JUMP:
+            return run + following
+    return _one_rest_pose(positions, time)
 
 
 def _one_rest_pose(positions: Array, time: Array) -> int:

@@ -17,6 +17,7 @@ from maniport.util.validation import Array, as_number, as_times, require_shape
 Bools = NDArray[np.bool_]
 
 MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
+BLOCK = 100_000  # Numbers that are checked at once: their flags stay in the cache
 LONGEST_GAP = (
     0.2  # Length of gaps that are interpolated [s]; within it a hand hardly changes its speed
 )
@@ -227,6 +228,24 @@ def freeze(array: Array) -> Array:
     return array
 
 
+def scaled(array: Array, factor: float) -> Array:
+    """Multiply a frozen array in place, where it owns its memory, else return a product; the result is frozen."""
+    if factor == 1.0:
+        return array
+    parts: list[np.ndarray] = []
+    part: object = array
+    while isinstance(part, np.ndarray):
+        parts.append(part)
+        part = part.base
+    try:
+        for owner in reversed(parts):  # the owner of the memory first
+            owner.setflags(write=True)
+    except ValueError:
+        return freeze(array * factor)
+    array *= factor
+    return freeze(array)
+
+
 def _is_frozen(array: Array) -> bool:
     """Whether nobody can change an array."""
     part: object = array
@@ -252,7 +271,7 @@ def when(time: Array, flags: Bools) -> str:
     return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
 
 
-def _as_positions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
+def _as_positions(value: ArrayLike, shape: tuple[int, int, int]) -> Array:
     if isinstance(value, np.ndarray) and value.dtype == np.float64 and _is_frozen(value):
         positions = value
     else:
@@ -264,19 +283,20 @@ def _as_positions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
             raise InvalidInputError(f"positions must be an array of numbers: {error}") from None
     require_shape(positions, "positions", shape, " = (n_frames, n_points, 3)")
 
-    far = positions > MAX_POSITION
-    far |= positions < -MAX_POSITION
-    if far.any():
-        farthest = np.abs(positions[far]).max()
-        raise InvalidInputError(
-            f"positions must be within ±{MAX_POSITION:g} m, or nan where missing; found {farthest:g} m from the origin"
-        )
-    del far
-    missing = np.isnan(positions)
-    partly = any_axis(missing)
-    partly &= ~all_axes(missing)
-    if partly.any():  # a point with one coordinate missing is missing
+    frames = max(1, BLOCK // (shape[1] * shape[2]))
+    is_partly_missing = False
+    for first in range(0, shape[0], frames):
+        part = positions[first : first + frames]
+        far = (part > MAX_POSITION) | (part < -MAX_POSITION)
+        if far.any():
+            raise InvalidInputError(
+                f"positions must be within ±{MAX_POSITION:g} m, or nan where missing; found "
+                f"{np.abs(part[far]).max():g} m from the origin"
+            )
+        missing = np.isnan(part)
+        is_partly_missing |= bool((any_axis(missing) & ~all_axes(missing)).any())
+    if is_partly_missing:  # a point with one coordinate missing is missing
         if not positions.flags.writeable:
             positions = positions.copy()
-        positions[partly] = np.nan
+        positions[any_axis(np.isnan(positions))] = np.nan
     return positions

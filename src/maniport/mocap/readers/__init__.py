@@ -27,12 +27,14 @@ from maniport.mocap.cleaning import in_order, without_rest_poses, without_zeros
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.readers.times import FileTimes, FrameTimes, frame_times, gap_messages
 from maniport.mocap.recording import (
+    BLOCK,
     MAX_POSITION,
     Recording,
     all_axes,
     beyond_end,
     freeze,
     interval_rows,
+    scaled,
 )
 from maniport.mocap.roles import ARM, direction, find_roles, load_names, whole_bodies
 from maniport.util.defaults import RECORDINGS
@@ -130,20 +132,23 @@ class ImportOptions:
         if isinstance(timing, FileTimes):
             timing = self.frame_times(timing, len(points))
         times, points, ordered = in_order(timing.time, points)
-        # read-only points are shared by the recordings of all following steps
-        raw = Recording(tuple(unique), freeze(points), times, printable(file.name))
+        points = freeze(points)  # which recordings share, instead of copies of each
+        raw = Recording(tuple(unique), points, times, printable(file.name))
         scale, unit_note = self._scale(raw, unit)
+        bodies = _bodies_warning(raw)
+        del raw  # since its points are scaled
+        points = scaled(points, scale)
         if self.rate is not None:
             notes = [*timing.notes, *notes]
         else:
             notes = [*notes, *timing.notes]
         gaps, long_gaps = gap_messages(times)
-        warnings = [*quality_warnings, *timing.quality_warnings, *_bodies_warning(raw), *long_gaps]
-
-        scaled = raw.positions if scale == 1.0 else freeze(raw.positions * scale)
-        recording = replace(
-            raw,
-            positions=scaled,
+        warnings = [*quality_warnings, *timing.quality_warnings, *bodies, *long_gaps]
+        recording = Recording(
+            names=tuple(unique),
+            positions=points,
+            time=times,
+            source=printable(file.name),
             notes=(unit_note, *notes, *ordered, *gaps),
             quality_warnings=tuple(warnings),
         )
@@ -328,9 +333,12 @@ def _numbered(names: Sequence[str]) -> list[str]:
 
 def _mark_missing(points: Array, names: Sequence[str]) -> list[str]:
     """Mark points without a usable position as nan, in place; return a note on them."""
-    within = points <= MAX_POSITION
-    within &= points >= -MAX_POSITION
-    missing = ~all_axes(within)
+    missing = np.empty(points.shape[:2], dtype=np.bool_)
+    frames = max(1, BLOCK // (3 * points.shape[1]))
+    for first in range(0, len(points), frames):
+        part = points[first : first + frames]
+        within = (part <= MAX_POSITION) & (part >= -MAX_POSITION)
+        missing[first : first + frames] = ~all_axes(within)
     if not missing.any():
         return []
     points[missing] = np.nan

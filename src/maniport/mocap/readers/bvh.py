@@ -77,7 +77,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
         count = sum(len(block.lines) for block in row_blocks(file, motion.first))
         rest = _rest_frames(file, options, nodes, motion, count)
         times = _times(options, motion, count)
-        times = replace(times, time=times.time - times.time[rest])
+        from_zero = times.time
+        shifted = np.concatenate([-from_zero[rest:0:-1], from_zero[: count - rest]])
+        times = replace(times, time=shifted)
         kept = times.rows_between(options.start, options.stop)
         if 0 < rest <= kept.start:
             times = replace(times, notes=(*times.notes, rest_pose_note(rest, "first")))

@@ -6,7 +6,6 @@ section ``Trajectories`` of its ASCII export. Qualisys Track Manager: the TSV fi
 """
 
 import re
-from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, takewhile
 from pathlib import Path
@@ -225,31 +224,34 @@ def _one_row_a_point(
         raise ValueError(f"{LAYOUTS}; there is no column time")
     counter = counters[0] if clock is None else clock
     names: dict[str, int] = {}
-    labels = array("i")
+    parts: list[NDArray[np.int64]] = []
 
     def labelled_blocks() -> Iterator[Block]:
         for block in _blocks(file, table):
-            for line in block.lines:
-                label = field_of(line, table.separator, name)
-                labels.append(names.setdefault(label, len(names)))
+            labels = text.column_of(block.lines, table.separator, name)
+            for label in dict.fromkeys(labels):
+                names.setdefault(label, len(names))
+            indices = map(names.__getitem__, labels)
+            parts.append(np.fromiter(indices, dtype=np.int64, count=len(labels)))
             yield block
 
     groups = ([columns.index(axis) for axis in "xyz"], [counter])
     reader = text.NumberTable(len(columns), groups, table.separator)
     places, counts = reader.read(labelled_blocks())
-    times, frames = _frames_of(counts[:, 0])
+    times, pairs = _frames_of(counts[:, 0])
     require_size(len(times), len(names))
-    pairs = frames * len(names)
-    pairs += np.frombuffer(labels, dtype=np.dtype("i"))
+    pairs *= len(names)
+    pairs += np.concatenate(parts)
     occurrences = np.bincount(pairs)
     if occurrences.max() > 1:
         again = int(np.flatnonzero(occurrences[pairs] > 1)[1])
         block = next(text.sliced(_blocks(file, table), slice(again, again + 1)))
         raise ValueError(f"line {block.numbers[0]}: this point occurs twice at one time")
-    del occurrences
+    del occurrences, counts
+    parts.clear()
     positions = np.full((len(times) * len(names), 3), np.nan)
     positions[pairs] = places
-    del places, pairs, frames  # as large as the positions
+    del places, pairs  # as large as the positions
     reader.arrays.clear()
     stated = FileTimes(frame_numbers=times)
     if clock is not None:

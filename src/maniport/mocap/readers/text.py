@@ -98,7 +98,7 @@ def row_blocks(
                 block = Block(block.numbers[:last], block.lines[:last])
             if any(map(str.isspace, block.lines)):
                 block = _kept(block, [not line.isspace() for line in block.lines])
-            if comments and any("#" in line for line in block.lines):
+            if comments and "#" in "".join(block.lines):
                 block = _kept(block, [line.lstrip()[:1] != "#" for line in block.lines])
             if block.lines:
                 yield block
@@ -169,6 +169,15 @@ def field_of(line: str, separator: str | None, column: int) -> str:
     else:
         fields = line.split(separator, column + 1)
     return fields[column].strip() if column < len(fields) else ""
+
+
+def column_of(lines: Sequence[str], separator: str, column: int) -> list[str]:
+    """Return one field of each line, as `field_of` does."""
+    if '"' not in "".join(lines):
+        with suppress(IndexError):  # of a short line
+            fields = [line.split(separator, column + 1)[column] for line in lines]
+            return list(map(str.strip, fields))
+    return [field_of(line, separator, column) for line in lines]
 
 
 class NumberTable:
@@ -248,7 +257,7 @@ class NumberTable:
             return numbers if self.used == [*range(self.width)] else numbers[:, self.used]
 
         separators = self.width - 1
-        if any(line.count(self.separator) != separators for line in lines):
+        if set(map(str.count, lines, repeat(self.separator))) != {separators}:
             fitted = self._fitted(lines)
             if fitted is None:
                 return None

@@ -219,8 +219,10 @@ def _usable_clocks(
             notes.append(f"{name}: {int((~known).sum())} of {count} are missing and interpolated")
         backward = np.diff(times) <= 0
         can_replace = declared is not None or len(stated.clocks) > 1
+        is_constant = count > 1 and np.ptp(times) == 0
         is_backward = backward.sum() > MOST_BACKWARD * max(len(backward), 1)
-        if can_replace and is_backward and not _is_rounded(times, declared):
+        is_rounded = _is_rounded(times, declared) and not is_constant
+        if can_replace and is_backward and not is_rounded:
             warnings.append(
                 f"{name}: {int(backward.sum())} of {len(backward)} steps do not increase, from "
                 f"{times[0]:g} to {times[-1]:g} s; these times were not used"
@@ -376,7 +378,13 @@ def _compared(
     measured = _rate_of(time)
     if measured is None:
         return time
-    if _differ(measured, declared) and abs(1 / measured - 1 / declared) > 1.01 * resolution:
+    mean = (len(time) - 1) / np.ptp(
+        time
+    )  # of irregular times, while the median is that of lost frames
+    differs = _differ(measured, declared) and _differ(mean, declared)
+    # Some programs add up a rounded step: 0.033 s for 30 Hz.
+    adds_rounded = abs(1 / measured - 1 / declared) < min(1.01 * resolution, 0.1 / declared)
+    if differs and not adds_rounded:
         warnings.append(
             f"the frame rate of the file, {declared:.5g} Hz ({rate_name}), contradicts its times ({name}), which are "
             f"those of {measured:.5g} Hz: the times were used; {argument('rate', round(declared, 3))} uses the rate"
