@@ -19,19 +19,14 @@ def control():
 
 
 @pytest.fixture(scope="module")
-def rest(control):
+def rest(tmp_path_factory):
     """The T-pose of the skeleton [m], shape (n_points, 3)."""
-    with_rest = read_recording(CASES / "rest_pose_5_frames.bvh", start=-1)
     lines = (CASES / "rest_pose_5_frames.bvh").read_text().splitlines()
-    assert len(with_rest) == len(control)
-    rows = lines[: lines.index("MOTION") + 3]
-    still = "\n".join([*rows, *[lines[lines.index("MOTION") + 3]] * 4])
-    file = CASES.parent / "still.bvh"
-    file.write_text(still.replace("Frames: 65", "Frames: 4"))
-    try:
-        return read_recording(file).positions[0]
-    finally:
-        file.unlink()
+    first = lines.index("MOTION") + 3
+    file = tmp_path_factory.mktemp("rest") / "still.bvh"
+    text = "\n".join([*lines[:first], *[lines[first]] * 4])
+    file.write_text(text.replace("Frames: 65", "Frames: 4"))
+    return read_recording(file).positions[0]
 
 
 def recording_of(control, positions, rate=30.0):

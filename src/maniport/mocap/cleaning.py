@@ -17,7 +17,7 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter
 from scipy.special import comb
 
-from maniport.errors import InvalidInputError, argument, spoken
+from maniport.errors import InvalidInputError, argument, counted, spoken
 from maniport.mocap.recording import (
     LONGEST_GAP,
     Bools,
@@ -55,7 +55,7 @@ def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, A
     return (
         time[kept],
         positions[kept],
-        [f"{count} frames with times that do not increase were omitted"],
+        [f"{counted(count, 'frame')} with times that do not increase omitted"],
     )
 
 
@@ -225,7 +225,7 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
         if swapped.any():
             positions[:, columns] = np.where(swapped[:, None, None], tracks[:, ::-1], tracks)
             texts.append(
-                f"{pair[0]} and {pair[1]} were swapped in {swapped.sum()} frames and were exchanged "
+                f"{pair[0]} and {pair[1]} were swapped in {counted(int(swapped.sum()), 'frame')} and were exchanged "
                 f"({when(recording.time, swapped)})"
             )
     return _changed(recording, positions, [], texts)
@@ -265,7 +265,7 @@ def _outliers(
 def _marked_missing(recording: Recording, lost: Bools, cause: str) -> Recording:
     """Return the recording without the marked points, lost (n_frames, n_points), with a note for each point."""
     notes = [
-        f"{name}: {cause} in {frames.sum()} frames, taken as missing ({when(recording.time, frames)})"
+        f"{name}: {cause} in {counted(int(frames.sum()), 'frame')}, taken as missing ({when(recording.time, frames)})"
         for name, frames in zip(recording.names, lost.T, strict=True)
         if frames.any()
     ]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator, make_interp_spline
 
-from maniport.errors import InvalidInputError, RecordingError, argument, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, argument, counted, unknown_name
 from maniport.util.files import save_arrays
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_number, as_times, require_shape
@@ -86,10 +86,10 @@ class Recording(NotebookDisplay):
         return len(self.time)
 
     def __repr__(self) -> str:
-        return (
-            f"Recording({self.source or 'unnamed'!r}: {len(self.names)} points, {len(self)} frames, "
-            f"{self.duration:.2f} s at {self.rate:.4g} Hz)"
-        )
+        points = counted(len(self.names), "point")
+        frames = counted(len(self), "frame")
+        seconds = f"{self.duration:.2f} s at {self.rate:.4g} Hz"
+        return f"Recording({self.source or 'unnamed'!r}: {points}, {frames}, {seconds})"
 
     @property
     def duration(self) -> float:
@@ -174,7 +174,7 @@ class Recording(NotebookDisplay):
                     positions[start:stop, i] = spline(self.time[start:stop])
                 frames = sum(stop - start for start, stop in short)
                 notes.append(
-                    f"{name}: gaps of up to {LONGEST_GAP:g} s interpolated ({frames} frames)"
+                    f"{name}: gaps of up to {LONGEST_GAP:g} s interpolated ({counted(frames, 'frame')})"
                 )
         return replace(self, positions=positions, notes=tuple(notes))
 

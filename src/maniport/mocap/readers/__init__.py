@@ -344,7 +344,7 @@ def _mark_missing(points: Array, names: Sequence[str]) -> list[str]:
     points[missing] = np.nan
     if missing.all():
         raise InvalidInputError("every point is missing in every frame")
-    never = [names[i] for i in np.flatnonzero(missing.all(axis=0))]
+    never = [names[i] for i in np.flatnonzero(missing.all(axis=0)).tolist()]
     always = f"; always: {_first(never, 20)}" if never else ""
     return [f"{100 * missing.mean():.1f} % of all points are missing{always}"]
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maniport.errors import argument
+from maniport.errors import argument, counted
 from maniport.mocap.cleaning import rest_frames, rest_pose_note
 from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.readers.text import (
@@ -77,8 +77,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
         count = sum(len(block.lines) for block in row_blocks(file, motion.first))
         rest = _rest_frames(file, options, nodes, motion, count)
         times = _times(options, motion, count)
-        from_zero = times.time
-        shifted = np.concatenate([-from_zero[rest:0:-1], from_zero[: count - rest]])
+        shifted = np.empty(count)
+        shifted[rest:] = times.time[: count - rest]
+        shifted[:rest] = -times.time[rest:0:-1]
         times = replace(times, time=shifted)
         kept = times.rows_between(options.start, options.stop)
         if 0 < rest <= kept.start:
@@ -91,12 +92,12 @@ def read(file: Path, options: ImportOptions) -> Recording:
         times = _times(options, motion, count)
     if is_cut_off(motion.declared, count):
         raise ValueError(
-            f"the file is cut off: its header declares {motion.declared} frames, and there are {count}"
+            f"the file is cut off: its header declares {counted(int(motion.declared), 'frame')}, and there are {count}"
         )
     notes = []
     if count != int(motion.declared):
         notes.append(
-            f"the header declares {motion.declared} frames, but there are {count}: all were read"
+            f"the header declares {counted(int(motion.declared), 'frame')}, but the file holds {count}: all were read"
         )
     require_size(len(table), len(nodes))
     positions, position_notes = _all_positions(nodes, table)
@@ -121,7 +122,7 @@ def _times(options: ImportOptions, motion: _Motion, count: int) -> FrameTimes:
     """Return the times of all frames, which begin at zero."""
     times = options.frame_times(FileTimes(rates={"Frame Time": 1 / motion.step}), count)
     if options.rate is None:
-        times = replace(times, time=np.arange(count) * motion.step)
+        times = replace(times, time=motion.step * np.arange(count, dtype=np.float64))
     return times
 
 
@@ -233,8 +234,9 @@ def _translations(nodes: list[_Node], table: Array) -> tuple[set[int], list[str]
 
     Channels that are zero, or no more than rounding, keep the offset, and those that equal it are not needed.
     """
-    lengths = np.array([np.linalg.norm(node.offset) for node in nodes[1:]] or [0.0])
-    tolerance = 1e-3 * float(np.median(lengths[lengths > 0])) if (lengths > 0).any() else 0.0
+    lengths = [float(np.linalg.norm(node.offset)) for node in nodes[1:]]
+    bones = [length for length in lengths if length > 0]
+    tolerance = 1e-3 * float(np.median(bones)) if bones else 0.0
     used = set()
     largest = 0.0
     text = ""
@@ -260,7 +262,7 @@ def _translations(nodes: list[_Node], table: Array) -> tuple[set[int], list[str]
             )
     if not used:
         return used, []
-    joints = "1 joint" if len(used) == 1 else f"{len(used)} joints"
+    joints = counted(len(used), "joint")
     return used, [
         f"position channels of {joints} below the root were used, since they differ from the offsets; most by {text}"
     ]

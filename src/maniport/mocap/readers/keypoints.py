@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.errors import FileFormatError
+from maniport.errors import FileFormatError, counted
 from maniport.mocap.readers import ImportOptions, arm_error, drop_untrusted, require_size
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.readers.times import FileTimes
@@ -82,7 +82,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if several := sum(
         len(frame.get(_first(frame, KEYS["people"], list), ())) > 1 for frame in frames
     ):
-        notes.append(f"several people in {several} frames; the first one was taken")
+        notes.append(f"several people in {counted(several, 'frame')}; the first one was taken")
     stated = _times(head, frames)
     unit = head["unit"] if isinstance(head.get("unit"), str) else "m" if mediapipe else ""
     return options.recording(file, names, positions, stated, unit, notes=notes)

@@ -138,7 +138,7 @@ def _times(options: ImportOptions, header: Mapping[str, str], clock: Array) -> F
         rate = positive_number(header.get(key, ""))
         if rate is not None:
             rates[key] = rate
-    stated = FileTimes({"times of the frames": clock}, rates=rates)
+    stated = FileTimes({"time": clock}, rates=rates)
     return options.frame_times(stated, len(clock))
 
 

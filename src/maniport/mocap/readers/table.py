@@ -176,8 +176,7 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     if text.is_cut_off(table.declared_frames, count):
         warnings.insert(
             0,
-            f"the header declares {table.declared_frames} frames, and there are {count}: the end of the file may be "
-            "missing",
+            f"the header declares {table.declared_frames} frames, and the file holds {count}: its end may be missing",
         )
     return options.recording(
         file, names, positions, times, table.unit or unit, notes=notes, quality_warnings=warnings
@@ -205,7 +204,7 @@ def _times(
     """Return the times of frames from the columns of times and of frame numbers, in this order."""
     clocks = {}
     if clock is not None:
-        clocks["times of the frames"] = numbers[:, 0] / per_second
+        clocks["time"] = numbers[:, 0] / per_second
     frame_numbers = numbers[:, -1] if table.frame_column is not None else None
     return options.frame_times(FileTimes(clocks, frame_numbers, table.rates), len(numbers))
 
@@ -255,7 +254,7 @@ def _one_row_a_point(
     reader.arrays.clear()
     stated = FileTimes(frame_numbers=times)
     if clock is not None:
-        stated = FileTimes({"times of the frames": times / per_second})
+        stated = FileTimes({"time": times / per_second})
     return options.recording(file, list(names), positions.reshape(len(times), -1, 3), stated)
 
 
@@ -313,7 +312,7 @@ def _trc_names(labels: Sequence[str], axes: Sequence[str], declared: str) -> Seq
     """Return the names of the points of a TRC file, each of which may stand above all three of its columns."""
     count = int(declared) if declared.isdecimal() and len(declared) < 10 else len(labels)
     if len(labels) in (3 * count, len(axes)) and len(labels) % 3 == 0:
-        names = []
+        names: list[str] = []
         for i in range(0, len(labels), 3):
             own = set(labels[i : i + 3])
             if len(own) > 1:

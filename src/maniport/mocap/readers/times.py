@@ -107,8 +107,8 @@ def frame_times(stated: FileTimes, count: int, rate: float | None = None) -> Fra
     declared = next(iter(rates.values()), None)
     clocks = _usable_clocks(stated, count, declared, notes, warnings)
     has_lost_frames = bool((np.diff(numbers) != 1).any())
-    is_numbered = declared is not None and stated.frame_numbers is not None
-    if is_numbered and (has_lost_frames or not clocks):
+    is_needed = stated.frame_numbers is not None and (has_lost_frames or not clocks)
+    if declared is not None and is_needed:
         clocks[FRAME_NUMBERS] = numbers / declared
     if not clocks:
         if declared is None:
@@ -213,9 +213,10 @@ def _usable_clocks(
         if not known.any():
             continue
         if not known.all():
-            times = _completed(times, known)
-            if times is None:
+            complete = _completed(times, known)
+            if complete is None:
                 continue
+            times = complete
             notes.append(f"{name}: {int((~known).sum())} of {count} are missing and interpolated")
         backward = np.diff(times) <= 0
         can_replace = declared is not None or len(stated.clocks) > 1
@@ -291,7 +292,9 @@ def _resolution(time: Array) -> float:
 
 def _is_rounded(times: Array, declared: float | None) -> bool:
     """Whether times are those of the declared rate, up to their rounding."""
-    return declared is not None and _follows(times, np.arange(len(times)), declared)
+    return declared is not None and _follows(
+        times, np.arange(len(times), dtype=np.float64), declared
+    )
 
 
 def _follows(times: Array, frames: Array, rate: float) -> bool:
@@ -386,8 +389,8 @@ def _compared(
     adds_rounded = abs(1 / measured - 1 / declared) < min(1.01 * resolution, 0.1 / declared)
     if differs and not adds_rounded:
         warnings.append(
-            f"the frame rate of the file, {declared:.5g} Hz ({rate_name}), contradicts its times ({name}), which are "
-            f"those of {measured:.5g} Hz: the times were used; {argument('rate', round(declared, 3))} uses the rate"
+            f"the frame rate of the file, {declared:.5g} Hz ({rate_name}), contradicts its times, {measured:.5g} Hz "
+            f"({name}): the times were used; {argument('rate', round(declared, 3))} uses the rate"
         )
     elif abs(measured - declared) * np.ptp(time) > 1.0:  # frames over the whole recording
         notes.append(
