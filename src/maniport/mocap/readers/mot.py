@@ -38,6 +38,8 @@ HEADER = 200  # Lines within which the header must end
 BLANKS = " ,;\t\"'"  # Around the entries of a header
 
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup", "wrist_flex", "wrist_dev")
+ARM_ANGLES = {*JOINTS, *RAJAGOPAL}
+_SIDE = re.compile("_[rl]$")
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -65,6 +67,10 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if columns[:1] != ["time"]:
         raise ValueError(f"line {first} must name the columns, time first; found {line[:80]!r}")
 
+    row = next((line for number, line in head if number > first and line.strip()), "")
+    if separator is None and row.count("\t") == len(columns) - 1:
+        separator = "\t"  # of which single columns are read faster than of blanks
+
     times: FrameTimes | None = None
     blocks = row_blocks(file, first + 1)
     if options.crops:
@@ -76,16 +82,17 @@ def read(file: Path, options: ImportOptions) -> Recording:
         blocks = sliced(row_blocks(file, first + 1), part)
         count = len(clock)
         times = times.part(part)
-    (table,) = NumberTable(len(columns), [range(len(columns))], separator).read(blocks)
+    own_columns = [i for i, name in enumerate(columns) if _SIDE.sub("", name) in ARM_ANGLES]
+    clocks, table = NumberTable(len(columns), [[0], own_columns], separator).read(blocks)
     if times is None:
-        times = _times(options, header, table[:, 0])
+        times = _times(options, header, clocks[:, 0])
         count = len(table)
     declared = header.get("nrows", "")
     if is_cut_off(declared, count):
         raise ValueError(
             f"the file is cut off: the header declares {declared} rows, and there are {count}"
         )
-    angles = {name: table[:, i] for i, name in enumerate(columns) if i}
+    angles = {columns[column]: table[:, i] for i, column in enumerate(own_columns)}
     unit, notes, quality_warnings = _radians(angles, header.get("indegrees", "").lower())
     points: dict[str, Array] = {}
     for side, mirror, endings in (("right", 1.0, ("", "_r")), ("left", -1.0, ("_l",))):
@@ -145,12 +152,7 @@ def _times(options: ImportOptions, header: Mapping[str, str], clock: Array) -> F
 def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
     """Return radians per unit, from the header or by the angles, with notes and data-quality warnings."""
     full_turn = 2 * np.pi  # more than the range of any joint of an arm
-    arm = [
-        angle
-        for name, angle in angles.items()
-        if re.sub("_[rl]$", "", name) in {*JOINTS, *RAJAGOPAL}
-    ]
-    finite = [np.abs(angle[np.isfinite(angle)]) for angle in arm]
+    finite = [np.abs(angle[np.isfinite(angle)]) for angle in angles.values()]
     largest = max(
         (float(np.percentile(values, 95)) for values in finite if len(values)), default=0.0
     )
