@@ -333,7 +333,7 @@ def _unrounded(time: Array, frames: Array, rate: float) -> Array:
 def _preferred(clocks: dict[str, Array], declared: float | None, warnings: list[str]) -> str:
     """Return the name of the clock to use, and report those that contradict it.
 
-    It is the first one; but one that is no more than the declared rate gives way to one that differs.
+    It is the first one; but where it is no more than the declared rate, one that differs is used.
     """
     names = list(clocks)
     chosen = names[0]
