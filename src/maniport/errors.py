@@ -35,6 +35,11 @@ def printable(text: str, longest: int | None = None) -> str:
     return f"{text[:half]} [...] {text[-half:]}"
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun, such as "1 frame" or "3 frames"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 class _Message:
     """Base of errors and warnings: makes their text printable, since it may quote files."""
 

@@ -27,7 +27,9 @@ from maniport.version import __version__
 ABOUT = "batch.json"  # The file that marks a folder as that of a batch
 
 ENDINGS = [
-    ending for ending in RECORDINGS if ending not in (".npz", ".npy", ".csv", ".tsv", ".json")
+    ending
+    for ending in RECORDINGS
+    if ending not in (".npz", ".npy", ".csv", ".tsv", ".json", ".zip")
 ]
 """Endings of recordings in a folder; files with the others may be anything, such as earlier results."""
 

@@ -78,19 +78,19 @@ def adapter_of(config: Config) -> DomainAdapter:
 def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> Recording:
     """Read a recording, or the part of it that is used."""
     if not isinstance(recording, Recording):
-        recording = read_recording(
+        return read_recording(
             recording,
             unit=config.unit,
             rate=config.fps,
             height=config.height,
             markers=marker_roles(config),
             side=config.side,
+            start=config.start,
+            stop=config.stop,
         )
-    return (
-        recording
-        if config.start is None and config.stop is None
-        else recording.crop(config.start, config.stop)
-    )
+    if config.start is None and config.stop is None:
+        return recording
+    return recording.crop(config.start, config.stop)
 
 
 def fit_options(config: Config) -> dict[str, Any]:
