@@ -159,6 +159,8 @@ class ImportOptions:
         try:
             scale, unit_note = self._scale(raw, unit)
         except InvalidInputError as error:
+            if not faults:
+                raise
             faults.append(str(error))
         if faults:
             raise InvalidInputError("; ".join(faults))
