@@ -1,5 +1,7 @@
 """Live: whatever frames come, the robot keeps its limits; where they are good it follows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -8,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from toy import require_limits
 
 import maniport as mp
+from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
 from maniport.live.state import FAR, NEAR, STATES
-from maniport.mocap import shipped_recording
+from maniport.mocap import shipped_recording, synthetic_recording
 from sizes import SMALL, little_search
 
 
@@ -106,6 +109,25 @@ def test_robot_keeps_the_pace_of_the_person(second):
     assert np.percentile(errors, 95.0) < 0.03
     assert max(errors) < 0.08
     require_safe(result.arm.motion, result.arm.collisions, second.time, states)
+
+
+def test_gaps_of_the_calibration_do_not_make_the_motion_small():
+    """The hand is elsewhere after a gap, which is no speed: the scale is near that of the whole recording."""
+    time = np.arange(0.0, 6.0, 1.0 / 60.0)
+    rest = np.radians([40.0, 40.0, -20.0, 70.0, 5.0, 2.0, 5.0])
+    change = np.radians([25.0, 25.0, 15.0, 30.0, 10.0, 0.0, 0.0])
+    speeds = 1.2 * np.array([1.0, 0.8, 0.6, 1.1, 0.7, 1.0, 1.0])
+    q = rest + change * np.sin(speeds * time[:, None] + np.arange(7))
+    whole = synthetic_recording(human_arm("myoarm"), q, time)
+    positions = whole.positions.copy()
+    positions[time % 1.5 > 1.2] = np.nan
+    options = {"real_time": True, "method": "parallel-transport", **SMALL}
+    scales = []
+    with little_search():
+        for recording in (whole, replace(whole, positions=positions)):
+            result = mp.transfer_recording(recording, **options)
+            scales.append(result.arm.placement.scale)
+    assert scales[1] > 0.8 * scales[0]
 
 
 def test_both_arms_lead_two_robots(two_arm_result):
