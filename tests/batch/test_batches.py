@@ -585,6 +585,23 @@ def test_tables_hold_no_formulas(tmp_path):
     assert line.startswith("'=1+1.c3d,panda,failed,bad \\udcff")
 
 
+def test_each_pair_is_one_line_of_the_table(tmp_path):
+    """Texts with line breaks, such as several warnings, are one line in CSV; in Parquet they stay as they are."""
+    breaks = ["\n", "\r\n", "\r", "\x0b", "\x0c", "\x1c", "\x85", "\u2028", "\u2029"]
+    rows = []
+    for character in breaks:
+        row = failed_row("1.c3d", "panda", "")
+        rows.append(row | {"warnings": f"first, one{character}second", "verdict": character})
+    write_tables(tmp_path, rows)
+    text = (tmp_path / "table.csv").read_bytes().decode()
+    assert len(text.splitlines()) == 1 + len(rows)
+    table = read_table(tmp_path)
+    assert [line["warnings"] for line in table] == ["first, one | second"] * len(rows)
+    assert [line["verdict"] for line in table] == [""] * len(rows)
+    parquet = pytest.importorskip("pyarrow.parquet").read_table(tmp_path / "table.parquet")
+    assert parquet.to_pydict()["warnings"] == [row["warnings"] for row in rows]
+
+
 def test_digests_tell_contents_apart(tmp_path):
     arm = mp.load_arm("panda")
     assert (

@@ -233,7 +233,7 @@ class _DaskThreads:
             raise ClusterLostError(f"the Dask cluster has had no workers for {self._patience:g} s")
         if now - self._answered > self._patience:
             raise ClusterLostError(
-                f"the Dask scheduler was lost: it has not answered for {self._patience:g} s"
+                f"the Dask scheduler was lost, it has not answered for {self._patience:g} s"
             )
 
     def _update(self) -> None:

@@ -108,11 +108,11 @@ def content_of(source: Source) -> str:
 
 def reason(error: Exception) -> str:
     """Why there is no result, for the table."""
-    return (
-        str(error)
-        if isinstance(error, ManiportError)
-        else f"unexpected {type(error).__name__}: {error}"
-    )
+    if isinstance(error, ManiportError):
+        return str(error)
+    if isinstance(error, OSError) and error.filename is not None:  # such as a read-only folder
+        return f"{error.filename}: {error.strerror}"
+    return f"unexpected {type(error).__name__}: {error}"
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ def transfer_batch(
         again = "run the same command" if typed() else "make the same call"
         state = f"{done} of {len(names)} pairs are done; {again} to continue"
         if isinstance(stop, ClusterLostError):
-            raise ClusterLostError(f"{stop}: {state}") from None
+            raise ClusterLostError(f"{stop}; {state}") from None
         raise KeyboardInterrupt(state) from None
     return Batch(folder, write(), kept, clock.perf_counter() - begun)
 
