@@ -213,12 +213,13 @@ def test_columns_are_metrics_of_a_summary(whole, tmp_path, small_result):
 def test_a_killed_batch_continues(whole, recordings, tmp_path):
     """Two processes that are killed in the middle, and one that continues, give the bytes of one alone."""
 
-    def done():
-        return [
-            path
-            for path in folder.rglob("pair.json")
-            if "/." not in f"/{path.relative_to(folder).as_posix()}"
-        ]
+    def done():  # in any number of folders, of which temporary ones vanish meanwhile
+        found = []
+        for parent, folders, names in os.walk(folder):
+            folders[:] = [name for name in folders if not name.startswith(".")]
+            if "pair.json" in names:
+                found.append(parent)
+        return found
 
     def members():
         for status in Path("/proc").glob("[0-9]*/stat"):
@@ -556,6 +557,23 @@ def test_names_of_recordings(tmp_path, monkeypatch, whole):
     for wrong in ("", f"{tmp_path}/*.c3d", "missing.bvh", whole.folder):
         with pytest.raises(InvalidInputError, match="recordings"):
             names(wrong, without=tmp_path / "new")
+
+
+def test_folders_that_vanish_are_no_recordings(tmp_path, monkeypatch):
+    """A batch that writes below the folder of recordings removes temporary folders while they are listed."""
+    for name in ("a/walk.bvh", ".temporary/b/1.c3d", "c/walk.bvh"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).touch()
+    scan = os.scandir
+
+    def vanishing(path="."):
+        if str(path).endswith(".temporary"):
+            shutil.rmtree(path)
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", vanishing)
+    names = [source.name for source in find_recordings([tmp_path], tmp_path / "dataset")]
+    assert names == ["a/walk.bvh", "c/walk.bvh"]
 
 
 def test_each_robot_has_a_folder_of_its_own():
