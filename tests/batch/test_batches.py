@@ -489,6 +489,47 @@ def test_the_width_follows_the_cluster():
     assert len(collected.result()) == len(futures) == 10
 
 
+def test_ray_gives_the_same_bytes(recordings, tmp_path, monkeypatch):
+    """A stand-in for Ray: the width follows its processors, and results are verified."""
+    processors = {"CPU": 1.0}
+
+    class Task:
+        def __init__(self, function):
+            self.function = function
+
+        def remote(self, *given):
+            return SimpleNamespace(future=lambda: settled(Future(), self.function, *given))
+
+    stand_in = SimpleNamespace(
+        is_initialized=lambda: True,
+        remote=lambda **options: Task,
+        cluster_resources=lambda: dict(processors),
+    )
+    monkeypatch.setattr(executors, "ray", lambda: stand_in)
+    monkeypatch.setattr(executors, "SHOWN_AFTER", 0.1)
+    with executor_for(1, None, True) as executor:
+        assert executor.width() == 2
+        processors["CPU"] = 16.0
+        assert executor.width() == 32
+        assert executor.is_cluster
+    given = recordings / "anna" / "1.c3d"
+    whole = small([given], tmp_path / "whole")
+    assert not whole.failed
+    small([given], tmp_path / "dataset", ray=True)
+    assert tree(tmp_path / "dataset") == tree(whole.folder)
+
+    def work_elsewhere(pairs):
+        outcomes = work(pairs)
+        shutil.rmtree(pairs[0].folder)
+        return outcomes
+
+    monkeypatch.setattr(run, "work", work_elsewhere)
+    with pytest.warns(ManiportWarning, match="failed"):
+        lost = small([given], tmp_path / "lost", ray=True)
+    assert all(repr(socket.gethostname()) in row["reason"] for row in lost.failed)
+    assert len(lost.failed) == len(ROBOTS)
+
+
 def test_a_silent_scheduler_ends_the_batch():
     """A scheduler that takes no part any more, but keeps its connection, is lost after some time."""
     answers = [{"first": 1}]
