@@ -357,6 +357,9 @@ def test_a_result_that_is_not_here_is_a_failure(recordings, tmp_path, monkeypatc
     assert set(states.values()) == {"done"}
     assert all(repr(socket.gethostname()) in row["reason"] for row in found.failed)
     assert [row["state"] for row in read_table(folder)].count("failed") == 2
+    monkeypatch.undo()
+    again = small([recordings / "anna"], folder)
+    assert (again.kept, again.failed) == (2, ())
 
 
 def test_a_result_may_be_visible_late(recordings, tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ import copy
 import json
 import time as clock
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -88,6 +88,12 @@ class Pair:
         return "made with another " + listed(
             name for name in names if self.settings.get(name) != saved["settings"].get(name)
         )
+
+    def discard(self) -> None:
+        """Let a later call repeat the pair, if the folder claims to have its result."""
+        if self.kept_row() is not None:
+            with suppress(OSError):
+                (self.folder / PAIR).unlink()
 
     def _saved(self) -> dict[str, Any] | None:
         """Read the file of the pair; None where it is missing or was changed."""

@@ -293,5 +293,9 @@ def _collect(executor: Executor, tasks: Tasks, collection: _Collection) -> None:
         while not visible and clock.monotonic() < last:
             clock.sleep(0.5)
             visible = outcome.is_visible(pair)
-        collection.add([outcome.row if visible else outcome.missing()])
+        if visible:
+            collection.add([outcome.row])
+        else:
+            pair.discard()
+            collection.add([outcome.missing()])
     collection.end()
