@@ -513,7 +513,7 @@ def test_ray_gives_the_same_bytes(recordings, tmp_path, monkeypatch):
     with executor_for(1, None, True) as executor:
         assert executor.width() == 2
         processors["CPU"] = 16.0
-        assert executor.width() == 32
+        wait_until(lambda: executor.width() == 32)
         assert executor.is_cluster
     given = recordings / "anna" / "1.c3d"
     whole = small([given], tmp_path / "whole")

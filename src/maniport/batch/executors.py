@@ -201,22 +201,27 @@ def dask_executor(client: Any, patience: float = PATIENCE) -> Executor:
 
     The cluster is lost when it is without workers, or its scheduler without an answer, for `patience` [s].
     """
-    cluster = _DaskThreads(client, patience)
+
+    def count_threads() -> int:
+        return sum(client.nthreads().values())
+
+    threads = _Threads("Dask", count_threads, patience)
     return Executor(
-        client.get_executor(pure=False).submit, cluster.width, cluster.check, SHOWN_AFTER
+        client.get_executor(pure=False).submit, threads.width, threads.check, SHOWN_AFTER
     )
 
 
-class _DaskThreads:
-    """The number of threads of a Dask cluster, which the scheduler is asked for in the background."""
+class _Threads:
+    """The number of threads of a cluster, which its scheduler is asked for in the background."""
 
-    def __init__(self, client: Any, patience: float):
-        self._client = client
+    def __init__(self, cluster: str, count: Callable[[], int], patience: float):
+        self._cluster = cluster
+        self._count_threads = count
         self._patience = patience
         self._count = 0
         self._answered = monotonic()
         self._with_workers = monotonic()
-        self._answer: Future[Any] = in_background(client.nthreads)
+        self._answer = in_background(count)
         with suppress(TimeoutError):  # usually there within milliseconds
             self._answer.exception(1.0)
 
@@ -230,10 +235,12 @@ class _DaskThreads:
         self._update()
         now = monotonic()
         if not self._count and now - self._with_workers > self._patience:
-            raise ClusterLostError(f"the Dask cluster has had no workers for {self._patience:g} s")
+            raise ClusterLostError(
+                f"the {self._cluster} cluster has had no workers for {self._patience:g} s"
+            )
         if now - self._answered > self._patience:
             raise ClusterLostError(
-                f"the Dask scheduler was lost, it has not answered for {self._patience:g} s"
+                f"the {self._cluster} scheduler was lost, it has not answered for {self._patience:g} s"
             )
 
     def _update(self) -> None:
@@ -241,16 +248,19 @@ class _DaskThreads:
         if not self._answer.done():
             return
         if self._answer.exception() is None:
-            self._count = sum(self._answer.result().values())
+            self._count = self._answer.result()
             self._answered = monotonic()
         if self._count:
             self._with_workers = monotonic()
-        self._answer = in_background(self._client.nthreads)
+        self._answer = in_background(self._count_threads)
 
 
 @contextmanager
-def _ray() -> Iterator[Executor]:
-    """Workers of a Ray cluster, or of Ray on this computer."""
+def _ray(patience: float = 0.5 * PATIENCE, timeout: float = 10.0) -> Iterator[Executor]:
+    """Workers of a Ray cluster, or of Ray on this computer.
+
+    Ray ends this process when its head has been lost for 60 s; the patience is shorter.
+    """
     package = ray()
     started = not package.is_initialized()
     if started:
@@ -259,14 +269,17 @@ def _ray() -> Iterator[Executor]:
         lambda work, task: work(task)
     )
 
-    def width() -> int:
-        processors = int(package.cluster_resources().get("CPU", 1))
-        return TASKS_PER_THREAD * max(1, processors)
+    def count_processors() -> int:
+        return int(package.cluster_resources().get("CPU", 0))
 
+    def submit(work: Work, task: Any) -> "Future[Any]":
+        future: Future[Any] = remote.remote(work, task).future()
+        return future
+
+    threads = _Threads("Ray", count_processors, patience)
     try:
-        yield Executor(
-            lambda work, task: remote.remote(work, task).future(), width, shown_after=SHOWN_AFTER
-        )
+        yield Executor(submit, threads.width, threads.check, SHOWN_AFTER)
     finally:
         if started:
-            package.shutdown()
+            with suppress(Exception):  # a lost cluster does not answer
+                in_background(package.shutdown).result(timeout)
