@@ -31,9 +31,16 @@ from maniport.util.validation import (
 
 
 def spreadsheet_cell(value: Any) -> Any:
-    """Return a value for CSV; an apostrophe precedes a text that spreadsheets would evaluate as a formula."""
-    formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
-    return f"'{value}" if formula else value
+    """Return a value for CSV, where many readers take each line for a row.
+
+    In a text, `` | `` replaces line breaks, and an apostrophe precedes what spreadsheets would evaluate as a formula.
+    """
+    if not isinstance(value, str):
+        return value
+    line = " | ".join(filter(None, value.splitlines()))
+    if line.startswith(("=", "+", "-", "@", "\t")):
+        return f"'{line}"
+    return line
 
 
 def save_arrays(
