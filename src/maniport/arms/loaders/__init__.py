@@ -184,8 +184,12 @@ def read_arm(
         )
     chain = READERS[file.path.suffix.lower()](file.path, frame, joints)
     chain = replace(chain, name=file.name or chain.name)
-    if (folders := (*mesh_folders, *file.folders)) and chain.shapes is not None:
+    folders = (*mesh_folders, *file.folders)
+    if folders and chain.shapes is not None:
         chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
+    if folders and chain.collision_shapes is not None:
+        readers = partial(chain.collision_shapes, mesh_folders=folders)
+        chain = replace(chain, collision_shapes=readers)
     if limb is None:
         return chain
     if any(ours.name != theirs for ours, theirs in zip(chain.joints, limb.joints, strict=False)):

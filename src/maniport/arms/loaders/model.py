@@ -1,13 +1,14 @@
 """Robots as trees of bodies, as readers of robot files describe them, and their limbs with default end effectors."""
 
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from maniport.arms.chain import PRISMATIC, Joint, Shape
+from maniport.arms.chain import PRISMATIC, Joint
+from maniport.arms.loaders.document import ShapeReader
 from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
 from maniport.util.validation import Array
 
@@ -45,9 +46,7 @@ class RobotModel:
 
     path: Path
     name: str
-    shapes: Callable[
-        ..., Iterable[Shape]
-    ]  # of an XML document; see `maniport.arms.loaders.document.read_shapes`
+    shapes: ShapeReader
     bodies: dict[str, RobotBody] = field(default_factory=dict)
     sites: dict[str, tuple[str, Array]] = field(
         default_factory=dict

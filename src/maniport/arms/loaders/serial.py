@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from maniport.arms.chain import PRISMATIC, Body, Chain, Frame, Joint, check_names, moved_inertia
-from maniport.arms.loaders.document import read_shapes
+from maniport.arms.loaders.document import read_collision_shapes, read_shapes
 from maniport.arms.loaders.model import Limbs, RobotBody, RobotModel
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.util.validation import Array
@@ -69,6 +69,7 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
         inertia=_inertia(model, mounts, len(joints)),
         unlimited=tuple(model.unlimited),
         shapes=partial(read_shapes, model.shapes, path.absolute()),
+        collision_shapes=partial(read_collision_shapes, model.shapes, path.absolute()),
         others=_bodies_off_chain(model, mounts, coordinates),
     )
 
