@@ -18,7 +18,7 @@ from maniport.motion.motion_limits import DERIVATIVES, TORQUES
 from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
-from maniport.report.robot import warn_of_collisions, warn_of_limits
+from maniport.report.robot import add_collision_shapes, warn_of_collisions, warn_of_limits
 from maniport.report.values import Report, Section, at_time, describe, listed
 from maniport.util.sampling import statistics
 from maniport.util.validation import Array
@@ -274,8 +274,9 @@ def _add_collisions(section: Section, clearance: Clearance, at: float) -> None:
         text = f"{share if clearance.share else 'none'}; clearance {millimeters:.0f} mm ({pair})"
     value = {"checked": clearance.checked, "share": clearance.share, "at_s": at, "pair": clearance.pair,
              "clearance_mm": millimeters}  # fmt: skip
-    about = "Between convex hulls of links, table and obstacles."
+    about = "Between shapes of links, table and obstacles."
     section.add("Collisions", "collisions", value, text, about, main=True)
+    add_collision_shapes(section, clearance.shapes)
 
 
 def _add_capability(section: Section, own: Capability, main: bool) -> None:
