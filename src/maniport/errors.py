@@ -47,6 +47,15 @@ class _Message:
         )
 
 
+def shown(value: object, longest: int = 200) -> str:
+    """Return the `repr` of a value for a message, short, also of integers that Python does not write."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than `sys.get_int_max_str_digits`
+        return "a too large integer"
+    return printable(text, longest)
+
+
 class ManiportError(_Message, Exception):
     """Base of all errors that maniport raises on purpose."""
 
@@ -114,7 +123,7 @@ def collected_warnings() -> Iterator[list[str]]:
 
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:
     """Sort existing names by their similarity to the requested name."""
-    lowered = str(name).lower()
+    lowered = name.lower() if isinstance(name, str) else shown(name).lower()
     return sorted(
         available, key=lambda other: (-SequenceMatcher(None, lowered, other.lower()).ratio(), other)
     )
@@ -129,7 +138,7 @@ def unknown_name(
         f", and {len(names) - 20} more" if len(names) > 20 else ""
     )
     return UnknownNameError(
-        f"unknown {what} {name!r} {where}".rstrip()
+        f"unknown {what} {shown(name)} {where}".rstrip()
         + f"; available, nearest first: {listed or 'none'}"
     )
 

@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, shown
 from maniport.util.validation import Bounds, as_choice, as_count, as_flag, as_number, as_numbers
 
 COMMAND_LINE_UNITS = {"mm": ("m", 1e-3), "deg": ("rad", pi / 180.0), "%": ("", 0.01)}
@@ -67,10 +67,19 @@ class Option:
         if self.kind is bool:
             return as_flag(value, label)
         if self.kind is int:
-            count = int(value) if typed and str(value).removeprefix("-").isdecimal() else value
-            return as_count(count, label, int(self.bounds.get("minimum", 0)))
+            if typed:
+                value = _integer(value)
+            maximum = self.bounds.get("maximum")
+            return as_count(
+                value,
+                label,
+                int(self.bounds.get("minimum", 0)),
+                None if maximum is None else int(maximum),
+            )
         if self.kind is float:
             factor = self.factors[0] if typed else 1.0
+            if typed and isinstance(value, str):
+                value = next(iter(_numbers(value)), value)
             bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
             return as_number(value, label, **Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
         if self.kind is not str:
@@ -79,8 +88,20 @@ class Option:
             )
             return tuple(np.atleast_1d(numbers).tolist())
         if not isinstance(value, str):
-            raise InvalidInputError(f"{label} must be text; found {value!r}")
+            raise InvalidInputError(f"{label} must be text; found {shown(value)}")
         return value
+
+    def check_setting(self, value: Any) -> None:
+        """Raise unless a value that was read from a file is valid: names are texts, files too."""
+        self.check(value)
+        if self.kind != NAMES or self.name == "segments":  # these may be numbers
+            return
+        parts = [] if value is None else value if isinstance(value, list) else [value]
+        for part in parts:
+            if not isinstance(part, str) or not part:
+                raise InvalidInputError(
+                    f"{self.name} must be text, or a list of texts; found {shown(part)}"
+                )
 
     def parse(self, typed: Any) -> Any:
         """Convert what was typed on the command line: text, texts, a number or a flag."""
@@ -191,6 +212,16 @@ def plain(value: Any, is_file: bool = False) -> Any:
 def _as_tuple(value: Any) -> Any:
     value = value.tolist() if hasattr(value, "tolist") else value  # arrays have no truth value
     return tuple(map(_as_tuple, value)) if isinstance(value, list | tuple) else value
+
+
+def _integer(text: Any) -> Any:
+    """Convert what was typed to an integer; what is none, or has too many digits, stays as it is."""
+    if not str(text).removeprefix("-").isdecimal():
+        return text
+    try:
+        return int(text)
+    except ValueError:  # more digits than Python converts
+        return text
 
 
 def _numbers(text: str) -> tuple[float, ...]:
