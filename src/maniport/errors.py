@@ -47,6 +47,15 @@ class _Message:
         )
 
 
+def some_of(names: Iterable[str], most: int = 8) -> str:
+    """List names from a file for a message: a few of them, shortened, and the number of the others."""
+    listed = list(names)
+    texts = [printable(str(name), 60) for name in listed[:most]]
+    if len(listed) > most:
+        texts.append(f"and {len(listed) - most} more")
+    return ", ".join(texts) or "nothing"
+
+
 def shown(value: object, longest: int = 200) -> str:
     """Return the `repr` of a value for a message, short, also of integers that Python does not write."""
     try:

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike
 
-from maniport.errors import FileFormatError, nearest_first
+from maniport.errors import FileFormatError, nearest_first, shown, some_of
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import (
     ARRAYS_BYTES,
@@ -152,7 +152,7 @@ def _load(
     """Return the array of that name, and its times where there are any."""
     arrays, where = load_arrays(path, what, (name, "time")), f"in {str(path)!r}"
     if name not in arrays:
-        held = array_names(path, what) or "nothing"
+        held = some_of(array_names(path, what))
         raise FileFormatError(f"{what} {str(path)!r} has no array {name!r}; it holds {held}")
     points = as_finite(arrays[name], f"{name} {where}")
     require_shape(points, f"{name} {where}", shape)
@@ -207,7 +207,7 @@ def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str
         if key not in keys:
             near = ", ".join(nearest_first(key, keys))
             raise FileFormatError(
-                f"{where}: unknown key {key!r}; allowed are, nearest first: {near}"
+                f"{where}: unknown key {shown(key, 60)}; allowed are, nearest first: {near}"
             )
     return content
 
@@ -258,7 +258,7 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if isinstance(key, Hashable) and key in seen:
-                problem = f"the key {key!r} occurs twice"
+                problem = f"the key {shown(key, 60)} occurs twice"
                 raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
             if isinstance(key, Hashable):
                 seen.add(key)
