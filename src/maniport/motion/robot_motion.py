@@ -165,7 +165,13 @@ class ArmMotion(Trajectory):
 
         It is nan where the two longest semi-axes of either are nearly equal, so that their direction is arbitrary.
         """
-        return line_angles(axis_over_time(self.target, -1), axis_over_time(self.achieved, -1))
+        return self.axis_angle(-1)
+
+    def axis_angle(self, which: int) -> Array:
+        """Angle between the longest (-1) or shortest (0) axes, as `major_axis_angle`."""
+        target = axis_over_time(self.target, which)
+        achieved = axis_over_time(self.achieved, which)
+        return line_angles(target, achieved)
 
     @property
     def pointwise_ratio(self) -> float:
@@ -173,25 +179,29 @@ class ArmMotion(Trajectory):
         assert self.pointwise_best is not None
         return rms_ratio(self.distance, self.pointwise_best)
 
-    def save_joints(self, path: str | os.PathLike[str]) -> None:
+    def save_joints(
+        self, path: str | os.PathLike[str], spec: EllipsoidSpec | None = None
+    ) -> None:
         """Write an ``.npz`` file without pickled objects.
 
         For the control steps ``control_time``, ``control_positions``, ``control_velocities``, ``control_accelerations``
         and, where masses are known, ``control_torques``; for the waypoints ``time``, ``joint_positions``,
         ``joint_velocities``, ``manipulability``, ``distance``, ``status`` and, where there was a path,
         ``position_error``; ``joint_names``, ``joint_units`` and ``damping``. Times are counted from the first control
-        step, which was at ``began_at`` [s]. The achieved ellipsoids are readable as an ellipsoid file. `OutputError`
-        when the file cannot be written.
+        step, which was at ``began_at`` [s]. The achieved ellipsoids are readable as an ellipsoid file. They are those
+        of `spec`, by default of the motion's. A plan for force ellipsoids has their inverses: ``damping`` is added to
+        the ellipsoids of the plan. `OutputError` when the file cannot be written.
         """
-        arrays = (
-            self.joint_arrays() | {"joint_velocities": self.joint_velocities} | self.error_arrays()
-        )
+        arrays = self.joint_arrays()
+        arrays["joint_velocities"] = self.joint_velocities
+        arrays |= self.error_arrays(spec)
         save_arrays(path, arrays, compress=False)  # numbers that hardly get smaller
 
-    def error_arrays(self) -> dict[str, Array]:
-        """Return the arrays of the ellipsoids and errors that files contain, by name."""
+    def error_arrays(self, spec: EllipsoidSpec | None = None) -> dict[str, Array]:
+        """Return the arrays of the ellipsoids and errors that files contain, by name; `spec` as in `save_joints`."""
+        achieved = self.achieved if spec is None else spec.of_bounded(self.achieved)
         arrays = {
-            "manipulability": self.achieved,
+            "manipulability": achieved,
             "distance": self.distance,
             "damping": np.array(self.damping.epsilon),
             "status": np.array(self.status),
@@ -278,19 +288,22 @@ class RobotMotion(NotebookDisplay):
         best = [arm.pointwise_best for arm in self.arms if arm.pointwise_best is not None]
         return rms_ratio(np.concatenate([arm.distance for arm in self.arms]), np.concatenate(best))
 
-    def save_joints(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` file without pickled objects.
+    def save_joints(
+        self, path: str | os.PathLike[str], spec: EllipsoidSpec | None = None
+    ) -> None:
+        """Write an ``.npz`` file without pickled objects; `spec` as in `ArmMotion.save_joints`.
 
         One arm: see `ArmMotion.save_joints`. Several: the arrays of the joints, ``manipulability``, ``distance``,
         ``status``, ``damping`` and ``position_error`` of each arm with its name as a prefix, such as ``left_distance``,
         and ``relative`` and ``relative_error`` where only these were kept.
         """
         if len(self.arms) == 1:
-            self.arms[0].save_joints(path)
+            self.arms[0].save_joints(path, spec)
             return
         arrays = self.trajectory.joint_arrays()
         for name, arm in zip(self.group.names, self.arms, strict=True):
-            arrays |= {f"{name}_{key}": array for key, array in arm.error_arrays().items()}
+            for key, array in arm.error_arrays(spec).items():
+                arrays[f"{name}_{key}"] = array
         if self.relative is not None and self.relative_error is not None:
             arrays |= {"relative": self.relative, "relative_error": self.relative_error}
         save_arrays(path, arrays)

@@ -115,7 +115,7 @@ def motion_section(
         if gap > NEAR_DISTANCE:
             text = f"the targets are infeasible: median distance to the feasible set {gap:.2f}"
             section.warn("infeasible-targets", text)
-    angle = np.degrees(motion.major_axis_angle)
+    angle = np.degrees(motion.major_axis_angle if result is None else result.major_axis_angle)
     if np.isfinite(angle).any():
         median = add_statistics(section, "major_axis_angle", angle, time)["median"]
         if median > 30.0:

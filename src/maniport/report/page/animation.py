@@ -197,8 +197,10 @@ def _panels_of(
     if profiles := _profiles_of(arm, spec):
         panels = semi_axis_panels(profiles, spec.bounded.unit)
         if motion is not None:
-            angle = Line("longest axis", np.degrees(motion.major_axis_angle))
+            angle = Line("longest axis", np.degrees(arm.major_axis_angle))
             meaning = "Between target and achieved. The line breaks where two axes have one length."
+            if spec.kind == "force":
+                meaning += " The longest axes of force are the shortest ones of the drawn inverses."
             panels.insert(
                 0,
                 Panel(STATISTICS["major_axis_angle"][0], "°", (angle,), meaning, span=(0.0, 90.0)),
