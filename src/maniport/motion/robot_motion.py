@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ class ArmMotion(Trajectory):
         Demonstrated times of the waypoints of a planned motion [s].
     pointwise_best : ndarray, shape (n,), or None
         Distances of the pointwise optimum of a planned motion: the smallest found for each waypoint by itself, with the
-        end effector on the path (at most 250 waypoints; its square is linear between them).
+        end effector on the path (at most 250 waypoints; its square is linear between them), or achieved by the motion.
     clearance : Clearance
         Of a planned motion, together with all other arms.
     """
@@ -175,7 +175,7 @@ class ArmMotion(Trajectory):
 
     @property
     def pointwise_ratio(self) -> float:
-        """Ratio of the root mean square distance to that of the best pointwise solutions found."""
+        """Ratio of the root mean square distance to that of the best pointwise solutions found, at least 1."""
         assert self.pointwise_best is not None
         return rms_ratio(self.distance, self.pointwise_best)
 
@@ -214,8 +214,10 @@ class ArmMotion(Trajectory):
 
 
 def rms_ratio(distance: Array, best: Array) -> float:
-    """Return the ratio of two root mean squares; infinite where the second is zero."""
+    """Return the ratio of two root mean squares; infinite where only the second is zero."""
     norm = float(np.linalg.norm(best))
+    if np.array_equal(distance, best):
+        return 1.0
     return float(np.linalg.norm(distance)) / norm if norm > 0.0 else np.inf
 
 
@@ -264,14 +266,15 @@ class RobotMotion(NotebookDisplay):
             plan = {
                 "clearance": clearance,
                 "demonstrated_time": None if trajectory.limits is None else schedule.time,
-                "pointwise_best": None if pointwise_bests is None else pointwise_bests[i],
             }
             own = trajectory.of_arm(schedule.objective.arm, columns)
-            arms.append(
-                ArmMotion.of(
-                    schedule, own, velocity_limits[columns], held, position_tolerance, **plan
-                )
+            motion = ArmMotion.of(
+                schedule, own, velocity_limits[columns], held, position_tolerance, **plan
             )
+            if pointwise_bests is not None:  # the achieved configuration is a candidate
+                best = np.minimum(pointwise_bests[i], motion.distance)
+                motion = replace(motion, pointwise_best=best)
+            arms.append(motion)
         return cls(group, trajectory, tuple(arms), **relative)
 
     def __repr__(self) -> str:
@@ -284,7 +287,7 @@ class RobotMotion(NotebookDisplay):
 
     @property
     def pointwise_ratio(self) -> float:
-        """Ratio of the root mean square distance of all arms to that of the best pointwise solutions found."""
+        """Ratio of the root mean square distance of all arms to that of the best pointwise solutions, at least 1."""
         best = [arm.pointwise_best for arm in self.arms if arm.pointwise_best is not None]
         return rms_ratio(np.concatenate([arm.distance for arm in self.arms]), np.concatenate(best))
 

@@ -181,9 +181,10 @@ def _panels_of(
     motion = arm.motion
     if motion is not None:
         lines = [Line("achieved", motion.distance)]
-        if motion.pointwise_best is not None:
+        best = motion.pointwise_best
+        if best is not None and not np.array_equal(best, motion.distance):
             lines.append(
-                Line("best pointwise distance found", motion.pointwise_best, REFERENCE.name, 1)
+                Line("best pointwise distance found", best, REFERENCE.name, 1)
             )
         label, unit, meaning = STATISTICS["distance"]
         panels = [Panel(label, unit, tuple(lines), meaning)]
