@@ -7,6 +7,7 @@ import base64
 import hashlib
 import os
 import re
+from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 
@@ -14,7 +15,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from maniport.errors import InvalidInputError
-from maniport.report.page.content import ROLES, STATES, Animation, as_json
+from maniport.report.page.content import ROLES, STATES, Animation, as_json, kept_rows
 from maniport.report.values import TIME_COLUMN, Report
 from maniport.util.atomic_io import write_text
 from maniport.version import __version__
@@ -71,13 +72,11 @@ def _page(report: Report, animation: Animation | None, frames: int) -> str:
         menu[:0] = [
             (title, f"motion-{i}") for i, title in enumerate(animation.panels)
         ]  # the scripts give these ids
-        few = (
-            f" {frames} of {len(animation.time)} times are included."
-            if len(animation.time) > frames
-            else ""
-        )
-        note, end = animation.note + few, " Keys: space to play, ← and → to step."
-        data = f'<script type="application/json" id="motion">{as_json(animation, frames)}</script>'
+        note, end = animation.note, " Keys: space to play, ← and → to step."
+        count = len(kept_rows(animation.time, frames, report.times))
+        if count < len(animation.time):
+            note += f" {count} of {len(animation.time)} times are included."
+        data = f'<script type="application/json" id="motion">{as_json(animation, frames, report.times)}</script>'
     if any(section.folded for section in report.sections):
         menu.append(("Details", "folded"))
     values = {"report": report, "cards": CARDS, "menu": menu, "moves": animation is not None, "note": note,
@@ -98,15 +97,34 @@ def templates() -> jinja2.Environment:
         loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["linked"] = _linked
+    environment.filters["exact"] = _exact
     return environment
 
 
-def _linked(text: str, moves: bool) -> Markup:
-    """Escape a text, "84 %" in one line; its times become links where the page has a motion."""
+def _linked(text: str, moves: bool, times: Sequence[float] = ()) -> Markup:
+    """Escape a text, "84 %" in one line; its times become links where the page has a motion.
+
+    A link leads to the exact one of `times` [s] that is written rounded, in their order.
+    """
     safe = str(escape(re.sub(r"(?<=\d) (?=%)", "\xa0", text)))
-    return Markup(
-        re.sub(r"\bat (-?\d+\.\d) s\b", r'<a href="#t=\1">\g<0></a>', safe) if moves else safe
-    )
+    if not moves:
+        return Markup(safe)
+    left = list(times)
+
+    def link(match: re.Match[str]) -> str:
+        written = match[1]
+        exact = next((time for time in left if f"{time:.1f}" == written), None)
+        if exact is None:
+            return f'<a href="#t={written}">{match[0]}</a>'
+        left.remove(exact)
+        return f'<a href="#t={_exact(exact)}">{match[0]}</a>'
+
+    return Markup(re.sub(r"\bat (-?\d+\.\d) s\b", link, safe))
+
+
+def _exact(time: float) -> str:
+    """Write a time [s] for a link: to a microsecond, finer than any recording."""
+    return f"{time:.6f}"
 
 
 @cache
