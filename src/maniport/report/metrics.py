@@ -194,7 +194,9 @@ def _add_pointwise_ratio(section: Section, motion: ArmMotion | RobotMotion) -> N
 
 
 def _add_lowest_point(section: Section, motion: ArmMotion, time: Array, result: ArmResult) -> None:
-    """Add the lowest point of a motion; without a table, it must be above the base plane."""
+    """Add the lowest point of a motion; without a table, it must be above the plane that the base stands on."""
+    if not result.robot.chain.stands:
+        return
     if (lowest := result.lowest) is None:
         section.warn(
             "unchecked-floor", "the height above the base plane is unknown: no link has a shape"
