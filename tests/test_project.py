@@ -42,7 +42,7 @@ def test_the_citation_is_of_the_software_and_refers_to_the_paper():
     (paper,) = citation["references"]
     assert paper["type"] == "conference-paper"
     assert paper["title"] != preferred["title"]
-    assert [author["family-names"] for author in paper["authors"]][0] == "Reithmeir"
+    assert paper["authors"][0]["family-names"] == "Reithmeir"
 
 
 def test_the_recipe_has_the_dependencies_of_the_package():

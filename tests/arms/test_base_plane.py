@@ -1,5 +1,7 @@
 """Whether the base of an arm stands on its plane z = 0, where a floor may be."""
 
+from itertools import pairwise
+
 import pytest
 
 import maniport as mp
@@ -10,11 +12,15 @@ LIMIT = '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="2"/
 
 def description(leg="", mount="0 0 0.4", turn="0 0 0"):
     """A robot with a torso on a waist joint, an arm of three joints and perhaps a leg."""
-    links = "".join(f'<link name="{name}"/>' for name in ("root", "mount", "torso", "a", "b", "hand"))
+    links = "".join(
+        f'<link name="{name}"/>' for name in ("root", "mount", "torso", "a", "b", "hand")
+    )
     foot = '<link name="foot"/>' if leg else ""
-    joints = f'<joint name="fix" type="fixed"><parent link="root"/><child link="mount"/><origin xyz="{mount}" rpy="{turn}"/></joint>'
-    above = ["mount", "torso", "a", "b", "hand"]
-    for number, (parent, child) in enumerate(zip(above, above[1:], strict=False)):
+    joints = (
+        '<joint name="fix" type="fixed"><parent link="root"/><child link="mount"/>'
+        f'<origin xyz="{mount}" rpy="{turn}"/></joint>'
+    )
+    for number, (parent, child) in enumerate(pairwise(["mount", "torso", "a", "b", "hand"])):
         joints += (
             f'<joint name="j{number}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
             f'<origin xyz="0 0 0.2"/>{LIMIT}</joint>'
@@ -36,7 +42,18 @@ def description(leg="", mount="0 0 0.4", turn="0 0 0"):
         (description(LEG.format(kind="revolute", z=-0.8, rest=LIMIT)), None, False),
         (description(LEG.format(kind="revolute", z=0.1, rest=LIMIT)), None, True),
     ],
-    ids=["root", "root-named", "above", "beside", "turned", "torso", "arm", "pedestal", "leg", "arms"],
+    ids=[
+        "root",
+        "root-named",
+        "above",
+        "beside",
+        "turned",
+        "torso",
+        "arm",
+        "pedestal",
+        "leg",
+        "arms",
+    ],
 )
 def test_the_base_stands_on_its_plane_at_the_root_of_the_description(tmp_path, text, base, stands):
     (tmp_path / "robot.urdf").write_text(text)

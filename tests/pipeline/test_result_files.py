@@ -28,9 +28,7 @@ def followed(robot, arms, options):
     """A short motion along ellipsoids that are a little larger than those of the robots, and rotated."""
     _, time, joints, _, path = panda_profile()
     config = Config(**options)
-    turn = np.kron(
-        np.eye(config.spec.size // 3), mp.arms.chain.rotation_about(2, 0.4)
-    )
+    turn = np.kron(np.eye(config.spec.size // 3), mp.arms.chain.rotation_about(2, 0.4))
     profiles = [1.3 * turn @ arm.ellipsoids(joints, config.spec) @ turn.T for arm in arms]
     paths = [path + arm.forward(joints[0])[:3, 3] - path[0] for arm in arms]
     with little_search():

@@ -58,6 +58,7 @@ class Joint:
             motions[..., :3, :3] = turns.reshape(*moved.shape, 3)
         return motions
 
+
 BELOW = 0.05
 """Frames that are this far below the base plane show that the robot does not stand on it [m]; some feet and
 screws have their frames a little below."""
@@ -163,13 +164,11 @@ class Chain:
         """
         if self.side is not None or not self.on_base_plane:
             return False
-        for place in self.frames.values():
-            if place.joint == 0 and place.placement[2, 3] < -BELOW:
-                return False
+        heights = [place.placement[2, 3] for place in self.frames.values() if place.joint == 0]
         for body in self.attached.values():
-            if body.joint == 0 and body.placements[:, 2, 3].min() < -BELOW:
-                return False
-        return True
+            if body.joint == 0:
+                heights.append(body.placements[:, 2, 3].min())
+        return min(heights, default=0.0) >= -BELOW
 
     @property
     def attached(self) -> dict[str, Body]:

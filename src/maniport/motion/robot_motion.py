@@ -179,9 +179,7 @@ class ArmMotion(Trajectory):
         assert self.pointwise_best is not None
         return rms_ratio(self.distance, self.pointwise_best)
 
-    def save_joints(
-        self, path: str | os.PathLike[str], spec: EllipsoidSpec | None = None
-    ) -> None:
+    def save_joints(self, path: str | os.PathLike[str], spec: EllipsoidSpec | None = None) -> None:
         """Write an ``.npz`` file without pickled objects.
 
         For the control steps ``control_time``, ``control_positions``, ``control_velocities``, ``control_accelerations``
@@ -291,9 +289,7 @@ class RobotMotion(NotebookDisplay):
         best = [arm.pointwise_best for arm in self.arms if arm.pointwise_best is not None]
         return rms_ratio(np.concatenate([arm.distance for arm in self.arms]), np.concatenate(best))
 
-    def save_joints(
-        self, path: str | os.PathLike[str], spec: EllipsoidSpec | None = None
-    ) -> None:
+    def save_joints(self, path: str | os.PathLike[str], spec: EllipsoidSpec | None = None) -> None:
         """Write an ``.npz`` file without pickled objects; `spec` as in `ArmMotion.save_joints`.
 
         One arm: see `ArmMotion.save_joints`. Several: the arrays of the joints, ``manipulability``, ``distance``,

@@ -147,8 +147,12 @@ class Config:
         count=3,
         unchecked=True,
     )
-    n_teacher: int = _transfer(TEACHER_SAMPLES, "Samples of the human domain", minimum=2, maximum=MOST_SAMPLES)
-    n_student: int = _transfer(STUDENT_SAMPLES, "Samples of the robot domain", minimum=2, maximum=MOST_SAMPLES)
+    n_teacher: int = _transfer(
+        TEACHER_SAMPLES, "Samples of the human domain", minimum=2, maximum=MOST_SAMPLES
+    )
+    n_student: int = _transfer(
+        STUDENT_SAMPLES, "Samples of the robot domain", minimum=2, maximum=MOST_SAMPLES
+    )
 
     move: bool = _motion(True, "Plan a trajectory", common=True)
     position_tolerance: float = _motion(

@@ -1,16 +1,19 @@
 """Values that a report consists of: metrics, tables and sections, and `report_of`."""
 
 import contextlib
+import os
 import platform
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from importlib import metadata
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from maniport.util.atomic_io import free_path
 from maniport.version import __version__
 
 Severity = Literal["info", "note", "warning", "error"]
@@ -284,9 +287,22 @@ class Report:
             else ""
         )
 
-    def command_for(self, folder: str = "results") -> str:
-        """Return the command of the next step with the folder of the results, quoted for a shell."""
-        return self.command.replace("{folder}", shlex.quote(folder))
+    def command_for(self, folder: str = "") -> str:
+        """Return the command of the next step for a shell; empty unless the results were written to a folder.
+
+        Its own results go to a new folder.
+        """
+        if not folder:
+            return ""
+        if folder in (".", "..") or folder.startswith("-"):
+            folder = os.path.abspath(folder)
+        words = list[str]()
+        for word in self.command.split(" "):
+            text = word.replace("{folder}", folder)
+            if words and words[-1] == "-o":
+                text = str(free_path(Path(text)))
+            words.append(word if "{folder}" not in word else shlex.quote(text))
+        return " ".join(words)
 
 
 def sentence(text: str) -> str:

@@ -178,9 +178,7 @@ def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[s
 
 def settings_text(content: Mapping[str, Any]) -> str:
     """Write a mapping as YAML that `read_settings` and readers of YAML 1.1 read alike."""
-    text = yaml.dump(
-        content, Dumper=_CarefulDumper, sort_keys=False, allow_unicode=True, width=110
-    )
+    text = yaml.dump(content, Dumper=_CarefulDumper, sort_keys=False, allow_unicode=True, width=110)
     return str(text)
 
 
@@ -289,7 +287,9 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
             raise self._fault(node, f"an integer of {len(digits)} digits is too large")
         value = int(text[2:], base) if base != 10 else int(text)
         if abs(value) >= LARGEST_INTEGER:
-            raise self._fault(node, f"the integer {value} is too large; allowed are those below 2^63")
+            raise self._fault(
+                node, f"the integer {value} is too large; allowed are those below 2^63"
+            )
         return value
 
     def _fault(self, node: Any, problem: str) -> yaml.MarkedYAMLError:

@@ -27,16 +27,27 @@ SCRIPTS = ("geometry", "surface", "scene", "curves", "strips", "states", "player
 
 
 def write_page(
-    path: str | os.PathLike[str], report: Report, animation: Animation | None = None
+    path: str | os.PathLike[str],
+    report: Report,
+    animation: Animation | None = None,
+    folder: str = "",
 ) -> None:
-    """Write a report, with an animation in its first section, to an HTML file, whole or not at all."""
-    write_text(path, as_html(report, animation))
+    """Write a report, with an animation in its first section, to an HTML file, whole or not at all.
+
+    `folder` is where the results are, for the command of the next step.
+    """
+    write_text(path, as_html(report, animation, folder=folder))
 
 
-def as_html(report: Report, animation: Animation | None = None, largest: int = 6_000_000) -> str:
+def as_html(
+    report: Report,
+    animation: Animation | None = None,
+    largest: int = 6_000_000,
+    folder: str = "",
+) -> str:
     """Return the page as text, with fewer times of the animation where it would be too large [bytes] otherwise."""
     for frames in (1500, 750, 375, 150):
-        text = _page(report, animation, frames)
+        text = _page(report, animation, frames, folder)
         if (size := len(text.encode())) < largest:
             return text
     raise InvalidInputError(
@@ -63,7 +74,7 @@ def document(
     return templates().get_template("document.html").render(**values)
 
 
-def _page(report: Report, animation: Animation | None, frames: int) -> str:
+def _page(report: Report, animation: Animation | None, frames: int, folder: str) -> str:
     """Render the page with at most so many times of the animation."""
     menu = [(section.title, f"section-{k}") for k, section in enumerate(report.sections)
             if k and section.title and not section.folded]  # fmt: skip
@@ -80,7 +91,7 @@ def _page(report: Report, animation: Animation | None, frames: int) -> str:
     if any(section.folded for section in report.sections):
         menu.append(("Details", "folded"))
     values = {"report": report, "cards": CARDS, "menu": menu, "moves": animation is not None, "note": note,
-              "time_column": TIME_COLUMN}  # fmt: skip
+              "time_column": TIME_COLUMN, "command": report.command_for(folder)}  # fmt: skip
     body = templates().get_template("report.html").render(**values)
     script = "\n".join(_asset(f"{name}.js") for name in SCRIPTS)
     script = f'(() => {{\n"use strict";\n{script}}})();\n'  # all in one scope

@@ -183,9 +183,7 @@ def _panels_of(
         lines = [Line("achieved", motion.distance)]
         best = motion.pointwise_best
         if best is not None and not np.array_equal(best, motion.distance):
-            lines.append(
-                Line("best pointwise distance found", best, REFERENCE.name, 1)
-            )
+            lines.append(Line("best pointwise distance found", best, REFERENCE.name, 1))
         label, unit, meaning = STATISTICS["distance"]
         panels = [Panel(label, unit, tuple(lines), meaning)]
         if motion.position_error is not None:
