@@ -212,7 +212,7 @@ def test_track_and_place(run, tmp_path):
     (("batch", "ladder"), "Missing option '--output'"), (("batch", "ladder", "--seed", "-1"), "--seed"),
     (("domain", "pnda"), "'panda'"), (("domain", "panda"), "Missing option '--output'"),
     (("domain", "panda", "-n", "0"), "n must"), (("fit", "a.npz", "b.npz"), "a.npz"),
-    (("apply", "a.npz", "b.npz"), "a.npz"), (("fit", "a.npz"), "STUDENT"),
+    (("apply", "a.npz", "b.npz"), "a.npz"), (("fit", "a.npz"), "student"),
     (("transfer", "ladder", "-o", "out", "--markers", "list.json"), "list.json"),
     (("transfer", "ladder", "-o", "out", "--markers", "half.json"), "half.json"),
     (("transfer", "ladder", "-o", "out", "--markers", "deep.json"), "deep.json"),

@@ -3,14 +3,22 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from math import pi
+from math import isfinite, pi
 from types import NoneType, UnionType
 from typing import Any, get_args
 
 import numpy as np
 
 from maniport.errors import InvalidInputError, shown
-from maniport.util.validation import Bounds, as_choice, as_count, as_flag, as_number, as_numbers
+from maniport.util.validation import (
+    Bounds,
+    as_choice,
+    as_count,
+    as_flag,
+    as_number,
+    as_numbers,
+    inside,
+)
 
 COMMAND_LINE_UNITS = {"mm": ("m", 1e-3), "deg": ("rad", pi / 180.0), "%": ("", 0.01)}
 """Units of the command line, with the SI unit of Python and files, and the factor to it."""
@@ -78,9 +86,9 @@ class Option:
             )
         if self.kind is float:
             factor = self.factors[0] if typed else 1.0
-            if typed and isinstance(value, str):
-                value = next(iter(_numbers(value)), value)
             bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
+            if typed and isinstance(value, str):
+                value = _number(value, Bounds(**bounds))  # type: ignore[typeddict-item]
             return as_number(value, label, **Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
         if self.kind is not str:
             numbers = as_numbers(
@@ -222,6 +230,14 @@ def _integer(text: Any) -> Any:
         return int(text)
     except ValueError:  # more digits than Python converts
         return text
+
+
+def _number(text: str, bounds: Bounds) -> float | str:
+    """Convert what was typed to a number; what is none, or out of bounds, stays as it is for the message."""
+    numbers = _numbers(text)
+    if len(numbers) == 1 and isfinite(numbers[0]) and inside(numbers[0], bounds):
+        return numbers[0]
+    return text
 
 
 def _numbers(text: str) -> tuple[float, ...]:
