@@ -242,10 +242,10 @@ def as_numbers(
     """Convert to `count` numbers (or any) within `bounds`, shape (count,); `broadcast` also accepts one number."""
     single = "one number or " if broadcast and count != 1 else ""
     rule = f"{name} must be {single}{count or 'a sequence of'} number{'s' * (count != 1)}{_in_words(bounds)}"
+    array = as_finite(value, name)
     parts = value if isinstance(value, list | tuple) else [value]
     if any(isinstance(part, bool | str) for part in parts):
         raise InvalidInputError(f"{rule}; found {shown(value)}")
-    array = as_finite(value, name)
     if not ((array.ndim == 1 and count in (None, len(array))) or (broadcast and array.ndim == 0)):
         raise InvalidInputError(f"{rule}; found shape {array.shape}")
     wrong = ~inside(array, bounds)
