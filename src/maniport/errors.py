@@ -52,6 +52,24 @@ class _Message:
         )
 
 
+def some_of(names: Iterable[str], most: int = 8) -> str:
+    """List names from a file for a message: a few of them, shortened, and the number of the others."""
+    listed = list(names)
+    texts = [printable(str(name), 60) for name in listed[:most]]
+    if len(listed) > most:
+        texts.append(f"and {len(listed) - most} more")
+    return ", ".join(texts) or "nothing"
+
+
+def shown(value: object, longest: int = 200) -> str:
+    """Return the `repr` of a value for a message, short, also of integers that Python does not write."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than `sys.get_int_max_str_digits`
+        return "a too large integer"
+    return printable(text, longest)
+
+
 class ManiportError(_Message, Exception):
     """Base of all errors that maniport raises on purpose."""
 
@@ -119,7 +137,7 @@ def collected_warnings() -> Iterator[list[str]]:
 
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:
     """Sort existing names by their similarity to the requested name."""
-    lowered = str(name).lower()
+    lowered = name.lower() if isinstance(name, str) else shown(name).lower()
     return sorted(
         available, key=lambda other: (-SequenceMatcher(None, lowered, other.lower()).ratio(), other)
     )
@@ -137,7 +155,7 @@ def unknown_name(
     if len(names) > most:
         listed += f", and {len(names) - most} more"
     return UnknownNameError(
-        f"unknown {what} {name!r} {where}".rstrip()
+        f"unknown {what} {shown(name)} {where}".rstrip()
         + f"; available, nearest first: {listed or 'none'}"
     )
 

@@ -65,6 +65,11 @@ class Joint:
         return motions
 
 
+BELOW = 0.05
+"""Frames that are this far below the base plane show that the robot does not stand on it [m]; some feet and
+screws have their frames a little below."""
+
+
 @dataclass(frozen=True)
 class Frame:
     """A frame fixed to the chain."""
@@ -237,6 +242,7 @@ class Chain:
     )
     base: str | None = None  # reference frame of all results if not the first frame of the file
     base_pose: Array | None = None  # pose (4, 4) of the robot's base in that frame if it differs
+    on_base_plane: bool = True  # whether z = 0 is the base plane of the description or of a world
     locked: Mapping[str, float] = field(
         default_factory=dict
     )  # positions of locked coordinates [rad] or [m]
@@ -263,6 +269,21 @@ class Chain:
     def holds(self, link: str) -> bool:
         """Return whether a link is on the chain and not attached beyond the end effector."""
         return link in self.frames and self.frame not in self.ancestors(link)[1:]
+
+    @property
+    def stands(self) -> bool:
+        """Whether the base stands on the plane z = 0, unlike a torso, a pelvis or the top of a pedestal.
+
+        It is the root of the description, or in its plane, and no part of the robot that the arm does not move is
+        below that plane.
+        """
+        if self.side is not None or not self.on_base_plane:
+            return False
+        heights = [place.placement[2, 3] for place in self.frames.values() if place.joint == 0]
+        for body in self.attached.values():
+            if body.joint == 0:
+                heights.append(body.placements[:, 2, 3].min())
+        return min(heights, default=0.0) >= -BELOW
 
     @property
     def attached(self) -> dict[str, Body]:

@@ -53,7 +53,11 @@ def restrict(
             _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]
         )  # gravity keeps its direction
         part = _expressed_in(part, np.asarray(np.linalg.inv(placement), dtype=np.float64), base)
-        part = replace(part, gravity=tuple((turn.T @ chain.gravity).tolist()))
+        part = replace(
+            part,
+            gravity=tuple((turn.T @ chain.gravity).tolist()),
+            on_base_plane=chain.on_base_plane and first == 0 and _is_on_plane(placement),
+        )
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for name in (*(wanted or ()), *held):
         if name not in chain.coordinates:
@@ -90,6 +94,11 @@ def restrict(
     return replace(
         _with_coordinates(part, moving), offset=part.offset + part.coupling @ neutral, locked=locked
     )
+
+
+def _is_on_plane(placement: Array) -> bool:
+    """Whether a frame has the plane z = 0 of its base, upward."""
+    return abs(float(placement[2, 3])) < 1e-3 and float(placement[2, 2]) > 0.999
 
 
 def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
@@ -173,6 +182,7 @@ def standing(chain: Chain, where: Array) -> Chain:
         _expressed_in(chain, where, "world"),
         base_pose=where if chain.base_pose is None else where @ chain.base_pose,
         gravity=Chain.gravity,
+        on_base_plane=True,
     )
 
 

@@ -256,7 +256,8 @@ def _transfer(
     )
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_whole(pair.folder, {*RESULT_FILES, PAIR}, True) as staging:
-        write_run(result, report, export_files(job.config.export), staging, job.config.pages)
+        formats = export_files(job.config.export)
+        write_run(result, report, formats, staging, str(pair.folder), job.config.pages)
         config.save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": pair.settings, "row": row}

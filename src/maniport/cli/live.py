@@ -183,12 +183,13 @@ def _opened(udp: int | None, host: str, send: int | None) -> Any:
 @command(
     "person", "side", "robot", "base_rotation", "seed",
     without=("payload", "payload_center", "hand_targets"),
-    example="maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf",
+    example="maniport view;  maniport view ladder;  maniport view walk.bvh --robot ur5.urdf",
 )  # fmt: skip
 def view(
     config: Config,
     console: Console,
-    recording: Annotated[Path | None, typer.Option(help=OPTIONS["recording"].help)] = None,
+    recording: Annotated[Path | None, typer.Argument(help=OPTIONS["recording"].help)] = None,
+    named: Annotated[Path | None, typer.Option("--recording", hidden=True)] = None,
     port: Annotated[int, typer.Option(help="Port of this machine; 0: any free port.")] = 0,
 ) -> None:
     """Open an interactive 3D view in the browser; Ctrl-C ends it."""
@@ -196,6 +197,9 @@ def view(
     from maniport.viewer.server import LiveView, require_free
     from maniport.viewer.state import prepare
 
+    if recording is not None and named is not None:
+        raise InvalidInputError("the recording is named twice, as an argument and by --recording")
+    recording = recording or named
     viser()  # a missing package is reported before any long work
     require_free(port)
     with console.progress() as progress:

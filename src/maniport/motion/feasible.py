@@ -1,6 +1,5 @@
 """The feasible ellipsoids nearest to targets: searches over joint positions within their limits."""
 
-from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,12 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion.arm_model import Axis
-from maniport.motion.objective import HINT, Damping, Objective
+from maniport.motion.objective import HINT, Damping, Objective, Targets
 from maniport.motion.search import SeedBank, bank_for, search_from_starts
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import Array, as_count, as_metres, as_number, as_points, require_shape
+
+MOST_STARTS = 12_288  # of all points of a search together
+FIRST_STEPS = 20  # steps of a search from samples
+LATER_STEPS = 8  # from earlier results
 
 
 class FeasibleEllipsoids(NamedTuple):
@@ -122,7 +125,6 @@ class FeasibleProjector:
     ):
         self.objective = Objective.of(arm, spec, damping, positive=True)
         self.bank = bank_for(arm, spec, bank, random_state)
-        self.joint_positions: Array | None = None  # (n, dof), where the last search ended
 
     @property
     def damping(self) -> float | None:
@@ -144,53 +146,20 @@ class FeasibleProjector:
 
     def __call__(self, points: ArrayLike) -> Array:
         """Return the nearest ellipsoids to others, both shape (n, d, d) and with the damping."""
-        return self.search(self.objective.damping.epsilon).nearest(points)[0]
+        return self.nearest(points)[0]
 
-    def search(self, damping: float) -> "FeasibleProjector":
-        """Begin a search by `nearest` for ellipsoids that carry another damping ε > 0 [unit of M]."""
-        search = copy(self)
-        epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
-        search.objective, search.joint_positions = replace(self.objective, damping=epsilon), None
-        return search
-
-    def nearest(
-        self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None
-    ) -> tuple[Array, Array]:
+    def nearest(self, points: ArrayLike) -> tuple[Array, Array]:
         """Find the nearest feasible ellipsoids M (n, d, d) to points A (n, d, d), all with the damping.
 
         Also return the derivatives of log(A^-½ M A^-½) along each joint (n, dof, d, d), zero where one is at a limit.
-        The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
-        from the last result of each, those of its `neighbors` (n, k) and one sample.
+        Equal points have equal results, whatever was searched before.
         """
-        objective, before = self.objective, self.joint_positions
-        damped, max_starts = as_points(points, "points", objective.spec.size, minimum=1), 12_288
-        targets = objective.targets(objective.undamped(damped))
-        if before is None:  # with six starts for each a length field is worse
-            starts, steps = (
-                self.bank.starts_for(targets, min(max(max_starts // len(damped), 24), 48)),
-                20,
-            )
-        else:
-            require_shape(
-                damped, "points", (len(before), *damped.shape[1:]), ", as in the first call"
-            )
-            similar = [] if neighbors is None else [before[neighbors]]
-            starts = np.concatenate(
-                [before[:, None], *similar, self.bank.starts_for(targets, 1)], axis=1
-            )
-            steps = 8
-        arm, q = (
-            objective.arm,
-            search_from_starts(targets, starts, max_iter=steps, block=512, halving=2),
-        )
-        if not np.all(np.isfinite(targets.distance(q))):
-            raise InvalidInputError(
-                f"the arm {arm.name!r} is singular at all starts for some points"
-            )
-        self.joint_positions = q
-        changes = targets.ellipsoid.log_changes(q)
-        changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
-        return objective.damped(arm.ellipsoids(q, objective.spec)), changes
+        return self.search(self.objective.damping.epsilon).nearest(points)
+
+    def search(self, damping: float) -> "FeasibleSearch":
+        """Begin a search for ellipsoids that carry another damping ε > 0 [unit of M]."""
+        epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
+        return FeasibleSearch(replace(self.objective, damping=epsilon), self.bank)
 
     def __deepcopy__(self, memo: Any) -> "FeasibleProjector":
         return self  # immutable; scikit-learn copies the parameters of estimators that it clones
@@ -198,3 +167,74 @@ class FeasibleProjector:
     def __repr__(self) -> str:
         objective = self.objective
         return f"FeasibleProjector({objective.arm.name!r}, {objective.spec}, damping {objective.damping.epsilon:.3g})"
+
+
+class FeasibleSearch:
+    """Find the feasible ellipsoids nearest to points that change a little from call to call.
+
+    Make one with `FeasibleProjector.search`.
+
+    Parameters
+    ----------
+    objective : Objective
+        With the damping of the points.
+    bank : SeedBank
+        Seed configurations.
+
+    Attributes
+    ----------
+    joint_positions : ndarray, shape (n, dof), or None
+        Result of the last call [rad or m]; None before the first.
+    """
+
+    def __init__(self, objective: Objective, bank: SeedBank):
+        self.objective = objective
+        self.bank = bank
+        self.joint_positions: Array | None = None
+
+    def nearest(
+        self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None
+    ) -> tuple[Array, Array]:
+        """Find the nearest feasible ellipsoids, as `FeasibleProjector.nearest` does.
+
+        The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
+        from the last result of each, those of its `neighbors` (n, k) and one sample.
+        """
+        objective = self.objective
+        arm = objective.arm
+        damped = as_points(points, "points", objective.spec.size, minimum=1)
+        targets = objective.targets(objective.undamped(damped))
+        if self.joint_positions is None:
+            starts = self._first_starts(targets)
+            steps = FIRST_STEPS
+        else:
+            starts = self._later_starts(targets, self.joint_positions, neighbors)
+            steps = LATER_STEPS
+
+        q = search_from_starts(targets, starts, max_iter=steps, block=512, halving=2)
+        if not np.all(np.isfinite(targets.distance(q))):
+            raise InvalidInputError(
+                f"the arm {arm.name!r} is singular at all starts for some points"
+            )
+        self.joint_positions = q
+
+        changes = targets.ellipsoid.log_changes(q)
+        changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
+        return objective.damped(arm.ellipsoids(q, objective.spec)), changes
+
+    def _first_starts(self, targets: Targets) -> Array:
+        count = min(max(MOST_STARTS // len(targets), 24), 48)  # six: worse length fields
+        return self.bank.starts_for(targets, count)
+
+    def _later_starts(
+        self, targets: Targets, before: Array, neighbors: NDArray[np.intp] | None
+    ) -> Array:
+        size = targets.objective.spec.size
+        require_shape(
+            targets.ellipsoids, "points", (len(before), size, size), ", as in the first call"
+        )
+        starts = [before[:, None]]
+        if neighbors is not None:
+            starts.append(before[neighbors])
+        starts.append(self.bank.starts_for(targets, 1))
+        return np.concatenate(starts, axis=1)

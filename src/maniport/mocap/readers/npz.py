@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
-from maniport.errors import argument
+from maniport.errors import argument, some_of
 from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.readers.orders import recognized_order
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
@@ -61,7 +61,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
         raise ValueError(
             f"a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
             f"missing: {', '.join(what for what in ('names', 'positions') if what not in arrays)}; "
-            f"found: {', '.join(names) or 'nothing'}"
+            f"found: {some_of(names)}"
         )
     return _points(file, options, arrays)
 
