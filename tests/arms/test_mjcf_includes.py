@@ -9,6 +9,7 @@ from robot_packages import farthest
 from typer.testing import CliRunner
 
 from maniport.arms import load_arm
+from maniport.arms.collisions import Collisions
 from maniport.cli import app
 from maniport.errors import FileFormatError
 
@@ -135,6 +136,7 @@ def test_a_folder_that_is_allowed_may_be_included(tmp_path):
         load_arm(path)
     arm = load_arm(path, mesh_folders=[tmp_path / "common"])
     assert len(arm.surfaces()) == 1
+    assert Collisions.of(arm).shapes.collision == ("a",)
     words = ["info", str(path), "--mesh-folders", str(tmp_path / "common")]
     assert CliRunner().invoke(app, words).exit_code == 0
 

@@ -285,3 +285,24 @@ def test_the_ending_that_a_message_asks_for_is_enough(tmp_path):
     with pytest.raises(FileFormatError, match=r"end in \.xacro"):
         load_arm(path)
     assert load_arm(shutil.copy(path, tmp_path / "arm.xacro")).frame == "tool"
+
+
+def shape(kind, size):
+    return f'<{kind}><geometry><box size="{size}"/></geometry></{kind}>'
+
+
+@pytest.mark.parametrize("kind", ["visual", "collision"])
+def test_arguments_and_packages_reach_the_shapes(tmp_path, kind):
+    """Shapes are read later than joints, with the same arguments and folders."""
+    part = package(tmp_path / "far" / "parts") / "urdf" / "part.xacro"
+    tip = shape("visual", "1 1 1") + shape("collision", "1 1 1")
+    tip = tip.replace(shape(kind, "1 1 1"), shape(kind, "$(arg size) 0.2 0.2"))
+    part.write_text(PART.replace('<link name="tip"/>', f'<link name="tip">{tip}</link>'))
+    path = main_file(tmp_path / "robot" / "arm.xacro")
+    path.write_text(path.read_text().replace("<xacro:inc", '<xacro:arg name="size"/><xacro:inc', 1))
+
+    arm = load_arm(path, mesh_folders=[part.parents[2]], xacro_args={"size": 0.6})
+    shapes = arm.geometry.checked
+    assert not shapes.missing
+    points = arm.surfaces()[0].points if kind == "visual" else shapes.shapes[0].mesh[0]
+    assert max(points[:, 0]) == pytest.approx(0.3)

@@ -153,14 +153,16 @@ def test_three_arms_of_which_two_have_crossing_paths_keep_clear_of_one_another()
 
 
 def test_arms_that_must_pass_one_another_are_planned_in_turn():
-    """Without prioritized planning they collide in 3 % of the time, whatever the tolerance."""
-    arms = mp.load_arms("panda", bases=[(0.33, -0.16, 0.0, np.pi + 0.3), (-0.33, 0.16, 0.0, 0.08)])
+    """Without prioritized planning they collide in 14 % of the time, whatever the tolerance."""
+    arms = mp.load_arms(
+        "panda", bases=[(0.336, -0.16, 0.0, np.pi + 0.3), (-0.336, 0.16, 0.0, 0.08)]
+    )
     options = task(arms, swung(), swung(0.28))
     options["paths"] = [path - 0.77 * path.mean(axis=0) * [1, 1, 0] for path in options["paths"]]
     plan = plan_motion(arms, **options, planner=planner_of(arms, True), position_tolerance=0.01)
     assert plan.clearance.share == 0.0 < plan.clearance.distance
     for arm in plan.arms:
-        assert np.percentile(arm.position_error, 95) < 0.011
+        assert np.percentile(arm.position_error, 95) < 0.01
 
 
 class Elbow:

@@ -5,7 +5,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from urllib.parse import unquote
@@ -404,23 +404,28 @@ class MeshPaths:
         tails = _tails(plain)
         yield self._relative(name)
         if package is not None:  # the folder of a package may have been renamed
-            yield from (place / package[1] for place in (*self._packages(package[0]), *self._own()))
+            title, inner = package
+            for place in (*self._packages(title), *self._own()):
+                yield place / inner
         elif is_absolute(plain):
-            yield from (place / tail for tail in tails for place in self._own())
+            yield from _below(self._own(), tails)
         else:
             yield self.path.parent / plain
-        yield from (place / tail for tail in tails for place in self.more)
+        yield from _below(self.more, tails)
 
     def _allowed(self, file: Path, name: str) -> bool:
         """Return whether a file lies in the allowed folders, with symbolic links resolved."""
-        package, real = _package(name), file.resolve()
-        named = () if package is None or package[0] in ("..", ".") else self._packages(package[0])
-        folders = (*self._own(), *ros_folders(), *self.more, *named)
-        return any(
-            real.is_relative_to(place.resolve())
-            for folder in folders
-            for place in (folder, *origins(folder))
-        )
+        folders = [*self._own(), *ros_folders(), *self.more]
+        package = _package(name)
+        if package is not None and package[0] not in ("..", "."):
+            folders += self._packages(package[0])
+
+        real = file.resolve()
+        for folder in folders:
+            for place in (folder, *origins(folder)):
+                if real.is_relative_to(place.resolve()):
+                    return True
+        return False
 
     def rule(self, name: str) -> str:
         """Describe where `find` searches for a mesh."""
@@ -473,6 +478,14 @@ def _tails(name: str, most: int = 16) -> list[Path]:
     parts = [part for part in name.split("/") if part not in ("", ".", "..") and ":" not in part]
     parts = parts[-most:]
     return [Path(*parts[first:]) for first in range(len(parts))]
+
+
+def _below(folders: Iterable[Path], tails: Sequence[Path]) -> Iterator[Path]:
+    """Yield each end of a path in each folder, the longest end first."""
+    places = [*folders]
+    for tail in tails:
+        for place in places:
+            yield place / tail
 
 
 def _package(name: str) -> tuple[str, str] | None:
