@@ -1,7 +1,6 @@
 """The feasible ellipsoids nearest to targets: searches over joint positions within their limits."""
 
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,12 +10,21 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion.arm_model import Axis
-from maniport.motion.objective import HINT, Damping, Objective
+from maniport.motion.problem import ArmProblem
 from maniport.motion.search import SeedBank, bank_for, search_from_starts
+from maniport.motion.targets import (
+    HINT,
+    Damping,
+    TargetTrajectory,
+    checked_ellipsoids,
+    damping_of,
+)
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import Array, as_count, as_metres, as_number, as_points, require_shape
+
+MAX_STARTS = 12_288  # Of all ellipsoids together, in the first search of `FeasibleProjector`
 
 
 class FeasibleEllipsoids(NamedTuple):
@@ -71,24 +79,31 @@ def nearest_feasible(
         When an ellipsoid is asymmetric or, with the damping, not positive-definite; when without damping the arm
         itself is singular at all starts.
     """
-    count, objective, end_positions = (
-        as_count(n_starts, "n_starts"),
-        Objective.of(arm, spec, damping),
-        None,
-    )
-    undamped = objective.checked(ellipsoids, "ellipsoids")
+    count = as_count(n_starts, "n_starts")
+    regularization = damping_of(arm, spec, damping)
+    undamped = checked_ellipsoids(ellipsoids, "ellipsoids", spec, regularization)
+    end_positions = None
     if positions is not None:
         end_positions = as_metres(positions, "positions")
         require_shape(end_positions, "positions", (len(undamped), 3), ", one for each ellipsoid")
-    targets = objective.targets(undamped, end_positions)
+    target = TargetTrajectory(
+        time=np.zeros(len(undamped)),
+        ellipsoids=undamped,
+        spec=spec,
+        damping=regularization,
+        positions=end_positions,
+    )
+    problem = ArmProblem.of(arm, target)
     bank = bank_for(arm, spec, bank, random_state)
+
     step = Step(progress, "Search feasible ellipsoids")
-    q = search_from_starts(targets, bank.starts_for(targets, count), block=128, progress=step)
-    distance = targets.distance(q)
+    starts = bank.starts_for(target, count)
+    q = search_from_starts(problem, starts, block=128, progress=step)
+    distance = problem.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
     step.end()
-    return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.position_error(q))
+    return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, problem.position_error(q))
 
 
 class FeasibleProjector:
@@ -120,14 +135,16 @@ class FeasibleProjector:
         bank: SeedBank | None = None,
         random_state: Any = 0,
     ):
-        self.objective = Objective.of(arm, spec, damping, positive=True)
+        self.arm = arm
+        self.spec = spec
+        self.regularization = damping_of(arm, spec, damping, positive=True)
         self.bank = bank_for(arm, spec, bank, random_state)
         self.joint_positions: Array | None = None  # (n, dof), where the last search ended
 
     @property
     def damping(self) -> float | None:
         """Damping relative to the mean eigenvalue of the arm's ellipsoids; None where it was given as an absolute ε."""
-        return self.objective.damping.damping
+        return self.regularization.damping
 
     @cached_property
     def axis(self) -> Array | None:
@@ -135,8 +152,8 @@ class FeasibleProjector:
 
         A feasible ellipsoid is then feasible turned by nearly any angle. Ellipsoids of size 6 have none.
         """
-        arm = self.objective.arm
-        if self.objective.spec.size != 3 or arm.upper[0] - arm.lower[0] < np.radians(300.0):
+        arm = self.arm
+        if self.spec.size != 3 or arm.upper[0] - arm.lower[0] < np.radians(300.0):
             return None
         probes = arm.sample(32, 0)
         axis = Axis.of(arm.jacobian(probes), arm.forward(probes)[:, :3, 3])
@@ -144,13 +161,13 @@ class FeasibleProjector:
 
     def __call__(self, points: ArrayLike) -> Array:
         """Return the nearest ellipsoids to others, both shape (n, d, d) and with the damping."""
-        return self.search(self.objective.damping.epsilon).nearest(points)[0]
+        return self.search(self.regularization.epsilon).nearest(points)[0]
 
     def search(self, damping: float) -> "FeasibleProjector":
         """Begin a search by `nearest` for ellipsoids that carry another damping ε > 0 [unit of M]."""
         search = copy(self)
-        epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
-        search.objective, search.joint_positions = replace(self.objective, damping=epsilon), None
+        search.regularization = Regularization(epsilon=as_number(damping, "damping", above=0.0))
+        search.joint_positions = None
         return search
 
     def nearest(
@@ -162,39 +179,43 @@ class FeasibleProjector:
         The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
         from the last result of each, those of its `neighbors` (n, k) and one sample.
         """
-        objective, before = self.objective, self.joint_positions
-        damped, max_starts = as_points(points, "points", objective.spec.size, minimum=1), 12_288
-        targets = objective.targets(objective.undamped(damped))
+        arm = self.arm
+        before = self.joint_positions
+        damped = as_points(points, "points", self.spec.size, minimum=1)
+        shift = self.regularization.epsilon * np.eye(self.spec.size)
+        target = TargetTrajectory(
+            time=np.zeros(len(damped)),
+            ellipsoids=np.asarray(damped - shift),
+            spec=self.spec,
+            damping=self.regularization,
+        )
+        problem = ArmProblem.of(arm, target)
         if before is None:  # with six starts for each a length field is worse
-            starts, steps = (
-                self.bank.starts_for(targets, min(max(max_starts // len(damped), 24), 48)),
-                20,
-            )
+            starts_for_each = min(max(MAX_STARTS // len(damped), 24), 48)
+            starts = self.bank.starts_for(target, starts_for_each)
+            steps = 20
         else:
             require_shape(
                 damped, "points", (len(before), *damped.shape[1:]), ", as in the first call"
             )
-            similar = [] if neighbors is None else [before[neighbors]]
-            starts = np.concatenate(
-                [before[:, None], *similar, self.bank.starts_for(targets, 1)], axis=1
-            )
+            similar = [before[:, None]]
+            if neighbors is not None:
+                similar.append(before[neighbors])
+            starts = np.concatenate([*similar, self.bank.starts_for(target, 1)], axis=1)
             steps = 8
-        arm, q = (
-            objective.arm,
-            search_from_starts(targets, starts, max_iter=steps, block=512, halving=2),
-        )
-        if not np.all(np.isfinite(targets.distance(q))):
+        q = search_from_starts(problem, starts, max_iter=steps, block=512, halving=2)
+        if not np.all(np.isfinite(problem.distance(q))):
             raise InvalidInputError(
                 f"the arm {arm.name!r} is singular at all starts for some points"
             )
         self.joint_positions = q
-        changes = targets.ellipsoid.log_changes(q)
+        changes = problem.ellipsoid.log_changes(problem.at(q))
         changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
-        return objective.damped(arm.ellipsoids(q, objective.spec)), changes
+        return np.asarray(arm.ellipsoids(q, self.spec) + shift), changes
 
     def __deepcopy__(self, memo: Any) -> "FeasibleProjector":
         return self  # immutable; scikit-learn copies the parameters of estimators that it clones
 
     def __repr__(self) -> str:
-        objective = self.objective
-        return f"FeasibleProjector({objective.arm.name!r}, {objective.spec}, damping {objective.damping.epsilon:.3g})"
+        epsilon = self.regularization.epsilon
+        return f"FeasibleProjector({self.arm.name!r}, {self.spec}, damping {epsilon:.3g})"
