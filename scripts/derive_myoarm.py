@@ -6,6 +6,10 @@ with what would be written and changes nothing.
 The script walks from the body ``myoarm_r_root`` (at the right sternoclavicular joint) to the third metacarpal, turns
 the joint equalities of the MuJoCo model into the factors by which dependent joints follow the independent ones, and
 drops everything else: meshes, fingers, inertia. Of the muscles it keeps what torque they reach at each coordinate.
+
+The limits are `RANGES`, ranges of motion of people. MyoSim's own are narrower (elbow to 130°, wrist 45° to palm and
+back, 10° to the little finger) and hold for its muscles: beyond them lengths of muscles and their paths around bones
+are not modeled. So torques are those of postures within MyoSim's limits.
 """
 
 import argparse
@@ -33,6 +37,17 @@ COORDINATES = (
     "flexion",
 )
 POSTURES = 4096  # for the torques of muscles
+RANGES = {
+    "elv_angle": (-95, 130),
+    "shoulder_elv": (0, 180),
+    "shoulder_rot": (-110, 120),
+    "elbow_flexion": (0, 150),
+    "pro_sup": (-100, 95),
+    "deviation": (-45, 25),
+    "flexion": (-90, 95),
+}
+"""Limits of the coordinates [degrees]; ``maniport/arms/human.py`` names their sources."""
+
 FRAMES = {
     "clavicle": "clavicle_r",
     "scapula": "scapula_r",
@@ -80,9 +95,17 @@ def derive(model: mujoco.MjModel) -> dict[str, Any]:
     follows = couplings(model)
     joints: list[dict[str, Any]] = []
     places: dict[str, tuple[int, np.ndarray]] = {}
-    coordinates = [limits(model, name) for name in COORDINATES]
-    for entry, strength in zip(coordinates, strengths(model, coordinates, follows), strict=True):
-        entry["effort"] = float(f"{strength:.2g}")
+    coordinates: list[dict[str, Any]] = []
+    for name, strength in zip(COORDINATES, strengths(model, follows), strict=True):
+        lower, upper = RANGES[name]
+        coordinates.append(
+            {
+                "name": name,
+                "lower": math.radians(lower),
+                "upper": math.radians(upper),
+                "effort": float(f"{strength:.2g}"),
+            }
+        )
     offset = np.zeros(
         3
     )  # from the last joint's frame to the current body, whose axes are parallel to it
@@ -113,10 +136,10 @@ def derive(model: mujoco.MjModel) -> dict[str, Any]:
         "name": "myoarm",
         "source": f"MyoSim, model myoarm_r of the Python package myo-sim {version('myo-sim')} "
         "(https://github.com/MyoHub/myo_sim); kinematics of Saul et al. (2015), Comput. Methods Biomech. "
-        "Biomed. Eng. 18(13). Derived by scripts/derive_myoarm.py: the joints, axes, offsets, couplings and limits of "
-        "the right arm only; limits rounded to whole degrees. effort [N m]: the torque of all muscles that turn a "
-        "coordinate in one direction, fully active and at rest (force-length curve, no passive force), median over "
-        f"{POSTURES} postures within the limits, of the weaker direction; two digits.",
+        "Biomed. Eng. 18(13). Derived by scripts/derive_myoarm.py: the joints, axes, offsets and couplings of the "
+        "right arm only. Limits: ranges of motion of people, see maniport/arms/human.py. effort [N m]: the torque of "
+        "all muscles that turn a coordinate in one direction, fully active and at rest (force-length curve, no passive "
+        f"force), median over {POSTURES} postures within MyoSim's own limits, of the weaker direction; two digits.",
         "licence": "Apache-2.0",
         "convention": "xyz [m] and rpy [rad] place a joint in the frame of the joint before it, as in URDF; frames sit "
         "on the joint of that number, 0 being the base; follows: factors on the coordinates; the base turns the "
@@ -157,23 +180,21 @@ def couplings(model: mujoco.MjModel) -> dict[str, dict[str, float]]:
     return factors
 
 
-def limits(model: mujoco.MjModel, name: str) -> dict[str, Any]:
-    """Name and limits [rad] of a coordinate; the model's radians are rounded degrees."""
-    lower, upper = (math.radians(round(math.degrees(x))) for x in model.joint(f"{name}_r").range)
-    return {"name": name, "lower": lower, "upper": upper}
+def own_limits(model: mujoco.MjModel, name: str) -> tuple[float, float]:
+    """MyoSim's limits [rad] of a coordinate; the model's radians are rounded degrees."""
+    lower, upper = model.joint(f"{name}_r").range
+    return math.radians(round(math.degrees(lower))), math.radians(round(math.degrees(upper)))
 
 
-def strengths(
-    model: mujoco.MjModel, coordinates: list[dict[str, Any]], follows: dict[str, dict[str, float]]
-) -> np.ndarray:
-    """Torque [N m] that the muscles reach at each coordinate, in the weaker direction."""
+def strengths(model: mujoco.MjModel, follows: dict[str, dict[str, float]]) -> np.ndarray:
+    """Torque [N m] that the muscles reach at each coordinate, in the weaker direction, within MyoSim's limits."""
     motion = np.zeros((model.nv, len(COORDINATES)))  # of all joints per coordinate
     for joint in range(model.njnt):
         name = shorten(model.joint(joint).name)
         for leader, factor in (follows.get(name) or {name: 1.0}).items():
             if leader in COORDINATES:
                 motion[model.jnt_dofadr[joint], COORDINATES.index(leader)] = factor
-    lower, upper = ([entry[key] for entry in coordinates] for key in ("lower", "upper"))
+    lower, upper = np.transpose([own_limits(model, name) for name in COORDINATES])
     postures = qmc.scale(qmc.Sobol(len(COORDINATES), rng=0).random(POSTURES), lower, upper)
     data, moments, torques = (
         mujoco.MjData(model),

@@ -121,13 +121,16 @@ def nearest_first(name: object, available: Iterable[str]) -> list[str]:
 
 
 def unknown_name(
-    what: str, name: object, available: Iterable[str], where: str = ""
+    what: str, name: object, available: Iterable[str], where: str = "", most: int = 20
 ) -> UnknownNameError:
-    """Build the error for a name that does not exist; `what` it names, and `where`, such as ``"in 'arm.urdf'"``."""
+    """Build the error for a name that does not exist.
+
+    `what` it names, and `where`, such as ``"in 'arm.urdf'"``; at most `most` of the names that exist are listed.
+    """
     names = nearest_first(name, available)
-    listed = ", ".join(map(repr, names[:20])) + (
-        f", and {len(names) - 20} more" if len(names) > 20 else ""
-    )
+    listed = ", ".join(map(repr, names[:most]))
+    if len(names) > most:
+        listed += f", and {len(names) - most} more"
     return UnknownNameError(
         f"unknown {what} {name!r} {where}".rstrip()
         + f"; available, nearest first: {listed or 'none'}"

@@ -86,6 +86,36 @@ def test_human_arms_share_one_trunk_frame(build):
         assert arm.jacobian(q)[:3, arm.joint_names.index(name)] @ direction > 0.01
 
 
+@pytest.mark.parametrize(("name", "to_thumb"), [("myoarm", 1), ("rhuman", -1)])
+def test_limits_are_ranges_of_motion_of_people(name, to_thumb):
+    """Means of the AAOS, of Boone and Azen (1979) and of Macedo and Magee (2009) [°] are within, by at most 5°."""
+    arm = load_arm(name)
+    ranges = dict(zip(arm.joint_names, np.degrees([arm.lower, arm.upper]).T, strict=True))
+    ranges["deviation"] = np.sort(to_thumb * ranges["deviation"])
+    means = {
+        "elbow_flexion": ([0.0], [150, 143, 149]),
+        "pro_sup": ([80, 82, 96], [80, 76, 92]),
+        "deviation": ([30, 36, 41], [20, 22, 18]),
+        "flexion": ([70, 75, 86], [80, 76, 93]),
+        "shoulder_elv": ([0.0], [180.0]),
+    }
+    for joint, (lower, upper) in means.items():
+        assert 0.0 <= -max(lower) - ranges[joint][0] + 1e-9 < 5.0
+        assert 0.0 <= ranges[joint][1] - max(upper) + 1e-9 < 5.0
+    assert -ranges["shoulder_rot"][0] >= 108  # lateral rotation
+    assert_allclose(arm.effort_limits, load_arm("myoarm").effort_limits)
+
+
+@pytest.mark.parametrize(("name", "to_thumb"), [("myoarm", 1), ("rhuman", -1)])
+def test_deviation_bends_the_wrist_to_the_thumb(name, to_thumb):
+    """Of a hanging arm the thumb points forward."""
+    arm = load_arm(name)
+    q = np.zeros((2, arm.dof))
+    q[1, arm.joint_names.index("deviation")] = to_thumb * np.radians(20.0)
+    hanging, bent = arm.point_positions(q, ["hand"])[:, 0]
+    assert (bent - hanging) @ FORWARD > 0.01
+
+
 def test_panda_equals_its_urdf():
     golden = json.loads((Path(__file__).parent / "panda_golden.json").read_text())
     panda, tcp = load_arm("panda", frame="panda_link8"), load_arm("panda")

@@ -200,7 +200,7 @@ def test_track_and_place(run, tmp_path):
 
 @pytest.mark.parametrize(("words", "found"), [
     (("info", "pnda"), "'panda'"), (("info", "missing.npz"), "missing.npz"),
-    (("info", "tail.bvh"), "give --unit one of 'm', 'dm'"), (("info", "x" * 300), ("name too long", "unknown robot")),
+    (("info", "tail.bvh"), "missing: shoulder"), (("info", "x" * 300), ("name too long", "unknown robot")),
     (("domain", "panda", "-n", "0", "-o", "x.npz"), "n must"),
     (("domain", "panda", "--part", "whole", "-o", "x.npz"), "translation"),
     (("fit", "a.npz", "b.npz", "-o", "c.npz"), "a.npz"),

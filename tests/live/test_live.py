@@ -303,8 +303,8 @@ def test_a_delay_shifts_targets_and_lowers_errors(small_result, frames):
 
 def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
     live, (points, time) = mp.Live.of(small_result, clock=None, delay=0.0), frames
-    states = played(live, points, time / 6.0)
-    states += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 150)]
+    states = played(live, points, time / 12.0)
+    states += [live.step(points[-1], time[-1] / 12.0 + 0.01 * i) for i in range(1, 150)]
     errors = {
         name: [state.position_error for state in states if state.state == name]
         for name in ("following", "lagging")

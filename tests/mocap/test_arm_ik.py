@@ -49,7 +49,7 @@ def test_an_excess_over_a_limit_of_the_model_is_measured(excess, record):
     np.testing.assert_allclose(fit.beyond_limit[half + 5 :, elbow], excess, atol=0.2 * excess)
     reported = [text for text in fit.quality_warnings if "elbow_flexion" in text]
     assert len(reported) == 1
-    assert "elbow_flexion beyond its limit of 130°" in reported[0]
+    assert "elbow_flexion beyond its limit of 150°" in reported[0]
     assert ("check the roles" in reported[0]) == (excess > 10.0)
 
 
@@ -83,13 +83,14 @@ def test_short_gaps_are_interpolated_and_long_ones_omitted(arm, slow_motion, rec
     recording = record(arm, time, q)
     positions = recording.positions.copy()
     positions[10:14, recording.names.index("elbow")] = np.nan
-    positions[50:70, recording.names.index("wrist")] = np.nan
+    for name in ("wrist", "wrist_ulnar", "wrist_radial", "hand"):
+        positions[50:70, recording.names.index(name)] = np.nan
     fit = fit_arm(replace(recording, positions=positions), arm.name)
     np.testing.assert_array_equal(fit.frames, np.r_[0:50, 70:100])
     np.testing.assert_allclose(fit.time, time[fit.frames])
     assert np.abs(fit.joint_angles - q[fit.frames]).max() < np.radians(0.1)
     assert any("elbow" in note and "interpolated" in note for note in fit.notes)
-    assert any("20 frames omitted, 1.01–1.39 s: wrist missing" in note for note in fit.notes)
+    assert any("20 frames omitted, 1.01–1.39 s: wrist, hand missing" in note for note in fit.notes)
     assert "20 frames in the middle" in fit.quality_warnings[-1]
 
 
@@ -109,11 +110,11 @@ def test_recordings_of_others_are_fitted(file):
 
 
 def test_shipped_recordings_are_followed_closely(ladder):
-    """Residuals [°] are small except briefly at limits; without points of the hand the wrist is unobservable."""
+    """Residuals [°] are small, and joints within limits; without points of the hand the wrist is unobservable."""
     freeform = fit_arm(read_recording("freeform"))
     for fit, bounds, hand, largest in (
         (ladder, (0.1, 0.1), 1.5, 7.0),
-        (freeform, (0.8, 1.0), 5.0, 8.0),
+        (freeform, (0.1, 0.2), 0.2, 1.0),
     ):
         summary = fit.residual_summary()
         for segment, bound in zip(("upper arm", "forearm"), bounds, strict=True):
@@ -127,7 +128,9 @@ def test_shipped_recordings_are_followed_closely(ladder):
     assert len(ladder) == 1128
     assert ladder.segment_lengths["upper arm"] == pytest.approx(0.2959, abs=1e-4)
     assert freeform.observable.all()
-    assert freeform.at_limit[3] > 0.3
+    assert not freeform.at_limit.any()
+    assert not freeform.quality_warnings
+    assert not any("model" in text for text in ladder.quality_warnings)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +149,7 @@ def test_exchanged_markers_are_reported(person, pair, segment, axis):
     assert f"{pair[0]} and {pair[1]} may be exchanged" in text
     assert f"'{axis}': [['{pair[1]}'], ['{pair[0]}']]" in text
     row = fit.residual_summary()[f"{segment} about its axis"]
-    assert 30 < row["median"] <= row["p95"] <= row["max"] <= 180
+    assert 20 < row["median"] <= row["p95"] <= row["max"] <= 180
     assert (
         abs(fit.residuals[f"{segment} about its axis"][fit.time == row["max_at_s"]][0])
         == row["max"]
@@ -197,7 +200,7 @@ def test_repaired_faults_leave_the_fit_as_it_is(slow_motion):
         side="right",
     )
     assert (
-        np.degrees(np.abs(fit.joint_angles - fit_arm(clean, side="right").joint_angles).max()) < 0.3
+        np.degrees(np.abs(fit.joint_angles - fit_arm(clean, side="right").joint_angles).max()) < 0.5
     )
     assert any("hand: exactly at the origin in 3 frames" in note for note in fit.notes)
     assert any("swapped in 20 frames" in text for text in fit.quality_warnings)
@@ -269,20 +272,19 @@ def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, 
     for fit, q in zip(motion.arms, angles, strict=True):
         np.testing.assert_allclose(fit.joint_angles, q, atol=1e-6)
         np.testing.assert_array_equal(fit.time, motion.time)
-    np.testing.assert_allclose(motion.hands[1] - motion.hands[0], paths[1] - paths[0], atol=1e-6)
+    # MyoArm's forearm is measured between points whose distance changes with pronation by 0.1 mm
+    np.testing.assert_allclose(motion.hands[1] - motion.hands[0], paths[1] - paths[0], atol=1e-4)
     np.testing.assert_allclose(motion.bases.sum(axis=0), 0.0, atol=1e-12)
 
 
 def test_the_shipped_recording_of_both_arms():
     motion = fit_arms(read_recording("both-arms"))
-    assert motion.quality_warnings[0].startswith(
-        "left arm: the model of the arm and the person differ"
-    )
-    assert [len(motion), *map(len, motion.arms)] == [272] * 3
+    assert not any("model" in text for text in motion.quality_warnings)
+    assert [len(motion), *map(len, motion.arms)] == [318] * 3
     np.testing.assert_array_equal(motion.arms[0].frames, motion.arms[1].frames)
     for fit in motion.arms:
         residuals = fit.residual_summary()
-        assert max(residuals["upper arm"]["median"], residuals["forearm"]["median"]) < 2.5
+        assert max(residuals[name]["median"] for name in fit.segment_lengths) < 0.3
         assert fit.observable.all()
     assert 0.1 < np.median(np.linalg.norm(motion.hands[1] - motion.hands[0], axis=-1)) < 1.0
     assert sum("frames in the middle" in text for text in motion.quality_warnings) == 1

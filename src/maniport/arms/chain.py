@@ -23,6 +23,12 @@ from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers,
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
 SIDES = RIGHT, LEFT = "right", "left"
 
+SOFT_LIMITS = "soft-limits"
+IGNORED_SOFT_LIMITS = "ignored-soft-limits"
+IGNORED_INCLUDES = "ignored-includes"
+IMPLAUSIBLE_INERTIA = "implausible-inertia"
+"""Kinds of remarks about the description of a robot."""
+
 UNIT = 1e-6  # tolerance of the length of axes and rotations: files have six digits
 
 Triangles = NDArray[np.int32]
@@ -129,7 +135,10 @@ class Chain:
         default_factory=dict
     )  # positions of locked coordinates [rad] or [m]
     unlimited: tuple[str, ...] = ()  # revolute joints without limits, limited to one turn
+    # what a report says of the description: for each kind, such as `SOFT_LIMITS`, details by joint or link
+    remarks: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     source: str = ""  # argument of `load_arm`
+    xacro_args: Mapping[str, str] = field(default_factory=dict)  # argument of `load_arm`
     side: str | None = None  # of a person, "right" or "left"
 
     @property

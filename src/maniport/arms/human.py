@@ -5,24 +5,47 @@ y to the person's left and z up. Their frames ``shoulder``, ``elbow``, ``wrist``
 segments. At zero angles the arm hangs straight down with the palm toward the thigh. A left arm is the mirror image of
 a right one: equal joint angles mean the mirrored configuration, and the table holds for both.
 
-=================  ================================================================================================
-joint              positive direction, from the hanging arm
-=================  ================================================================================================
-``elv_angle``      plane in which the arm is raised: 0 to the side, 90° forward
-``shoulder_elv``   elevation: raises the arm in that plane
-``shoulder_rot``   axial rotation of the upper arm, inward
-``elbow_flexion``  bends the elbow
-``pro_sup``        turns the palm backward (pronation)
-``deviation``      bends the wrist to the side: in MyoArm to the thumb, in rHuMan to the little finger
-``flexion``        bends the wrist to the palm
-=================  ================================================================================================
+=================  ===========  ================================================================
+joint              range [°]    positive direction, from the hanging arm
+=================  ===========  ================================================================
+``elv_angle``      -95 to 130   plane in which the arm is raised: 0 to the side, 90° forward
+``shoulder_elv``   0 to 180     elevation: raises the arm in that plane
+``shoulder_rot``   -110 to 120  axial rotation of the upper arm, inward
+``elbow_flexion``  0 to 150     bends the elbow
+``pro_sup``        -100 to 95   turns the palm backward (pronation)
+``deviation``      -45 to 25    bends the wrist to the thumb; in rHuMan with the opposite sign
+``flexion``        -90 to 95    bends the wrist to the palm
+=================  ===========  ================================================================
+
+The ranges are those of people. Limits of the published models are narrower: elbows of MyoSim and rHuMan stop at
+130°, their wrists at 10° or 0° in one direction of deviation. Where a clinical measurement exists, the bound is the
+largest of three means, rounded up to 5°: of the American Academy of Orthopaedic Surgeons (1994); of 109 male persons
+by D. Boone and S. Azen (Journal of Bone and Joint Surgery 61-A, 1979); of 90 women by L. Macedo and D. Magee
+(Physiotherapy Theory and Practice 25, 2009):
+
+======================  =====  ============  ================
+motion [°]              AAOS   Boone, Azen   Macedo, Magee
+======================  =====  ============  ================
+shoulder, lateral rot.  90     104           108
+elbow, flexion          150    143           149
+forearm, pronation      80     76            92
+forearm, supination     80     82            96
+wrist, flexion          80     76            93
+wrist, extension        70     75            86
+wrist, radial dev.      20     22            18
+wrist, ulnar dev.       30     36            41
+======================  =====  ============  ================
+
+The elevation ends overhead, where another plane continues it. Its plane and the inward rotation keep the ranges of Saul
+et al. (2015): clinical angles of the shoulder are measured in one posture each, the models' limits hold in all.
 
 Masses, centers of mass and radii of gyration are those of de Leva's men (1741 mm, 73 kg); masses are in proportion to
 the square of the segment's length. Segments are symmetric about the line between their ends, and the forearm turns
 with the hand. The weight of the arm is not considered.
 
-The torque limits are those of the muscles of MyoSim, see ``scripts/derive_myoarm.py``, for both models and all sizes:
-rough values, since people differ by more than a factor of two (Nijhof and Gabriel, Journal of Biomechanics 39, 2006).
+The torque limits are those of the muscles of MyoSim in postures within MyoSim's own limits, see
+``scripts/derive_myoarm.py``, for both models, all sizes and the whole range: rough values, since people differ by more
+than a factor of two (Nijhof and Gabriel, Journal of Biomechanics 39, 2006).
 
 `FRACTIONS` are lengths of segments as fractions of the body height. Upper arm and forearm are those of men by P. de
 Leva (Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between
@@ -107,8 +130,8 @@ def rhuman(
 ) -> Arm:
     """Build the right arm rHuMan: 7 degrees of freedom, with the shoulder fixed at the origin of the base frame.
 
-    The table of Denavit-Hartenberg parameters, the lengths and the limits are those of Reithmeir, Figueredo and
-    Haddadin (IROS 2022, arXiv 2208.07588), after the kinematics of Saul et al. (2015).
+    The table of Denavit-Hartenberg parameters and the lengths are those of Reithmeir, Figueredo and Haddadin (IROS
+    2022, arXiv 2208.07588), after the kinematics of Saul et al. (2015).
 
     Parameters
     ----------

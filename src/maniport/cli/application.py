@@ -22,7 +22,7 @@ from maniport.errors import (
     printable,
 )
 from maniport.pipeline.config import OPTIONS, Config
-from maniport.pipeline.option import NAMES, Option
+from maniport.pipeline.option import ASSIGNED, NAMES, Option
 from maniport.report.console import Console
 from maniport.util.atomic_io import require_room
 from maniport.util.defaults import BOTH
@@ -83,7 +83,7 @@ class _Command(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse arguments; the error of a missing option also names input files that do not exist."""
         try:
-            return super().parse_args(ctx, args)
+            return super().parse_args(ctx, _with_repeated_flag(args))
         except UsageError as error:
             typed = [
                 ctx.params.get(p.name)
@@ -116,6 +116,18 @@ class _Command(TyperCommand):
         for title, rows in groups.items():
             with formatter.section(title):
                 formatter.write_dl(rows, col_max=32)
+
+
+def _with_repeated_flag(args: list[str]) -> list[str]:
+    """Write the option of xacro arguments before each of several values that follow it."""
+    flag = OPTIONS["xacro_args"].flag
+    repeated: list[str] = []
+    for arg in args:
+        follows = len(repeated) > 1 and repeated[-2] == flag
+        if follows and ASSIGNED in arg and not arg.startswith("-"):
+            repeated.append(flag)
+        repeated.append(arg)
+    return repeated
 
 
 def _help_all(context: typer.Context, wanted: bool) -> None:
@@ -215,7 +227,8 @@ def command(
 def _annotation(option: Option, usual: Config) -> Any:
     """Make the annotation of an option's parameter; None is a value that was not typed."""
     default = getattr(usual, option.name)
-    listed = option.repeated or option.kind in (NAMES, Mapping[str, float])
+    kinds = (NAMES, Mapping[str, float], Mapping[str, str])
+    listed = option.repeated or option.kind in kinds
     kind = bool if option.kind is bool else list[str] if listed else str
     if option.name in ("recording", "profile"):
         return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]
@@ -283,6 +296,8 @@ def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
             config.frame[0] if config.frame else None,
             config.joints or None,
             config.base,
+            config.mesh_folders,
+            xacro_args=config.xacro_args,
         )
         names, units = joints.coordinates, joints.units
     return dict(zip(names, zip(units, joints.lower, joints.upper, strict=True), strict=True))

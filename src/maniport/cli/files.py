@@ -30,7 +30,7 @@ EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ell
 
 
 @command(
-    "frame", "joints", "base", "lock", "mesh_folders", "side", "ellipsoids", "part", "seed",
+    "frame", "joints", "base", "lock", "mesh_folders", "xacro_args", "side", "ellipsoids", "part", "seed",
     example="maniport domain panda -n 16384 -o panda.npz",
 )  # fmt: skip
 def domain(
@@ -170,8 +170,8 @@ def reproduce(
 
 
 @command(
-    *("unit", "fps", "start", "stop", "markers", "side"),
-    *("frame", "joints", "base", "lock", "mesh_folders"),
+    *("unit", "height", "fps", "start", "stop", "markers", "side"),
+    *("frame", "joints", "base", "lock", "mesh_folders", "xacro_args"),
     example="maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json",
 )
 def info(
@@ -278,7 +278,7 @@ def _of_robot(what: str, config: Config) -> Report:
     from maniport.report.robot import robot_report
 
     try:
-        limbs, default = robot_limbs(what)
+        limbs, default = robot_limbs(what, config.mesh_folders, config.xacro_args)
     except UnknownNameError as error:
         if Path(what).exists():
             raise

@@ -1,6 +1,6 @@
 """Joint angles of one or several human arms from a recording."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -12,15 +12,16 @@ from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, RecordingError, spoken
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_path import solve_arm
+from maniport.mocap.body_sides import body_sides
 from maniport.mocap.data_quality import (
     AT_LIMIT,
     gap_warning,
     jump_warning,
-    model_differences,
     observability,
 )
 from maniport.mocap.directions import Observation, observe, require_human, segment_lengths
 from maniport.mocap.recording import Recording
+from maniport.mocap.remedies import Fitting, model_warnings
 from maniport.mocap.roles import ARM, TRUNK, Markers, Roles, direction, roles_by_side
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
@@ -118,14 +119,24 @@ def fit_arms(
         raise RecordingError(
             f"no frame of {recording.source!r} has all arms; fully observed are {counts}"
         )
-    trunk, fits, origins = (
-        observations[-1].trunk,
-        [],
-        [],
-    )  # of the base frames in the trunk, from the neck
-    for observation in observations:
+    trunk = observations[-1].trunk
+    observations = [
+        replace(observation, frames=common, trunk=trunk) for observation in observations
+    ]
+    first = observations[0]
+    exchanged = body_sides(recording, first.roles, first.side).warnings()
+    fitting = Fitting(recording, chosen, person, smooth == AUTO, tuple(observations))
+    fits = []
+    origins = []  # of the base frames in the trunk, from the neck
+    for i, observation in enumerate(observations):
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit = _fit(replace(observation, frames=common, trunk=trunk), person, step)
+        fit = _fit(observation, person, step)
+        warnings = [*observation.used.quality_warnings, *gap_warning(fit, observation.used.time)]
+        if exchanged:  # differences and jumps follow from it
+            warnings = [*exchanged, *warnings]
+        else:
+            warnings = [*model_warnings(fit, fitting, i), *warnings, *jump_warning(fit)]
+        fit = replace(fit, quality_warnings=tuple(warnings))
         step.end(fit.summary)
         fits.append(fit)
         from_neck = direction(observation.used, (fit.roles["trunk_up"][1], fit.roles["shoulder"]))
@@ -162,8 +173,10 @@ def _markers_by_side(recording: Recording, markers: Markers) -> dict[str, Roles]
     return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
-    """Fit an arm to an observation."""
+def _fit(
+    observation: Observation, person: str, step: Step, exchanged: Sequence[str] = ()
+) -> ArmFit:
+    """Fit an arm to an observation; `exchanged` is the warning about its sides, which explains other differences."""
     used, frames, roles = observation.used, observation.frames, observation.roles
     lengths = segment_lengths(used, roles)
     arm = human_arm(person, observation.side, lengths=lengths)
@@ -171,7 +184,7 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
     directions, time = observation.directions(arm), used.time[frames]
     q = solve_arm(directions, time, roles, step)
     unobservable, beyond = observability(directions, roles, q)
-    fit = ArmFit(
+    return ArmFit(
         arm=arm,
         side_reason=observation.reason,
         joint_angles=q,
@@ -186,13 +199,6 @@ def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
         notes=used.notes,
         smoothed=observation.smoothed,
     )
-    warnings = (
-        *model_differences(fit),
-        *used.quality_warnings,
-        *gap_warning(fit, used.time),
-        *jump_warning(fit),
-    )
-    return replace(fit, quality_warnings=warnings)
 
 
 def require_person(person: str, side: str, smooth: str = AUTO) -> None:

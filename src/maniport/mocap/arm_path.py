@@ -36,6 +36,7 @@ KEY_RATE = 8.0  # Key frames per second
 RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …
 MOTION_SCALE = 0.25  # … as this joint motion from one key frame to the next [rad]
 
+LEAST_DAMPING = 1e-12  # Keeps matrices regular where directions leave a joint open
 LEAST_GAIN = 1e-5  # A small step that lowers the cost by a smaller share is the last
 AROUND = 512  # Frames on either side of a cut that are solved again: 2 s at 240 Hz, 17 s at 30 Hz
 
@@ -119,7 +120,7 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
     )
     samples, modeled = sample_directions(directions)
     parts = np.array_split(keys, -(-len(keys) // 512))  # which bounds the memory
-    solutions = [_local_solutions(directions.take(part), samples, modeled) for part in parts]
+    solutions = [local_solutions(directions.take(part), samples, modeled) for part in parts]
     candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
     total, origins = cost[0] / RESIDUAL_SCALE**2, []
     for t in range(1, len(keys)):
@@ -137,7 +138,7 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
     return np.stack([np.interp(time, time[keys], angles) for angles in path.T], axis=-1)
 
 
-def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:
+def local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:
     """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k); each row on its own."""
     arm, starts = directions.arm, samples[nearest_samples(directions.targets, modeled)]
     rows = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
@@ -149,7 +150,7 @@ def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> 
         better = np.sum(values**2, axis=-1) < cost
         q = np.where(better[:, None], trial, q)
         cost = np.where(better, np.sum(values**2, axis=-1), cost)
-        damping *= np.where(better, 0.2, 8.0)
+        damping = np.maximum(damping * np.where(better, 0.2, 8.0), LEAST_DAMPING)
         gradient[better] = (values[better, None] @ slopes[better])[:, 0]
         hessian[better] = np.swapaxes(slopes[better], 1, 2) @ slopes[better]
         free = ~_held(q, gradient, arm.lower, arm.upper)
@@ -181,7 +182,7 @@ def solve_path(
         new_cost = float(np.sum(values**2) + np.sum(offsets**2) + np.sum(stiffness * bending**2))
         if new_cost < cost:
             moved, gained = float(np.abs(trial - q).max()), cost - new_cost
-            q, cost, damping = trial, new_cost, max(damping * 0.2, 1e-12)
+            q, cost, damping = trial, new_cost, max(damping * 0.2, LEAST_DAMPING)
             # Where the arm hangs straight, a joint rotates far for a small part of the cost of a long path.
             if iteration and (moved < 1e-9 or (gained < LEAST_GAIN * cost and moved < 1e-3)):
                 break

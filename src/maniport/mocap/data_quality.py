@@ -1,15 +1,13 @@
 """Quality of an arm fit: observable joints, saturated limits, gaps, and differences of model and person."""
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.arms import PERSONS
-from maniport.arms.chain import LEFT, RIGHT
 from maniport.arms.human import JOINTS
-from maniport.errors import argument
 from maniport.mocap.arm_fit import ArmFit
-from maniport.mocap.directions import AXES, BLOCK, DEVIATION, ELBOW, FLEXION, TURN, Directions
+from maniport.mocap.directions import AXES, BLOCK, DEVIATION, FLEXION, TURN, Directions
 from maniport.mocap.recording import runs_of, when
 from maniport.util.validation import Array
 
@@ -18,6 +16,15 @@ MEASUREMENT_ERROR = np.radians(
 )  # Of a direction of weight one [rad], assumed; less weight means more error
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
 AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
+
+SMALL_EXCESS = 1.0  # Excess over a limit that is reported [degrees] …
+LARGE_SHARE = 0.2  # … in more than this share of the frames
+LARGE_EXCESS = 10.0  # Excess that people do not reach, so that points may be wrong [degrees]
+LARGE_ANGLE = 5.0  # Median angle between a segment of the model and of the person [degrees]
+
+# Median rotation of a segment about its axis from its markers [degrees]. Good recordings have up to 16°, as markers
+# lie at some distance from the joints. Exchanged markers have 25° or more: the forearm turns toward them.
+LARGE_TURN = 20.0
 
 # A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
 # reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32, 1999).
@@ -76,59 +83,59 @@ def observability(
     return unobservable, np.concatenate(excesses)
 
 
-def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> list[str]:
-    """Report differences of the model and the person; empty where the model follows well.
+@dataclass(frozen=True)
+class Differences:
+    """Differences of the model and the person."""
 
-    More than `large` [degrees] beyond a limit may be a fault of the points. Rotations about a segment's axis have up to
-    15° in good recordings, as markers lie at some distance from the joints, and 36° to 169° with exchanged markers.
-    """
+    texts: tuple[
+        str, ...
+    ]  # one for each joint, segment or axis; empty where the model follows well
+    turned: dict[
+        str, str
+    ]  # of these, of each axis in `AXES` from whose markers a segment is rotated
+    doubtful: bool  # whether they may be faults of the points
+
+
+def model_differences(fit: ArmFit) -> Differences:
+    """Return the differences of the model and the person."""
     medians = {name: row["median"] for name, row in fit.residual_summary().items()}
-    exchanged = []
+    turned = {}
+    texts = []
     for axis, (_, segment) in AXES.items():
-        if (median := medians.pop(f"{segment} about its axis", 0.0)) > 25.0:
-            first, second = fit.roles[axis]
-            exchanged.append(
-                f"the {segment} is rotated by {median:.0f}° (median) about its axis from its markers: "
-                f"{'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
-                f"{argument('markers', {axis: [list(second), list(first)]})}; "
-                f"if that does not help omit them: {argument('markers', {axis: None})}"
+        median = medians.pop(f"{segment} about its axis", 0.0)
+        if median > LARGE_TURN:
+            turned[axis] = (
+                f"the {segment} is rotated by {median:.0f}° (median) about its axis from its markers"
             )
-    if exchanged:
-        return exchanged
-    texts, far, bends_backward = [], False, False
-    for joint in np.flatnonzero(
-        fit.observable & ((fit.beyond_limit > small).mean(axis=0) > 0.2)
-    ).tolist():
-        degrees = fit.beyond_limit[:, joint]
-        often, lower, upper = degrees > small, fit.arm.lower[joint], fit.arm.upper[joint]
-        is_lower = np.median(fit.joint_angles[often, joint]) < (lower + upper) / 2
-        texts.append(
-            f"{JOINTS[joint]} beyond its limit of {np.degrees(lower if is_lower else upper):.0f}° in "
-            f"{100 * often.mean():.0f} % of the frames (by {np.median(degrees[often]):.0f}°, "
-            f"at most {degrees.max():.0f}°)"
-        )
-        if (degrees > large).mean() > 0.2:
-            far |= joint < TURN
-            bends_backward |= joint == ELBOW and is_lower
-    segments = [name for name, median in medians.items() if median > 5.0]
-    texts += [
-        f"the {name} is {medians[name]:.1f}° (median) from the measured one" for name in segments
-    ]
-    if not texts:
-        return []
-    arms = bool({"upper arm", "forearm"} & set(segments))
-    model = next(name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}"))
-    cases = {
-        "change the sign of one axis, if the axes are left-handed as those of Unity and Unreal": bends_backward,
-        f"check the roles of the points (maniport info) and assign others with {argument('markers')}": arms
-        or far,
-        f"try the other arm ({argument('side', LEFT if fit.arm.side != LEFT else RIGHT)})": arms,
-        f"try another model ({argument('person', model)})": True,
-    }
-    advice = [text for text, applies in cases.items() if applies]
-    return [
-        f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"
-    ]
+            texts.append(turned[axis])
+
+    doubtful = bool(turned)
+    often_beyond = (fit.beyond_limit > SMALL_EXCESS).mean(axis=0) > LARGE_SHARE
+    for joint in np.flatnonzero(fit.observable & often_beyond).tolist():
+        texts.append(_beyond_limit(fit, joint))
+        is_far = (fit.beyond_limit[:, joint] > LARGE_EXCESS).mean() > LARGE_SHARE
+        doubtful |= joint < TURN and bool(is_far)
+
+    for segment, median in medians.items():
+        if median > LARGE_ANGLE:
+            texts.append(f"the {segment} is {median:.1f}° (median) from the measured one")
+            doubtful |= segment in ("upper arm", "forearm")
+    return Differences(tuple(texts), turned, doubtful)
+
+
+def _beyond_limit(fit: ArmFit, joint: int) -> str:
+    """Describe the excess of a joint over a limit."""
+    degrees = fit.beyond_limit[:, joint]
+    often = degrees > SMALL_EXCESS
+    limit = fit.arm.upper[joint]
+    middle = (fit.arm.lower[joint] + fit.arm.upper[joint]) / 2
+    if np.median(fit.joint_angles[often, joint]) < middle:
+        limit = fit.arm.lower[joint]
+    return (
+        f"{JOINTS[joint]} beyond its limit of {np.degrees(limit):.0f}° in "
+        f"{100 * often.mean():.0f} % of the frames (by {np.median(degrees[often]):.0f}°, "
+        f"at most {degrees.max():.0f}°)"
+    )
 
 
 def gap_warning(fit: ArmFit, time: Array) -> list[str]:

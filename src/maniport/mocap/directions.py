@@ -19,6 +19,7 @@ from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.recording import Bools, Recording, runs_of
+from maniport.mocap.rigid_bodies import with_hidden_points
 from maniport.mocap.roles import (
     POINTS,
     Roles,
@@ -184,7 +185,7 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
     chosen, reason, roles = find_side(recording, markers, side)
     names = points_of(roles)
     whole = unswapped(without_zeros(replace(recording, notes=(), quality_warnings=())), names)
-    repaired = without_outliers(whole.select(names)).fill_gaps()
+    repaired = with_hidden_points(without_outliers(whole.select(names)).fill_gaps(), whole)
     used = smoothed(repaired, smooth)
     notes = list(used.notes)
     if "hand" in roles and "hand" not in (

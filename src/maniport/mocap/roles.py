@@ -3,25 +3,31 @@
 Which names of points belong to which role in marker sets is in data/marker_sets.yaml.
 """
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.errors import (
     InvalidInputError,
     RecordingError,
     argument,
-    nearest_first,
     spoken,
     unknown_name,
 )
+from maniport.mocap.candidates import candidates
+from maniport.mocap.point_names import END as END
+from maniport.mocap.point_names import (
+    keys_without_additions,
+    names_by_key,
+    parts_of,
+    spellings,
+)
+from maniport.mocap.point_names import load_names as load_names
+from maniport.mocap.point_names import other_side as other_side
 from maniport.mocap.recording import Recording
+from maniport.mocap.rigid_bodies import with_hidden_points
 from maniport.util.defaults import AUTO
 from maniport.util.validation import Array, as_choice
 
@@ -41,40 +47,23 @@ DIRECTIONS = {  # Roles of a pair of such points, and from which to which
 ROLES = (*POINTS, *DIRECTIONS)
 ARM = POINTS[:3]  # Roles that make an arm
 TRUNK = ("trunk_up", "trunk_front", "trunk_left")
+COLLARBONES = (
+    "RightShoulder",
+    "LeftShoulder",
+)  # In some skeletons the joint, in others the clavicle
 
 SHORTEST = 1e-4  # Shortest vector that has a direction [m]
-END = "EndSite"  # Prefix of the ends of chains in BVH files, before the name of the joint
-
-
-@cache
-def load_names(file: str) -> Any:
-    """Read a YAML file of names from the folder ``data``."""
-    text = (Path(__file__).parent / "data" / file).read_text(encoding="utf-8")
-    return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-
-
-MARKER_SETS: dict[str, Mapping[str, Sequence[Any]]] = load_names("marker_sets.yaml")["marker_sets"]
+_NAMES = load_names("marker_sets.yaml")
+LANDMARKS: Mapping[str, Sequence[Any]] = _NAMES["landmarks"]
+MARKER_SETS: dict[str, Mapping[str, Sequence[Any]]] = _NAMES["marker_sets"]
 """For each marker set and role the alternatives; the first whose points are recorded counts.
 
 An alternative has the form of the argument ``markers`` of `fit_arm`, for the right arm: a name or names (their
 mean counts); for a direction a pair (from, to) of these. The set with most roles of the arm counts, else the later;
-the trunk may come from another one. Case, spaces, ``_``, ``.``, ``-`` and prefixes before a colon (``Nick01:RELB``) are
-ignored. `fit_arm` and `read_recording` use the entries that are added.
+the trunk may come from another one. Case, spaces, ``_``, ``.``, ``-``, prefixes before a colon (``Nick01:RELB``) and
+what most names of a recording share are ignored, and the side may be written otherwise (``RightHand``, ``hand_r``).
+`fit_arm` and `read_recording` use the entries that are added.
 """
-
-_OTHER_SIDE = {"right": "left", "Right": "Left", "RIGHT": "LEFT", "r": "l", "R": "L"}
-_OTHER_SIDE |= {left: right for right, left in _OTHER_SIDE.items()}
-_SIDE_WORD = re.compile("|".join(word for word in _OTHER_SIDE if len(word) > 1))
-_SIDE_LETTER = re.compile(r"(?<![A-Za-z])[RrLl](?![a-z0-9])")
-
-
-def other_side(name: str) -> str:
-    """Return the name of the same point on the other side; the same name where it has no side."""
-    before, colon, bare = name.rpartition(":")
-    if bare.startswith(END):
-        return before + colon + END + other_side(bare.removeprefix(END))
-    pattern = _SIDE_WORD if _SIDE_WORD.search(bare) else _SIDE_LETTER
-    return before + colon + pattern.sub(lambda match: _OTHER_SIDE[match[0]], bare, count=1)
 
 
 def find_roles(names: Sequence[str], side: str = RIGHT, body: str = "") -> tuple[str, Roles]:
@@ -84,10 +73,10 @@ def find_roles(names: Sequence[str], side: str = RIGHT, body: str = "") -> tuple
 
 
 def whole_bodies(names: Sequence[str], side: str, most: int = 20) -> dict[str, Sequence[str]]:
-    """Return the points of each person with a whole arm and a trunk, by prefix; `most` prefixes are tried."""
+    """Return the points of each person with a whole arm and a trunk, by namespace; `most` of these are tried."""
     bodies: dict[str, Any] = {}
     for name in names:
-        bodies.setdefault(name.rpartition(":")[0], []).append(name)
+        bodies.setdefault(parts_of(name)[0], []).append(name)
     if len(bodies) == 1:
         return bodies
     needed = {*ARM, "trunk_up"}
@@ -128,48 +117,116 @@ def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = Fals
     return tuple(map(other_side, names)) if mirrored else names
 
 
-def _key(name: str) -> str:
-    return re.sub(r"[_ .\-]", "", name.rpartition(":")[2]).lower()
+def find_landmarks(names: Sequence[str], side: str = RIGHT, body: str = "") -> dict[str, Group]:
+    """Return the points of the recorded parts of the body, those of `LANDMARKS`, of one side or of the middle."""
+    bodies = whole_bodies(names, side)
+    own = bodies.get(body, next(iter(bodies.values()), names))
+    return _landmarks(_keys_of_best(own, side), side)
+
+
+def _landmarks(by_key: Mapping[str, str], side: str) -> dict[str, Group]:
+    found = {}
+    for part, choices in LANDMARKS.items():
+        for choice in choices:
+            names = as_choice_of_names("", choice, f"landmarks[{part!r}]", side == LEFT)
+            recorded = _recorded(names, by_key)
+            if recorded:
+                found[part] = recorded
+                break
+    return found
+
+
+def _recorded(choice: Any, by_key: Mapping[str, str]) -> Any:
+    """Return the recorded names of an alternative; empty where one of them is not recorded."""
+    own = []
+    for part in choice:
+        if isinstance(part, str):
+            found: Any = next((by_key[key] for key in spellings(part) if key in by_key), "")
+        else:
+            found = _recorded(part, by_key)
+        if not found:
+            return ()
+        own.append(found)
+    return tuple(own)
 
 
 def _roles_among(names: Sequence[str], side: str) -> tuple[str, Roles]:
-    by_key = {_key(name): name for name in reversed(names)}
+    return _roles_by_key(_keys_of_best(names, side), side)
 
-    def recorded(choice: Any) -> Any:
-        own = tuple(
-            by_key.get(_key(part), "") if isinstance(part, str) else recorded(part)
-            for part in choice
-        )
-        return own if all(own) else ()
 
-    sets: dict[str, dict[str, Any]] = {marker_set: {} for marker_set in reversed(MARKER_SETS)}
-    for marker_set in sets:
+def _keys_of_best(names: Sequence[str], side: str) -> Mapping[str, str]:
+    """Return the names by key, without what a program added to them where more of an arm is recognized so."""
+    best: Mapping[str, str] = names_by_key(names, names)
+    most = len(_roles_by_key(best, side)[1].keys() & set(ARM))
+    if most == len(ARM):
+        return best
+    for by_key in keys_without_additions(tuple(names)):
+        count = len(_roles_by_key(by_key, side)[1].keys() & set(ARM))
+        if count > most:
+            best = by_key
+            most = count
+    return best
+
+
+def _roles_by_key(by_key: Mapping[str, str], side: str) -> tuple[str, Roles]:
+    """Return the marker set with most roles of the arm, and the points of each role."""
+    sets: dict[str, Roles] = {}
+    for marker_set in reversed(MARKER_SETS):
+        sets[marker_set] = {}
         for role in MARKER_SETS[marker_set]:
             if role not in ROLES:
                 raise unknown_name("role", role, ROLES, f"in MARKER_SETS[{marker_set!r}]")
-            if own := next(filter(None, map(recorded, alternatives(marker_set, role, side))), None):
+            own = _first_recorded(marker_set, role, side, by_key)
+            if own:
                 sets[marker_set][role] = own
-    best = max(
-        sets,
-        key=lambda name: (sum(role in sets[name] for role in ARM), len(sets[name].keys() - TRUNK)),
-    )
-    roles = {
-        role: names
-        for roles in reversed(sets.values())
-        for role, names in roles.items()
-        if role in TRUNK
-    }
+
+    def recognized(name: str) -> tuple[int, int]:
+        return sum(role in sets[name] for role in ARM), len(sets[name].keys() - TRUNK)
+
+    best = max(sets, key=recognized)
+    roles: Roles = {}
+    for marker_set in reversed(sets):
+        roles |= {role: names for role, names in sets[marker_set].items() if role in TRUNK}
+    shoulders = _both_shoulders(best, by_key)
+    if shoulders:
+        roles["trunk_left"] = shoulders
     roles |= sets[best]
-    collarbones = {
-        "rightshoulder",
-        "leftshoulder",
-        "rshoulder",
-        "lshoulder",
-    }  # shoulders only above an elbow or wrist
-    if not roles.keys() & set(ARM[1:]) and collarbones & set(map(_key, roles.get("shoulder", ()))):
+
+    # In many skeletons this is the clavicle: it is the joint only where an elbow or a wrist is recorded with it.
+    joints = {by_key.get(key) for name in COLLARBONES for key in spellings(name)}
+    if not roles.keys() & set(ARM[1:]) and joints & set(roles.get("shoulder", ())):
         del roles["shoulder"]
         roles.pop("trunk_left", None)
+        shoulders = ()
+    _complete_trunk(roles, shoulders, by_key)
     return best, {role: roles[role] for role in ROLES if role in roles}
+
+
+def _first_recorded(marker_set: str, role: str, side: str, by_key: Mapping[str, str]) -> Any:
+    for choice in alternatives(marker_set, role, side):
+        own = _recorded(choice, by_key)
+        if own:
+            return own
+    return ()
+
+
+def _both_shoulders(marker_set: str, by_key: Mapping[str, str]) -> tuple[Group, ...]:
+    """Return the right shoulder and the left one of a marker set; empty where one of them is not recorded."""
+    pair = [_first_recorded(marker_set, "shoulder", side, by_key) for side in (RIGHT, LEFT)]
+    return tuple(pair) if all(pair) and pair[0] != pair[1] else ()
+
+
+def _complete_trunk(roles: Roles, shoulders: tuple[Group, ...], by_key: Mapping[str, str]) -> None:
+    """Add directions of the trunk that the marker sets lack, from any parts of pelvis, shoulders and neck."""
+    parts = _landmarks(by_key, RIGHT)
+    if "trunk_up" not in roles and "low" in parts:
+        high = tuple(name for group in shoulders for name in group) or parts.get("high", ())
+        if high and not set(high) & set(parts["low"]):
+            roles["trunk_up"] = (parts["low"], high)
+    if "trunk_left" not in roles and "hip" in parts:
+        left = _landmarks(by_key, LEFT).get("hip", ())
+        if left and left != parts["hip"]:
+            roles["trunk_left"] = (parts["hip"], left)
 
 
 def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGHT) -> Roles:
@@ -180,22 +237,14 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
     marker_set, roles = assigned_roles(recording, markers, side)
     other = SIDES[side == RIGHT]
     own, theirs = (find_roles(recording.observed, name)[1] for name in (side, other))
-    if missing := missing_roles(roles):
-        usual = {role: usual_names(role, marker_set, side) for role in missing}
-        names = nearest_first(" ".join(usual.values()).replace("'", ""), recording.observed)
-        listed = ", ".join(map(repr, names[:20])) + (
-            f", and {len(names) - 20} more" if len(names) > 20 else ""
-        )
-        has_other = set(missing) & set(ARM) and set(ARM) <= theirs.keys()
-        advice = (
-            f" The {other} arm is available: use {argument('side', other)}." if has_other else ""
-        )
-        raise RecordingError(
-            f"missing{f' in {recording.source!r}' if recording.source else ''}: "
-            f"{'; '.join(f'{role} (usually {names})' for role, names in usual.items())}.{advice} Points of the "
-            f"recording, nearest first: {listed or 'none'}. "
-            f"Assign points to roles with {argument('markers', example_markers(missing))}"
-        )
+    missing = missing_roles(roles)
+    if missing:
+        where = f" in {recording.source!r}" if recording.source else ""
+        advice = ""
+        if set(missing) & set(ARM) and set(ARM) <= theirs.keys():
+            advice = f" The {other} arm is available: use {argument('side', other)}."
+        text = missing_text(recording, missing, roles, marker_set, side)
+        raise RecordingError(f"missing{where}: {text}{advice}")
     names_of_arm, names_of_other = (
         {name for role in ARM for name in named.get(role, ())} for named in (own, theirs)
     )
@@ -215,8 +264,9 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
         if np.isfinite(displacement).any() and (median := float(np.nanmedian(displacement))) > most:
             raise RecordingError(
                 f"{role} of the {side} arm: {'+'.join(roles[role])} is {median:.2f} m to the {other} of {start} "
-                f"(median); these may be points of the {other} arm ({argument('side', other)}), the ends of trunk_left "
-                "or trunk_front may be exchanged, or the axes of the recording may be left-handed"
+                f"(median): left and right are exchanged, or one axis is mirrored (left-handed axes), or these are "
+                f"points of the {other} arm ({argument('side', other)}), or the ends of trunk_left or trunk_front are "
+                "exchanged"
             )
     return roles
 
@@ -244,7 +294,7 @@ def assigned_roles(
             raise RecordingError(
                 f"markers: point {name!r} is missing in every frame of {recording.source!r}"
             )
-    bodies = {name.rpartition(":")[0] for name in names}
+    bodies = {parts_of(name)[0] for name in names}
     marker_set, roles = find_roles(
         recording.observed, side, bodies.pop() if len(bodies) == 1 else ""
     )
@@ -322,6 +372,9 @@ def direction(recording: Recording, pair: Any) -> Array:
 def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
     """Return the rotation from the trunk frame to the axes of the recording, in every frame."""
     second = across_role(roles)
+    points = recording.select(points_of({role: roles[role] for role in ("trunk_up", second)}))
+    if np.isnan(points.positions).any(axis=(1, 2)).all():
+        recording = with_hidden_points(points, recording)  # one or another is always hidden
     z = unit(direction(recording, roles["trunk_up"]), SHORTEST)
     across = direction(recording, roles[second])
     across = unit(across - np.sum(across * z, axis=-1, keepdims=True) * z, SHORTEST)
@@ -364,6 +417,33 @@ def missing_roles(roles: Mapping[str, Any]) -> list[str]:
     return (
         missing if roles.get("trunk_front") or roles.get("trunk_left") else [*missing, "trunk_left"]
     )
+
+
+def missing_text(
+    recording: Recording, missing: Sequence[str], roles: Roles, marker_set: str, side: str
+) -> str:
+    """List missing roles with their usual names and candidates, and how to assign them."""
+    texts = []
+    for role in missing:
+        likely = ", ".join(map(repr, likely_points(recording, role, roles, marker_set, side)))
+        usual = usual_names(role, marker_set, side)
+        texts.append(f"{role} (usually {usual}; here perhaps {likely or 'none'})")
+    names = [repr(name) for name in recording.observed[:20]]
+    if len(recording.observed) > len(names):
+        names.append(f"and {len(recording.observed) - len(names)} more")
+    assign = argument("markers", example_markers(missing))
+    return f"{'; '.join(texts)}. Assign points to roles with {assign}. Points: {', '.join(names)}."
+
+
+def likely_points(
+    recording: Recording, role: str, roles: Roles, marker_set: str, side: str
+) -> list[str]:
+    """Return the points of a recording that may play a missing role of an arm, likely ones first."""
+    theirs = find_roles(recording.observed, LEFT if side == RIGHT else RIGHT)[1]
+    taken = set(points_of({role: roles[role] for role in POINTS if roles.get(role)}))
+    taken.update(points_of({role: theirs[role] for role in POINTS if role in theirs}))
+    usual = usual_names(role, marker_set, side)
+    return candidates(recording, role, roles, side, taken, usual)
 
 
 def example_markers(missing: Iterable[str]) -> dict[str, Any]:

@@ -67,8 +67,15 @@ class Config:
     )
     seed: int = _run(0, "Random seed", minimum=0, common=True)
 
-    unit: str | None = _human(
-        None, "Unit of length; recognized by default", choices=UNITS, common=True
+    unit: str | float | None = _human(
+        None,
+        "Unit, or meters per unit; recognized by default",
+        choices=UNITS,
+        above=0.0,
+        common=True,
+    )
+    height: float | None = _human(
+        None, "Height of the person, for files in any scale", "m", minimum=0.5, maximum=2.5
     )
     fps: float | None = _human(
         None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True
@@ -120,7 +127,10 @@ class Config:
         choices=("placed", "relative"),
     )
     mesh_folders: tuple[str, ...] = _robot(
-        (), "Folder of additional meshes; repeatable", repeated=True, is_file=True
+        (), "Folder of additional meshes or packages; repeatable", repeated=True, is_file=True
+    )
+    xacro_args: Mapping[str, str] | None = _robot(
+        None, "Arguments of a xacro file", metavar="NAME:=VALUE …", unchecked=True
     )
 
     method: str = _transfer(
@@ -322,7 +332,9 @@ class Config:
         if isinstance(arm, Arm):
             base = arm.chain.base if arm.chain.base_pose is None else None
             lock, source = dict(arm.chain.locked) or None, arm.chain.source or arm.name
+            arguments = dict(arm.chain.xacro_args) or None
             values |= {"robot": (source,), "frame": (arm.frame,), "base": base, "lock": lock}
+            values["xacro_args"] = arguments
         for name, described in OPTIONS.items():
             if described.typed:
                 part = content.setdefault(described.section, {}) if described.section else content

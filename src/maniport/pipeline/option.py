@@ -15,6 +15,7 @@ from maniport.util.validation import Bounds, as_choice, as_count, as_flag, as_nu
 COMMAND_LINE_UNITS = {"mm": ("m", 1e-3), "deg": ("rad", pi / 180.0), "%": ("", 0.01)}
 """Units of the command line, with the SI unit of Python and files, and the factor to it."""
 NAMES = tuple[str, ...]
+ASSIGNED = ":="  # between name and value of an argument of a xacro file
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,8 @@ class Option:
         """Convert what was typed on the command line: text, texts, a number or a flag."""
         if self.kind == Mapping[str, float]:
             return self._assignments(typed)
+        if self.kind == Mapping[str, str]:
+            return self._texts(typed)
         if self.kind == NAMES:
             words = (
                 typed
@@ -128,6 +131,23 @@ class Option:
                 )
             numbers[name] = float(number)
         return numbers
+
+    def _texts(self, typed: Sequence[str]) -> dict[str, str]:
+        """Convert texts such as arm_name:=left to values by name."""
+        values: dict[str, str] = {}
+        for text in typed:
+            name, separator, value = text.partition(ASSIGNED)
+            name = name.strip()
+            if not name or not separator:
+                raise InvalidInputError(
+                    f"{self.flag} must be NAME:=VALUE, such as arm_name:=left; found {text!r}"
+                )
+            if name in values:
+                raise InvalidInputError(
+                    f"{self.flag}: {name} is set twice; found {values[name]!r} and {value!r}"
+                )
+            values[name] = value
+        return values
 
     def text(self, value: Any) -> str:
         """Write a value as it is typed on the command line."""

@@ -78,7 +78,14 @@ def adapter_of(config: Config) -> DomainAdapter:
 def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> Recording:
     """Read a recording, or the part of it that is used."""
     if not isinstance(recording, Recording):
-        recording = read_recording(recording, unit=config.unit, rate=config.fps)
+        recording = read_recording(
+            recording,
+            unit=config.unit,
+            rate=config.fps,
+            height=config.height,
+            markers=marker_roles(config),
+            side=config.side,
+        )
     return (
         recording
         if config.start is None and config.stop is None
@@ -158,6 +165,7 @@ def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
         "joints": config.joints or None,
         "lock": config.lock,
         "mesh_folders": config.mesh_folders,
+        "xacro_args": config.xacro_args,
     }
     if not (both or names_several(config)):
         return load_arm(

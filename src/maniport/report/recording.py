@@ -12,15 +12,18 @@ import numpy as np
 
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import FRACTIONS
-from maniport.errors import RecordingError, argument, nearest_first
+from maniport.errors import RecordingError, argument
 from maniport.mocap import ArmFit, HumanMotion, Recording
+from maniport.mocap.body_sides import body_sides
 from maniport.mocap.roles import (
     DIRECTIONS,
     ROLES,
+    Roles,
     assign_roles,
     assigned_roles,
     example_markers,
     find_side,
+    likely_points,
     missing_roles,
     role_position,
     usual_names,
@@ -63,8 +66,15 @@ def recording_report(
         section.add("Names", "names", sets[best][0], f"as in {sets[best][0]}")
     if reason:
         section.add("Fitted arm", "fitted", best, f"the {best} arm: {reason}")
+    exchanged = body_sides(recording, roles[best], best).warnings()
+    section.warn("sides", *exchanged)
     for name in SIDES:
-        _add_arm(section, recording, roles[name], markers_of[name], name)
+        if not exchanged and not missing_roles(roles[name]):
+            try:
+                assign_roles(recording, markers_of[name], name)
+            except RecordingError as error:
+                section.warn("markers", str(error))
+        _add_arm(section, recording, roles[name], name)
     missing = missing_roles(roles[best])
     if missing:
         section.warn("arm-incomplete", "No arm is complete, so that none can be fitted")
@@ -81,7 +91,7 @@ def recording_report(
     section.tables = (Table(("role", *(f"{name} arm" for name in SIDES)), rows),)
     sections = [recording_section(recording, points=True), section]
     if missing:
-        sections.append(_completion(recording, sets[best][0], missing, best, command))
+        sections.append(_completion(recording, roles[best], sets[best][0], best, command))
     return Report(recording.source or "A recording", sections=tuple(sections))
 
 
@@ -109,14 +119,8 @@ def _percentages(shares: Mapping[str, float], digits: int = 0) -> str:
     return listed(f"{name} {100 * share:.{digits}f} %" for name, share in shares.items())
 
 
-def _add_arm(
-    section: Section,
-    recording: Recording,
-    roles: Mapping[str, Any],
-    markers: Mapping[str, Any] | None,
-    side: str,
-) -> None:
-    """Describe one arm: its missing roles, its lengths, and contradictions."""
+def _add_arm(section: Section, recording: Recording, roles: Mapping[str, Any], side: str) -> None:
+    """Describe one arm: its missing roles and its lengths."""
     missing, lengths = missing_roles(roles), dict[str, float]()
     for name, (start, end) in {
         "upper arm": ("shoulder", "elbow"),
@@ -130,11 +134,6 @@ def _add_arm(
     texts += [f"{name} {length:.3f} m" for name, length in lengths.items()]
     value = {"complete": not missing, "lacks": missing, "lengths_m": lengths, "markers": roles}
     section.add(f"{side.title()} arm", side, value, listed(texts))
-    if not missing:
-        try:
-            assign_roles(recording, markers, side)
-        except RecordingError as error:
-            section.warn("markers", str(error))
     for name, length in lengths.items():
         low, high = (
             0.85 * 1.4 * FRACTIONS[name],
@@ -148,14 +147,19 @@ def _add_arm(
 
 
 def _completion(
-    recording: Recording, family: str, missing: list[str], side: str, command: str
+    recording: Recording,
+    roles: Roles,
+    family: str,
+    side: str,
+    command: str,
 ) -> Section:
     """Explain how to assign missing roles."""
+    missing = missing_roles(roles)
     lines = [f"The {side} arm lacks {listed(missing)}."]
     for role in missing:
         usual = usual_names(role, family, side)
-        near = nearest_first(usual.replace("'", ""), recording.observed)[:3]
-        lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
+        near = likely_points(recording, role, roles, family, side)
+        lines.append(f"- {role}: usually {usual}; here perhaps {escaped(listed(near)) or 'none'}")
     template, file = example_markers(missing), command or shlex.quote(recording.source or "FILE")
     option = " --side left" if side == "left" else ""
     lines += [

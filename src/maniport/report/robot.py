@@ -1,12 +1,18 @@
 """Reports of arms, of files of robots, and of placements."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from maniport.arms import Arm
-from maniport.arms.chain import PRISMATIC
+from maniport.arms import Arm, ArmGroup, as_group
+from maniport.arms.chain import (
+    IGNORED_INCLUDES,
+    IGNORED_SOFT_LIMITS,
+    IMPLAUSIBLE_INERTIA,
+    PRISMATIC,
+    SOFT_LIMITS,
+)
 from maniport.arms.collisions import Collisions
 from maniport.arms.loaders.model import Limb
 from maniport.arms.loaders.packages import arm_names
@@ -14,7 +20,26 @@ from maniport.errors import argument
 from maniport.motion import Placement
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.trajectory import Clearance
-from maniport.report.values import Metric, Report, Section, Table, describe, listed
+from maniport.report.values import Metric, Report, Section, Severity, Table, describe, listed
+
+REMARKS: dict[str, tuple[Severity, str]] = {
+    SOFT_LIMITS: (
+        "note",
+        "position limits of these joints are the soft limits of their safety controllers: {}",
+    ),
+    IGNORED_SOFT_LIMITS: ("warning", "soft limits of safety controllers are ignored: {}"),
+    IGNORED_INCLUDES: (
+        "warning",
+        "files that this URDF includes with xacro are ignored: {}. If they contain links, let the name of the robot "
+        "file end in .xacro",
+    ),
+    IMPLAUSIBLE_INERTIA: (
+        "warning",
+        "moments of inertia do not fit the masses of these links, and torques are wrong: {}. Correct them in the "
+        "robot's description",
+    ),
+}
+"""Severity and text of remarks about the description of a robot."""
 
 
 @describe.register
@@ -79,7 +104,10 @@ def chain_metrics(arm: Arm) -> list[Metric]:
 
 
 def warn_of_limits(section: Section, limits: MotionLimits) -> None:
-    """Warn of limits that are assumed, with their values and how to give real ones, and of unchecked torques."""
+    """Warn of limits that are assumed, with their values and how to give real ones, and of unchecked torques.
+
+    Notes and warnings about limits and masses in the robot's description are added.
+    """
     arm, advice = (
         limits.arm,
         f"Give the real ones with {argument('motion_limits', option='--limits')}",
@@ -98,6 +126,7 @@ def warn_of_limits(section: Section, limits: MotionLimits) -> None:
                 f"assumed-{quantity}-limits",
                 f"{quantity} limits are assumed: {'; '.join(texts)}. {advice}",
             )
+    warn_of_description(section, arm)
     unknown = listed(
         name
         for name, effort in zip(arm.joint_names, limits.effort, strict=True)
@@ -112,6 +141,32 @@ def warn_of_limits(section: Section, limits: MotionLimits) -> None:
             "unchecked-torques",
             f"torques of {unknown} are not checked: effort limits are unknown. {advice}",
         )
+
+
+def warn_of_description(section: Section, arm: Arm | ArmGroup) -> None:
+    """Warn of masses in a robot's description that are impossible, and note how its limits are read."""
+    for member in as_group(arm).arms:
+        chain = member.chain
+        remarks = {kind: dict(details) for kind, details in chain.remarks.items()}
+        for kind in (SOFT_LIMITS, IGNORED_SOFT_LIMITS):
+            own = remarks.get(kind, {})
+            remarks[kind] = {name: own[name] for name in own if name in chain.coordinates}
+        moving = {name for name, frame in chain.frames.items() if frame.joint}
+        moving |= {name for name, body in (chain.others or {}).items() if body.joint}
+        own = remarks.get(IMPLAUSIBLE_INERTIA, {})
+        remarks[IMPLAUSIBLE_INERTIA] = {name: own[name] for name in own if name in moving}
+        for kind, (severity, text) in REMARKS.items():
+            details = remarks.get(kind, {})
+            if details:
+                section.warn(kind, text.format(_detailed(details)), severity=severity)
+
+
+def _detailed(details: Mapping[str, str], most: int = 8) -> str:
+    """List names with their details."""
+    parts = [f"{name} ({detail})" if detail else name for name, detail in details.items()]
+    if len(parts) > most:
+        parts[most:] = [f"{len(parts) - most} more"]
+    return listed(parts)
 
 
 def warn_of_collisions(
@@ -146,6 +201,15 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
         lead = f"Several limbs are of equal length: choose one with --frame{f', or name {arms}' if arms else ''}."
         return Report(name, lead, tuple(ends))
     report = arm_report(arm)
+    chosen = [limb for limb in limbs if limb.frame == arm.frame]
+    if chosen:
+        section = report.sections[0]
+        metrics = []
+        for metric in section.metrics:
+            if metric.key == "frame":
+                metric = replace(metric, text=f"{metric.text} ({chosen[0].reason})")
+            metrics.append(metric)
+        section.metrics = tuple(metrics)
     if not arm.side:
         collisions = Collisions.of(arm)
         warn_of_collisions(report.sections[0], collisions, collisions.unchecked)

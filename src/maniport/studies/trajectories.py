@@ -11,6 +11,7 @@ and of M-Eval-1 and -2 are facts of the authors' published code. What neither co
 - The Panda's trajectories: see `robot_path`.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -45,9 +46,15 @@ def two_dof_evaluation() -> dict[str, Array]:
     }
 
 
+HUMAN_LIMITS = ((-90, 130), (0, 180), (-80, 40), (0, 130), (-90, 90), (0, 25), (-60, 60))
+"""Limits of the human arm's joints in the paper [degrees], narrower than those of people."""
+
+
 def human_arm() -> Arm:
-    """Make rHuMan with the paper's segments: upper arm 0.302 m, forearm 0.2795 m, hand 0.05 m."""
-    return rhuman(upper_arm=0.302, forearm=0.2795, hand=0.05)
+    """Make rHuMan with the paper's segments and limits: upper arm 0.302 m, forearm 0.2795 m, hand 0.05 m."""
+    arm = rhuman(upper_arm=0.302, forearm=0.2795, hand=0.05)
+    lower, upper = np.radians(HUMAN_LIMITS).T
+    return Arm(replace(arm.chain, lower=lower, upper=upper))
 
 
 def human_training() -> list[Array]:

@@ -26,6 +26,7 @@ TAGS = 500_000  # Tags in a robot's XML
 NESTING = 128  # Depth of nested elements; a native reader goes down into them with its stack
 LINKS = 1000  # Links (bodies) of a robot, and links in a row
 INCLUDES = 64  # Files that a robot's file includes
+INSERTIONS = 1024  # Times that files are included
 SHAPES = 5000  # Of a robot
 NODES = 20_000  # Nodes of the scene in a mesh file; one that is drawn twice counts twice
 TRIANGLES = 10_000_000  # Triangles and, by themselves, points of one mesh, and triangles of all that a robot shows

@@ -16,8 +16,8 @@ from maniport.arms.chain import LEFT, RIGHT, Chain, as_pose, check_names, pose, 
 from maniport.arms.human import PERSONS, human_arm
 from maniport.arms.loaders import mjcf, urdf
 from maniport.arms.loaders.document import XACRO, parsed
-from maniport.arms.loaders.model import Limb, Limbs, RobotModel, one_side
-from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
+from maniport.arms.loaders.model import Limb, Limbs, RobotModel, longest_limbs, one_side
+from maniport.arms.loaders.packages import MOST_ROBOTS, RobotFile, find_robot, known_names
 from maniport.arms.loaders.serial import chain_to
 from maniport.arms.restriction import check_lock, restrict, standing
 from maniport.errors import (
@@ -36,15 +36,18 @@ Robot = str | os.PathLike[str]
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
 
-def read_model(path: Path) -> RobotModel:
+def read_model(
+    path: Path, folders: Sequence[Path] = (), xacro_args: Mapping[str, str] | None = None
+) -> RobotModel:
     """Read a URDF or an MJCF, depending on the root element."""
-    root = parsed(path)
-    formats = {"robot": urdf.read, "mujoco": mjcf.read}
-    if root.tag not in formats:
-        raise FileFormatError(
-            f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root.tag}>"
-        )
-    return formats[root.tag](path, root)
+    root = parsed(path, folders, xacro_args)
+    if root.tag == "robot":
+        return urdf.read(path, root)
+    if root.tag == "mujoco":
+        return mjcf.read(path, root, folders)
+    raise FileFormatError(
+        f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root.tag}>"
+    )
 
 
 def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
@@ -83,6 +86,7 @@ def load_arm(
     base: str | None = None,
     lock: Mapping[str, float] | None = None,
     side: str | None = None,
+    xacro_args: Mapping[str, str] | None = None,
 ) -> Arm:
     """Load an arm by name or from a file.
 
@@ -94,20 +98,22 @@ def load_arm(
         such as ``"ur5"``, ``"robosuite/ur5e"``, ``"talos_right_arm"`` (from the body that both arms have in common) or
         ``"ur5e_description"``.
     frame : str, optional
-        Name of the end effector, a body (link) or a site. By default the end of the longest limb: the body that
-        carries its gripper or hand, else the outermost body.
+        Name of the end effector, a body (link) or a site. By default the end of the longest limb that is no leg: a
+        fixed tool frame such as ``hand_tcp``, else the body that carries its gripper or hand, else the outermost body.
     joints : sequence of str, optional
         Names of the joints that move; by default all on the chain. The others are locked at zero, or at the limit
         nearest to zero.
     mesh_folders : sequence of str or path
-        Folders with meshes in addition to the folder of the file, its parent, its package, packages near it and those
-        of ROS (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
+        Folders with meshes, or with packages that a xacro file includes, in addition to the folder of the file, its
+        parent, its package, packages near it and those of ROS (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
     base : str, optional
         Name of the frame on the chain in which the chain begins and all results are expressed.
     lock : mapping of str to float, optional
         Positions of locked joints [rad] or [m].
     side : {"right", "left"}, optional
         Arm of a person, the right one by default.
+    xacro_args : mapping of str to str, optional
+        Values of the arguments of a xacro file, by name. Default: those of the file.
 
     Returns
     -------
@@ -129,23 +135,26 @@ def load_arm(
     >>> load_arm("panda", base="panda_link1", lock={"panda_joint3": 0.5}).joint_names
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
-    if isinstance(mesh_folders, (str, os.PathLike)) or not isinstance(mesh_folders, Iterable):
-        raise InvalidInputError(
-            f"mesh_folders must be a sequence of folders; found {mesh_folders!r}"
-        )
-    folders = tuple(Path(folder).absolute() for folder in mesh_folders)
-    for folder in folders:
-        if not folder.is_dir():
-            raise InvalidInputError(f"mesh_folders: no folder {str(folder)!r}")
-    chain = read_arm(name_or_path, frame, joints, base, folders, side)
+    chain = read_arm(name_or_path, frame, joints, base, mesh_folders, side, xacro_args)
     chain = restrict(chain, frame, joints, base, lock)
     for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
         if not low > -inf or not high < inf:
             raise FileFormatError(
                 f"{os.fspath(name_or_path)}: the prismatic joint {name!r} has no limits; add them to the file, or "
-                f"exclude the joint with {argument('joints')} or {argument('lock')}"
+                f"exclude the joint with {_exclusion(chain, name)}"
             )
     return Arm(replace(chain, source=os.fspath(name_or_path)))
+
+
+def _exclusion(chain: Chain, name: str) -> str:
+    """List the arguments that exclude a coordinate; a base beyond it only where joints follow."""
+    ways = f"{argument('joints')} or {argument('lock')}"
+    columns = np.flatnonzero(chain.coupling[:, chain.coordinates.index(name)])
+    last = int(columns[-1]) + 1  # number of joints to the last one that it moves
+    beyond = [frame for frame, place in chain.frames.items() if place.joint == last]
+    if not beyond or not np.any(chain.coupling[last:]):
+        return ways
+    return f"{argument('base', beyond[0])}, {ways}"
 
 
 def read_arm(
@@ -153,8 +162,9 @@ def read_arm(
     frame: str | None = None,
     joints: Sequence[str] | None = None,
     base: str | None = None,
-    mesh_folders: tuple[Path, ...] = (),
+    mesh_folders: Sequence[Robot] = (),
     side: str | None = None,
+    xacro_args: Mapping[str, str] | None = None,
 ) -> Chain:
     """Read the whole chain of an arm, before joints are locked or a base is chosen; see `load_arm`.
 
@@ -165,6 +175,10 @@ def read_arm(
             f"name_or_path must be a name or a path; found {type(name_or_path).__name__}"
         )
     text = os.fspath(name_or_path)
+    folders = _as_folders(mesh_folders)
+    arguments = _as_xacro_args(xacro_args)
+    if arguments and Path(text).suffix.lower() != XACRO:
+        raise InvalidInputError(f"{argument('xacro_args')} is for {XACRO} files; found {text!r}")
     if name_or_path in PERSONS:
         return human_arm(text, RIGHT if side is None else side).chain
     if side is not None:
@@ -173,19 +187,28 @@ def read_arm(
         )
     if name_or_path in ROBOTS:
         return ROBOTS[text](frame)
-    file, limb = _robot_file(name_or_path), None
+    file = _robot_file(name_or_path)
+    folders = (*folders, *file.folders)
+    limb = None
     if file.side is not None:
-        limb = one_side(Limbs(read_model(file.path)).all(), file.side, text)
+        limb = one_side(Limbs(read_model(file.path, folders)).all(), file.side, text)
         frame = limb.frame if frame is None else frame
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
             f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the end effector with "
             f"{argument('frame')}"
         )
-    chain = READERS[file.path.suffix.lower()](file.path, frame, joints)
+    reader = READERS[file.path.suffix.lower()]
+    if reader is _read_xml:
+        chain = chain_to(read_model(file.path, folders, arguments), frame, joints)
+    else:
+        chain = reader(file.path, frame, joints)
     chain = replace(chain, name=file.name or chain.name)
-    if (folders := (*mesh_folders, *file.folders)) and chain.shapes is not None:
+    if folders and chain.shapes is not None:
         chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
+    if arguments and chain.shapes is not None:
+        shapes = partial(chain.shapes, xacro_args=arguments)
+        chain = replace(chain, shapes=shapes, xacro_args=arguments)
     if limb is None:
         return chain
     if any(ours.name != theirs for ours, theirs in zip(chain.joints, limb.joints, strict=False)):
@@ -195,17 +218,53 @@ def read_arm(
     return chain if limb.fork is None or base is not None else restrict(chain, base=limb.fork)
 
 
-def robot_limbs(name_or_path: Robot) -> tuple[list[Limb], Limb | None]:
+def _as_folders(folders: Sequence[Robot]) -> tuple[Path, ...]:
+    """Require a sequence of folders that exist."""
+    if isinstance(folders, (str, os.PathLike)) or not isinstance(folders, Iterable):
+        raise InvalidInputError(f"mesh_folders must be a sequence of folders; found {folders!r}")
+    paths = tuple(Path(folder).absolute() for folder in folders)
+    for path in paths:
+        if not path.is_dir():
+            raise InvalidInputError(f"mesh_folders: no folder {str(path)!r}")
+    return paths
+
+
+def _as_xacro_args(arguments: Mapping[str, str] | None) -> dict[str, str]:
+    """Require a mapping of names to texts, numbers or flags, and return the texts that xacro reads."""
+    if arguments is None:
+        return {}
+    where = spoken("xacro_args")
+    if not isinstance(arguments, Mapping):
+        raise InvalidInputError(
+            f"{where} must map names of arguments to values, such as {{'arm_name': 'left'}}; "
+            f"found {arguments!r}"
+        )
+    texts = {}
+    for name, value in arguments.items():
+        if not isinstance(name, str) or not isinstance(value, (str, bool, int, float)):
+            raise InvalidInputError(
+                f"{where}: the value of {name!r} must be text, a number or a flag; found {value!r}"
+            )
+        texts[name] = str(value).lower() if isinstance(value, bool) else str(value)
+    return texts
+
+
+def robot_limbs(
+    name_or_path: Robot,
+    mesh_folders: Sequence[Robot] = (),
+    xacro_args: Mapping[str, str] | None = None,
+) -> tuple[list[Limb], Limb | None]:
     """Read the limbs of a robot, the longest first, and the limb that `load_arm` chooses by default."""
     file = None if name_or_path in (*ROBOTS, *PERSONS) else _robot_file(name_or_path)
     if file is None or READERS[file.path.suffix.lower()] is not _read_xml:
         return [], None
-    limbs = Limbs(read_model(file.path)).all()
+    folders = (*_as_folders(mesh_folders), *file.folders)
+    limbs = Limbs(read_model(file.path, folders, _as_xacro_args(xacro_args))).all()
     if not limbs:
         raise InvalidInputError(f"{file.path}: has no movable joint")
     if file.side is not None:
         return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
-    alone = len(limbs) == 1 or len(limbs[0].joints) > len(limbs[1].joints)
+    alone = len(longest_limbs(limbs)) == 1
     return limbs, limbs[0] if alone and not file.pair else None
 
 
@@ -223,7 +282,7 @@ def _robot_file(name_or_path: Robot) -> RobotFile:
     ):
         names, how = known_names()
         where = f"(a file must end in {', '.join(READERS)}{how})"
-        raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
+        raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where, MOST_ROBOTS)
     robot = RobotFile(path) if robot is None else robot
     return replace(robot, path=existing_file(robot.path, READERS, ROBOT_BYTES))
 
@@ -236,6 +295,7 @@ def load_arms(
     joints: Sequence[str] | None = None,
     lock: Mapping[str, float] | None = None,
     mesh_folders: Sequence[Robot] = (),
+    xacro_args: Mapping[str, str] | None = None,
 ) -> ArmGroup:
     """Load limbs of one robot, or several robots in one world, as one group.
 
@@ -259,7 +319,7 @@ def load_arms(
         ``left_``, where several robots have joints of the same names. The others are locked as by `maniport.load_arm`.
     lock : mapping of str to float, optional
         Positions of locked joints [rad] or [m], by such names.
-    mesh_folders
+    mesh_folders, xacro_args
         As for `maniport.load_arm`.
 
     Examples
@@ -279,10 +339,11 @@ def load_arms(
     end_frames = [None] * count if frames is None else _several("frames", frames, count)
     places = [np.eye(4)] * count if bases is None else _several("bases", bases, count)
     if one_robot and None in end_frames:
-        end_frames = _ends(robots[0], end_frames)
+        limbs, _ = robot_limbs(robots[0], mesh_folders, xacro_args)
+        end_frames = _ends(robots[0], limbs, end_frames)
     arms = []
     for name, end_frame, place, side in zip(robots, end_frames, places, names, strict=True):
-        arm = load_arm(name, end_frame, mesh_folders=mesh_folders)
+        arm = load_arm(name, end_frame, mesh_folders=mesh_folders, xacro_args=xacro_args)
         arms.append(arm if one_robot else Arm(standing(arm.chain, _base(place, side))))
     group = ArmGroup(*arms, names=names)
     wanted, held = None if joints is None else check_names(joints, "joints"), check_lock(lock, None)
@@ -320,10 +381,11 @@ def _several(name: str, value: Any, count: int | None = None) -> list[Any]:
     return values
 
 
-def _ends(robot: Robot, end_frames: Sequence[str | None]) -> list[str | None]:
+def _ends(
+    robot: Robot, limbs: Sequence[Limb], end_frames: Sequence[str | None]
+) -> list[str | None]:
     """Return the end effectors of the left and right limb of a robot, where `end_frames` has None."""
-    limbs = robot_limbs(robot)[0]
-    longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
+    longest = longest_limbs(limbs) if limbs else []
     if len(longest) < 2:
         only = f"one longest limb, to {longest[0].frame!r}" if longest else "one arm"
         raise InvalidInputError(

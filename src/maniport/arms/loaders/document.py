@@ -1,10 +1,11 @@
 """Robot files as XML within the limits of inputs, their numbers and mesh files, and xacro files expanded to URDF."""
 
+import json
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import unquote
@@ -15,8 +16,15 @@ import numpy as np
 
 from maniport.arms.chain import Mesh, Shape, moved_inertia
 from maniport.arms.loaders import xacro_child
+from maniport.arms.loaders.package_folders import (
+    holds_home,
+    is_file,
+    origins,
+    package_folders,
+    ros_folders,
+)
 from maniport.arms.meshes.mesh_files import load_mesh
-from maniport.errors import FileFormatError
+from maniport.errors import FileFormatError, argument, typed, unknown_name
 from maniport.util.input_limits import (
     MEGABYTE,
     NESTING,
@@ -80,11 +88,13 @@ def read_shapes(
     path: Path,
     links: Collection[str],
     mesh_folders: Sequence[Path] = (),
+    xacro_args: Mapping[str, str] | None = None,
 ) -> list[Shape]:
     """Read the visual shapes of some links; meshes of others may be missing."""
     shapes: list[Shape] = []
     triangles = 0
-    for shape in read(path, parsed(path), links, MeshPaths(path, mesh_folders)):
+    root = parsed(path, mesh_folders, xacro_args)
+    for shape in read(path, root, links, MeshPaths(path, mesh_folders)):
         shapes.append(shape)
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
@@ -96,11 +106,19 @@ def read_shapes(
     return shapes
 
 
-def parsed(path: Path) -> ElementTree.Element:
-    """Read the root of an XML file within the input limits; a xacro file is expanded."""
+def parsed(
+    path: Path, folders: Sequence[Path] = (), xacro_args: Mapping[str, str] | None = None
+) -> ElementTree.Element:
+    """Read the root of an XML file within the input limits.
+
+    A xacro file is expanded with its arguments; `folders` are searched for packages in addition.
+    """
     try:
         content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
-        text = _expanded(path) if path.suffix.lower() == XACRO else content
+        if path.suffix.lower() == XACRO:
+            text = _expanded(path, folders, {} if xacro_args is None else xacro_args)
+        else:
+            text = content
         require_at_most(text.count("<"), TAGS, "tags", path)
         builder, parser = (
             ElementTree.TreeBuilder(),
@@ -122,17 +140,17 @@ def parsed(path: Path) -> ElementTree.Element:
     return root
 
 
-def _expanded(path: Path) -> str:
-    """Expand a xacro file to a URDF, with the defaults of its arguments, in a process with limits."""
+def _expanded(path: Path, folders: Sequence[Path], arguments: Mapping[str, str]) -> str:
+    """Expand a xacro file to a URDF in a process with limits."""
     xacrodoc()
-    child = [
-        sys.executable,
-        "-P",
-        xacro_child.__file__,
-        str(path),
-        str(ROBOT_BYTES),
-        str(2048 * MEGABYTE),
-    ]
+    order = {
+        "path": os.path.abspath(path),
+        "most": ROBOT_BYTES,
+        "memory": 2048 * MEGABYTE,
+        "folders": [os.path.abspath(folder) for folder in folders],
+        "arguments": dict(arguments),
+    }
+    child = [sys.executable, "-P", xacro_child.__file__, json.dumps(order)]
     try:
         done = subprocess.run(
             child, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST_XACRO, check=False
@@ -141,18 +159,53 @@ def _expanded(path: Path) -> str:
         raise FileFormatError(
             f"{path}: xacro cannot expand it: it takes more than {LONGEST_XACRO:g} s"
         ) from None
-    text = done.stdout.decode(errors="replace")
-    if done.returncode != 0:
-        reason = " ".join(text.split()) or f"exit code {done.returncode}"
-        if (package := re.search(r"Package not found: (\S+)", reason)) is not None:
-            reason = (
-                f"there is no package {package[1]!r} above its folder or in ROS_PACKAGE_PATH; --mesh-folders on the "
-                "command line adds a folder of packages"
-            )
+    try:
+        answer = json.loads(done.stdout)
+    except ValueError:  # ended by the system, without an answer
+        answer = {"error": f"exit code {done.returncode}"}
+    _require_arguments(path, answer, arguments)
+
+    if answer.get("package"):
+        raise FileFormatError(
+            f"{path}: xacro cannot expand it: there is no package {answer['package']!r} above its folder or in "
+            f"ROS_PACKAGE_PATH or AMENT_PREFIX_PATH; {argument('mesh_folders')} adds a folder that contains it"
+        )
+    text = answer.get("urdf")
+    if text is None:
+        reason = " ".join(str(answer.get("error")).split())
         raise FileFormatError(f"{path}: xacro cannot expand it: {reason}")
     if len(text) > ROBOT_BYTES:
         raise FileFormatError(f"{path}: is {len(text) / MEGABYTE:.4g} MB when expanded; too large")
-    return text
+    return str(text)
+
+
+def _require_arguments(
+    path: Path, answer: Mapping[str, Sequence[str]], given: Mapping[str, str]
+) -> None:
+    """Raise where arguments of a xacro file have no value, or where a given one does not exist."""
+    missing = answer.get("missing", ())
+    declared = answer.get("declared", ())
+    unknown = [name for name in given if name not in declared]
+    if missing:
+        listed = ", ".join(map(repr, missing))
+        others = [repr(name) for name in declared if name not in missing]
+        text = f"{path}: the xacro arguments without a default need values: {listed}"
+        if others:
+            text += f" (further arguments: {', '.join(others)})"
+        if unknown:
+            text += f"; it has no argument {', '.join(map(repr, unknown))}"
+        raise FileFormatError(f"{text}; give them with {xacro_arguments(missing)}")
+    if unknown and "urdf" in answer:
+        raise unknown_name("xacro argument", unknown[0], declared, f"in '{path}'")
+
+
+def xacro_arguments(names: Sequence[str]) -> str:
+    """Write how values are given to arguments of a xacro file, in a command or in Python."""
+    if typed():
+        values = " ".join(f"{name}:=VALUE" for name in names)
+        return f"{argument('xacro_args')} {values}"
+    values = ", ".join(f"{name!r}: 'VALUE'" for name in names)
+    return f"{argument('xacro_args')}{{{values}}}"
 
 
 @dataclass(frozen=True)
@@ -166,6 +219,7 @@ class MeshPaths:
     path: Path  # the robot's file
     more: Sequence[Path] = ()  # folders that the user allows, also searched for packages
     read: dict[Path, Mesh] = field(default_factory=dict)  # cache
+    packages: dict[str, list[Path]] = field(default_factory=dict)  # cache of their folders, by name
 
     def mesh(self, file: Path) -> Mesh:
         """Read a mesh file once."""
@@ -188,11 +242,11 @@ class MeshPaths:
         """Raise `FileFormatError` for a file outside the allowed folders, with symbolic links resolved."""
         package, real = _package(name), file.resolve()
         named = () if package is None or package[0] in ("..", ".") else self._packages(package[0])
-        folders = (*self._own(), *_ros_folders(), *self.more, *named)
+        folders = (*self._own(), *ros_folders(), *self.more, *named)
         if not any(
             real.is_relative_to(place.resolve())
             for folder in folders
-            for place in (folder, *_origins(folder))
+            for place in (folder, *origins(folder))
         ):
             raise FileFormatError(
                 f"{self.path}: names {name!r}, which lies outside its folder and its packages, at {str(real)!r}; if it "
@@ -212,54 +266,22 @@ class MeshPaths:
     def _relative(self, name: str) -> Path:
         return self.path.parent / (unquote(name[7:]) if name.startswith("file://") else name)
 
-    def _packages(self, title: str) -> Iterator[Path]:
+    def _packages(self, title: str) -> list[Path]:
         """Folders of a package; more than three levels up they must be marked as packages."""
-        for i, place in enumerate(self.path.parents):
-            for package in (place, place / title) if place.name == title else (place / title,):
-                if (i < 3 and not _holds_home(place)) or _origins(package):
-                    yield package
-        for place in (*_ros_folders(), *self.more):
-            yield from (place, place / title) if place.name == title else (place / title,)
+        if title not in self.packages:
+            self.packages[title] = list(package_folders(title, self.path, self.more))
+        return self.packages[title]
 
     def _own(self) -> Iterator[Path]:
         """Folder of the robot file, its parent and its package, also those of the target of a symbolic link."""
         for path in dict.fromkeys((self.path, self.path.resolve())):
             yield path.parent
-            if not _holds_home(path.parent.parent):
+            if not holds_home(path.parent.parent):
                 yield path.parent.parent
-            yield from (place for place in path.parent.parents if _origins(place))
-
-
-def is_file(path: Path) -> bool:
-    """Return whether a file exists; False for names that are too long or not accessible."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
+            yield from (place for place in path.parent.parents if origins(place))
 
 
 def _package(name: str) -> tuple[str, str] | None:
     """Package and path of a name such as ``package://robot/meshes/link.stl``; None for other names."""
     match = re.fullmatch(r"(?:package|model):/{2,}([^/]+)/+(.+)", name, re.DOTALL)
     return None if match is None else (match[1], match[2])
-
-
-def _origins(folder: Path) -> list[Path]:
-    """Folders of the marker files of a package, with symbolic links resolved; empty without a package."""
-    marks = ("package.xml", "manifest.xml")
-    return [(folder / mark).resolve().parent for mark in marks if is_file(folder / mark)]
-
-
-def _holds_home(folder: Path) -> bool:
-    """Whether a folder is the home folder of the user or above it."""
-    return Path(os.path.expanduser("~")).is_relative_to(folder) or folder == Path(folder.anchor)
-
-
-def _ros_folders() -> list[Path]:
-    """Folders of ROS packages, which the user trusts."""
-    folders = {
-        key: os.environ.get(key, "").split(os.pathsep)
-        for key in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-    }
-    ros, ament = ([Path(entry) for entry in entries if entry] for entries in folders.values())
-    return [*ros, *(place / "share" for place in ament)]

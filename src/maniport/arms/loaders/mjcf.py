@@ -1,6 +1,6 @@
 """MJCF: bodies, joints, joint equalities, masses and shapes."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -13,12 +13,12 @@ from maniport.arms.loaders.document import (
     LARGEST,
     MeshPaths,
     body_inertia,
-    is_file,
     numbers,
     require,
 )
 from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
+from maniport.arms.loaders.package_folders import is_file
 from maniport.arms.meshes import solid
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.errors import FileFormatError
@@ -33,9 +33,12 @@ SIZES = {
 """Sizes of solids as multiples of the numbers in the file."""
 
 
-def read(path: Path, root: Element) -> RobotModel:
-    """Read the bodies, sites and joints of a robot in MuJoCo's format; free joints are at rest."""
-    document = Document(path, root)
+def read(path: Path, root: Element, folders: Sequence[Path] = ()) -> RobotModel:
+    """Read the bodies, sites and joints of a robot in MuJoCo's format; free joints are at rest.
+
+    Files that it includes may be in its folder or in `folders`.
+    """
+    document = Document(path, root, folders)
     document.check()
     model = RobotModel(path, document.root.get("model") or path.stem, shapes)
     model.bodies[WORLD] = RobotBody(WORLD, None, np.eye(4), inertia=np.zeros((6, 6)))
@@ -114,7 +117,7 @@ def _inertia(document: Document, body: Element) -> Array | None:
 
 def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
     """Yield the shapes of bodies: those without contacts if a body has such, else all."""
-    document = Document(path, root)
+    document = Document(path, root, paths.more)
     folder = path.parent / document.options.get("meshdir", document.options.get("assetdir", ""))
     meshes: dict[str, tuple[Element, Path | None]] = {}
     for mesh in document.root.iterfind("asset/mesh"):

@@ -4,6 +4,7 @@ import copy
 import os
 import re
 from collections import Counter
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -13,8 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms.chain import rotation_about
 from maniport.arms.loaders.document import LARGEST, numbers, parsed, require
+from maniport.arms.loaders.package_folders import is_file
+from maniport.errors import argument
 from maniport.util.input_limits import (
     INCLUDES,
+    INSERTIONS,
     LINKS,
     NESTING,
     ROBOT_BYTES,
@@ -41,8 +45,9 @@ ACTUATORS = (
 class Document:
     """Attributes of the elements of an MJCF with its included files, their own or those of default classes."""
 
-    def __init__(self, path: Path, root: Element):
-        self.path, self.root = path, with_includes(path, root)
+    def __init__(self, path: Path, root: Element, folders: Sequence[Path] = ()):
+        self.path = path
+        self.root = with_includes(path, root, folders)
         self.parents = {child: parent for parent in self.root.iter() for child in parent}
         self.options = {
             name: value
@@ -218,11 +223,11 @@ def rotation_to(values: Array) -> Array:
     return np.asarray(Rotation.from_rotvec(np.arctan2(length, values[2]) * axis).as_matrix())
 
 
-def with_includes(path: Path, root: Element) -> Element:
+def with_includes(path: Path, root: Element, folders: Sequence[Path] = ()) -> Element:
     """Insert included files as MuJoCo does, and name unnamed bodies and joints."""
     tree = copy.deepcopy(root)
     if root.find(".//include") is not None:
-        _fill(tree, path, {path.resolve(): sum(1 for _ in root.iter())})
+        Inclusion(path, folders, tree)
         first: dict[str, Element] = {}
         for section in list(
             tree
@@ -242,33 +247,68 @@ def with_includes(path: Path, root: Element) -> Element:
     return tree
 
 
-def _fill(element: Element, path: Path, seen: dict[Path, int], level: int = 1) -> None:
-    """Replace <include> by the content of files; `seen` counts the elements of each file."""
-    require_at_most(
-        level, NESTING, "levels of elements within elements, with the files that it includes", path
-    )
-    children: list[Element] = []
-    for child in element:
-        if child.tag != "include":
-            _fill(child, path, seen, level + 1)
-            children.append(child)
-            continue
-        name = child.get("file", "")
+class Inclusion:
+    """Replacement of each <include> of a model by the content of its file, as MuJoCo 3.17 does.
+
+    MuJoCo accepts a file once in the model's own file. Included files may include the same file several times, and a
+    file that another included file includes, but none that the model's own file has included before, nor themselves.
+    """
+
+    def __init__(self, path: Path, folders: Sequence[Path], root: Element):
+        self.path = path
+        self.allowed = [path.parent.resolve(), *(folder.resolve() for folder in folders)]
+        self.read: dict[Path, Element] = {}  # cache
+        self.insertions = 0
+        self.elements = sum(1 for _ in root.iter())
+        self._fill(root, path, {path.resolve()}, 1)
+
+    def _fill(self, element: Element, path: Path, included: set[Path], level: int) -> None:
+        """Fill an element of the file `path`; `included` are files that it must not include."""
+        what = "levels of elements within elements, with the files that it includes"
+        require_at_most(level, NESTING, what, path)
+        children: list[Element] = []
+        for child in element:
+            if child.tag != "include":
+                self._fill(child, path, included, level + 1)
+                children.append(child)
+                continue
+            name = child.get("file", "")
+            file = self._file(name, path)
+            fault = f"includes {name!r} more than once, or in a cycle, which MuJoCo refuses, too"
+            require(file not in included, path, f"{fault}; write the content in its place")
+            if path == self.path:
+                included.add(file)
+            content = self._content(file, path)
+            self._fill(content, file, included | {file}, level)
+            children += content
+        element[:] = children
+
+    def _file(self, name: str, path: Path) -> Path:
+        """Return an included file: relative to the model's file, else to the including file."""
         require(bool(name), path, "an <include> names no file")
-        file = Path(
-            os.path.realpath(path.parent / name)
-        )  # not strict: symbolic links may be cyclic
-        inside = file.is_relative_to(path.parent.resolve())
+        places = [self.path.parent, path.parent]
+        candidates = [place / name for place in places]
+        found = next(filter(is_file, candidates), candidates[-1])
+        file = Path(os.path.realpath(found))  # not strict: symbolic links may be cyclic
+        inside = any(file.is_relative_to(folder) for folder in self.allowed)
         require(
-            inside, path, f"includes {name!r}, which lies outside of its folder; put it below that"
+            inside,
+            path,
+            f"includes {name!r}, which lies outside of its folder; put it below that, or allow its folder with "
+            f"{argument('mesh_folders')}",
         )
-        require(file not in seen, path, f"includes {name!r} more than once, or in a cycle")
-        require_at_most(len(seen), INCLUDES, "included files", path)
-        root = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, f"; {path} includes it"))
-        seen[file] = sum(1 for _ in root.iter())
-        require_at_most(
-            sum(seen.values()), TAGS, "elements with those of the files that it includes", path
-        )
-        _fill(root, path, seen, level)
-        children += root
-    element[:] = children
+        return file
+
+    def _content(self, file: Path, path: Path) -> Element:
+        """Read an included file; each insertion is a copy."""
+        if file not in self.read:
+            require_at_most(len(self.read) + 1, INCLUDES, "included files", self.path)
+            hint = f"; {path} includes it"
+            self.read[file] = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, hint))
+        root = self.read[file]
+        self.insertions += 1
+        require_at_most(self.insertions, INSERTIONS, "inclusions of files", self.path)
+        self.elements += sum(1 for _ in root.iter())
+        what = "elements with those of the files that it includes"
+        require_at_most(self.elements, TAGS, what, self.path)
+        return copy.deepcopy(root)

@@ -1,7 +1,8 @@
 """Robots as trees of bodies, as readers of robot files describe them, and their limbs with default end effectors."""
 
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+import shlex
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +13,37 @@ from maniport.errors import InvalidInputError, argument, nearest_first, unknown_
 from maniport.util.validation import Array
 
 _SIDES = ("left", "right", "l", "r")
+_FINGERS = ("finger", "fngr", "thumb", "knuckle", "jaw", "claw", "pincer")
+_GRIPPERS = ("grip", "grasp", "clamp")
+_HANDS = (*_GRIPPERS, "hand", "palm")
+_TURNS = ("wrist", "elbow", "shoulder", "forearm", "yaw", "pitch", "roll", "rotat", "twist")
+_ARMS = (*_FINGERS, *_HANDS, "arm", "wrist", "elbow", "shoulder", "tcp", "tool", "eef")
+_LEGS = (
+    "leg",
+    "foot",
+    "feet",
+    "ankle",
+    "toe",
+    "sole",
+    "hip",
+    "knee",
+    "thigh",
+    "calf",
+    "shin",
+    "wheel",
+)
+_HEADS = ("head", "neck", "eye", "camera", "tail", "antenna")
+"""Parts of words in names of joints and bodies; turns are joints that turn a gripper, rather than open it."""
+_FILLERS = ("link", "frame", "body", "site", "point", "pose", *_SIDES)
+_NO_TOOLS = (
+    *("camera", "optical", "sensor", "imu", "marker", "aruco", "led", "light"),
+    *("mount", "adapter", "changer", "cover", "collision"),
+)
+_NO_RANK = 9  # of names that are not those of tool frames
+_PINCH = ("pinch_site", "pinch")
+_ATTACHMENT = ("attachment_site",)
+_BEYOND = 0.01  # distance by which a tool frame beside a gripper must lie beyond it [m]
+_SAME = 1e-6  # frames at this distance and rotation coincide [m], [-]
 
 
 @dataclass(frozen=True)
@@ -57,6 +89,7 @@ class RobotModel:
     speeds: dict[str, float] = field(default_factory=dict)  # infinite where unknown
     efforts: dict[str, float] = field(default_factory=dict)  # infinite where unknown
     unlimited: list[str] = field(default_factory=list)
+    remarks: dict[str, dict[str, str]] = field(default_factory=dict)  # as in `Chain`
     closed: dict[str, tuple[float, float]] = field(
         default_factory=dict
     )  # limits that exclude all positions
@@ -90,6 +123,10 @@ class RobotModel:
         ):  # `Joint` checks the axis
             return Joint(name, kind, axis / np.linalg.norm(axis), placement, armature)
 
+    def remark(self, kind: str, name: str, detail: str = "") -> None:
+        """Note something about a joint or link for reports."""
+        self.remarks.setdefault(kind, {})[name] = detail
+
     def line(self, body: str) -> list[str]:
         """Return a body and all bodies that carry it, the nearest first."""
         names = [body]
@@ -102,14 +139,26 @@ class RobotModel:
 class Limb:
     """A chain from the base of a robot to one of its ends, without fingers."""
 
-    frame: str  # the end effector's site, else the body that carries the gripper, else the outermost body
+    frame: str  # end effector
+    reason: str  # why it is that frame
     joints: tuple[str, ...]  # with one axis, from the base
     fork: str | None  # last body shared with another of the longest limbs; None if it is fixed
+    is_leg: bool = False
+
+
+def longest_limbs(limbs: Sequence[Limb]) -> list[Limb]:
+    """Return the longest limbs, without legs if there are arms; those are first."""
+    first = limbs[0]
+    return [
+        limb
+        for limb in limbs
+        if (limb.is_leg, len(limb.joints)) == (first.is_leg, len(first.joints))
+    ]
 
 
 def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
     """Return the limb of one side of a robot, among its longest limbs."""
-    longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
+    longest = longest_limbs(limbs)
     scores = []  # occurrences of one side, as "left" or "l", minus those of the other
     for limb in longest:
         words = [
@@ -146,35 +195,45 @@ class Limbs:
                 beyond[body.name] = max(beyond[body.name], len(child.joints) + beyond[child.name])
         owners = {name: body.name for body in model.bodies.values() for name in body.welds}
         owners |= {joint.name: body.name for body in moving for joint in body.joints}
-        coupled = {  # leaders of joints on other branches, such as the other finger
-            rule.leader for name, rule in model.followers.items()
-            if rule.leader in owners and name in owners
+        self._leaders = {  # of joints on other branches, such as the other finger
+            rule.leader
+            for name, rule in model.followers.items()
+            if rule.leader in owners
+            and name in owners
             and owners[rule.leader] not in [body.name for body in self._paths[owners[name]]]
-        }  # fmt: skip
+        }
 
         def is_hand(body: RobotBody) -> bool:
             below = self._below[body.name]
-            if (
-                not 0 < beyond[body.name] < len(self._joints(body.name))
-                or self._beyond(body.name) & self._wanted
-            ):
+            if not 0 < beyond[body.name] < len(self._joints(body.name)):
                 return False
-            fingers = [joint.name for child in below for joint in child.joints]
-            return len(below) > 1 or any(name in coupled or _is_finger(name) for name in fingers)
+            if self._beyond(body.name) & self._wanted:
+                return False
+            return len(below) > 1 or self._opens(body, below[0])
 
         tops = [self._paths[body.name] for body in moving if not beyond[body.name]]
         self._ends = list(
             dict.fromkeys(next(filter(is_hand, path), path[-1]).name for path in tops)
         )
+        self._tools = {end: self._tool(end) for end in self._ends}
+        kinds = {end: self._kind(end) for end in self._ends}
+        self._legs: set[str] = set()  # ends of legs, if there are arms
+        if "arm" in kinds.values():
+            self._legs = {end for end in self._ends if kinds[end] == "leg"}
 
     def all(self) -> list[Limb]:
-        """Return all limbs, the longest first."""
-        joints, limbs = {end: self._joints(end) for end in self._ends}, []
-        longest = [end for end in joints if len(joints[end]) == max(map(len, joints.values()))]
-        for end in sorted(self._ends, key=lambda end: -len(joints[end])):
+        """Return all limbs, arms before legs, the longest first."""
+        joints = {end: self._joints(end) for end in self._ends}
+        ends = sorted(self._ends, key=lambda end: (end in self._legs, -len(joints[end])))
+        arms = [end for end in ends if end not in self._legs]
+        longest = [end for end in arms if len(joints[end]) == len(joints[arms[0]])]
+        limbs = []
+        for end in ends:
             others = {id(body) for other in longest if other != end for body in self._paths[other]}
             shared = [body.name for body in self._paths[end] if id(body) in others]
-            limbs.append(Limb(self.end_frame(end), joints[end], shared[-1] if shared else None))
+            frame, reason = self._tools[end]
+            fork = shared[-1] if shared else None
+            limbs.append(Limb(frame, reason, joints[end], fork, end in self._legs))
         return limbs
 
     def fingers(self) -> set[str]:
@@ -187,9 +246,10 @@ class Limbs:
         size = {
             end: (len(wanted.intersection(self._joints(end))), len(self._joints(end)))
             for end in self._ends
+            if wanted or end not in self._legs
         }
         most = max(size.values(), default=(0, 0))
-        ends = [end for end in self._ends if size[end] == most]
+        ends = [end for end, own in size.items() if own == most]
         if not ends:
             raise InvalidInputError(f"{source}: has no movable joint")
         if len(ends) > 1 and most[0]:
@@ -200,43 +260,131 @@ class Limbs:
             ]
             chosen = [[joint.name in wanted for joint in body.joints] for body in shared]
             if sum(map(sum, chosen)) == most[0]:
-                ends = [
-                    [body.name for body, own in zip(shared, chosen, strict=True) if any(own)][-1]
-                ]
+                end = [body.name for body, own in zip(shared, chosen, strict=True) if any(own)][-1]
+                return self._tool(end)[0]
         if len(ends) > 1:
-            candidates = nearest_first("hand", [self.end_frame(end) for end in ends])
+            candidates = nearest_first("hand", [self._tools[end][0] for end in ends])
             raise InvalidInputError(
                 f"{source}: several frames end a chain of {most[1]} movable joints; choose one with "
-                f"{argument('frame')}, such as {', '.join(map(repr, candidates[:12]))}"
+                f"{argument('frame')}, such as {', '.join(map(repr, candidates[:12]))}; "
+                f"maniport info {shlex.quote(str(source))} lists all ends"
             )
-        return self.end_frame(ends[0])
+        return self._tools[ends[0]][0]
 
-    def end_frame(self, end: str) -> str:
-        """Return the end-effector site, else the body that carries all further joints, else the outermost body."""
-        bodies, sites = self.model.bodies, self.model.sites
-        rigid = [
-            name for name, path in self._paths.items() if path and path[-1].name == end
-        ]  # with that body
-        on_end = [site for site, (body, _) in sites.items() if body in rigid and site not in bodies]
-        if marked := _with_usual_name(on_end, ("pinch_site", "pinch", "attachment_site")):
-            return marked
-        tops = {str(child.parent) for child in self._below[end]}
-        if not tops:
-            tops = set(rigid) - {str(bodies[name].parent) for name in rigid}
-            usual = (
-                "tool0",
-                "tcp",
-                "tool",
-                "tool_center_point",
-                "ee_link",
-                "ee",
-                "end_effector",
-                "flange",
-            )
-            if named := _with_usual_name([name for name in rigid if name in tops], usual):
-                return named
-        lines = [self.model.line(name) for name in tops]
+    def _tool(self, end: str) -> tuple[str, str]:
+        """Return the end effector of a moving body, and why it is that frame."""
+        bodies = self.model.bodies
+        rigid = [name for name, path in self._paths.items() if path and path[-1].name == end]
+        sites = self._sites_on(rigid)
+        marked = _with_usual_name(sites, _PINCH)
+        if marked:
+            return marked, "the site between the fingers"
+
+        carriers = {str(child.parent) for child in self._below[end]}
+        hand = self._common(carriers) if carriers else None
+        poses = self._poses(end, rigid)
+        above = {str(bodies[name].parent) for name in bodies}
+        outermost = [name for name in rigid if name not in above]
+        if hand is None:
+            marked = _with_usual_name(sites, _ATTACHMENT)
+            if marked:
+                return marked, "the site for tools"
+        link = self._common(outermost) if hand is None else hand
+        further = [site for site in sites if not _coincide(poses[site], poses[link])]
+        tools = [name for name in (*outermost, *further) if _tool_rank(name) < _NO_RANK]
+        if hand is not None:
+            tools = [name for name in tools if self._is_beyond(name, hand, poses)]
+        if tools:  # the best name, of several the farthest
+            distance = {name: float(np.linalg.norm(poses[name][:3, 3])) for name in tools}
+            tool = min(tools, key=lambda name: (_tool_rank(name), -distance[name]))
+            if hand is not None:
+                return tool, f"a fixed tool frame of {hand!r}"
+            named = _tool_rank(link) <= _tool_rank(tool)
+            return link if named else tool, "a fixed tool frame"
+
+        marked = _with_usual_name(sites, _ATTACHMENT)
+        if marked:
+            return marked, "the site for tools"
+        if hand is not None:
+            return hand, "the link that carries the gripper"
+        marked = _with_usual_name(outermost, ("flange",))
+        if marked:
+            return marked, "the flange"
+        return link, "the outermost link"
+
+    def _sites_on(self, bodies: Collection[str]) -> list[str]:
+        """Return the sites on bodies, without those that have the name of a body."""
+        return [
+            site
+            for site, (body, _) in self.model.sites.items()
+            if body in bodies and site not in self.model.bodies
+        ]
+
+    def _common(self, names: Iterable[str]) -> str:
+        """Return the outermost body that carries all bodies of some names, or is one of them."""
+        lines = [self.model.line(name) for name in names]
         return next(name for name in lines[0] if all(name in line for line in lines))
+
+    def _poses(self, end: str, rigid: Sequence[str]) -> dict[str, Array]:
+        """Poses (4, 4) of bodies and sites in the frame of the moving body that they are rigid with."""
+        poses = {end: np.eye(4)}
+        for name in rigid:  # parents first
+            body = self.model.bodies[name]
+            if name != end:
+                poses[name] = poses[str(body.parent)] @ body.placement
+        for site in self._sites_on(rigid):
+            owner, placement = self.model.sites[site]
+            poses[site] = poses[owner] @ placement
+        return poses
+
+    def _is_beyond(self, name: str, hand: str, poses: Mapping[str, Array]) -> bool:
+        """Whether a frame is fixed to the hand, or lies beyond it; an older tool frame on the flange does not."""
+        owner = self.model.sites[name][0] if name not in self.model.bodies else name
+        if hand in self.model.line(owner):
+            return True
+        distance = np.linalg.norm(poses[name][:3, 3]) - np.linalg.norm(poses[hand][:3, 3])
+        return bool(distance > _BEYOND)
+
+    def _opens(self, body: RobotBody, moved: RobotBody) -> bool:
+        """Whether the joints of a body below another one open a gripper."""
+        hands = [
+            name
+            for name, path in self._paths.items()
+            if path and path[-1].name == body.name and _has(name, _HANDS)
+        ]
+        first = self._paths[body.name][0].joints[0].name
+        named = not _has(first, (*_FINGERS, *_GRIPPERS))  # else all joints may have that prefix
+        for joint in moved.joints:
+            followed = {  # branches beyond, whose joints follow this one
+                child.name
+                for child in self._below[moved.name]
+                for other in child.joints
+                if self._leader(other.name) == joint.name
+            }
+            if joint.name in self._leaders or len(followed) > 1:
+                return True
+            slides = joint.kind == PRISMATIC
+            if named and _is_gripper(joint.name, moved.name, slides=slides, on_hand=bool(hands)):
+                return True
+        return False
+
+    def _leader(self, name: str) -> str | None:
+        """Return the joint that another one follows."""
+        rule = self.model.followers.get(name)
+        return None if rule is None else rule.leader
+
+    def _kind(self, end: str) -> str:
+        """Return whether a limb is an "arm", a "leg" or "" by its names; three joints without names are an arm."""
+        joints = self._joints(end)
+        names = (self._tools[end][0], end, *joints)
+        is_leg = any(_has(name, _LEGS) for name in names)
+        is_arm = any(_has(name, _ARMS) for name in names)
+        if is_leg and (not is_arm or _has(names[0], _LEGS)):
+            return "leg"
+        if is_arm:
+            return "arm"
+        is_other = any(_has(name, _HEADS) for name in names)
+        return "arm" if len(joints) > 2 and not is_other else ""
 
     def _joints(self, end: str) -> tuple[str, ...]:
         return tuple(joint.name for body in self._paths[end] for joint in body.joints)
@@ -268,7 +416,47 @@ def _words(name: str) -> list[str]:
     return [word.lower() for word in re.findall(r"[A-Z](?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+", name)]
 
 
-def _is_finger(name: str) -> bool:
-    """Whether the name of a joint is that of a gripper: ``gripper_left_joint``, ``jointGripper``."""
-    words = [word for word in _words(name) if word not in ("joint", "link", *_SIDES)]
-    return bool(words) and words[-1] in ("gripper", "finger", "thumb", "jaw", "claw", "knuckle")
+def _has(name: str, parts: Collection[str]) -> bool:
+    """Whether a word of a name begins or ends with one of some parts."""
+    return any(
+        word.startswith(part) or word.endswith(part) for word in _words(name) for part in parts
+    )
+
+
+def _is_gripper(joint: str, body: str, *, slides: bool, on_hand: bool) -> bool:
+    """Whether a joint opens a gripper, by its name and that of the body that it moves.
+
+    The body of a wrist may be called gripper: its name counts where the joint slides, or is carried by a hand.
+    """
+    if _has(joint, _FINGERS):
+        return True
+    if _has(joint, _TURNS):
+        return False
+    if _has(joint, _GRIPPERS) or _has(body, _FINGERS):
+        return True
+    return _has(body, _GRIPPERS) and (slides or on_hand)
+
+
+def _tool_rank(name: str) -> int:
+    """Return the rank of the name of a tool frame, the lowest first; `_NO_RANK` for other names."""
+    words = _words(name)
+    if any(word.startswith(_NO_TOOLS) or word in ("x", "y", "z") for word in words):
+        return _NO_RANK
+    core = [word for word in words if word not in _FILLERS]
+    text = "_".join(words)
+    if "tcp" in core or "tool_center" in text or "tool_centre" in text:
+        return 0
+    if core and core[-1] == "tool":
+        return 1
+    if core and (core[-1].startswith("grasp") or "grasp_center" in text):
+        return 2
+    if {"ee", "eef", "endeffector"} & set(core) or "end_effector" in text:
+        return 3
+    if re.search("grip(per)?_?(frame|center|centre|point|site)", text):
+        return 4
+    return _NO_RANK
+
+
+def _coincide(first: Array, second: Array) -> bool:
+    """Whether two poses (4, 4) are the same."""
+    return bool(np.abs(first - second).max() < _SAME)

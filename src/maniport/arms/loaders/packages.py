@@ -16,6 +16,7 @@ from maniport.errors import MissingPackageError, UnknownNameError, unknown_name
 from maniport.util.optional import xacrodoc
 
 CATALOG = "robot_descriptions"
+MOST_ROBOTS = 5  # similar names that the error of an unknown robot lists
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,8 @@ def find_robot(name: str) -> RobotFile | None:
         if robot in files:
             return RobotFile(files[robot], name=robot, pair=robot in package.pairs)
         if title and files:
-            raise unknown_name("robot", robot, {*package.names, *files}, f"in the package {title}")
+            names = {*package.names, *files}
+            raise unknown_name("robot", robot, names, f"in the package {title}", MOST_ROBOTS)
     missing = [
         key
         for key, package in packages.items()
@@ -141,9 +143,8 @@ def _from_catalog(name: str, installed: bool) -> RobotFile:
         )
     if not installed:
         catalog = importlib.import_module(f"{CATALOG}._descriptions")
-        raise unknown_name(
-            "robot", name, getattr(catalog, "DESCRIPTIONS", ()), f"in the package {CATALOG}"
-        )
+        names = getattr(catalog, "DESCRIPTIONS", ())
+        raise unknown_name("robot", name, names, f"in the package {CATALOG}", MOST_ROBOTS)
     try:
         module = importlib.import_module(f"{CATALOG}.{name}")
         file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)

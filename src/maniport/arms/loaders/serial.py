@@ -6,11 +6,25 @@ from functools import partial
 
 import numpy as np
 
-from maniport.arms.chain import PRISMATIC, Body, Chain, Frame, Joint, check_names, moved_inertia
+from maniport.arms.chain import (
+    IMPLAUSIBLE_INERTIA,
+    PRISMATIC,
+    Body,
+    Chain,
+    Frame,
+    Joint,
+    check_names,
+    moved_inertia,
+)
 from maniport.arms.loaders.document import read_shapes
 from maniport.arms.loaders.model import Limbs, RobotBody, RobotModel
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.util.validation import Array
+
+LEAST_RADIUS = 0.3  # of gyration, which bodies of small arms may have [m]
+NEGLIGIBLE = 2e-3  # moment that changes no torque: small sensors often have 0.001 [kg m²]
+TRIANGLE = 0.01  # share by which the largest moment may exceed the sum of the others, by few digits in files
+ROUNDING = 1e-6  # such a moment [kg m²]
 
 Mounts = dict[str, tuple[int, Array]]
 """Bodies and sites fixed to a chain: number of joints before each, and its pose (4, 4) in the frame of the last."""
@@ -54,6 +68,12 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
         if body in mounts and site not in model.bodies:
             frames[site] = Frame(mounts[body][0], mounts[body][1] @ placement, body)
     limits = np.array([model.bounds[name] for name in coordinates]).reshape(-1, 2)
+    carriers = _carriers(model, mounts)
+    inertia = _inertia(model, carriers, len(joints))
+    remarks = dict(model.remarks)
+    if inertia is not None:
+        steps = [np.linalg.norm(joint.placement[:3, 3]) for joint in joints]
+        remarks[IMPLAUSIBLE_INERTIA] = _implausible_inertia(model, carriers, float(sum(steps)))
     return Chain(
         name=model.name,
         joints=tuple(joints),
@@ -66,7 +86,8 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
         offset=offset,
         velocity_limits=np.array([model.speeds[name] for name in coordinates]),
         effort_limits=np.array([model.efforts[name] for name in coordinates]),
-        inertia=_inertia(model, mounts, len(joints)),
+        inertia=inertia,
+        remarks=remarks,
         unlimited=tuple(model.unlimited),
         shapes=partial(read_shapes, model.shapes, path.absolute()),
         others=_bodies_off_chain(model, mounts, coordinates),
@@ -115,19 +136,60 @@ def _resolved(
     return None, 0.0, factor * rest + offset
 
 
-def _inertia(model: RobotModel, mounts: Mounts, count: int) -> Array | None:
-    """Spatial inertia of what the base and each joint carry, other joints at rest; None without all masses."""
-    inertia, places = np.zeros((count + 1, 6, 6)), dict(mounts)
+def _carriers(model: RobotModel, mounts: Mounts) -> Mounts:
+    """Return for all bodies what `mounts` has for those fixed to the chain, other joints at rest."""
+    places = dict(mounts)
     for body in model.bodies.values():
         if body.name not in places:
             carrier, pose = places[str(body.parent)]
             places[body.name] = carrier, pose @ _poses(model, [body], ())[0]
-        carrier, pose = places[body.name]
+    return places
+
+
+def _inertia(model: RobotModel, carriers: Mounts, count: int) -> Array | None:
+    """Spatial inertia of what the base and each joint carry, other joints at rest; None without all masses."""
+    inertia = np.zeros((count + 1, 6, 6))
+    for body in model.bodies.values():
+        carrier, pose = carriers[body.name]
         if body.inertia is not None:
             inertia[carrier] += moved_inertia(body.inertia, pose)
         elif carrier:
             return None
     return inertia if np.any(inertia[1:]) else None
+
+
+def _implausible_inertia(model: RobotModel, carriers: Mounts, length: float) -> dict[str, str]:
+    """Return the moving bodies whose moments of inertia no body of their mass can have.
+
+    The largest principal moment is at most the sum of the others. The radius of gyration of a body is below half of
+    its length, and a body of an arm is no longer than the arm.
+    """
+    largest = max(0.5 * length, LEAST_RADIUS)
+    details = {}
+    for body in model.bodies.values():
+        if body.inertia is None or not carriers[body.name][0]:
+            continue
+        mass = body.inertia[0, 0]
+        moments = _principal_moments(body.inertia)
+        excess = moments[2] - moments[0] - moments[1]
+        no_body = excess > max(TRIANGLE * moments[2], ROUNDING)
+        too_large = moments[2] > max(mass * largest**2, NEGLIGIBLE)
+        if no_body or too_large:
+            listed = ", ".join(f"{moment:.3g}" for moment in moments)
+            details[body.name] = f"{listed} kg m² for {mass:.3g} kg"
+    return details
+
+
+def _principal_moments(inertia: Array) -> Array:
+    """Principal moments of inertia (3,) about the center of mass, ascending, of a spatial inertia (6, 6)."""
+    mass = inertia[0, 0]
+    moments = inertia[3:, 3:]
+    if mass > 0:
+        center = (
+            np.array([inertia[1, 5], inertia[2, 3], inertia[0, 4]]) / mass
+        )  # sign is irrelevant
+        moments = moments - mass * (center @ center * np.eye(3) - np.outer(center, center))
+    return np.asarray(np.linalg.eigvalsh(moments))
 
 
 def _bodies_off_chain(

@@ -8,8 +8,17 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from maniport.arms.chain import PRISMATIC, REVOLUTE, Mesh, Shape, pose
-from maniport.arms.loaders.document import MeshPaths, body_inertia, numbers, require
+from maniport.arms.chain import (
+    IGNORED_INCLUDES,
+    IGNORED_SOFT_LIMITS,
+    PRISMATIC,
+    REVOLUTE,
+    SOFT_LIMITS,
+    Mesh,
+    Shape,
+    pose,
+)
+from maniport.arms.loaders.document import XACRO, MeshPaths, body_inertia, numbers, require
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
 from maniport.arms.meshes import solid
 from maniport.arms.meshes.mesh_files import scaled
@@ -24,14 +33,17 @@ KINDS = {
     **dict.fromkeys(("fixed", "floating", "planar"), ""),
 }
 """Joints with one axis by their types; a floating joint is at rest."""
+XACRO_PREFIX = "xacro:"
+INERT = ("property", "arg", "include", "if", "unless")
+"""Elements of xacro that a URDF may contain: what they declare has no effect without macros and expressions."""
 
 
 def read(path: Path, root: Element) -> RobotModel:
     """Read the bodies and joints of a robot in the Unified Robot Description Format."""
-    is_xacro = any("xacro" in element.tag for element in root.iter())
-    require(not is_xacro, path, "this is a xacro file; let its name end in .xacro")
+    model = RobotModel(path, root.get("name", ""), shapes)
+    _require_expanded(model, root)
     require(root.get("name") is not None, path, "the <robot> has no name")
-    model, links = RobotModel(path, root.get("name", ""), shapes), _named(path, root, "link")
+    links = _named(path, root, "link")
     require(bool(links), path, "has no link")
     children: dict[str, list[Element]] = {link: [] for link in links}  # joints below each link
     below = set[str]()
@@ -68,6 +80,31 @@ def read(path: Path, root: Element) -> RobotModel:
         waiting += [(other, depth + 1) for other in reversed(children[body.name])]
     require(len(model.bodies) == len(links), path, "has links in a cycle")
     return model
+
+
+def _require_expanded(model: RobotModel, root: Element) -> None:
+    """Raise where a file has to be expanded by xacro; other elements of xacro change nothing.
+
+    A file needs xacro if it defines or uses macros, or if xacro selects or computes links or joints.
+    """
+    waiting = [(root, False, False)]
+    while waiting:
+        element, in_xacro, in_part = waiting.pop()
+        is_part = element.tag in ("link", "joint")
+        word = ""
+        if element.tag.startswith(XACRO_PREFIX):
+            in_xacro = True
+            if element.tag == f"{XACRO_PREFIX}include":
+                model.remark(IGNORED_INCLUDES, element.get("filename", ""))
+            if element.tag.removeprefix(XACRO_PREFIX) not in INERT or in_part:
+                word = f"<{element.tag}>"
+        elif in_xacro and is_part:
+            word = f"a <{element.tag}> inside an element of xacro"
+        elif is_part or in_part:
+            word = next((repr(text) for text in element.attrib.values() if "${" in text), "")
+        fault = f"this is a xacro file; let its name end in {XACRO} (it has {word})"
+        require(not word, model.path, fault)
+        waiting += [(child, in_xacro, in_part or is_part) for child in element]
 
 
 def _named(path: Path, root: Element, tag: str) -> dict[str, Element]:
@@ -115,11 +152,53 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
         for key in ("lower", "upper", "velocity", "effort")
     )
     bounds = (-np.inf, np.inf) if kind == "continuous" else (low, high)
+    bounds = _soft_bounds(model, joint, bounds)
     direction = numbers(
         "1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, f"{where} an axis"
     )
     moving = model.joint(name, KINDS[kind], direction, placement, bounds, speed, effort)
     return RobotBody(child, parent, np.eye(4), (moving,), inertia=inertia)
+
+
+def _soft_bounds(
+    model: RobotModel, joint: Element, bounds: tuple[float, float]
+) -> tuple[float, float]:
+    """Narrow the bounds of a joint to the soft limits of its safety controller [rad] or [m].
+
+    As for limits, two zeros mean none; a soft limit that is not given leaves the limit of the joint. Continuous joints
+    have none.
+    """
+    controller = joint.find("safety_controller")
+    if controller is None:
+        return bounds
+    name = joint.get("name", "")
+    where = f"{model.path}: joint {name!r} needs a safety_controller"
+    soft = list(bounds)
+    given = []
+    for i, key in enumerate(("soft_lower_limit", "soft_upper_limit")):
+        text = controller.get(key)
+        if text is not None:
+            soft[i] = float(numbers(text, 1, f"{where} {key}", np.inf)[0])
+            given.append(soft[i])
+    if not any(given):
+        return bounds
+
+    detail = f"{soft[0]:.4g} to {soft[1]:.4g}"
+    if joint.get("type") == "continuous":
+        model.remark(IGNORED_SOFT_LIMITS, name, f"{detail}, continuous")
+        return bounds
+    if not any(bounds):  # no limits of the joint
+        inner = (soft[0], soft[1])
+    else:
+        inner = (max(soft[0], bounds[0]), min(soft[1], bounds[1]))
+    if inner[0] >= inner[1]:
+        model.remark(
+            IGNORED_SOFT_LIMITS, name, f"{detail}, limits {bounds[0]:.4g} to {bounds[1]:.4g}"
+        )
+        return bounds
+    if inner != bounds:
+        model.remark(SOFT_LIMITS, name, f"{inner[0]:.4g} to {inner[1]:.4g}")
+    return inner
 
 
 def _origin(element: Element, where: str) -> Array:

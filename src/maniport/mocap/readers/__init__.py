@@ -5,17 +5,20 @@ Unit and rate come from the caller, else from the file; else the unit is recogni
 
 import importlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from maniport.arms.chain import SIDES
+from maniport.arms.chain import LEFT, RIGHT, SIDES
+from maniport.arms.human import FRACTIONS
 from maniport.errors import (
     FileFormatError,
     InvalidInputError,
+    UnknownNameError,
     argument,
     printable,
     spoken,
@@ -24,8 +27,19 @@ from maniport.errors import (
 from maniport.mocap.cleaning import in_order, without_zeros
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import MAX_POSITION, Recording
-from maniport.mocap.roles import ARM, direction, find_roles, load_names, whole_bodies
-from maniport.util.defaults import RECORDINGS
+from maniport.mocap.roles import (
+    ARM,
+    Markers,
+    Roles,
+    assigned_roles,
+    direction,
+    find_roles,
+    load_names,
+    missing_roles,
+    missing_text,
+    whole_bodies,
+)
+from maniport.util.defaults import AUTO, BOTH, RECORDINGS
 from maniport.util.input_limits import (
     FRAMES,
     PLACES,
@@ -56,8 +70,11 @@ SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "bot
 class ImportOptions:
     """Options of the caller for reading a file; None for the values of the file."""
 
-    unit: str | None = None  # one of `UNITS`
+    unit: str | float | None = None  # one of `UNITS`, or meters per unit
     rate: float | None = None  # frames per second
+    height: float | None = None  # of the person [m]; it determines the unit
+    markers: Markers = None  # points of roles, as in `fit_arm` or `fit_arms`
+    side: str = AUTO  # arm that is wanted
 
     def recording(
         self,
@@ -103,13 +120,15 @@ class ImportOptions:
             never = [unique[i] for i in np.flatnonzero(missing.all(axis=0))]
             always = f"; always: {_first(never, 20)}" if never else ""
             notes.append(f"{100 * missing.mean():.1f} % of all points are missing{always}")
+        faults = []
         if self.rate is not None:
             notes.insert(0, f"frames per second set by the caller: {self.rate:g}")
             time = np.arange(len(points)) / self.rate
         elif time is None:
-            raise InvalidInputError(
+            faults.append(
                 f"the file states no frame rate; give {argument('rate')} in frames per second"
             )
+            time = np.arange(len(points), dtype=np.float64)
         times = np.asarray(time)
         if times.ndim != 1 or times.dtype.kind not in "fiu":
             raise InvalidInputError(
@@ -126,7 +145,14 @@ class ImportOptions:
             )
         times, points, ordered = in_order(times, points)
         raw = Recording(tuple(unique), points, times, printable(file.name))
-        scale, unit_note = self._scale(raw, unit)
+        try:
+            scale, unit_note = self._scale(raw, unit)
+        except InvalidInputError as error:
+            if not faults:
+                raise
+            faults.append(str(error))
+        if faults:
+            raise InvalidInputError("; ".join(faults))
         notes, warnings = (unit_note, *notes, *ordered), (*quality_warnings, *_bodies_warning(raw))
         return without_zeros(
             replace(raw, positions=raw.positions * scale, notes=notes, quality_warnings=warnings)
@@ -134,40 +160,44 @@ class ImportOptions:
 
     def _scale(self, recording: Recording, declared: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
-        unit, (ends, length) = self.unit or known_unit(declared), _upper_arm(recording)
-        fitting = [
-            name
-            for name in UNITS
-            if name != "dm" and UPPER_ARM[0] <= length * UNITS[name] <= UPPER_ARM[1]
-        ]
-        if unit is not None:
-            low, high = POSSIBLE_UPPER_ARM
-            if ends and not low <= length * UNITS[unit] <= high:
-                cause = argument("unit", unit) if self.unit else f"the unit of the file, {unit},"
+        arm = _recorded_arm(recording, self.markers)
+        if self.height is not None:
+            return _scale_by_height(self.height, arm)
+
+        unit = self.unit or known_unit(declared)
+        if unit is None:
+            if not arm.ends:
+                raise InvalidInputError(f"missing: {self._missing(recording)}")
+            return _recognized_scale(arm)
+
+        scale = UNITS[unit] if isinstance(unit, str) else unit
+        low, high = POSSIBLE_UPPER_ARM
+        if arm.ends and not low <= arm.upper_arm * scale <= high:
+            cause = argument("unit", unit) if self.unit else f"the unit of the file, {unit},"
+            better = ""
+            for fit in _fitting_units(arm):
+                better += f"; {argument('unit', fit)} makes it {arm.upper_arm * UNITS[fit]:.3g} m"
+            if not better:
                 better = (
-                    f"; {argument('unit', fit)} makes it {length * UNITS[fit]:.3g} m"
-                    for fit in fitting
+                    f"; or give the height of the person in meters ({argument('height', 1.75)})"
                 )
-                raise InvalidInputError(
-                    f"{cause} makes the upper arm ({ends}) {length * UNITS[unit]:.3g} m long; possible are {low} to "
-                    f"{high} m{''.join(better)}"
-                )
-            return UNITS[
-                unit
-            ], f"unit {unit}, {'set by the caller' if self.unit else 'of the file'}"
-        if not fitting:
-            cause = (
-                f"the upper arm ({ends}) has {length:.4g} units"
-                if ends
-                else "no points are those of an upper arm"
-            )
             raise InvalidInputError(
-                f"the unit of length cannot be recognized: {cause}; give {argument('unit')} one of "
-                f"{', '.join(map(repr, UNITS))}. Points: {_first(recording.names, 12)}"
+                f"{cause} makes the upper arm ({arm.ends}) {arm.upper_arm * scale:.3g} m long; possible are {low} to "
+                f"{high} m{better}"
             )
-        scale = UNITS[fitting[0]]
-        text = f"the upper arm ({ends}) is {length:.4g} units long, {length * scale:.3f} m"
-        return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {text}"
+        name = unit if isinstance(unit, str) else f"of {unit:g} m"
+        return scale, f"unit {name}, {'set by the caller' if self.unit else 'of the file'}"
+
+    def _missing(self, recording: Recording) -> str:
+        """List the missing roles of the wanted arm, or of the one with more points, and how to assign them."""
+        found = {}
+        for side in SIDES:
+            found[side] = assigned_roles(recording, _markers_of(self.markers, side), side)
+        side = self.side
+        if side not in SIDES:
+            side = max((RIGHT, LEFT), key=lambda name: len(found[name][1].keys() & set(ARM)))
+        marker_set, roles = found[side]
+        return missing_text(recording, missing_roles(roles), roles, marker_set, side)
 
 
 Reader = Callable[[Path, ImportOptions], Recording]
@@ -183,7 +213,13 @@ A reader takes the path and the `ImportOptions` of the caller, the method ``reco
 
 
 def read_recording(
-    path: str | os.PathLike[str], unit: str | None = None, rate: float | None = None
+    path: str | os.PathLike[str],
+    unit: str | float | None = None,
+    rate: float | None = None,
+    *,
+    height: float | None = None,
+    markers: Markers = None,
+    side: str = AUTO,
 ) -> Recording:
     """Read a recording of a person's motion.
 
@@ -194,10 +230,18 @@ def read_recording(
     path : str or path
         A file of one of the formats in `READERS`, a folder with a keypoint file for each frame, or the name of a
         bundled recording (``"ladder"``, ``"freeform"``, ``"both-arms"``). See ``docs/recordings.md``.
-    unit : {"m", "dm", "cm", "mm", "inch", "CMU"}, optional
-        Unit of length; default: from the file, else recognized from the upper arm.
+    unit : {"m", "dm", "cm", "mm", "inch", "CMU"} or float, optional
+        Unit of length, or meters per unit; default: from the file, else recognized from the upper arm.
     rate : float, optional
         Frames per second; default: from the file.
+    height : float, optional
+        Height of the person [m], for files in any scale: upper arm and forearm get the lengths that people of this
+        height have on average. It replaces the unit of the file, and excludes `unit`.
+    markers : mapping, optional
+        Points of roles, as in `maniport.fit_arm` or `maniport.fit_arms`; here they name the upper arm from which the
+        unit is recognized.
+    side : {"auto", "right", "left", "both"}
+        Arm that is wanted; errors list its missing roles.
 
     Returns
     -------
@@ -213,13 +257,20 @@ def read_recording(
     InvalidInputError
         When an option has a wrong value.
     """
+    if unit is not None and height is not None:
+        raise InvalidInputError(
+            f"{argument('unit')} and {argument('height')} exclude each other; found both"
+        )
     options = ImportOptions(
-        unit=None
-        if unit is None
-        else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS)),
+        unit=None if unit is None else _as_unit(unit),
         rate=None
         if rate is None
         else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=1e5),
+        height=None
+        if height is None
+        else as_number(height, f"{spoken('height')} [m]", minimum=0.5, maximum=2.5),
+        markers=markers,
+        side=as_choice(side, "side", (AUTO, *SIDES, BOTH)),
     )
     file = as_path(path, other=" or the name of a recording")
     if str(path) in SHIPPED and not file.is_file():
@@ -229,7 +280,7 @@ def read_recording(
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
     try:
         return replace(read(file, options), format=kind)
-    except FileFormatError:
+    except (FileFormatError, UnknownNameError):
         raise
     except ValueError as error:
         raise FileFormatError(f"{file}: {error}") from (None if isinstance(reader, str) else error)
@@ -294,7 +345,7 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of points out of reach
-def arm_error(names: Sequence[str], positions: Array) -> float:
+def arm_error(names: Sequence[str], positions: NDArray[Any]) -> float:
     """Measure how unlike arms the points (n, k, 3) with these names in order are; below 1 they are arms.
 
     Of arms the bones keep their lengths (standard deviation below 5 %) and differ by less than 15 % between the sides.
@@ -370,17 +421,83 @@ def _first(names: Sequence[str], most: int) -> str:
     return ", ".join(names[:most]) + (", …" if len(names) > most else "")
 
 
-def _upper_arm(recording: Recording) -> tuple[str, float]:
-    """Return the ends of an upper arm and its median length in the unit of the points; nan without one."""
+class _Arm(NamedTuple):
+    """Lengths of an arm in the unit of the file."""
+
+    ends: str = ""  # names of the points of the upper arm; empty where it is not recorded
+    upper_arm: float = np.nan
+    forearm: float = np.nan  # nan where it is not recorded
+
+
+def _markers_of(markers: Markers, side: str) -> Markers:
+    """Return the markers of one arm, from those of one or of both."""
+    if isinstance(markers, Mapping) and markers and set(markers) <= set(SIDES):
+        return markers.get(side)
+    return markers
+
+
+def _recorded_arm(recording: Recording, markers: Markers) -> _Arm:
+    """Measure the first arm of which the upper arm is recorded."""
     for side in SIDES:
-        roles = find_roles(recording.observed, side)[1]
+        roles = assigned_roles(recording, _markers_of(markers, side), side)[1]
         if {"shoulder", "elbow"} <= roles.keys():
-            length = np.linalg.norm(
-                direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1
-            )
-            if np.isfinite(length).any():
-                median = float(
-                    np.nanquantile(length, 0.5, method="lower")
-                )  # not the mean of two units
-                return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
-    return "", np.nan
+            upper_arm = _median_length(recording, roles, "shoulder", "elbow")
+            if np.isfinite(upper_arm):
+                ends = f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}"
+                return _Arm(ends, upper_arm, _median_length(recording, roles, "elbow", "wrist"))
+    return _Arm()
+
+
+def _median_length(recording: Recording, roles: Roles, start: str, end: str) -> float:
+    """Return the median distance of two roles; nan where they are not recorded together."""
+    if not {start, end} <= roles.keys():
+        return float("nan")
+    length = np.linalg.norm(direction(recording, (roles[start], roles[end])), axis=-1)
+    if not np.isfinite(length).any():
+        return float("nan")
+    return float(np.nanquantile(length, 0.5, method="lower"))  # not the mean of two units
+
+
+def _fitting_units(arm: _Arm) -> list[str]:
+    """Return the units in which the upper arm has a usual length."""
+    low, high = UPPER_ARM
+    return [name for name in UNITS if name != "dm" and low <= arm.upper_arm * UNITS[name] <= high]
+
+
+def _recognized_scale(arm: _Arm) -> tuple[float, str]:
+    """Return meters per unit from the length of the upper arm, with a note."""
+    fitting = _fitting_units(arm)
+    if not fitting:
+        example = argument("height", 1.75)
+        raise InvalidInputError(
+            f"the unit of length cannot be recognized: the upper arm ({arm.ends}) has {arm.upper_arm:.4g} units; give "
+            f"{argument('unit')} one of {', '.join(map(repr, UNITS))} or the meters per unit, or the height of the "
+            f"person in meters ({example})"
+        )
+    scale = UNITS[fitting[0]]
+    text = f"the upper arm ({arm.ends}) is {arm.upper_arm:.4g} units long, {arm.upper_arm * scale:.3f} m"
+    return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {text}"
+
+
+def _scale_by_height(height: float, arm: _Arm) -> tuple[float, str]:
+    """Return meters per unit that give an arm the lengths of people of a height [m], with a note."""
+    if not arm.upper_arm > 0:
+        raise InvalidInputError(
+            f"{argument('height')} needs the points of an upper arm, which are not recorded or not recognized; assign "
+            f"them with {argument('markers')}, or give {argument('unit')}"
+        )
+    share = FRACTIONS["upper arm"]
+    length = arm.upper_arm
+    if np.isfinite(arm.forearm):
+        share += FRACTIONS["forearm"]
+        length += arm.forearm
+    scale = height * share / length
+    note = f"1 unit = {scale:.5g} m, from the height of {height:g} m: upper arm {arm.upper_arm * scale:.3f} m"
+    return scale, note
+
+
+def _as_unit(unit: str | float) -> str | float:
+    """Check a unit of length: one of `UNITS`, in any spelling, or meters per unit."""
+    if isinstance(unit, str):
+        return as_choice(known_unit(unit) or unit, "unit", tuple(UNITS))
+    return as_number(unit, f"{spoken('unit')} [m]", above=0.0)

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
-from maniport.mocap.readers import ImportOptions, arm_error, require_size
+from maniport.mocap.readers import ImportOptions, require_size
+from maniport.mocap.readers.orders import recognized_order
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import load_names
@@ -67,7 +68,8 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
         )
     require_size(*positions.shape[:2])
     count, names_file = positions.shape[1], file.with_suffix(".names.txt")
-    unit, notes = next(map(str, arrays.get("unit", np.array("")).flat), ""), []
+    unit = next(map(str, arrays.get("unit", np.array("")).flat), "")
+    notes: list[str] = []
     names = arrays["names"].tolist() if "names" in arrays else None
     if names is None and names_file.exists():
         names = list(
@@ -76,34 +78,21 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
                 map(str.strip, decoded(read_whole(names_file, (), SETTINGS_BYTES)).splitlines()),
             )
         )
+    warnings: list[str] = []
     if names is None:
-        skeletons: dict[str, list[str]] = load_names("joint_orders.yaml")["skeletons"]
-        fits = [
-            name
-            for name, own in skeletons.items()
-            if len(own) == count and arm_error(own, positions) < 1.0
-        ]
-        if len(fits) != 1:
-            listed = ", ".join(f"{len(joints)} ({name})" for name, joints in skeletons.items())
-            cause = (
-                f"{' and '.join(fits)} both fit"
-                if fits
-                else f"recognized by their number are {listed}"
-            )
+        order = recognized_order(load_names("joint_orders.yaml")["skeletons"], positions)
+        if not order.names:
             advice = f"write one name per line into '{names_file.name}' next to it"
-            raise ValueError(f"{count} joints without names; {advice} ({cause})")
-        names = skeletons[fits[0]]
-        notes = [
-            f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"
-        ]
+            raise ValueError(f"{count} joints without names; {advice} ({order.text})")
+        names = list(order.names)
+        (warnings if order.is_assumed else notes).append(order.text)
     names = [name.decode("utf-8", "replace") if isinstance(name, bytes) else name for name in names]
     if len(names) != count or not all(isinstance(name, str) for name in names):
         raise ValueError(
             f"names must be {count} texts, one for each point; found {len(names)}: {str(names)[:80]}"
         )
-    return options.recording(
-        file, names, positions, _time(arrays, len(positions), options), unit, notes
-    )
+    time = _time(arrays, len(positions), options)
+    return options.recording(file, names, positions, time, unit, notes, warnings)
 
 
 def _time(

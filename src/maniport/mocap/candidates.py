@@ -1,0 +1,178 @@
+"""Points that may play a role that no marker set assigns: by anatomical words in their names, and by geometry."""
+
+import re
+from collections.abc import Collection, Mapping
+from difflib import SequenceMatcher
+from typing import Any
+
+import numpy as np
+
+from maniport.arms.chain import LEFT, RIGHT
+from maniport.mocap.point_names import END, key_of, side_of
+from maniport.mocap.recording import Recording
+from maniport.util.validation import Array
+
+WORDS = {
+    "shoulder": (
+        r"shoulder|shldr|acrom|glenohum|humer|saj|sjc|upperarm|uparm|uarm|肩",
+        r"(?<!fore)(?<!low)(?<!lower)arm(?!ature)|sho$|^[rl]?gh|upper(?!.*(leg|chest|body))|腕",
+        r"clavic|collar|scap",
+    ),
+    "elbow": (
+        r"elbow|elb|epicond|ejc|hle|hme|ひじ|肘",
+        r"forearm|lowerarm|lowarm|farm|olecran|lower(?!.*(leg|back|body))",
+    ),
+    "wrist": (r"wrist|wri|wjc|styloid|rsp$|usp$|手首", r"hand(?!.*[a-z0-9]{3})|palm|radius|ulna"),
+    "hand": (r"palm|knuckle|metacarp|hand|hm\d", r"middle|mid\d|index|finger|指"),
+    "low": (
+        r"pelvis|hips?(?!.*\d)|sacr|psis|asis|ias|ips",
+        r"lumbar|lowerback|abdomen|waist|spine",
+    ),
+    "high": (r"neck|c7|cv7|首", r"shoulder|acromi|clavic|collar|thorax|chest|stern|jugular|sjn"),
+    "across": (r"shoulder|acromi|saj|clavic|collar|shldr", r"(?<!fore)(?<!lower)arm|hip|thigh"),
+    "front": (r"stern|clav|jugular|chest|sjn|sxs|px|ij",),
+    "back": (r"c7|cv7|t8|t10|tv\d|spine|back|sacr|psis",),
+    "medial": (r"medial|med(?!i)|inner|hme|ulna|usp",),
+    "lateral": (r"lateral|lat|outer|hle|radi|rsp",),
+}
+"""Parts of names of points for each role or end of a direction, from likely to less likely."""
+
+ENDS = {
+    "trunk_up": ("low", "high"),
+    "trunk_front": ("back", "front"),
+    "trunk_left": ("across", "across"),
+    "elbow_axis": ("medial", "lateral"),
+    "wrist_axis": ("medial", "lateral"),
+}
+"""Keys of `WORDS` for both ends of a direction."""
+
+_OF_JOINTS = {
+    "elbow_axis": WORDS["elbow"][0],
+    "wrist_axis": WORDS["wrist"][0] + "|rsp|usp|ulna|radi",
+}
+
+ELSEWHERE = re.compile(
+    r"eye|brow|jaw|tongue|nose|cheek|teeth|chin|lips?(?![a-z])|mouth|oris|oculi|risorius|levator|temporalis|orbicular"
+    r"|nasal|head|face|hair|thigh|leg|knee|shin|calf|shank|foot|feet|ankle|toe|heel|femur|tibia|fibula|足|目|ひざ"
+)
+"""Parts of names of the face and the legs, where no role of an arm is."""
+
+BONES = {
+    ("shoulder", "elbow"): (0.99, 1.01),
+    ("elbow", "wrist"): (0.6, 1.3),
+    ("wrist", "hand"): (0.1, 0.7),
+}
+"""Roles at the ends of each bone, and its usual lengths in lengths of the upper arm."""
+
+LARGEST_CHANGE = 0.15  # Relative standard deviation of the length of a bone, with noise
+
+NO_WORD = 9  # Rank of a name without an anatomical word
+OTHER_WORD = 10  # Rank of a name with a word of another role
+
+
+def candidates(
+    recording: Recording,
+    role: str,
+    roles: Mapping[str, Any],
+    side: str,
+    taken: Collection[str] = (),
+    usual: str = "",
+    most: int = 3,
+) -> list[str]:
+    """Return points that may play a role of an arm, likely ones first; for a direction those of both ends.
+
+    Parameters
+    ----------
+    recording : Recording
+    role : str
+        A role without points.
+    roles : mapping
+        The points of the other roles of this arm.
+    side : {"right", "left"}
+        Side of the arm. Points with the other side in their names are left out, and so are points of face and legs.
+    taken : collection of str
+        Points of other roles, which are left out.
+    usual : str
+        Usual names of the role: of points without an anatomical word in their names similar ones come first.
+    most : int
+        Number of points, of a direction for each end.
+    """
+    if role in ENDS:
+        return _of_direction(recording, role, side, max(most - 1, 1))
+    ranked = []
+    for place, name in enumerate(recording.observed):
+        key = key_of(name)
+        if name in taken or side_of(name) == _other(side) or ELSEWHERE.search(key):
+            continue
+        rank = _rank(key, WORDS[role])
+        if rank == NO_WORD and any(re.search(words[0], key) for words in WORDS.values()):
+            rank = OTHER_WORD
+        is_no_bone = not _is_bone(recording, name, role, roles)
+        similarity = SequenceMatcher(None, usual.lower(), name.lower()).ratio()
+        ranked.append((rank, is_no_bone, name.startswith(END), -similarity, place, name))
+    return [entry[-1] for entry in sorted(ranked)][:most]
+
+
+def _of_direction(recording: Recording, role: str, side: str, most: int) -> list[str]:
+    """Return points for both ends of a direction, by words in their names."""
+    found: list[str] = []
+    for part, end_side in zip(ENDS[role], (RIGHT, LEFT), strict=True):
+        ranked = []
+        for place, name in enumerate(recording.observed):
+            key = key_of(name)
+            rank = _rank(key, WORDS[part])
+            if rank == NO_WORD or name.startswith(END):
+                continue
+            if role == "trunk_left" and side_of(name) != end_side:
+                continue
+            joint = _OF_JOINTS.get(role)
+            if joint is not None and (side_of(name) == _other(side) or not re.search(joint, key)):
+                continue
+            ranked.append((rank, place, name))
+        if not ranked and role == "trunk_up":  # no words: points of the middle are the trunk's
+            middle = [name for name in recording.observed if not side_of(name)]
+            ranked = [(NO_WORD, place, name) for place, name in enumerate(middle)]
+        found += [entry[-1] for entry in sorted(ranked)][:most]
+    return list(dict.fromkeys(found))
+
+
+def _other(side: str) -> str:
+    return LEFT if side == RIGHT else RIGHT
+
+
+def _rank(key: str, patterns: tuple[str, ...]) -> int:
+    for rank, pattern in enumerate(patterns):
+        if re.search(pattern, key):
+            return rank
+    return NO_WORD
+
+
+def _is_bone(recording: Recording, name: str, role: str, roles: Mapping[str, Any]) -> bool:
+    """Whether a point in a role makes bones with its neighbors in the arm; not where none is assigned."""
+    places = {role: recording.point(name)}
+    for neighbor in {end for bone in BONES for end in bone} - {role}:
+        if roles.get(neighbor):
+            places[neighbor] = np.mean([recording.point(part) for part in roles[neighbor]], axis=0)
+    upper_arm = _median_length(places, "shoulder", "elbow")
+
+    is_bone = False
+    for (start, end), (low, high) in BONES.items():
+        if role not in (start, end) or not {start, end} <= places.keys():
+            continue
+        lengths = np.linalg.norm(places[end] - places[start], axis=-1)
+        lengths = lengths[np.isfinite(lengths)]
+        median = float(np.median(lengths)) if len(lengths) else 0.0
+        if median <= 0 or np.std(lengths) > LARGEST_CHANGE * median:
+            return False
+        if upper_arm > 0 and not low <= median / upper_arm <= high:
+            return False
+        is_bone = True
+    return is_bone
+
+
+def _median_length(places: Mapping[str, Array], start: str, end: str) -> float:
+    """Return the median distance of two places; nan where one is not known."""
+    if not {start, end} <= places.keys():
+        return float("nan")
+    lengths = np.linalg.norm(places[end] - places[start], axis=-1)
+    return float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else float("nan")
