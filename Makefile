@@ -11,7 +11,8 @@
 # make lint   style, types, import contracts and spelling
 # make bench  speed relative to other libraries; rewrites BENCHMARKS.md (about ten minutes)
 
-PYTHON ?= python3
+# Another Python than the first one that is new enough: make demo PYTHON=/path/to/python3.11
+PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 
@@ -66,12 +67,12 @@ lint: $(VENV)/.installed-lint
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m benchmarks
 
-$(BIN)/python:
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "maniport needs Python 3.11 or newer, found " + sys.version)'
-	$(PYTHON) -m venv $(VENV)
+$(BIN)/pip:
+	@sh scripts/create_environment.sh $(VENV) $(PYTHON)
 
-$(VENV)/.installed: pyproject.toml | $(BIN)/python
+$(VENV)/.installed: pyproject.toml | $(BIN)/pip
 	$(BIN)/python -m pip install --quiet --editable .
+	@$(BIN)/python -c 'import pinocchio' || { echo "maniport: if libgomp is missing: apt-get install libgomp1" >&2; exit 1; }
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
@@ -90,7 +91,7 @@ $(VENV)/.installed-docs: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	@touch $@
 
-$(VENV)/.installed-release: | $(BIN)/python
+$(VENV)/.installed-release: | $(BIN)/pip
 	$(BIN)/python -m pip install --quiet build twine check-wheel-contents
 	@touch $@
 

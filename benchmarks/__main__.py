@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .measure import ROOT, Row
 
-GROUPS = ("startup", "spd", "icp", "transfer", "arms", "live", "batch", "recovery")
+GROUPS = ("startup", "spd", "icp", "transfer", "arms", "live", "batch", "recordings", "recovery")
 PACKAGES = (
     "maniport",
     "numpy",

@@ -43,7 +43,7 @@ def frames(rate: float, count: int) -> Iterator[tuple[mp.Live, Array, float]]:
         result = mp.transfer_recording(
             recording, method="parallel-transport", n_teacher=1024, n_student=2048
         )
-    live, instants = mp.Live.of(result, clock=None), recording.time
+    live, instants = mp.Live.of(result, clock=None, auto_engage=True), recording.time
     points = np.stack([recording.point(name) for name in live.points], axis=1)
     shown = CubicSpline(instants, points)(np.arange(instants[0], instants[-1], 1.0 / rate))
     period = 2 * len(shown) - 2

@@ -140,6 +140,11 @@ def transferred(
     return followed, clean, result
 
 
+def follower(result: Any, delay: float) -> mp.Live:
+    """Return a robot in simulated time that follows whenever the person is visible."""
+    return mp.Live.of(result, clock=None, delay=delay, auto_engage=True)
+
+
 def played(live: mp.Live, recording: Recording) -> list[LiveState]:
     """Follow a recording in simulated time; frames of which no point is seen do not arrive."""
     points = np.stack([recording.point(name) for name in live.points], axis=1)
@@ -164,9 +169,10 @@ def measured(
 ) -> dict[str, Any]:
     """Follow, and return position errors [mm], ellipsoid distances and shares of limits."""
     followed, clean, result = transferred(case, options, cache)
-    states = played(mp.Live.of(result, clock=None, delay=delay), followed)
+    states = played(follower(result, delay), followed)
     first = next(
-        (i for i, state in enumerate(states) if state.state != "reaching"), len(states) - 1
+        (i for i, state in enumerate(states) if state.state in ("following", "lagging")),
+        len(states) - 1,
     )
     late = [state for state in states[first:] if state.position_error is not None]
     errors = 1e3 * np.array([state.position_error for state in late])
@@ -198,7 +204,7 @@ def optimum(
 ) -> list[Array]:
     """Minimize the largest position error by sequential linear programs; return percentiles [mm] of each arm."""
     followed, _, result = transferred(case, options, cache)
-    states, errors = played(mp.Live.of(result, clock=None, delay=0.0), followed), []
+    states, errors = played(follower(result, 0.0), followed), []
     states = [
         state for state in states if all(arm.position_error is not None for arm in state.arms)
     ]
@@ -290,7 +296,7 @@ def inputs(recording: str, options: dict[str, Any], cache: Path | None) -> dict[
         ("mocap, 120 Hz, leaving", leaving(mocap(clean, 120.0)), precise, 0.15),
     ):
         states, hand = (
-            played(mp.Live.of(result, clock=None, delay=delay), followed),
+            played(follower(result, delay), followed),
             placed_hand(result.arm, clean),
         )
         late = [state for state in states if state.state in ("following", "lagging")]
@@ -325,7 +331,7 @@ def returns(states: list[LiveState], velocity: Array) -> tuple[float, float]:
     """Longest time from the return of a person until `following` [s], and largest share of speed limits in it."""
     longest, fastest, began = 0.0, 0.0, None
     for before, state in pairwise(states):
-        if state.state == "recovering":
+        if state.state == "approaching":
             began = before.time if began is None else began
             longest = max(longest, state.time - began)
             fastest = max(fastest, float((np.abs(state.joint_velocities) / velocity).max()))

@@ -2,7 +2,8 @@
 
 `maniport.Live` receives a recording frame by frame in real time and returns joint positions. The first seconds of the
 recording give segment lengths, adapter and placement. At 24.5 s the points are missing for half a second: the robot
-brakes, stops, and follows again. `--view` shows both arms in a browser; `--fast` uses simulated time.
+brakes, stops, and follows again. It does so without consent (`auto_engage`), since it is not a real one. `--view` shows
+both arms in a browser; `--fast` uses simulated time.
 
     python 10_live.py [FOLDER] [--view] [--fast]
 """
@@ -37,7 +38,14 @@ def calibrate(recording, robot, clock):
         robot, path.profile, paths=path.path, time=person.time[::8]
     ).trajectory.joint_positions
     return person, mp.Live(
-        person, adapter, robot, path=path, start=plan[0], reference=plan, clock=clock
+        person,
+        adapter,
+        robot,
+        path=path,
+        start=plan[0],
+        reference=plan,
+        clock=clock,
+        auto_engage=True,
     )
 
 

@@ -15,7 +15,7 @@ from mocap4r2_msgs.msg import Marker, Markers
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Bool, Float64MultiArray
 
 import maniport as mp
 from maniport.live.simulation import SimulatedRobot
@@ -42,6 +42,7 @@ class Simulation(Node):
         )
         self.states = self.create_publisher(JointState, "/joint_states", 1)
         self.markers = self.create_publisher(Markers, "/markers", 1)
+        self.engage = self.create_publisher(Bool, "/maniport/engage", 1)
         self.create_subscription(Float64MultiArray, COMMANDS, self.on_command, 1)
         self.create_timer(PERIOD, self.on_timer)
 
@@ -77,6 +78,8 @@ class Simulation(Node):
             ):
                 marker.translation.x, marker.translation.y, marker.translation.z = point
             self.markers.publish(message)
+        if (state := self.node.state) is not None and state.state == "waiting":
+            self.engage.publish(Bool(data=True))
         if due == len(self.frames.time):
             self.node.stop.set_result(None)
 

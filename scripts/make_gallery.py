@@ -131,7 +131,7 @@ def live_states(folder: Path) -> Figure:
         figure, (axes,) = panels(1, 1.9)
         axes.plot(time, arrays["distance"], color=ACHIEVED.color, linewidth=1.4)
     height = axes.get_xaxis_transform()
-    for state, alpha in (("reaching", 0.2), ("holding", 0.6), ("recovering", 0.3)):
+    for state, alpha in (("approaching", 0.3), ("holding", 0.6)):
         style = {"color": REFERENCE.pale, "alpha": alpha, "label": state, "transform": height}
         axes.fill_between(time, 0, 1, where=states == state, **style)
     axes.set(xlabel="time [s]", ylabel="distance d to the target", ylim=(0.0, None))

@@ -1,4 +1,6 @@
-"""Make src/maniport/arms/data/panda_surfaces.npz: links and hand with fewer triangles, and hulls of the fingers.
+"""Make src/maniport/arms/data/panda_surfaces.npz: the visual meshes with fewer triangles, and the collision meshes.
+
+The fingers are drawn as hulls. Collision meshes are unchanged.
 
     python scripts/make_panda_surfaces.py [panda.urdf]
 
@@ -14,7 +16,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.document import read_shapes
+from maniport.arms.loaders.document import read_collision_shapes, read_shapes
 from maniport.arms.loaders.urdf import shapes as urdf_shapes
 from maniport.arms.meshes import welded
 from maniport.util.validation import Array
@@ -35,22 +37,21 @@ def main() -> None:
     urdf = next((place for place in places if place.exists()), None)
     if urdf is None:
         sys.exit("panda.urdf is not there: install example-robot-data 6.0.0, or give the file")
-    meshes = {
-        shape.link: welded(shape.mesh)
-        for shape in read_shapes(urdf_shapes, urdf, [*LINKS, HAND, *FINGERS])
-    }
+    names = [*LINKS, HAND, *FINGERS]
+    meshes = {shape.link: welded(shape.mesh) for shape in read_shapes(urdf_shapes, urdf, names)}
     total = sum(len(meshes[link][1]) for link in LINKS)
     shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {
         HAND: HAND_TRIANGLES
     }
     shapes = [Shape(link, _reduced(meshes[link], share)) for link, share in shares.items()]
     shapes += [Shape(link, _hull(meshes[link][0])) for link in FINGERS]
+    for shape in read_collision_shapes(urdf_shapes, urdf, names).shapes:
+        shapes.append(Shape(shape.link, welded(shape.mesh), collision=True))
     _write(TARGET, shapes)
     for shape in shapes:
         points, triangles = shape.mesh
-        print(
-            f"{shape.link}: {len(points)} points, {len(triangles)} of {len(meshes[shape.link][1])} triangles"
-        )
+        kind = "collision" if shape.collision else "visual"
+        print(f"{shape.link}, {kind}: {len(points)} points, {len(triangles)} triangles")
     print(f"{TARGET}: {TARGET.stat().st_size} bytes")
 
 
@@ -74,7 +75,10 @@ def _hull(points: Array) -> Mesh:
 
 def _write(path: Path, shapes: list[Shape]) -> None:
     """Write shapes with points on a grid of 65 536 steps; the same shapes give the same bytes."""
-    arrays: dict[str, np.ndarray] = {"links": np.array([shape.link for shape in shapes])}
+    arrays: dict[str, np.ndarray] = {
+        "links": np.array([shape.link for shape in shapes]),
+        "collision": np.array([shape.collision for shape in shapes]),
+    }
     for i, shape in enumerate(shapes):
         points, triangles = shape.mesh
         corner, step = points.min(axis=0), float(np.ptp(points, axis=0).max()) / 65_535

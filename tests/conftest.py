@@ -12,6 +12,8 @@ from hypothesis import HealthCheck, settings
 
 from sizes import SMALL, little_search
 
+pytest_plugins = ("skipped_tests",)
+
 no_clock = {
     "deadline": None,
     "suppress_health_check": [HealthCheck.too_slow],

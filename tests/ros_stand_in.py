@@ -89,7 +89,7 @@ MESSAGES = {
         message("Markers", header=header, markers=list),
     ],
     "sensor_msgs": [message("JointState", name=list, position=list)],
-    "std_msgs": [message("Float64MultiArray", data=list)],
+    "std_msgs": [message("Float64MultiArray", data=list), message("Bool", data=bool)],
 }  # fmt: skip
 MODULES = {
     "rclpy": SimpleNamespace(

@@ -27,11 +27,22 @@ def split(requirement):
 
 
 def test_the_version_is_the_same_everywhere():
-    assert (
-        read("CITATION.cff")["version"]
-        == read("conda/recipe.yaml")["context"]["version"]
-        == __version__
-    )
+    citation = read("CITATION.cff")
+    assert citation["version"] == citation["preferred-citation"]["version"] == __version__
+    assert read("conda/recipe.yaml")["context"]["version"] == __version__
+
+
+def test_the_citation_is_of_the_software_and_refers_to_the_paper():
+    citation = read("CITATION.cff")
+    preferred = citation["preferred-citation"]
+    for key in ("type", "title", "authors", "license", "repository-code", "url"):
+        assert preferred[key] == citation[key], key
+    assert preferred["type"] == "software"
+    assert isinstance(preferred["year"], int)
+    (paper,) = citation["references"]
+    assert paper["type"] == "conference-paper"
+    assert paper["title"] != preferred["title"]
+    assert paper["authors"][0]["family-names"] == "Reithmeir"
 
 
 def test_the_recipe_has_the_dependencies_of_the_package():

@@ -35,6 +35,11 @@ def printable(text: str, longest: int | None = None) -> str:
     return f"{text[:half]} [...] {text[-half:]}"
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun, such as "1 frame" or "3 frames"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 class _Message:
     """Base of errors and warnings: makes their text printable, since it may quote files."""
 
@@ -45,6 +50,24 @@ class _Message:
                 for value in args
             )
         )
+
+
+def some_of(names: Iterable[str], most: int = 8) -> str:
+    """List names from a file for a message: a few of them, shortened, and the number of the others."""
+    listed = list(names)
+    texts = [printable(str(name), 60) for name in listed[:most]]
+    if len(listed) > most:
+        texts.append(f"and {len(listed) - most} more")
+    return ", ".join(texts) or "nothing"
+
+
+def shown(value: object, longest: int = 200) -> str:
+    """Return the `repr` of a value for a message, short, also of integers that Python does not write."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than `sys.get_int_max_str_digits`
+        return "a too large integer"
+    return printable(text, longest)
 
 
 class ManiportError(_Message, Exception):
@@ -114,7 +137,7 @@ def collected_warnings() -> Iterator[list[str]]:
 
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:
     """Sort existing names by their similarity to the requested name."""
-    lowered = str(name).lower()
+    lowered = name.lower() if isinstance(name, str) else shown(name).lower()
     return sorted(
         available, key=lambda other: (-SequenceMatcher(None, lowered, other.lower()).ratio(), other)
     )
@@ -132,7 +155,7 @@ def unknown_name(
     if len(names) > most:
         listed += f", and {len(names) - most} more"
     return UnknownNameError(
-        f"unknown {what} {name!r} {where}".rstrip()
+        f"unknown {what} {shown(name)} {where}".rstrip()
         + f"; available, nearest first: {listed or 'none'}"
     )
 

@@ -1,17 +1,23 @@
-"""Configurations that are reported free of collisions are free of them, by the exact meshes of real robots.
+"""Configurations that are reported free of collisions are free of them, by the exact shapes that robots declare.
 
+Robots of a URDF are compared with their collision meshes, robots of an MJCF with MuJoCo, in both directions.
 `MANIPORT_NIGHTLY=1` runs all arms of example-robot-data with 5000 configurations each.
 """
 
+import importlib.util
 import os
 from itertools import combinations
+from pathlib import Path
 
 import coal
+import mujoco
 import numpy as np
 import pytest
+from mjcf_robots import ROBOTS
 
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions
+from maniport.arms.loaders import robot_limbs
 from maniport.arms.loaders.packages import PACKAGES
 from real_robots import NEEDS_ROBOTS
 
@@ -45,13 +51,17 @@ def test_configurations_reported_free_are_free(name):
 
 
 def meshes(arm):
-    """Names, numbers of joints and exact meshes of all bodies; grippers are open, then closed."""
-    for link, mesh in arm.geometry.shapes.items():
-        yield link, arm.chain.frames[link].joint, mesh
-    for name, (points, triangles) in arm.geometry.attached[0].items():
-        body = arm.chain.attached[name]
-        for place in body.placements[:1] if len(body.placements) == 1 else body.placements[[0, -1]]:
-            yield body.group, body.joint, (points @ place[:3, :3].T + place[:3, 3], triangles)
+    """Names, numbers of joints and exact meshes of all shapes; grippers are open, then closed."""
+    for shape in arm.geometry.checked.shapes:
+        points, triangles = shape.mesh
+        frame = arm.chain.frames.get(shape.link)
+        if frame is not None and arm.chain.holds(shape.link):
+            name, joint, placements = shape.link, frame.joint, frame.placement[None]
+        else:
+            body = arm.chain.attached[shape.link]
+            name, joint, placements = body.group, body.joint, body.placements
+        for place in placements[:1] if len(placements) == 1 else placements[[0, -1]]:
+            yield name, joint, (points @ place[:3, :3].T + place[:3, 3], triangles)
 
 
 def touch(arm, q, *ends):
@@ -87,3 +97,72 @@ def smaller(mesh):
     return middle + (points - middle) * np.maximum(
         1.0 - 2 * DEPTH / np.maximum(size, DEPTH), 0.5
     ), triangles
+
+
+CASES = Path(__file__).parent / "cases"
+MARGIN = 0.005  # contacts nearer than this to zero distance may be decided either way [m]
+
+
+def mujoco_distances(path, arm, q, omitted=()):
+    """Smallest distance of two geoms that can touch in MuJoCo, at most 5 cm, shape (n,)."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    model.geom_margin[:] = 0.05
+    model.geom_gap[:] = 0.0
+    addresses = [model.jnt_qposadr[model.joint(name).id] for name in arm.joint_names]
+    distances = np.full(len(q), 0.05)
+    for i, positions in enumerate(q):
+        data.qpos[:] = model.qpos0
+        data.qpos[addresses] = positions
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        for contact in data.contact:
+            bodies = {model.body(model.geom_bodyid[geom]).name for geom in contact.geom}
+            if bodies not in omitted:
+                distances[i] = min(distances[i], contact.dist)
+    return distances
+
+
+def require_agreement(path, arm, count=150):
+    """Configurations collide as in MuJoCo, except for pairs that the result names as not checked."""
+    collisions = Collisions.of(arm)
+    omitted = [{*pair} for pair in collisions.always]
+    q = arm.sample(count, 7)
+    distances = mujoco_distances(path, arm, q, omitted)
+    hit = collisions.collides(q)
+    assert not np.any(~hit & (distances < -MARGIN))
+    assert not np.any(hit & (distances > MARGIN))
+    return collisions, hit
+
+
+@pytest.mark.parametrize("name", ["collision_geom.xml", "collision_group.xml"])
+def test_declared_geoms_of_any_group_are_checked(name):
+    collisions, hit = require_agreement(CASES / name, load_arm(CASES / name))
+    assert 0.7 < hit.mean() < 0.9
+    assert collisions.shapes.visual == collisions.unchecked == ()
+    assert "tip" in collisions.shapes.collision
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_geoms_touch_as_in_mujoco(tmp_path, name):
+    path = tmp_path / "robot.xml"
+    path.write_text(ROBOTS[name])
+    arm = load_arm(path, frame=f"b{ROBOTS[name].count('<joint')}")
+    collisions, hit = require_agreement(path, arm)
+    assert collisions.shapes.visual == ()
+    assert 0.0 < hit.mean() < 1.0
+
+
+ROBOSUITE = importlib.util.find_spec("robosuite")
+NEEDS_ROBOSUITE = pytest.mark.skipif(ROBOSUITE is None, reason="robosuite is not installed")
+
+
+@NEEDS_ROBOSUITE
+@pytest.mark.parametrize("name", ["panda", "ur5e", "xarm7", "sawyer", "jaco", "tiago"])
+def test_robots_of_robosuite_touch_as_in_mujoco(name):
+    folder = Path(next(iter(ROBOSUITE.submodule_search_locations)))
+    path = folder / "models" / "assets" / "robots" / name / "robot.xml"
+    frame = max(robot_limbs(str(path))[0], key=lambda limb: len(limb.joints)).frame
+    collisions, _ = require_agreement(path, load_arm(path, frame=frame))
+    assert len(collisions.pairs) > 8

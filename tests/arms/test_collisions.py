@@ -172,27 +172,40 @@ def test_a_group_has_the_pairs_of_its_arms_and_those_between(checked):
     assert ("trunk", "right_link3") in checked.pairs or checked.arm.shared == ()
 
 
-def test_hulls_hold_all_that_is_drawn_and_the_tip():
+def outside(hulls, points):
+    """Largest distance of points beyond the hull, enlarged by its skin, that is nearest to each."""
+    beyond = []
+    for hull in hulls:
+        faces = ConvexHull(hull.corners).equations
+        beyond.append((points @ faces[:, :3].T + faces[:, 3]).max(axis=1) - hull.skin)
+    return np.min(beyond, axis=0).max()
+
+
+def test_hulls_hold_all_collision_shapes():
     panda = load_arm("panda")
-    meshes = dict(panda.geometry.shapes)
-    hulls = [hull for hull in Collisions.of(panda)._solids.hulls if hull.name in meshes]
-    assert (
-        {hull.name for hull in hulls}
-        == set(meshes)
-        == {*(f"panda_link{i}" for i in range(8)), "panda_hand"}
+    hulls = Collisions.of(panda)._solids.hulls
+    links = {*(f"panda_link{i}" for i in range(8)), "panda_hand"}
+    assert {hull.name for hull in hulls} == links | {"panda_leftfinger", "panda_rightfinger"}
+    for shape in panda.geometry.checked.shapes:
+        if shape.link in links:
+            assert shape.collision
+            own = [hull for hull in hulls if hull.name == shape.link]
+            place = panda.chain.frames[shape.link].placement
+            points = shape.mesh[0] @ place[:3, :3].T + place[:3, 3]
+            assert outside(own, points) < 1e-6
+            assert all(len(hull.corners) <= 96 and hull.skin < 2e-3 for hull in own)
+
+
+def test_the_hull_of_visual_shapes_holds_the_end_effector(tmp_path):
+    tool = (
+        '<link name="tool"/><joint name="t" type="fixed"><parent link="load"/><child link="tool"/>'
     )
-    meshes["panda_hand"] = (
-        np.array([[*panda.chain.frames["panda_hand_tcp"].placement[:3, 3]]]),
-        None,
-    )
-    for link, (points, _) in meshes.items():
-        outside = []
-        for hull in (hull for hull in hulls if hull.name == link):
-            faces = ConvexHull(hull.corners).equations
-            outside.append((points @ faces[:, :3].T + faces[:, 3]).max(axis=1) - hull.skin)
-            assert len(hull.corners) <= 96
-            assert hull.skin < 2e-3
-        assert np.min(outside, axis=0).max() < 1e-6
+    text = GANTRY.replace("</robot>", f'{tool}<origin xyz="0 0 -0.5"/></joint></robot>')
+    for kind, reach in (("visual", -0.5), ("collision", -CUBE / 2)):
+        (tmp_path / "tool.urdf").write_text(text.replace("visual", kind))
+        arm = load_arm(tmp_path / "tool.urdf", frame="tool")
+        (hull,) = [hull for hull in Collisions.of(arm)._solids.hulls if hull.name == "load"]
+        assert hull.corners[:, 2].min() == pytest.approx(reach)
 
 
 def test_pairs_are_those_that_no_joint_joins():
@@ -223,9 +236,27 @@ def test_an_arm_without_surface_says_so(tmp_path):
     np.testing.assert_array_equal(
         free_configurations(bare.arm, 8, 0, collisions=bare), bare.arm.sample(8, 0)
     )
+    path = tmp_path / "gone.urdf"
+    path.write_text(
+        GANTRY.replace(f'<box size="{CUBE} {CUBE} {CUBE}"/>', '<mesh filename="gone.stl"/>')
+    )
+    gone = Collisions.of(load_arm(path))
+    assert not gone.checked
+    assert "gone.stl" in gone.reason
+
+
+def test_a_missing_mesh_leaves_the_rest_checked(tmp_path):
     path = write_digger(tmp_path)
+    whole = Collisions.of(load_arm(path))
     (tmp_path / "boom.stl").unlink()
-    assert "boom.stl" in Collisions.of(load_arm(path)).reason
+    collisions = Collisions.of(load_arm(path))
+    assert collisions.checked
+    assert collisions.unchecked == ("boom",)
+    assert "boom.stl" in collisions.shapes.missing["boom"]
+    assert ("base", "tooth") in collisions.pairs
+    assert set(collisions.pairs) < set(whole.pairs)
+    q = whole.arm.sample(64, 0)
+    assert np.all(collisions.clearance(q) >= whole.clearance(q) - 1e-9)
 
 
 def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry):

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from time import process_time
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 from fuzz.mesh_examples import CORNERS, GOOD, OBJ, PLY, POINT_LINES, SHOWN, dae, gltf, stl
 from maniport.arms import Arm, Surface, load_arm
+from maniport.arms.collisions import Collisions
 from maniport.arms.meshes import reduced, solid
 from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.arms.restriction import mirrored
@@ -108,6 +110,53 @@ def test_hostile_meshes_are_refused(tmp_path, name):
     assert caught.value.__cause__ is None
 
 
+def many_polygon_lists(n):
+    shape = f'<triangles count="1">{LIST}<p>0 1 2</p></triangles>'
+    return dae(shape * n)
+
+
+def many_nodes(n):
+    nodes = tuple({"mesh": 0, "children": [i + 1]} for i in range(n - 1))
+    return gltf(nodes=(*nodes, {"mesh": 0}))
+
+
+FACET = "facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 1 endloop endfacet"
+MANY = {
+    "o.obj": lambda n: OBJ + "".join(f"o part{i}\nf 1 2 3\n" for i in range(n)),
+    "g.obj": lambda n: OBJ + "".join(f"g a b{i}\nf 1/1/1 2//2 3/3\n" for i in range(n)),
+    "usemtl.obj": lambda n: OBJ + "".join(f"usemtl m{i}\n  f 1 2 3\n" for i in range(n)),
+    "solids.stl": lambda n: "".join(f"solid a{i}\n{FACET}\nendsolid\n" for i in range(n)),
+    "lists.dae": many_polygon_lists,
+    "nested.gltf": many_nodes,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MANY)
+def test_time_is_linear_in_the_number_of_groups(tmp_path, name):
+    """A twelvefold number takes much less than 144 times as long; quadratic readers took minutes."""
+    times = []
+    for count in (250, 3000):
+        (tmp_path / name).write_text(MANY[name](count))
+        started = process_time()
+        triangles = load_mesh(tmp_path / name)[1]
+        times.append(process_time() - started)
+        assert len(triangles) >= count
+    assert times[1] < 50 * max(times[0], 0.02)
+
+
+def test_groups_of_an_obj_change_no_triangle(tmp_path):
+    faces = ["f 1 3 2", "f 1//1 2//1 4//1", "f -4/1/1 -1/1/1 -2/1/1", "f 2 \\\n3 4"]
+    words = ["o a", "g", "usemtl steel", "s off"]
+    text = "v 0 0 0\nv 0.2 0 0\nv 0 0.1 0\nv 0 0 0.05\nvn 0 0 1\nvt 0 0\n"
+    (tmp_path / "a.obj").write_text(text + "\n".join(faces))
+    grouped = "".join(f"{word}\n{face}\n" for word, face in zip(words, faces, strict=True))
+    (tmp_path / "b.obj").write_text(text + grouped)
+    plain, groups = (load_mesh(tmp_path / name) for name in ("a.obj", "b.obj"))
+    np.testing.assert_array_equal(plain[0], groups[0])
+    np.testing.assert_array_equal(plain[1], groups[1])
+    assert volume(Surface(0, *groups)) == pytest.approx(0.2 * 0.1 * 0.05 / 6)
+
+
 OUTSIDE = {
     "up": "../../secret.stl", "up and down": "../urdf/../../secret.stl", "absolute": "{top}/secret.stl",
     "file": "file://{top}/secret.stl", "package up": "package://kit/../../../secret.stl", "link": "link.stl",
@@ -161,6 +210,61 @@ NAMES = {
     "ROS": ("package://kit/part.stl", "../../../elsewhere/ros/kit/part.stl"),
     "ROS 2": ("package://kit/part.stl", "../../../elsewhere/ros2/share/kit/part.stl"),
 }
+
+
+TAILS = {
+    "absolute": ("/home/else/ws/robot/meshes/arm/part.stl", "meshes/arm/part.stl"),
+    "file": ("file:///opt/robot/meshes/part.stl", "meshes/part.stl"),
+    "Windows": (r"C:\Users\me\robot\part.stl", "urdf/part.stl"),
+    "backslashes": (r"..\meshes\part.stl", "meshes/part.stl"),
+}
+
+
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+@pytest.mark.parametrize("case", TAILS)
+def test_ends_of_absolute_names_are_searched(tmp_path, case, suffix):
+    name, place = TAILS[case]
+    file = tmp_path / "robot" / place
+    file.parent.mkdir(parents=True)
+    file.write_bytes(stl())
+    arm = with_mesh(tmp_path / "robot" / "urdf", name, suffix)
+    assert len(arm.surfaces()[0].points) == 4
+    assert Collisions.of(arm).shapes.missing == {}
+
+
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "/home/else/kit/meshes/part.stl",
+        "package://kit/meshes/part.stl",
+        "meshes/part.stl",
+        "part.stl",
+    ],
+)
+def test_mesh_folders_reach_every_name(tmp_path, name, suffix):
+    if suffix == "xml" and "package" in name:
+        pytest.skip("MJCF has no packages")
+    (tmp_path / "far" / "meshes").mkdir(parents=True)
+    (tmp_path / "far" / "meshes" / "part.stl").write_bytes(stl())
+    arm = with_mesh(tmp_path / "robot" / "urdf", name, suffix)
+    with pytest.raises(FileFormatError, match=r"part\.stl.*is missing.*--mesh-folders"):
+        arm.surfaces()
+    folder = tmp_path / "far" if "meshes/" in name else tmp_path / "far" / "meshes"
+    found = load_arm(arm.chain.source, mesh_folders=[folder])
+    assert len(found.surfaces()[0].points) == 4
+
+
+def with_mesh(folder, name, suffix):
+    """An arm whose moving link shows a mesh of that name."""
+    if suffix == "urdf":
+        return one_link(folder, f'<mesh filename="{name}"/>')
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "one.xml").write_text(
+        f'<mujoco><asset><mesh name="m" file="{name}"/></asset><worldbody><body name="b"><joint name="j" '
+        'range="-9 9"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+    )
+    return load_arm(folder / "one.xml")
 
 
 @pytest.mark.parametrize("case", NAMES)

@@ -2,13 +2,18 @@
 
 import csv
 import json
+import logging
 import os
+import shlex
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from concurrent.futures import Future
+from contextlib import nullcontext, suppress
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,9 +23,11 @@ from typer.testing import CliRunner
 
 import maniport as mp
 from maniport import batch
-from maniport.batch.executors import completed, dask_executor, executor_for
+from maniport.batch import executors, run
+from maniport.batch import pair as pair_module
+from maniport.batch.executors import Executor, completed, dask_executor, executor_for
 from maniport.batch.inputs import Source, digest, find_recordings, find_robots
-from maniport.batch.pair import Pair, work
+from maniport.batch.pair import Outcome, Pair, content_of, work
 from maniport.batch.table import failed_row, write_tables
 from maniport.cli import app
 from maniport.errors import (
@@ -32,6 +39,9 @@ from maniport.errors import (
 )
 from maniport.mocap import shipped_recording
 from maniport.pipeline.config import BATCH
+from maniport.report import results
+from maniport.util.process import in_background, settled
+from sizes import little_search
 
 SMALL = {
     "method": "parallel-transport",
@@ -55,9 +65,22 @@ def small(recordings, output, **more):
     return mp.transfer_batch(recordings, ROBOTS, output, **{"processes": 1} | PART | SMALL | more)
 
 
+def wait_until(condition, patience=60.0):
+    """Wait until a condition holds, at most so long [s]."""
+    begun = time.monotonic()
+    while not condition():
+        assert time.monotonic() - begun < patience
+        time.sleep(0.005)
+
+
 def read_table(folder):
     with open(folder / "table.csv", newline="", encoding="utf-8") as stream:
         return list(csv.DictReader(stream))
+
+
+def without_place(path, folder):
+    """Return the content of a file without the folder, which suggested commands name."""
+    return path.read_bytes().replace(os.fsencode(folder), b"FOLDER")
 
 
 def tree(folder):
@@ -70,7 +93,9 @@ def tree(folder):
             return pair
         if path.name == "table.csv":
             return [row | {"computing_s": None} for row in read_table(folder)]
-        return b"" if path.name in ("index.html", "table.parquet") else path.read_bytes()
+        if path.name in ("index.html", "table.parquet"):
+            return b""
+        return without_place(path, folder)
 
     names = {
         path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()
@@ -198,12 +223,13 @@ def test_columns_are_metrics_of_a_summary(whole, tmp_path, small_result):
 def test_a_killed_batch_continues(whole, recordings, tmp_path):
     """Two processes that are killed in the middle, and one that continues, give the bytes of one alone."""
 
-    def done():
-        return [
-            path
-            for path in folder.rglob("pair.json")
-            if "/." not in f"/{path.relative_to(folder).as_posix()}"
-        ]
+    def done():  # in any number of folders, of which temporary ones vanish meanwhile
+        found = []
+        for parent, folders, names in os.walk(folder):
+            folders[:] = [name for name in folders if not name.startswith(".")]
+            if "pair.json" in names:
+                found.append(parent)
+        return found
 
     def members():
         for status in Path("/proc").glob("[0-9]*/stat"):
@@ -245,9 +271,25 @@ def test_run_yaml_of_a_pair_repeats_it(whole, tmp_path):
     again = tmp_path / "again" / "panda" / "1.c3d"
     for name in ("joints.csv", "target_profile.npz", "adapter.npz", "summary.json", "run.yaml"):
         assert (again / name).exists() == (pair / name).exists()
-        assert (
-            not (pair / name).exists() or (again / name).read_bytes() == (pair / name).read_bytes()
-        )
+        if (pair / name).exists():
+            assert without_place(again / name, again) == without_place(pair / name, pair)
+
+
+def test_pairs_suggest_commands_with_their_own_folder(tmp_path, monkeypatch):
+    """A program and a reader find the command, whose run.yaml is that of the pair."""
+    command = "maniport transfer --config {folder}/run.yaml -o {folder}-again"
+    monkeypatch.setattr(results, "_advice", lambda *_: ("Repeat it.", command))
+    options = {**SMALL, "move": True, "start": 2.0, "stop": 2.3, "processes": 1}
+    with little_search():
+        batch = mp.transfer_batch(["freeform"], ["panda"], tmp_path / "a b", **options)
+    assert batch.failed == ()
+    pair = batch.folder / batch.table[0]["folder"]
+    command = json.loads((pair / "summary.json").read_text())["summary"]["command"]
+    words = shlex.split(command)
+    assert words[0] == "maniport"
+    assert words[words.index("--config") + 1] == str(pair / "run.yaml")
+    assert (pair / "run.yaml").is_file()
+    assert command in (pair / "summary.md").read_text()
 
 
 def test_two_arms_of_a_person_go_to_two_of_a_robot(tmp_path):
@@ -310,6 +352,230 @@ def test_dask_gives_the_same_bytes(whole, recordings, tmp_path):
         small([recordings], tmp_path / "other", dask="127.0.0.1:1")
 
 
+def test_a_result_that_is_not_here_is_a_failure(recordings, tmp_path, monkeypatch):
+    """A worker that writes to a disk of its own is named with its host, and so are wrong bytes; the rest is done."""
+    distributed = pytest.importorskip("distributed")
+    elsewhere = tmp_path / "disk of the worker"
+    folder = tmp_path / "dataset"
+
+    def work_elsewhere(pairs):
+        if pairs[0].names == ("1.c3d", "panda"):  # another disk at the same path
+            elsewhere.mkdir()
+            shutil.copy(folder / "batch.json", elsewhere)
+            pairs = [replace(pair, output=elsewhere) for pair in pairs]
+        outcomes = work(pairs)
+        if pairs[0].names == ("2.c3d", "panda"):  # cut off
+            os.truncate(pairs[0].folder / "target_profile.npz", 100)
+        return outcomes
+
+    monkeypatch.setattr(run, "work", work_elsewhere)
+    monkeypatch.setattr(executors, "SHOWN_AFTER", 0.1)
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False}
+    with (
+        distributed.LocalCluster(**options, dashboard_address=None) as cluster,
+        pytest.warns(ManiportWarning, match="failed"),
+    ):
+        found = small([recordings / "anna"], folder, dask=cluster.scheduler_address)
+    assert (elsewhere / "panda" / "1.c3d" / "pair.json").exists()
+    states = {(row["recording"], row["robot"]): row["state"] for row in found.table}
+    assert states.pop(("1.c3d", "panda")) == "failed"
+    assert states.pop(("2.c3d", "panda")) == "failed"
+    assert set(states.values()) == {"done"}
+    assert all(repr(socket.gethostname()) in row["reason"] for row in found.failed)
+    assert [row["state"] for row in read_table(folder)].count("failed") == 2
+    monkeypatch.undo()
+    again = small([recordings / "anna"], folder)
+    assert (again.kept, again.failed) == (2, ())
+
+
+def test_a_result_may_be_visible_late(recordings, tmp_path, monkeypatch):
+    """Network file systems show files of other computers after some time."""
+    hidden = tmp_path / "hidden"
+    looks = []
+
+    def work_and_hide(pairs):
+        outcomes = work(pairs)
+        os.rename(pairs[0].folder, hidden)
+        return outcomes
+
+    def is_visible(outcome, pair):
+        looks.append(pair)
+        if len(looks) == 2:
+            os.rename(hidden, pair.folder)
+        return original(outcome, pair)
+
+    original = Outcome.is_visible
+    monkeypatch.setattr(run, "work", work_and_hide)
+    monkeypatch.setattr(Outcome, "is_visible", is_visible)
+    executor = Executor(
+        lambda work, task: settled(Future(), work, task), lambda: 1, shown_after=60.0
+    )
+    monkeypatch.setattr(run, "executor_for", lambda *_: nullcontext(executor))
+    options = {"processes": 1, **PART, **SMALL}
+    found = mp.transfer_batch(
+        [recordings / "anna" / "1.c3d"], ["panda"], tmp_path / "dataset", **options
+    )
+    assert [row["state"] for row in found.table] == ["done"]
+    assert len(looks) == 2
+
+
+@pytest.mark.parametrize("missing", ["folder", "recording", "version"])
+def test_a_worker_checks_that_it_is_like_the_others(recordings, tmp_path, monkeypatch, missing):
+    """Before the long work it reports a folder or recording that it does not see, and another version."""
+    file = tmp_path / "1.c3d"
+    shutil.copy(recordings / "anna" / "1.c3d", file)
+    source = Source("1.c3d", file)
+    config = BATCH.changed(method="identity", collisions=False, **PART)
+    (robot,) = find_robots(["panda"], config, ())
+    pair = Pair(tmp_path / "dataset", source, content_of(source), robot)
+    pair.output.mkdir()
+    expected = "version"
+    if missing == "version":
+        (pair.output / "batch.json").touch()
+        monkeypatch.setattr(pair_module, "__version__", "0.0.1")
+    elif missing == "folder":
+        expected = "batch.json"
+    else:
+        (pair.output / "batch.json").touch()
+        file.unlink()
+        expected = "1.c3d"
+    (outcome,) = work([pair])
+    assert outcome.row["state"] == "failed"
+    assert expected in outcome.row["reason"]
+    assert outcome.host == socket.gethostname()
+    assert not (pair.output / "panda").exists()
+
+
+CLUSTER = """
+import sys, time
+from distributed import LocalCluster
+if __name__ == "__main__":
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False}
+    with LocalCluster(**options, protocol="tcp", dashboard_address=None) as cluster:
+        print(cluster.scheduler_address, flush=True)
+        sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
+def test_a_lost_scheduler_ends_the_batch_with_what_is_done(recordings, tmp_path, capfd, end):
+    """One sentence says how many pairs are done; table and overview are those of these pairs."""
+    pytest.importorskip("distributed")
+    script = tmp_path / "cluster.py"
+    script.write_text(CLUSTER)
+    folder = tmp_path / "dataset"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([sys.executable, script], text=True, **pipes) as process:
+        address = process.stdout.readline().strip()
+
+        def lose(step, *_):
+            if "→" in step:
+                process.send_signal(end)
+                process.wait()
+
+        with pytest.raises(ManiportError, match="lost") as error:
+            small([recordings], folder, dask=address, progress=lose)
+    assert error.value.__suppress_context__
+    table = read_table(folder)
+    assert 1 <= len(table) < 8
+    assert all(row["state"] == "done" for row in table)
+    assert f"{len(table)} of 8 pairs" in str(error.value)
+    assert f"{len(table)} of 8 pairs" in (folder / "index.html").read_text(encoding="utf-8")
+    assert "Traceback" not in "".join(capfd.readouterr())
+    assert logging.getLogger("distributed.client").isEnabledFor(logging.ERROR)
+    assert small([recordings], folder).kept >= len(table)
+
+
+def test_the_width_follows_the_cluster():
+    """With one thread, two tasks are submitted; with three, when workers have joined, six."""
+    threads = {"first": 1}
+    futures = []
+
+    def submit(work, task):
+        futures.append(Future())
+        return futures[-1]
+
+    client = SimpleNamespace(
+        nthreads=lambda: dict(threads), get_executor=lambda pure: SimpleNamespace(submit=submit)
+    )
+    executor = dask_executor(client, 60.0)
+    found = completed(executor, eval, map(str, range(10)), period=0.01)
+    collected = in_background(list, found)
+    wait_until(lambda: len(futures) == 2)
+    threads["second"] = 2
+    wait_until(lambda: len(futures) == 6)
+    del threads["second"]
+    wait_until(lambda: executor.width() == 2)
+    for future in futures[:3]:
+        future.set_result(0)
+    with pytest.raises(TimeoutError):
+        collected.result(0.2)
+    assert len(futures) == 6
+    while not collected.done():
+        for future in futures:
+            if not future.done():
+                future.set_result(0)
+    assert len(collected.result()) == len(futures) == 10
+
+
+def test_ray_gives_the_same_bytes(recordings, tmp_path, monkeypatch):
+    """A stand-in for Ray: the width follows its processors, and results are verified."""
+    processors = {"CPU": 1.0}
+
+    class Task:
+        def __init__(self, function):
+            self.function = function
+
+        def remote(self, *given):
+            return SimpleNamespace(future=lambda: settled(Future(), self.function, *given))
+
+    stand_in = SimpleNamespace(
+        is_initialized=lambda: True,
+        remote=lambda **options: Task,
+        cluster_resources=lambda: dict(processors),
+    )
+    monkeypatch.setattr(executors, "ray", lambda: stand_in)
+    monkeypatch.setattr(executors, "SHOWN_AFTER", 0.1)
+    with executor_for(1, None, True) as executor:
+        assert executor.width() == 2
+        processors["CPU"] = 16.0
+        wait_until(lambda: executor.width() == 32)
+        assert executor.is_cluster
+    given = recordings / "anna" / "1.c3d"
+    whole = small([given], tmp_path / "whole")
+    assert not whole.failed
+    small([given], tmp_path / "dataset", ray=True)
+    assert tree(tmp_path / "dataset") == tree(whole.folder)
+
+    def work_elsewhere(pairs):
+        outcomes = work(pairs)
+        shutil.rmtree(pairs[0].folder)
+        return outcomes
+
+    monkeypatch.setattr(run, "work", work_elsewhere)
+    with pytest.warns(ManiportWarning, match="failed"):
+        lost = small([given], tmp_path / "lost", ray=True)
+    assert all(repr(socket.gethostname()) in row["reason"] for row in lost.failed)
+    assert len(lost.failed) == len(ROBOTS)
+
+
+def test_a_silent_scheduler_ends_the_batch():
+    """A scheduler that takes no part any more, but keeps its connection, is lost after some time."""
+    answers = [{"first": 1}]
+
+    def nthreads():
+        if answers:
+            return answers.pop()
+        raise OSError("closed")
+
+    client = SimpleNamespace(
+        nthreads=nthreads,
+        get_executor=lambda pure: SimpleNamespace(submit=lambda *_: Future()),
+    )
+    with pytest.raises(ManiportError, match="not answered"):
+        list(completed(dask_executor(client, 0.05), eval, ["1"], period=0.01))
+
+
 def test_a_killed_process_takes_one_task_with_it():
     tasks = ["1 + 1", "__import__('os')._exit(1)", "2 + 2", "1 / 0"]
     with executor_for(2, None, False) as executor:
@@ -320,8 +586,6 @@ def test_a_killed_process_takes_one_task_with_it():
 
 
 def test_a_lost_cluster_ends_the_batch():
-    from concurrent.futures import Future
-
     future = Future()
     client = SimpleNamespace(
         nthreads=dict, get_executor=lambda pure: SimpleNamespace(submit=lambda *_: future)
@@ -365,6 +629,23 @@ def test_names_of_recordings(tmp_path, monkeypatch, whole):
             names(wrong, without=tmp_path / "new")
 
 
+def test_folders_that_vanish_are_no_recordings(tmp_path, monkeypatch):
+    """A batch that writes below the folder of recordings removes temporary folders while they are listed."""
+    for name in ("a/walk.bvh", ".temporary/b/1.c3d", "c/walk.bvh"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).touch()
+    scan = os.scandir
+
+    def vanishing(path="."):
+        if str(path).endswith(".temporary"):
+            shutil.rmtree(path)
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", vanishing)
+    names = [source.name for source in find_recordings([tmp_path], tmp_path / "dataset")]
+    assert names == ["a/walk.bvh", "c/walk.bvh"]
+
+
 def test_each_robot_has_a_folder_of_its_own():
     panda, arms = mp.load_arm("panda"), []
     for k, name in enumerate(("a:b", "a?b", "A-b", "..", "adapters")):
@@ -380,14 +661,33 @@ def test_a_recording_that_changes_meanwhile_is_reported(recordings, tmp_path):
     source = Source("1.c3d", recordings / "anna" / "1.c3d")
     config = BATCH.changed(method="identity", collisions=False, **PART)
     (robot,) = find_robots(["panda"], config, ())
-    assert "changed" in work([Pair(tmp_path, source, "another", robot)])[0]["reason"]
-    assert not list(tmp_path.iterdir())
+    (tmp_path / "batch.json").touch()
+    (outcome,) = work([Pair(tmp_path, source, "another", robot)])
+    assert "changed" in outcome.row["reason"]
+    assert [path.name for path in tmp_path.iterdir()] == ["batch.json"]
 
 
 def test_tables_hold_no_formulas(tmp_path):
     write_tables(tmp_path, [failed_row("=1+1.c3d", "panda", "bad \udcff")])
     line = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()[1]
     assert line.startswith("'=1+1.c3d,panda,failed,bad \\udcff")
+
+
+def test_each_pair_is_one_line_of_the_table(tmp_path):
+    """Texts with line breaks, such as several warnings, are one line in CSV; in Parquet they stay as they are."""
+    breaks = ["\n", "\r\n", "\r", "\x0b", "\x0c", "\x1c", "\x85", "\u2028", "\u2029"]
+    rows = []
+    for character in breaks:
+        row = failed_row("1.c3d", "panda", "")
+        rows.append(row | {"warnings": f"first, one{character}second", "verdict": character})
+    write_tables(tmp_path, rows)
+    text = (tmp_path / "table.csv").read_bytes().decode()
+    assert len(text.splitlines()) == 1 + len(rows)
+    table = read_table(tmp_path)
+    assert [line["warnings"] for line in table] == ["first, one | second"] * len(rows)
+    assert [line["verdict"] for line in table] == [""] * len(rows)
+    parquet = pytest.importorskip("pyarrow.parquet").read_table(tmp_path / "table.parquet")
+    assert parquet.to_pydict()["warnings"] == [row["warnings"] for row in rows]
 
 
 def test_digests_tell_contents_apart(tmp_path):

@@ -123,6 +123,8 @@ def _other_arrays(content: bytes, generator: random.Random) -> bytes:
     with np.load(io.BytesIO(content)) as archive:
         arrays = dict(archive)
     name = generator.choice(sorted(arrays))
+    if not isinstance(arrays[name], np.ndarray):  # a file of another kind
+        return _flip(content, generator)
     value = arrays.pop(name)
     changes = [
         value[..., :-1] if value.ndim else np.array([value, value]),

@@ -1,5 +1,6 @@
 """Formats that people bring: files to begin with, and what reads and uses them."""
 
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
@@ -144,6 +145,13 @@ def _keypoints_by_name(path: Path, recording: Any) -> None:
     format_files.write_json(path, {"fps": 50, "unit": "m", "frames": frames})
 
 
+def _archive(path: Path) -> None:
+    with TemporaryDirectory() as folder, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        inner = Path(folder) / "walk.bvh"
+        write_bvh(inner, SKELETONS["LAFAN1"], motion(n=5))
+        file.write(inner, inner.name)
+
+
 def _people(path: Path, recording: Any) -> None:
     format_files.write_json(
         path, {"people": [{"pose_keypoints_3d": (np.arange(100) / 30).round(2).tolist()}]}
@@ -167,6 +175,7 @@ def _meshes(suffix: str) -> Target:
 
 TARGETS = {
     "bvh": Target(".bvh", lambda: [_saved(lambda p: write_bvh(p, SKELETONS["LAFAN1"], motion(n=5)))], _read_metres),
+    "zip": Target(".zip", lambda: [_saved(_archive)], _read_metres),
     "c3d": Target(".c3d", lambda: [
         Writer().content(), Writer(integer=True, analog=3).content(), Writer(DEC).content(),
         Writer(MIPS, True).content(), shipped_recording("freeform").read_bytes()[:20_000],

@@ -70,8 +70,13 @@ def blocks(language):
 def test_the_page_shows_the_lines():
     first, frames, state, error = blocks("json")
     names = json.loads(first)["points"]
-    named, listed = (read_frame(line.encode(), names) for line in frames.splitlines())
+    joints = json.loads(first)["units"]
+    named, listed, engage, hold = (
+        read_frame(line.encode(), names, [*joints]) for line in frames.splitlines()
+    )
     assert (named.t, listed.t) == (0.02, 0.03)
+    assert (named.order.joints, engage.engage, hold.engage) == (None, True, False)
+    assert listed.order.joints == engage.joints == [-1.41]
     with pytest.raises(InvalidInputError) as caught:
         read_frame(b'{"t": 0, "points": {"RELBO": null}}', names)
     assert encoded(error=str(caught.value), line=7).decode() == error
@@ -83,10 +88,14 @@ def test_the_page_shows_the_lines():
     found = {
         "frames": [dict.fromkeys(NAMES, (0.1 * i, 0.0, 0.0)) for i in range(3)],
         "answers": (answers := []),
+        "measured": lambda: [0.0, 0.0],
+        "asked": lambda: True,
     }
-    with serving(Toy(), transport):
+    toy = Toy()
+    with serving(toy, transport):
         exec(compile(code, "page", "exec"), found)
         wait(lambda: any(answer["joints"]["lift"] == pytest.approx(0.2) for answer in answers))
+    assert toy.engaged > 0
     found["link"].shutdown(socket.SHUT_RDWR)
     transport.close()
     assert found["expected"].keys() == json.loads(first).keys()

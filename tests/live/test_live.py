@@ -1,5 +1,7 @@
 """Live: whatever frames come, the robot keeps its limits; where they are good it follows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -8,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from toy import require_limits
 
 import maniport as mp
+from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
 from maniport.live.state import FAR, NEAR, STATES
-from maniport.mocap import shipped_recording
+from maniport.mocap import shipped_recording, synthetic_recording
 from sizes import SMALL, little_search
 
 
@@ -18,16 +21,19 @@ from sizes import SMALL, little_search
 def frames(small_result):
     """Two seconds of the recording of which one calibrated the person, three times as slow, at 50 Hz, and times."""
     recording = mp.read_recording(shipped_recording("ladder")).crop(9.5, 11.5)
-    points = np.stack(
-        [recording.point(name) for name in mp.Live.of(small_result, clock=None).points], axis=1
-    )
+    points = np.stack([recording.point(name) for name in following(small_result).points], axis=1)
     time, slow = np.arange(0.0, 5.7, 0.02), 3.0 * (recording.time - recording.time[0])
     return make_interp_spline(slow, points)(time), time
 
 
 @pytest.fixture
 def live(small_result):
-    return mp.Live.of(small_result, clock=None)
+    return following(small_result)
+
+
+def following(result, **options):
+    """A robot in simulated time that follows whenever the person is visible."""
+    return mp.Live.of(result, clock=None, auto_engage=True, **options)
 
 
 def played(live, points, time):
@@ -65,7 +71,7 @@ def test_limits_are_kept_whatever_comes(small_result, frames):
         elif kind == 5:
             frame[:] = 0.0
         shown.append(frame)
-    first, second = (played(mp.Live.of(small_result, clock=None), shown, time) for _ in range(2))
+    first, second = (played(following(small_result), shown, time) for _ in range(2))
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, first)
     assert_array_equal(
         [state.joint_positions for state in first], [state.joint_positions for state in second]
@@ -88,14 +94,14 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
     )
     assert np.median(differences / np.linalg.norm(offline, axis=(1, 2))) < 0.1
     assert np.median([state.position_error for state in states]) < 1e-3
-    assert (states[0].state, states[-1].state) == ("reaching", "following")
+    assert (states[0].state, states[-1].state) == ("approaching", "following")
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
 
 def test_robot_keeps_the_pace_of_the_person(second):
     with little_search(candidates=256):
         result = mp.transfer_recording(second, real_time=True, **SMALL)
-    live = mp.Live.of(result, clock=None)
+    live = following(result)
     points = np.stack([second.point(name) for name in live.points], axis=1)
     states = played(live, points, second.time)
     errors = [state.position_error for state in states]
@@ -105,10 +111,29 @@ def test_robot_keeps_the_pace_of_the_person(second):
     require_safe(result.arm.motion, result.arm.collisions, second.time, states)
 
 
+def test_gaps_of_the_calibration_do_not_make_the_motion_small():
+    """The hand is elsewhere after a gap, which is no speed: the scale is near that of the whole recording."""
+    time = np.arange(0.0, 6.0, 1.0 / 60.0)
+    rest = np.radians([40.0, 40.0, -20.0, 70.0, 5.0, 2.0, 5.0])
+    change = np.radians([25.0, 25.0, 15.0, 30.0, 10.0, 0.0, 0.0])
+    speeds = 1.2 * np.array([1.0, 0.8, 0.6, 1.1, 0.7, 1.0, 1.0])
+    q = rest + change * np.sin(speeds * time[:, None] + np.arange(7))
+    whole = synthetic_recording(human_arm("myoarm"), q, time)
+    positions = whole.positions.copy()
+    positions[time % 1.5 > 1.2] = np.nan
+    options = {"real_time": True, "method": "parallel-transport", **SMALL}
+    scales = []
+    with little_search():
+        for recording in (whole, replace(whole, positions=positions)):
+            result = mp.transfer_recording(recording, **options)
+            scales.append(result.arm.placement.scale)
+    assert scales[1] > 0.8 * scales[0]
+
+
 def test_both_arms_lead_two_robots(two_arm_result):
     result, arms = two_arm_result, two_arm_result.robot
     recording = result.recording
-    live = mp.Live.of(result, clock=None)
+    live = following(result)
     slow, time = np.arange(0.0, 0.3, 0.003), recording.time - recording.time[0]
     columns = [
         np.interp(slow, time[~np.isnan(x)], x[~np.isnan(x)])
@@ -142,7 +167,7 @@ def test_force_ellipsoids_are_followed_within_limits(second, frames):
     with little_search():
         result = mp.transfer_recording(second, ellipsoids="force", speed_scale=0.5, **SMALL)
     points, time = frames
-    live = mp.Live.of(result, clock=None, delay=0.0)
+    live = following(result, delay=0.0)
     states = played(live, points, time)
     require_safe(result.arm.motion, result.arm.collisions, time, states)
     assert states[-1].state == "following"
@@ -165,8 +190,8 @@ def test_who_is_not_seen_is_waited_for(live, frames):
     assert np.isfinite(gone[-1].distance)
     back = [live.step(points[200], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
     assert (back[0].state, back[2].state, back[-1].state) == (
-        "recovering",
-        "recovering",
+        "approaching",
+        "approaching",
         "following",
     )
     assert_allclose(
@@ -189,12 +214,12 @@ def test_points_that_leap_are_not_followed(live, frames):
 
 def test_the_robot_comes_from_where_it_is(small_result, frames):
     start = 0.5 * (small_result.arm.robot.lower + small_result.arm.robot.upper)
-    live = mp.Live.of(small_result, start=start, clock=None)
+    live = following(small_result, start=start)
     time = 0.02 * np.arange(1, 300)
     named = dict(zip(live.points[::-1], frames[0][0][::-1], strict=True))
     states = [live.step(named, t) for t in time]
     assert_allclose(states[0].joint_positions, start)
-    assert states[1].state == "reaching"
+    assert states[1].state == "approaching"
     assert states[-1].position_error < 0.02
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
@@ -202,7 +227,14 @@ def test_the_robot_comes_from_where_it_is(small_result, frames):
 def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
     points, time = frames
     arm = small_result.arm
-    live = mp.Live(arm.fit, arm.adapter, arm.robot, start=arm.motion.joint_positions[0], clock=None)
+    live = mp.Live(
+        arm.fit,
+        arm.adapter,
+        arm.robot,
+        start=arm.motion.joint_positions[0],
+        clock=None,
+        auto_engage=True,
+    )
     assert not arm.collisions.collides(live.joint_positions)
     states = played(live, points[:40], time[:40])
     assert states[-1].position_error is None
@@ -210,7 +242,7 @@ def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
 
 
 def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames):
-    other = mp.Live.of(small_result, clock=None)
+    other = following(small_result)
     live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
     for points, time, words in (
         (np.zeros((3, 3)), 1.0, "points must have shape"), ("nothing", 1.0, "points must be numbers"),
@@ -229,7 +261,7 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames)
 
 @pytest.mark.parametrize(("options", "word"), [
     ({"start": np.zeros(3)}, "start"), ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: "),
-    ({"hold_after": 0.0}, "hold_after"), ({"delay": 0.6}, "delay"), ({"clock": 5}, "clock"),
+    ({"auto_engage": "yes"}, "auto_engage"), ({"delay": 0.6}, "delay"), ({"clock": 5}, "clock"),
     ({"spec": "velocity"}, "spec"),
     ({"path": np.zeros((3, 3))}, "Placement"), ({"path": [None, None]}, "path"),
     ({"reference": np.zeros(7)}, "reference"), ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
@@ -261,7 +293,7 @@ def test_a_delay_shifts_targets_and_lowers_errors(small_result, frames):
     """Targets are means around the delayed time, also over a gap, and the robot plans with them until they end."""
     points, time = frames
     fast = time / 2.0
-    present, late = (mp.Live.of(small_result, clock=None, delay=delay) for delay in (0.0, 0.15))
+    present, late = (following(small_result, delay=delay) for delay in (0.0, 0.15))
     states, delayed = played(present, points, fast), played(late, points, fast)
     delayed += [late.step(None, fast[-1] + t) for t in (0.05, 0.1, 0.15, 0.19)]
     at = np.array([[state.time - 0.15] for state in delayed])
@@ -302,7 +334,7 @@ def test_a_delay_shifts_targets_and_lowers_errors(small_result, frames):
 
 
 def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
-    live, (points, time) = mp.Live.of(small_result, clock=None, delay=0.0), frames
+    live, (points, time) = following(small_result, delay=0.0), frames
     states = played(live, points, time / 12.0)
     states += [live.step(points[-1], time[-1] / 12.0 + 0.01 * i) for i in range(1, 150)]
     errors = {
@@ -318,7 +350,7 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
 def test_neither_unit_nor_axes_of_frames_matter(small_result, live, frames):
     turn, other = (
         Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix(),
-        mp.Live.of(small_result, clock=None),
+        following(small_result),
     )
     for points, t in zip(frames[0][:15], frames[1][:15], strict=True):
         there = 1e3 * points @ turn.T + [50.0, -7.0, 300.0]

@@ -27,7 +27,10 @@ def led(small_result, second):
 
     def make(clock):
         return mp.Live.of(
-            small_result, clock=clock, start=0.5 * (limits.arm.lower + limits.arm.upper)
+            small_result,
+            clock=clock,
+            auto_engage=True,
+            start=0.5 * (limits.arm.lower + limits.arm.upper),
         )
 
     shown = second.select(make(None).points)

@@ -54,13 +54,13 @@ def test_every_line_is_answered(live, recorded, small_result):
     """First the expected points, then a line for each frame; at the end the robot rests, and a summary is printed."""
     path, lines, time = recorded
     code, (first, start, error, *rest), err = live(
-        path, "--no-drop", lines=[lines[0], "nonsense", *lines[1:]]
+        path, "--no-drop", "--auto-engage", lines=[lines[0], "nonsense", *lines[1:]]
     )
     arm = small_result.arm.robot
     assert code == 0
     assert first["points"] == list(Live.of(small_result).points)
     assert first["start"] == start["joints"]
-    assert (start["state"], error["line"]) == ("reaching", 2)
+    assert (start["state"], error["line"]) == ("approaching", 2)
     q = np.array([list(answer["joints"].values()) for answer in rest])
     assert np.all((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9))
     assert [answer["frame"] for answer in rest if answer["frame"] is not None] == time[1:].tolist()
@@ -68,9 +68,24 @@ def test_every_line_is_answered(live, recorded, small_result):
     assert f"{len(time)} frames answered, 0 skipped (newer frames available), 1 invalid" in err
     assert "99.9 %" in err
     assert "of the person's motion" in err
+    assert "waited for" not in err
     code, (_, answer, *_), err = live(path, lines=lines)
     assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)
     assert "--no-drop" in err
+
+
+@pytest.mark.parametrize("consent", [[], ['{"engage": true}'], ["--auto-engage"]])
+def test_a_file_without_consent_moves_nothing(live, recorded, consent):
+    """The remedies that the warning names work: a line before the frames, and the option."""
+    path, lines, _ = recorded
+    options = [word for word in consent if word.startswith("--")]
+    orders = [word for word in consent if not word.startswith("--")]
+    code, (_, *answers), err = live(path, "--no-drop", *options, lines=[*orders, *lines[:15]])
+    assert code == 0
+    states = {answer["state"] for answer in answers}
+    assert bool(states & {"approaching", "following", "lagging"}) == bool(consent)
+    assert ("waiting" in states) == (not consent)
+    assert ("engage" in err) == (not consent)
 
 
 def test_ctrl_c_brings_the_robot_to_rest(live, recorded):
@@ -101,7 +116,7 @@ def test_ctrl_c_brings_the_robot_to_rest(live, recorded):
 
     sender = threading.Thread(target=send)
     sender.start()
-    code, (first,), err = live(path, "--udp", port)
+    code, (first,), err = live(path, "--udp", port, "--auto-engage")
     sender.join(60.0)
     assert not sender.is_alive()
     assert answers[-1]["state"] == "holding"

@@ -73,22 +73,36 @@ def test_a_simulated_robot_follows_markers(examples, small_result, second, monke
     assert "Position error" in capsys.readouterr().out
 
 
-def test_nothing_is_sent_before_the_robot_is_at_its_start(node, second):
+def test_nothing_is_sent_before_the_robot_is_known(node, second):
+    """The first command is where the robot is; it moves after a message to engage, and brakes after another."""
     node, sent, send = node
-    start = dict(zip(node.live.robot.joint_names, node.live.joint_positions.tolist(), strict=True))
+    names = node.live.robot.joint_names
+    measured = node.live.joint_positions + 0.06 * np.array([1, -1, -1, 1, 1, 1, 1])
+    joints = dict(zip(names, measured.tolist(), strict=True))
     points = dict(
         zip(node.live.points, second.select(node.live.points).positions[0].tolist(), strict=True)
     )
-    for q in ({}, dict(list(start.items())[1:]), {**start, "panda_joint2": 1.0}):
-        send(**q)
+    for known in ({}, dict(list(joints.items())[1:])):
+        send(**known)
         send(points)
         TIME.sleep(0.01)
         node.move()
         assert sent == []
-    assert "panda_joint1" in node.log.info.call_args.args[0]
-    send(**dict(reversed(start.items())), finger=0.04)
-    send(points)
-    np.testing.assert_allclose(sent, [list(start.values())], atol=1e-3)
+    assert "panda_joint1" in node.log.error.call_args.args[0]
+    send(**dict(reversed(joints.items())), finger=0.04)
+    for i in range(10):
+        TIME.sleep(0.01)
+        send(points, 1.0 + 0.01 * i)
+    np.testing.assert_allclose(sent, [measured] * 10)
+    engage = ros_stand_in.MESSAGES["std_msgs"][1]
+    publish(engage, "/maniport/engage", engage(data=True))
+    TIME.sleep(0.01)
+    send(points, 2.0)
+    assert node.state.state == "approaching"
+    publish(engage, "/maniport/engage", engage(data=False))
+    TIME.sleep(0.01)
+    send(points, 2.01)
+    assert node.state.state == "waiting"
 
 
 def test_wrong_markers_and_times_do_not_stop_the_node(node, second):
@@ -112,13 +126,14 @@ def test_wrong_markers_and_times_do_not_stop_the_node(node, second):
     for i, points in enumerate(rows[1:6]):
         TIME.sleep(0.03)
         send(points, 2.0 + 0.03 * i)
-    assert node.state.state != "holding"
+    assert node.state.state == "waiting"
     assert np.isfinite(sent).all()
 
 
 def test_without_markers_the_robot_brakes(node, second):
     node, sent, send = node
     send(**dict(zip(node.live.robot.joint_names, node.live.joint_positions.tolist(), strict=True)))
+    node.live.engage()
     for t, points in zip(second.time[:10], second.select(node.live.points).positions, strict=False):
         TIME.sleep(0.03)
         send(dict(zip(node.live.points, points.tolist(), strict=True)), t)

@@ -69,7 +69,7 @@ def test_unknown_torque_limits_are_named(small_result):
 
 
 def test_two_arms_are_simulated_together(two_arm_result):
-    simulation = Simulation(mp.Live.of(two_arm_result, clock=None))
+    simulation = Simulation(mp.Live.of(two_arm_result, clock=None, auto_engage=True))
     names = simulation._live.points
     frames = np.random.default_rng(0).normal(size=(len(names), 3)) + np.zeros((30, 1, 1))
     states = [simulation.step(points, 0.02 * i) for i, points in enumerate(frames)]
@@ -88,7 +88,7 @@ def test_a_missing_package_is_named(monkeypatch):
 
 def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monkeypatch, capfd):
     """As the library does it, and by the command, which prints the errors and ends without the extra for the view."""
-    simulation = Simulation(mp.Live.of(small_result, clock=None))
+    simulation = Simulation(mp.Live.of(small_result, clock=None, auto_engage=True))
     frames = second.select(mp.Live.of(small_result, clock=None).points)
     states = [
         simulation.step(points, t) for points, t in zip(frames.positions, frames.time, strict=True)

@@ -21,15 +21,19 @@ class Toy:
 
     def __init__(self):
         self.joint_positions, self.change, self.times, self.steps = np.zeros(2), 0.0, [], 0
-        self.held = False
+        self.held, self.engaged, self.joints = False, 0, []
 
     def hold(self):
         self.held = True
 
-    def step(self, points, time=None):
+    def engage(self):
+        self.engaged += 1
+
+    def step(self, points, time=None, joints=None):
         if points is not None and points[2, 0] > 1e11:
             raise InvalidInputError("the wrist is too far away")
         self.steps += 1
+        self.joints += [] if joints is None else [joints]
         self.times += [] if time is None else [time]
         seen = points is not None and not np.isnan(points).any()
         if seen:

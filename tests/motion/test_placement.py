@@ -229,6 +229,24 @@ def test_demands_of_a_circle(panda):
     assert np.linalg.norm(velocity, axis=1).max() < 0.65
 
 
+@pytest.mark.parametrize("missing", [
+    lambda time: time % 1.0 > 0.7, lambda time: time % 2.0 > 1.0, lambda time: time % 0.05 < 0.009,
+    lambda time: time % 0.5 > 0.42, lambda time: (time > 1.0) & (time < 3.0) & (time % 0.3 > 0.009),
+], ids=["0.3 s", "1 s", "each fifth row", "0.08 s", "single rows"])  # fmt: skip
+def test_gaps_of_a_recording_demand_nothing(panda, missing):
+    """The path jumps from one side of a gap to the other only in the rows, not in time."""
+    time = np.arange(0.0, 6.0, 0.01)
+    path = 0.2 * np.stack([np.cos(1.5 * time), np.sin(1.5 * time), 0.0 * time], axis=1)
+    kept = ~missing(time)
+    rows = np.arange(0, kept.sum(), 10)
+    demands = demands_of(MotionLimits.of(panda), time[kept], path[kept], rows)
+    (_, velocity), (_, acceleration) = demands
+    assert_allclose(np.linalg.norm(velocity, axis=1).max(), 0.3, rtol=0.1)
+    sizes = np.linalg.norm(acceleration, axis=1)[2:-2]  # the smoothed path is bent at its ends
+    assert sizes.max() < 1.0
+    assert np.median(sizes) == pytest.approx(0.45, rel=0.1)
+
+
 @pytest.mark.parametrize(
     "fixed", [{}, {"tilt": "free"}, {"scale": 0.9, "offset": (None, 0.1, None)}]
 )

@@ -109,6 +109,21 @@ def test_projections_are_feasible_and_about_as_near_as_a_thorough_search(
     assert moved.mean() < first.mean() + 0.02
 
 
+def test_projections_do_not_depend_on_earlier_calls(panda, bank, projector, points):
+    """Any number of points after any other; what was searched before changes no bit of a result."""
+    first, changes = projector.nearest(points[:8])
+    fewer, _ = projector.nearest(points[:4])
+    assert fewer.shape == (4, 3, 3)
+    more, _ = projector.nearest(points[:12])
+    assert more.shape == (12, 3, 3)
+    again, changes_again = projector.nearest(points[:8])
+    fresh, _ = FeasibleProjector(panda, bank=bank).nearest(points[:8])
+    assert_array_equal(again, first)
+    assert_array_equal(changes_again, changes)
+    assert_array_equal(fresh, first)
+    assert_array_equal(projector(points[:8]), first)
+
+
 def test_bad_input_of_projections_is_refused(panda, bank, projector, points):
     search = projector.search(0.01)
     search.nearest(points[:3])

@@ -276,3 +276,13 @@ def test_wrong_targets_are_named(own, change, word):
         follow_profile(
             panda, [profile], arguments.pop("time"), [arguments.pop("positions")], **arguments
         )
+
+
+@pytest.mark.parametrize("name", ["small_result", "two_arm_result"])
+def test_each_search_has_the_configurations_of_the_narrower_one(request, name):
+    """Feasibility gap, pointwise optimum and distance ascend at every waypoint; parts of the mean are positive."""
+    for arm in request.getfixturevalue(name).arms:
+        assert (arm.gap <= arm.motion.pointwise_best).all()
+        assert (arm.motion.pointwise_best <= arm.motion.distance).all()
+        assert min(arm.mean_distance.values()) >= 0.0
+        assert sum(arm.mean_distance.values()) == pytest.approx(arm.motion.distance.mean())

@@ -5,9 +5,9 @@ import pytest
 from pages import page_of
 
 from maniport.report import report_of
-from maniport.report.page import write_page
+from maniport.report.page import as_html, write_page
 from maniport.report.page.animation import animation_of, semi_axis_panels
-from maniport.report.page.content import Animation, Body, Line, Panel, Stage
+from maniport.report.page.content import Animation, Body, Line, Panel, Stage, kept_rows
 
 
 @pytest.fixture(scope="module")
@@ -115,12 +115,57 @@ def test_the_first_screen_has_the_summary(browser, results, small_result):
     ]
     assert ends == sorted(ends)
     assert ends[3] < 768
-    time = (
-        round(report_of(small_result).main_metrics[0].value["max_at_s"], 1) - small_result.time[0]
-    )
+    time = report_of(small_result).main_metrics[0].value["max_at_s"] - small_result.time[0]
     browser.run("document.querySelector('.card a').click()")
-    browser.wait(f"Math.abs(maniport.player.now - {time}) < 1e-3")
+    browser.wait(f"Math.abs(maniport.player.now - {time}) < 1e-5")
     assert browser.complaints == []
+
+
+def test_links_to_a_maximum_open_its_waypoint(browser, small_result, changed, tmp_path):
+    """Maxima within a tenth of a second, of which one follows a pause, each have their own waypoint."""
+    n, motion = len(small_result.time), small_result.arm.motion
+    time = 1000.0 + np.where(np.arange(n) < n // 2, 0.0, 7.3) + 0.0334 * np.arange(n)
+    peaks = {"distance": n // 2, "position_error": n // 2 + 1, "gap": n // 2 - 1}
+    values = {name: np.where(np.arange(n) == row, 2.0, 0.5) for name, row in peaks.items()}
+    moved = {"distance": values["distance"], "position_error": values["position_error"]}
+    arm = {"gap": values["gap"], "time": time, "fit": replace(small_result.arm.fit, time=time)}
+    result = changed(small_result, arm, **moved)
+    write_page(tmp_path / "report.html", report_of(result), animation_of(result))
+    browser.dress(1024, 768)
+    browser.open(tmp_path / "report.html")
+    shown = "maniport.player.at(maniport.player.now).join()"
+    links = {
+        "distance": "document.querySelectorAll('.card a')[0]",
+        "position_error": "document.querySelectorAll('.card a')[1]",
+        "gap": "[...document.querySelectorAll('tr')].find(row => row.textContent.startsWith("
+        "'Distance to the feasible set')).querySelector('a')",
+    }
+    for name, link in links.items():
+        browser.run(f"{link}.click()")
+        browser.wait(f"{shown} == '{peaks[name]},0'")
+        address = browser.run(f"{link}.hash")
+        browser.open(tmp_path / "report.html", address)
+        browser.wait(f"{shown} == '{peaks[name]},0'")
+    browser.run(
+        "[...document.querySelectorAll('.mind a')].find(a => a.closest('li').textContent"
+        ".startsWith('The position error')).click()"
+    )
+    browser.wait(f"{shown} == '{peaks['position_error']},0'")
+    assert len(motion.time) == n
+    assert browser.complaints == []
+
+
+def test_a_thinned_page_contains_the_waypoints_of_its_links(small_result):
+    """Of a long motion a page has some of the times only; the linked ones are among them."""
+    animation = animation_of(small_result)
+    n = len(animation.time)
+    report = report_of(small_result)
+    largest_at = report.main_metrics[0].value["max_at_s"]
+    row = int(np.abs(animation.time - largest_at).argmin())
+    kept = kept_rows(animation.time, 4, report.times)
+    assert row in kept
+    assert len(kept) < n
+    assert f'href="#t={largest_at:.6f}"' in as_html(report, animation)
 
 
 def test_all_arms_are_drawn_in_one_view(browser, several, tmp_path):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,11 @@ def test_a_transfer_has_all_curves(result, animation):
     distance, position = panels["Distance and position error"]
     np.testing.assert_array_equal(distance.lines[0].values, motion.distance)
     np.testing.assert_array_equal(distance.lines[1].values, motion.pointwise_best)
+    reached = replace(motion, pointwise_best=motion.distance)
+    alone = animation_of(replace(result, arms=(replace(result.arm, motion=reached),)))
+    assert [line.name for line in alone.panels["Distance and position error"][0].lines] == [
+        "achieved"
+    ]
     np.testing.assert_allclose(
         position.lines[0].values, np.maximum(1e3 * motion.position_error, 0.01)
     )

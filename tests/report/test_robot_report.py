@@ -64,6 +64,34 @@ def test_info_warns_of_assumptions_and_omitted_checks(crane, tmp_path):
     assert "lift" in warnings_of(str(tmp_path / "boxes.urdf"))["missing-meshes"]
 
 
+BOX = "<geometry><box size='1 1 1'/></geometry>"
+LIFT = '<link name="lift"/>'
+
+
+def test_info_says_which_shapes_are_checked(crane, tmp_path):
+    path = tmp_path / "shapes.urdf"
+    texts = {
+        "collision": f"<collision>{BOX}</collision>",
+        "visual": f"<visual>{BOX}</visual>",
+    }
+    for kind, shape in texts.items():
+        path.write_text(CRANE.replace(LIFT, f'<link name="lift">{shape}</link>'))
+        assert kind in info(str(path)).split("Collision shapes:")[1].splitlines()[0]
+        found = json.loads(info(str(path), "--json"))["collision_shapes"]
+        assert found[kind] == ["lift"]
+    assert "Collision shapes" not in info(str(crane))
+
+
+def test_info_names_a_mesh_that_cannot_be_read(tmp_path):
+    path = tmp_path / "shapes.urdf"
+    mesh = '<collision><geometry><mesh filename="gone.stl"/></geometry></collision>'
+    shape = f'<link name="lift"><collision>{BOX}</collision>{mesh}</link>'
+    path.write_text(CRANE.replace(LIFT, shape))
+    warning = warnings_of(str(path))["unchecked-links"]
+    assert "lift" in warning
+    assert "gone.stl" in warning
+
+
 @NEEDS_ROBOTS
 def test_info_warns_of_pairs_of_links_that_hulls_cannot_decide():
     assert (

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import maniport as mp
+from maniport.arms import Arm
 from maniport.arms.collisions import Lowest
 from maniport.errors import on_the_command_line
 from maniport.motion.trajectory import Clearance
@@ -115,8 +116,14 @@ def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch
                     "--table 0"
                     in report_of(changed(complete, {"collisions": collisions})).warnings[0]
                 )
+    arm = complete.arm.robot
+    torso = Arm(replace(arm.chain, on_base_plane=False))
+    report = report_of(changed(complete, {"robot": torso}))
+    assert report.warning_keys == ()
+    assert "lowest_point" not in as_numbers(report)["motion"]
     monkeypatch.setattr(ArmResult, "lowest", None)
     assert report_of(changed(complete)).warning_keys == ("unchecked-floor",)
+    assert report_of(changed(complete, {"robot": torso})).warning_keys == ()
 
 
 def test_the_advice_suits_a_missed_path(result, changed):

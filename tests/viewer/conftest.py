@@ -42,7 +42,7 @@ def make_state(arms, domains, place):
     for name in METHODS:
         first.get(name, np.eye(3))
     for fit in first.fits.values():
-        fit.result(60.0)
+        fit.result(600.0)
     bank = SeedBank(arms[1], 2048, 0)
 
     def make(maps=None, recorded=False):

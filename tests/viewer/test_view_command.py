@@ -66,7 +66,8 @@ def test_it_starts_and_ends_with_ctrl_c(tmp_path):
     (["--person", "nobody"], "unknown person"), (["--side", "both"], "--pose"), (["--pose", "0,0,0,0"], "--pose"),
     (["--side", "both", "--hand-targets", "relative"], "--hand-targets"),
     (["--robot", "nothing"], "unknown robot 'nothing'"), (["--port", "99999"], "[0, 65535]"),
-    (["--recording", "missing.bvh"], "missing.bvh"),
+    (["missing.bvh"], "missing.bvh"), (["--recording", "missing.bvh"], "missing.bvh"),
+    (["missing.bvh", "--recording", "missing.bvh"], "twice"),
 ])  # fmt: skip
 def test_invalid_options_end_with_one_sentence(run, words, message):
     code, out, err = run("view", *words)

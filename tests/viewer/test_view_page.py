@@ -3,6 +3,7 @@
 import contextlib
 import socket
 import sys
+import time
 import urllib.error
 import urllib.request
 from dataclasses import replace
@@ -26,6 +27,14 @@ CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (3.0, 0.0, 1.0), "fov": 0.8, "near": 0.01,
     "far": 1000.0, "image_height": 600, "image_width": 900, "look_at": (0.0, 0.0, 1.0), "up_direction": (0.0, 0.0, 1.0),
 }  # fmt: skip
+
+
+def wait_until(condition, patience=60.0):
+    """Wait until a condition holds, at most so long [s]."""
+    begun = time.monotonic()
+    while not condition():
+        assert time.monotonic() - begun < patience
+        time.sleep(0.005)
 
 
 def connected(url, origin=None, **headers):
@@ -100,6 +109,128 @@ def test_other_pages_of_the_browser_cannot_connect(make_view):
     for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example:1", "", "[::2]:1"):
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(urllib.request.Request(url, headers={"Host": host}), timeout=60)
+
+
+def status_of(url, *lines, path="/"):
+    """Send a request as it is, and return the status of the answer."""
+    host, port = url.split("/")[2].split(":")
+    with socket.create_connection((host, int(port)), timeout=60) as stream:
+        stream.sendall("\r\n".join([f"GET {path} HTTP/1.1", *lines, "", ""]).encode())
+        return int(stream.makefile("rb").readline().split()[1])
+
+
+def test_odd_requests_are_refused(make_view):
+    """Headers that occur twice, and names that no file can have, are errors of the client."""
+    url = make_view().url
+    host = f"Host: {url.split('/')[2]}"
+    origin = f"Origin: {url.rstrip('/')}"
+    assert status_of(url, host) == status_of(url, host, origin) == 200
+    assert status_of(url, host, "Accept-Encoding: gzip", "Accept-Encoding: br") == 200
+    for lines in (
+        (host, host),
+        (host, "Host: evil.example"),
+        ("Host: evil.example", host),
+        (host, origin, origin),
+        (host, "Upgrade: websocket", "Upgrade: h2c"),
+    ):
+        assert status_of(url, *lines) == 400
+    assert status_of(url) == 403
+    for path in (
+        "/" + 7000 * "a",
+        "/" + 2000 * "a/",
+        "/%00",
+        "/a%00/b",
+        "/%ff%fe",
+        "/%ed%a0%80",
+        "/..%2f..%2fetc/passwd",
+        "//",
+        "/assets",
+        "nothing",
+        "/nothing?" + 7000 * "b",
+    ):
+        assert status_of(url, host, path=path) in (200, 404), path
+    assert status_of(url, host, path="/" + 7000 * "a") == 404
+
+
+NAN = float("nan")
+INFINITY = float("inf")
+
+
+def test_messages_that_no_page_sends_are_dropped(make_view, capfd):
+    """No message of a program on this machine prints a traceback, or reaches the controls."""
+    view = make_view()
+    panel = view._panel
+    before = panel.read(0.0)
+    cameras = [
+        {name: value}
+        for value in (0, -1, INFINITY, -INFINITY, NAN, 1e300, "1", None, [], True)
+        for name in ("image_height", "image_width", "fov", "near", "far")
+    ]
+    cameras += [
+        {name: value}
+        for value in ((NAN,) * 4, (INFINITY,) * 3, (0.0,) * 4, (), 1.0, "abcd", None)
+        for name in ("wxyz", "position", "look_at", "up_direction")
+        if (name, value) == ("wxyz", (0.0,) * 4) or value != (0.0,) * 4
+    ]
+    slider = panel._sliders[0]._impl.uuid
+    updates = [
+        {"uuid": uuid, "updates": update}
+        for uuid, values in (
+            (slider, (NAN, INFINITY, 1e6, -1e6, "1", None, [1], {}, True)),
+            (panel._method._impl.uuid, ("nothing", 1, None, [])),
+            (panel._follows._impl.uuid, (1, "yes", None)),
+            (panel._head._impl.uuid, ("<script>",)),
+            ("nothing", (1.0,)),
+            (1, (1.0,)),
+        )
+        for update in ({"value": value} for value in values)
+    ]
+    updates += [
+        {"uuid": slider, "updates": {"min": 1.0}},
+        {"uuid": slider, "updates": {"nothing": 1.0}},
+        {"uuid": slider, "updates": {}},
+        {"uuid": slider, "updates": 1},
+        {"uuid": slider},
+    ]
+    messages = [CAMERA | change for change in cameras]
+    messages += [{"type": "GuiUpdateMessage", **update} for update in updates]
+    messages += [
+        {name: value for name, value in CAMERA.items() if name != "fov"},
+        {},
+        {"type": "nothing"},
+        {"type": 1},
+        {"type": "ShareUrlRequest"},
+        {"type": "GuiFormSubmitMessage", "uuid": slider},
+        [1],
+        7,
+    ]
+    junk = [b"", b"\xc1", b"\x91" * 100_000, msgspec.msgpack.encode(CAMERA)[:-1]]
+    with connected(view.url) as page:
+        page.send("a text")
+        for content in (*junk, *map(msgspec.msgpack.encode, messages)):
+            page.send(content)
+        page.send(msgspec.msgpack.encode(CAMERA))  # still connected
+        wait_until(lambda: len(view._server.get_clients()) == 1)
+        moved = {"uuid": slider, "updates": {"value": 12.5}}
+        page.send(msgspec.msgpack.encode({"type": "GuiUpdateMessage", **moved}))
+        wait_until(lambda: panel._sliders[0].value == 12.5)
+        (guest,) = view._server.get_clients().values()
+        assert guest.camera.image_height == CAMERA["image_height"]
+    after = panel.read(0.0)
+    assert after.joints[0] == pytest.approx(np.radians(12.5))
+    np.testing.assert_array_equal(after.joints[1:], before.joints[1:])
+    assert (after.method, after.follow_hand) == (before.method, before.follow_hand)
+    assert "".join(capfd.readouterr()) == ""
+
+
+def test_a_page_of_another_version_is_refused(make_view, capfd):
+    options = {"subprotocols": ["viser-v0.0.1"], "max_size": None}
+    url = make_view().url.replace("http", "ws", 1)
+    with client.connect(url, **options) as page, pytest.raises(errors.ConnectionClosed) as closed:
+        page.recv(timeout=60)
+    assert closed.value.rcvd.code == 1002
+    assert "version" in closed.value.rcvd.reason
+    assert "".join(capfd.readouterr()) == ""
 
 
 def test_controls_become_commands(make_view):

@@ -375,8 +375,9 @@ class Arm(JointSpace):
     def surfaces(self) -> tuple[Surface, ...]:
         """Return the visual meshes of the arm by joint; files are read on the first call.
 
-        Bodies beyond the end effector and moving fingers are omitted. Links of a URDF with missing meshes have their
-        collision shapes. Meshes with more than 15 000 triangles in total are simplified to about that.
+        Bodies beyond the end effector and moving fingers are omitted. Links without visual shapes, or with missing
+        visual meshes, have their collision shapes. Meshes with more than 15 000 triangles in total are simplified to
+        about that.
 
         Returns
         -------

@@ -65,6 +65,11 @@ class Joint:
         return motions
 
 
+BELOW = 0.05
+"""Frames that are this far below the base plane show that the robot does not stand on it [m]; some feet and
+screws have their frames a little below."""
+
+
 @dataclass(frozen=True)
 class Frame:
     """A frame fixed to the chain."""
@@ -77,13 +82,118 @@ class Frame:
         _require_rigid(self.placement, "a frame")
 
 
+@dataclass(frozen=True)
+class Contact:
+    """Bits of a geom of an MJCF that decide, with those of another, whether the two can touch."""
+
+    body: str
+    geom: int  # number of the geom in its file
+    contype: int
+    conaffinity: int
+    is_plane: bool = False
+
+
+@dataclass(frozen=True)
+class ContactRules:
+    """Pairs of geoms that an MJCF excludes from contacts, as MuJoCo decides."""
+
+    carriers: Mapping[str, str]  # first of the bodies that are welded to each body
+    parents: Mapping[str, str]  # carrier of the body that each carrier is attached to
+    root: str  # carrier of all that cannot move
+    excluded: frozenset[frozenset[str]]  # pairs of bodies in <exclude>
+    explicit: frozenset[frozenset[int]]  # pairs of geoms in <pair>, whatever else holds
+    filter_parents: bool = True
+
+    def decide(self, geoms: Sequence[Contact]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Decide which pairs of geoms can touch, and which of the others <exclude> or the bits exclude.
+
+        Both have the shape (geoms, geoms). Welded bodies cannot touch, nor can two that a joint connects unless one of
+        them is fixed to the world.
+        """
+        numbers = {name: number for number, name in enumerate(self.parents)}
+        carriers = np.array([numbers[self.carriers[geom.body]] for geom in geoms], dtype=np.intp)
+        parents = np.array([numbers[parent] for parent in self.parents.values()])[carriers]
+        joined = parents[:, None] == carriers
+        joined |= joined.T
+        fixed = carriers == numbers[self.root]
+        joined &= ~(fixed[:, None] | fixed)
+        joined &= self.filter_parents
+        joined |= carriers[:, None] == carriers
+
+        contypes = np.array([geom.contype for geom in geoms], dtype=np.int64)
+        conaffinities = np.array([geom.conaffinity for geom in geoms], dtype=np.int64)
+        match = (contypes[:, None] & conaffinities) != 0
+        match |= match.T
+        places: dict[str | int, list[int]] = {}
+        for place, geom in enumerate(geoms):
+            places.setdefault(geom.body, []).append(place)
+            places.setdefault(geom.geom, []).append(place)
+        for pair in self.excluded:
+            _fill(match, [places.get(body, []) for body in pair], False)
+        touching = match & ~joined
+        for numbered in self.explicit:
+            _fill(touching, [places.get(geom, []) for geom in numbered], True)
+        return touching, ~match & ~joined & ~touching
+
+
+def _fill(pairs: NDArray[np.bool_], ends: Sequence[Sequence[int]], value: bool) -> None:
+    """Set the symmetric entries of a matrix of pairs between two sets of rows."""
+    first, second = ends[0], ends[-1]
+    pairs[np.ix_(first, second)] = value
+    pairs[np.ix_(second, first)] = value
+
+
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A visual mesh of a link, in the frame of the link, or, as a stand-in, a collision mesh."""
+    """A visual or collision shape of a link, in the frame of the link.
+
+    Attributes
+    ----------
+    link : str
+    mesh : Mesh
+    collision : bool
+        Whether the description declares it as a collision shape.
+    core : ndarray, shape (k, 3), or None
+        Points whose convex hull, enlarged by `radius`, is the shape [m]; None for a mesh that may be concave.
+    radius : float
+        Largest distance of the shape from the hull of its core [m].
+    contact : Contact or None
+        Contact bits of a geom of an MJCF.
+    stand_in : bool
+        Whether it is drawn in place of a visual shape whose mesh is missing.
+    """
 
     link: str
     mesh: Mesh
+    collision: bool = False
+    core: Array | None = None
+    radius: float = 0.0
+    contact: Contact | None = None
     stand_in: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class CollisionShapes:
+    """Shapes of links that are checked for collisions.
+
+    Attributes
+    ----------
+    shapes : list of Shape
+    missing : mapping of str to str
+        Links of which at least one shape is not among them, with the reason.
+    replaced : mapping of str to str
+        Links with visual shapes, since their collision shapes cannot be read, with the reason.
+    undrawn : tuple of str
+        Links with collision shapes whose visual meshes are missing.
+    rules : ContactRules or None
+        Contacts that the description excludes.
+    """
+
+    shapes: Sequence[Shape]
+    missing: Mapping[str, str] = field(default_factory=dict)
+    replaced: Mapping[str, str] = field(default_factory=dict)
+    undrawn: tuple[str, ...] = ()
+    rules: ContactRules | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +233,16 @@ class Chain:
         0.0,
         -9.81,
     )  # acceleration of free fall in the base frame [m/s²]
-    shapes: Callable[..., Iterable[Shape]] | None = (
-        None  # reads shapes of links by name; `mesh_folders` is optional
-    )
+    # read shapes of links by name, to draw them and to check them; `mesh_folders` and `xacro_args` are optional.
+    # Without the second, the drawn shapes are checked.
+    shapes: Callable[..., Iterable[Shape]] | None = None
+    collision_shapes: Callable[..., CollisionShapes] | None = None
     others: Mapping[str, Body] | None = (
         None  # bodies off the chain; None if the chain is the whole robot
     )
     base: str | None = None  # reference frame of all results if not the first frame of the file
     base_pose: Array | None = None  # pose (4, 4) of the robot's base in that frame if it differs
+    on_base_plane: bool = True  # whether z = 0 is the base plane of the description or of a world
     locked: Mapping[str, float] = field(
         default_factory=dict
     )  # positions of locked coordinates [rad] or [m]
@@ -157,6 +269,21 @@ class Chain:
     def holds(self, link: str) -> bool:
         """Return whether a link is on the chain and not attached beyond the end effector."""
         return link in self.frames and self.frame not in self.ancestors(link)[1:]
+
+    @property
+    def stands(self) -> bool:
+        """Whether the base stands on the plane z = 0, unlike a torso, a pelvis or the top of a pedestal.
+
+        It is the root of the description, or in its plane, and no part of the robot that the arm does not move is
+        below that plane.
+        """
+        if self.side is not None or not self.on_base_plane:
+            return False
+        heights = [place.placement[2, 3] for place in self.frames.values() if place.joint == 0]
+        for body in self.attached.values():
+            if body.joint == 0:
+                heights.append(body.placements[:, 2, 3].min())
+        return min(heights, default=0.0) >= -BELOW
 
     @property
     def attached(self) -> dict[str, Body]:
@@ -301,6 +428,7 @@ def read_embedded(name: str, without: Collection[str] = ()) -> Chain:
         effort_limits=efforts,
         inertia=inertia if np.any(inertia) else None,
         shapes=partial(read_shapes, shapes) if shapes.exists() else None,
+        collision_shapes=partial(read_collision_shapes, shapes) if shapes.exists() else None,
         others=None if "others" not in data or without else {
             body["name"]: Body(body["joint"], np.array([pose(**place) for place in body["placements"]]), body["name"])
             for body in data["others"]
@@ -308,13 +436,20 @@ def read_embedded(name: str, without: Collection[str] = ()) -> Chain:
     )  # fmt: skip
 
 
-def read_shapes(path: Path, links: Collection[str]) -> list[Shape]:
-    """Read the shapes of some links; points are stored on a grid of 65 536 steps."""
+def read_shapes(path: Path, links: Collection[str], collision: bool = False) -> list[Shape]:
+    """Read visual or collision shapes of some links; points are stored on a grid of 65 536 steps."""
     shapes = []
     with np.load(path, allow_pickle=False) as data:
         for i, link in enumerate(data["links"].tolist()):
-            if link in links:
-                *corner, step = data[f"grid_{i}"]
-                points = np.array(corner) + step * data[f"points_{i}"]
-                shapes.append(Shape(link, (points, data[f"triangles_{i}"].astype(np.int32))))
+            if link not in links or data["collision"][i] != collision:
+                continue
+            *corner, step = data[f"grid_{i}"]
+            points = np.array(corner) + step * data[f"points_{i}"]
+            triangles = data[f"triangles_{i}"].astype(np.int32)
+            shapes.append(Shape(link, (points, triangles), collision))
     return shapes
+
+
+def read_collision_shapes(path: Path, links: Collection[str]) -> CollisionShapes:
+    """Read the collision shapes of some links."""
+    return CollisionShapes(read_shapes(path, links, collision=True))

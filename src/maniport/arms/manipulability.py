@@ -38,6 +38,10 @@ LEAST_TORQUE = (
     0.05  # smallest share of an effort limit that gravity leaves, so that ellipsoids stay defined
 )
 
+LEAST_EIGENVALUE = 1e-7
+"""Smallest eigenvalue of the inverse of a force ellipsoid, relative to its trace: far below the usual damping (0.3 %),
+and large enough that inverses of the force ellipsoid are symmetric to 1e-8."""
+
 
 @dataclass(frozen=True)
 class EllipsoidSpec:
@@ -104,6 +108,19 @@ class EllipsoidSpec:
         return EllipsoidSpec(
             "velocity" if self.joint_weights is None else LOAD, self.part, self.joint_weights
         )
+
+    def of_bounded(self, ellipsoids: Array) -> Array:
+        """Return ellipsoids (n, d, d) of this kind from those that `bounded` describes.
+
+        Force ellipsoids are the inverses. They grow without bound toward singular configurations, so that eigenvalues
+        of an inverse count as at least `LEAST_EIGENVALUE` of its trace.
+        """
+        if self.kind != "force":
+            return ellipsoids
+        values, vectors = np.linalg.eigh(ellipsoids)
+        least = LEAST_EIGENVALUE * values.sum(axis=-1, keepdims=True)
+        inverse = 1.0 / np.maximum(values, least)
+        return _squared(vectors * np.sqrt(inverse)[..., None, :])
 
     def rotation(self, turn: Array) -> Array:
         """Return rotations of these ellipsoids, shape (..., d, d), from those of their frame, shape (..., 3, 3)."""

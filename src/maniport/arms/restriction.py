@@ -1,6 +1,6 @@
 """Derived chains: other end effector or base, locked joints, pose in a world, mirror image."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,6 +13,7 @@ from maniport.arms.chain import (
     RIGHT,
     Body,
     Chain,
+    CollisionShapes,
     Shape,
     check_names,
     moved_inertia,
@@ -52,7 +53,11 @@ def restrict(
             _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]
         )  # gravity keeps its direction
         part = _expressed_in(part, np.asarray(np.linalg.inv(placement), dtype=np.float64), base)
-        part = replace(part, gravity=tuple((turn.T @ chain.gravity).tolist()))
+        part = replace(
+            part,
+            gravity=tuple((turn.T @ chain.gravity).tolist()),
+            on_base_plane=chain.on_base_plane and first == 0 and _is_on_plane(placement),
+        )
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for name in (*(wanted or ()), *held):
         if name not in chain.coordinates:
@@ -89,6 +94,11 @@ def restrict(
     return replace(
         _with_coordinates(part, moving), offset=part.offset + part.coupling @ neutral, locked=locked
     )
+
+
+def _is_on_plane(placement: Array) -> bool:
+    """Whether a frame has the plane z = 0 of its base, upward."""
+    return abs(float(placement[2, 3])) < 1e-3 and float(placement[2, 2]) > 0.999
 
 
 def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
@@ -172,6 +182,7 @@ def standing(chain: Chain, where: Array) -> Chain:
         _expressed_in(chain, where, "world"),
         base_pose=where if chain.base_pose is None else where @ chain.base_pose,
         gravity=Chain.gravity,
+        on_base_plane=True,
     )
 
 
@@ -229,12 +240,26 @@ def mirrored(chain: Chain) -> Chain:
         },
         base_pose=None if chain.base_pose is None else moved(chain.base_pose),
         shapes=None if chain.shapes is None else partial(_mirrored_shapes, chain.shapes),
+        collision_shapes=chain.collision_shapes
+        and partial(_mirrored_collision_shapes, chain.collision_shapes),
     )  # fmt: skip
 
 
 def _mirrored_shapes(
-    shapes: Callable[..., Any], links: Collection[str], **options: Any
-) -> Iterator[Shape]:
+    shapes: Callable[..., Iterable[Shape]], links: Collection[str], **options: Any
+) -> list[Shape]:
     """Mirrored shapes of links; reversed triangles keep their outside."""
+    images = []
     for shape in shapes(links, **options):
-        yield replace(shape, mesh=(shape.mesh[0] * _MIRROR[:3], shape.mesh[1][:, ::-1]))
+        points, triangles = shape.mesh
+        core = None if shape.core is None else shape.core * _MIRROR[:3]
+        image = replace(shape, mesh=(points * _MIRROR[:3], triangles[:, ::-1]), core=core)
+        images.append(image)
+    return images
+
+
+def _mirrored_collision_shapes(
+    shapes: Callable[..., CollisionShapes], links: Collection[str], **options: Any
+) -> CollisionShapes:
+    read = shapes(links, **options)
+    return replace(read, shapes=_mirrored_shapes(lambda _: read.shapes, links))

@@ -7,7 +7,7 @@ import itertools
 import os
 import pickle
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -27,7 +27,9 @@ from maniport.version import __version__
 ABOUT = "batch.json"  # The file that marks a folder as that of a batch
 
 ENDINGS = [
-    ending for ending in RECORDINGS if ending not in (".npz", ".npy", ".csv", ".tsv", ".json")
+    ending
+    for ending in RECORDINGS
+    if ending not in (".npz", ".npy", ".csv", ".tsv", ".json", ".zip")
 ]
 """Endings of recordings in a folder; files with the others may be anything, such as earlier results."""
 
@@ -81,7 +83,7 @@ def _matches(text: str) -> list[tuple[Path, str]]:
     if not text:
         raise InvalidInputError("recordings: a file, folder or pattern must not be empty")
     if path.is_dir() and not _has_frames(path):
-        files = [file for file in path.rglob("*") if _is_recording(file)]
+        files = [file for file in _files_below(path) if _is_recording(file)]
         if not files:
             raise InvalidInputError(
                 f"recordings: below {text!r} no file ends with {', '.join(ENDINGS)}; name others by a pattern, such as "
@@ -103,6 +105,13 @@ def _matches(text: str) -> list[tuple[Path, str]]:
         raise InvalidInputError(f"recordings: no file matches {text!r}")
     fixed = Path(*itertools.takewhile(lambda part: not glob.has_magic(part), path.parts))
     return [(file, _name(file, fixed)) for file in files]
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """Yield all files below a folder; `Path.rglob` raises an error where a folder vanishes meanwhile."""
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            yield Path(parent, name)
 
 
 def _has_frames(path: Path) -> bool:

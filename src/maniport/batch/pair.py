@@ -4,10 +4,11 @@ import copy
 import json
 import time as clock
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from socket import gethostname
 from threading import Lock
 from typing import Any
 
@@ -16,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from maniport.arms import as_group
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
-from maniport.batch.inputs import Robot, Source, digest
+from maniport.batch.inputs import ABOUT, Robot, Source, digest
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, collected_warnings, on_the_command_line
 from maniport.pipeline import stages
@@ -29,9 +30,13 @@ from maniport.report.values import listed, report_of
 from maniport.report.write import export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, write_text
+from maniport.version import __version__
 
 PAIR = "pair.json"  # file with the settings of a pair and its row of the table
 ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person share
+
+UNREADABLE = "unreadable"  # start of the digest of a recording that cannot be read
+SAME_FOLDERS = "workers need the same folders, at the same paths"
 
 Warnings = tuple[str, ...]
 
@@ -84,6 +89,12 @@ class Pair:
             name for name in names if self.settings.get(name) != saved["settings"].get(name)
         )
 
+    def discard(self) -> None:
+        """Let a later call repeat the pair, if the folder claims to have its result."""
+        if self.kept_row() is not None:
+            with suppress(OSError):
+                (self.folder / PAIR).unlink()
+
     def _saved(self) -> dict[str, Any] | None:
         """Read the file of the pair; None where it is missing or was changed."""
         try:
@@ -98,21 +109,73 @@ def content_of(source: Source) -> str:
     try:
         return digest(sorted(source.path.glob("*.json")) if source.path.is_dir() else source.path)
     except OSError as error:
-        return f"unreadable: {error}"
+        return f"{UNREADABLE}: {error}"
 
 
 def reason(error: Exception) -> str:
     """Why there is no result, for the table."""
-    return (
-        str(error)
-        if isinstance(error, ManiportError)
-        else f"unexpected {type(error).__name__}: {error}"
-    )
+    if isinstance(error, ManiportError):
+        return str(error)
+    if isinstance(error, OSError) and error.filename is not None:  # such as a read-only folder
+        return f"{error.filename}: {error.strerror}"
+    return f"unexpected {type(error).__name__}: {error}"
 
 
-def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
-    """Transfer a recording to several robots; return the rows of the table, those of failures too."""
-    rows, humans = list[dict[str, Any]](), dict[Any, tuple[Human, Warnings]]()
+@dataclass(frozen=True)
+class Outcome:
+    """What a worker returns of a pair: its row of the table, and what to find in its folder."""
+
+    row: dict[str, Any]
+    host: str  # name of the worker's computer
+    content: str = ""  # digest of the folder that was written; empty for a failure
+
+    def is_visible(self, pair: Pair) -> bool:
+        """Return whether the folder of the pair has what the worker wrote."""
+        try:
+            return folder_content(pair.folder) == self.content
+        except OSError:  # such as a file that vanished in the meantime
+            return False
+
+    def with_host(self) -> dict[str, Any]:
+        """Return the row of a failure with the name of the host in its reason."""
+        return self.row | {"reason": f"{self.row['reason']} (worker on {self.host!r})"}
+
+    def missing(self) -> dict[str, Any]:
+        """Return the row of a failure for a pair whose folder does not have what the worker wrote."""
+        reason = (
+            f"what the worker on {self.host!r} wrote is missing or different here; {SAME_FOLDERS}"
+        )
+        row = failed_row(self.row["recording"], self.row["robot"], reason)
+        return row | {COMPUTING: self.row[COMPUTING]}
+
+
+def folder_content(folder: Path) -> str:
+    """Digest of names and contents of all files of a folder."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    names = [path.relative_to(folder).as_posix() for path in files]
+    return digest(names, files)
+
+
+def require_same_place(pair: Pair) -> None:
+    """Raise `ManiportError` where this process does not see the files of the batch, or has another version."""
+    if pair.robot.settings["maniport"] != digest(__version__):
+        raise ManiportError(
+            f"the worker has maniport {__version__}, another version than the batch; "
+            "install the same version"
+        )
+    needed = [pair.output / ABOUT]
+    if not pair.content.startswith(UNREADABLE):
+        needed.append(pair.source.path)
+    for path in needed:
+        if not path.exists():
+            raise ManiportError(f"the worker does not see {str(path)!r}; {SAME_FOLDERS}")
+
+
+def work(pairs: Sequence[Pair]) -> list[Outcome]:
+    """Transfer a recording to several robots; return an outcome for each, failures too."""
+    host = gethostname()
+    outcomes = list[Outcome]()
+    humans = dict[Any, tuple[Human, Warnings]]()
     with ExitStack() as stack:
         stack.enter_context(_alone)
         stack.enter_context(
@@ -123,14 +186,15 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
         for pair in pairs:
             begun = clock.process_time()
             try:
+                require_same_place(pair)
                 human, texts = _human(pair, humans)
-                rows.append(_transfer(pair, human, texts, begun))
+                row, content = _transfer(pair, human, texts, begun)
+                outcomes.append(Outcome(row, host, content))
             except Exception as error:  # noqa: BLE001  one failure does not stop the rest
-                rows.append(
-                    failed_row(*pair.names, reason(error))
-                    | {COMPUTING: clock.process_time() - begun}
-                )
-    return rows
+                row = failed_row(*pair.names, reason(error))
+                row[COMPUTING] = clock.process_time() - begun
+                outcomes.append(Outcome(row, host))
+    return outcomes
 
 
 def _human(pair: Pair, humans: dict[Any, tuple[Human, Warnings]]) -> tuple[Human, Warnings]:
@@ -158,8 +222,10 @@ def _sampled(robot: Robot) -> tuple[SampledRobot, list[str]]:
     return sampled, texts
 
 
-def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[str, Any]:
-    """Transfer the recording to one robot, and write the results; return the row."""
+def _transfer(
+    pair: Pair, human: Human, texts: Warnings, begun: float
+) -> tuple[dict[str, Any], str]:
+    """Transfer the recording to one robot, and write the results; return the row and their digest."""
     job, selects, (sampled, of_robot) = (
         pair.robot.job,
         pair.robot.job.adapter is None,
@@ -190,12 +256,14 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float) -> dict[s
     )
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_whole(pair.folder, {*RESULT_FILES, PAIR}, True) as staging:
-        write_run(result, report, export_files(job.config.export), staging, job.config.pages)
+        formats = export_files(job.config.export)
+        write_run(result, report, formats, staging, str(pair.folder), job.config.pages)
         config.save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": pair.settings, "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")
-    return row
+        content = folder_content(staging)
+    return row, content
 
 
 def _fitted(

@@ -4,6 +4,7 @@ import os
 import time as clock
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
@@ -12,9 +13,9 @@ from typing import Any
 from joblib import cpu_count
 
 from maniport.arms import Arm
-from maniport.batch.executors import completed, executor_for
+from maniport.batch.executors import ClusterLostError, Executor, completed, executor_for
 from maniport.batch.inputs import ABOUT, Robot, Source, find_recordings, find_robots
-from maniport.batch.pair import ADAPTERS, Pair, content_of, reason, work
+from maniport.batch.pair import ADAPTERS, Outcome, Pair, content_of, reason, work
 from maniport.batch.table import (
     PAGE,
     TABLES,
@@ -33,6 +34,10 @@ from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count
 from maniport.version import __version__
+
+COMPILING_S = 28
+"""Processor time for which a new worker process compiles before its first pair [s]: measured by `computing_s` of
+equal pairs in one worker."""
 
 Rows = dict[tuple[str, str], Row]  # by the names of a recording and a robot
 Tasks = list[tuple[Pair, ...]]  # pairs of one recording, which a process works on
@@ -118,6 +123,7 @@ def transfer_batch(
     ------
     ManiportError
         When a setting is wrong, nothing matches, or the folder holds other things, or results of other settings.
+        Also when the cluster is lost: with how many pairs are done; table and overview of these are written before.
     KeyboardInterrupt
         At Ctrl-C, with how many pairs are done. Table and overview of these are written before.
     """
@@ -135,7 +141,8 @@ def transfer_batch(
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     claim(folder, ABOUT, {"maniport": __version__})
     step = Step(tell, "Check earlier results")
-    tasks, rows = _tasks(folder, sources, arms, count, overwrite)
+    width = None if dask is not None or ray else count
+    tasks, rows = _tasks(folder, sources, arms, width, overwrite)
     names, kept = [(source.name, arm.name) for source in sources for arm in arms], len(rows)
     step.end(f"{kept} of {len(names)} pairs")
 
@@ -144,27 +151,55 @@ def transfer_batch(
         write_overview(folder / PAGE, table, len(names), write_tables(folder, table), pages)
         return table
 
+    collection = _Collection(rows, len(names), tell)
     try:
-        with executor_for(min(count, max(len(tasks), 1)), dask, ray) as executor:
-            _collect(completed(executor, work, tasks), rows, len(names), tell)
-    except KeyboardInterrupt:
-        pairs = (
-            pair for task in tasks for pair in task
-        )  # results are written before the task of several pairs ends
-        rows |= {pair.names: row for pair in pairs if (row := pair.kept_row()) is not None}
+        with _executor(min(count, max(len(tasks), 1)), dask, ray, tell) as executor:
+            _collect(executor, tasks, collection)
+    except (KeyboardInterrupt, ClusterLostError) as stop:
+        for task in tasks:
+            for pair in task:  # written before the task of several pairs ends
+                row = pair.kept_row()
+                if row is not None:
+                    rows[pair.names] = row
         done = sum(row["state"] != "failed" for row in write())
         again = "run the same command" if typed() else "make the same call"
-        raise KeyboardInterrupt(
-            f"{done} of {len(names)} pairs are done; {again} to continue"
-        ) from None
+        state = f"{done} of {len(names)} pairs are done; {again} to continue"
+        if isinstance(stop, ClusterLostError):
+            raise ClusterLostError(f"{stop}; {state}") from None
+        raise KeyboardInterrupt(state) from None
     return Batch(folder, write(), kept, clock.perf_counter() - begun)
 
 
+@contextmanager
+def _executor(
+    processes: int, dask: str | None, ray: bool, progress: Progress
+) -> Iterator[Executor]:
+    """Give the executor; report the connection to a cluster."""
+    if dask is None and not ray:
+        with executor_for(processes, dask, ray) as executor:
+            yield executor
+        return
+    step = Step(progress, "Connect to the cluster")
+    with executor_for(processes, dask, ray) as executor:
+        step.end(f"each new worker compiles for about {COMPILING_S} s of processor time")
+        yield executor
+
+
 def _tasks(
-    folder: Path, sources: Sequence[Source], robots: Sequence[Robot], width: int, overwrite: bool
+    folder: Path,
+    sources: Sequence[Source],
+    robots: Sequence[Robot],
+    width: int | None,
+    overwrite: bool,
 ) -> tuple[Tasks, Rows]:
-    """Return a task for each recording, or for each pair if there are fewer than `width`, and rows of pairs done."""
-    tasks, rows = Tasks(), Rows()
+    """Return the tasks, and the rows of pairs that are done.
+
+    A task is a recording with all robots, but one pair if there are fewer recordings than `width`, or if the width is
+    unknown (None), as on a cluster.
+    """
+    tasks = Tasks()
+    rows = Rows()
+    split = width is None or len(sources) < width
     for source in sources:
         content, missing = content_of(source), list[Pair]()
         for pair in (Pair(folder, source, content, robot, typed()) for robot in robots):
@@ -177,46 +212,90 @@ def _tasks(
                     "results, or a new folder"
                 )
             missing.append(pair)
-        tasks += (
-            [(pair,) for pair in missing]
-            if len(sources) < width
-            else [tuple(missing)]
-            if missing
-            else []
-        )
+        if split:
+            tasks += [(pair,) for pair in missing]
+        elif missing:
+            tasks.append(tuple(missing))
     return tasks, rows
 
 
-def _collect(
-    ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: int, tell: Progress
-) -> None:
-    """Add the rows to those of earlier results as they come; report each with the time left, and warn of failures."""
-    step, begun, kept, failed = (
-        f"Process {count} pair{'s'[: count != 1]}",
-        clock.perf_counter(),
-        len(rows),
-        0,
-    )
-    tell(step, kept / count)
-    for pairs, outcome in ended:
-        lost = isinstance(outcome, Exception)
-        own = [failed_row(*pair.names, reason(outcome)) for pair in pairs] if lost else outcome
-        for failure in failures(own):
+class _Collection:
+    """Rows of a batch, to which those of pairs are added as they come.
+
+    It reports each with the time left, and warns of failures.
+    """
+
+    def __init__(self, rows: Rows, count: int, progress: Progress):
+        self._rows = rows
+        self._count = count
+        self._progress = progress
+        self._step = f"Process {count} pair{'s'[: count != 1]}"
+        self._begun = clock.perf_counter()
+        self._kept = len(rows)
+        self._failed = 0
+
+    def begin(self) -> None:
+        """Report how many were done before."""
+        self._begun = clock.perf_counter()
+        self._progress(self._step, self._kept / self._count)
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Add rows of one recording."""
+        for failure in failures(rows):
             where = f"{failure['recording']} → {', '.join(failure['robots'])}"
-            warnings.warn(f"{where} failed: {failure['reason']}", ManiportWarning, stacklevel=3)
-        for row in own:
+            text = f"{where} failed: {failure['reason']}"
+            warnings.warn(text, ManiportWarning, stacklevel=4)
+        for row in rows:
             names = row["recording"], row["robot"]
-            rows[names] = row
+            self._rows[names] = row
             if row["state"] == "failed":
-                failed += 1
+                self._failed += 1
             else:
-                left = (
-                    (clock.perf_counter() - begun)
-                    / (len(rows) - kept - failed)
-                    * (count - len(rows))
-                )
-                rest = f"; {timedelta(seconds=round(left))} left" if left else ""
-                tell(" → ".join(names), 1.0, f"{row['verdict']} ({len(rows)} of {count}{rest})")
-            tell(step, min(len(rows) / count, ALMOST))
-    before = f", {kept} of them before" if kept else ""
-    tell(step, 1.0, f"{len(rows) - failed} done{before}, {failed} failed")
+                state = f"{len(self._rows)} of {self._count}{self._time_left()}"
+                self._progress(" → ".join(names), 1.0, f"{row['verdict']} ({state})")
+            self._progress(self._step, min(len(self._rows) / self._count, ALMOST))
+
+    def end(self) -> None:
+        """Report how many are done, and how many failed."""
+        before = f", {self._kept} of them before" if self._kept else ""
+        done = len(self._rows) - self._failed
+        self._progress(self._step, 1.0, f"{done} done{before}, {self._failed} failed")
+
+    def _time_left(self) -> str:
+        seconds = clock.perf_counter() - self._begun
+        done = len(self._rows) - self._kept - self._failed
+        left = seconds / done * (self._count - len(self._rows))
+        return f"; {timedelta(seconds=round(left))} left" if left else ""
+
+
+def _collect(executor: Executor, tasks: Tasks, collection: _Collection) -> None:
+    """Run the tasks, and collect the rows of results that are where they should be.
+
+    A result of another computer may be visible only after some time; it is verified again until then.
+    """
+    hidden = list[tuple[Pair, Outcome, float]]()
+    collection.begin()
+    for pairs, outcomes in completed(executor, work, tasks):
+        if isinstance(outcomes, Exception):
+            collection.add([failed_row(*pair.names, reason(outcomes)) for pair in pairs])
+            continue
+        rows = list[Row]()
+        for pair, outcome in zip(pairs, outcomes, strict=True):
+            if outcome.row["state"] == "failed":
+                rows.append(outcome.with_host() if executor.is_cluster else outcome.row)
+            elif outcome.is_visible(pair):
+                rows.append(outcome.row)
+            else:
+                hidden.append((pair, outcome, clock.monotonic() + executor.shown_after))
+        collection.add(rows)
+    for pair, outcome, last in hidden:
+        visible = outcome.is_visible(pair)
+        while not visible and clock.monotonic() < last:
+            clock.sleep(0.5)
+            visible = outcome.is_visible(pair)
+        if visible:
+            collection.add([outcome.row])
+        else:
+            pair.discard()
+            collection.add([outcome.missing()])
+    collection.end()

@@ -1,12 +1,13 @@
 """The application: commands generated from functions and the options of `maniport.pipeline.config`, and exit codes."""
 
 import inspect
+import os
+import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import wraps
-from glob import glob
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,10 +25,11 @@ from maniport.errors import (
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.pipeline.option import ASSIGNED, NAMES, Option
 from maniport.report.console import Console
-from maniport.util.atomic_io import require_room
+from maniport.util.atomic_io import free_path, require_room
 from maniport.util.defaults import BOTH
 from maniport.version import __version__
 
+LONGEST_PART = 60  # characters of the name of an input in the name of a folder
 UsageError: Any = typer.BadParameter.__base__  # Typer has no public name for it
 NO_ROBOT = Config(robot=())  # defaults of commands that need no robot
 
@@ -81,26 +83,8 @@ class _Command(TyperCommand):
     """A command whose help page has the options in groups."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse arguments; the error of a missing option also names input files that do not exist."""
-        try:
-            return super().parse_args(ctx, _with_repeated_flag(args))
-        except UsageError as error:
-            typed = [
-                ctx.params.get(p.name)
-                for p in self.get_params(ctx)
-                if p.param_type_name == "argument"
-            ]
-            files = [
-                Path(name)
-                for names in typed
-                for name in (names if isinstance(names, list) else [names or ""])
-            ]
-            lacking = [
-                f"{file}: there is no such file. "
-                for file in files
-                if file.suffix and not glob(str(file))
-            ]
-            raise UsageError("".join(lacking) + error.format_message(), ctx) from None
+        """Parse arguments; several values may follow the option of xacro arguments."""
+        return super().parse_args(ctx, _with_repeated_flag(args))
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the options; those that are not common with ``--help-all`` only."""
@@ -138,7 +122,14 @@ def _help_all(context: typer.Context, wanted: bool) -> None:
         raise typer.Exit
 
 
-Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        help="Folder for the results; default: maniport-RECORDING-ROBOT, a new one.",
+    ),
+]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace an earlier result in the output folder.")
 ]
@@ -332,8 +323,39 @@ def names_robot(config: Config) -> bool:
     return bool(config.robot)
 
 
-def require_suffix(output: Path, *suffixes: str) -> None:
-    """Raise unless a file with one of these suffixes can be written there."""
+def output_folder(
+    output: Path | None,
+    inputs: Sequence[str],
+    robots: Sequence[str],
+    overwrite: bool,
+    *suffixes: str,
+) -> Path:
+    """Return the folder for the results: by default a new one, named after input and robot.
+
+    A folder with each of the `suffixes` at its end is new, too.
+    """
+    if output is not None:
+        return output
+    if overwrite:
+        raise InvalidInputError("--overwrite needs --output, the folder of the earlier result")
+    names = list[str]()
+    for file in dict.fromkeys((*inputs, *robots)):
+        name = re.sub(r"[^\w.-]+", "_", Path(os.path.abspath(file)).stem)
+        names.append(name[:LONGEST_PART])
+    return free_path(Path("-".join(["maniport", *names])), *suffixes)
+
+
+def require_output(output: Path | None) -> Path:
+    """Return the output; raise where there is none, after the other arguments were checked."""
+    if output is None:
+        raise InvalidInputError("Missing option '--output' / '-o'")
+    return output
+
+
+def require_suffix(output: Path | None, *suffixes: str) -> None:
+    """Raise unless a file with one of these suffixes can be written there; None passes."""
+    if output is None:
+        return
     if output.suffix not in suffixes:
         raise InvalidInputError(
             f"output must end in {' or '.join(suffixes)}; found {str(output)!r}"

@@ -10,15 +10,23 @@ import typer
 
 import maniport
 from maniport import pipeline
-from maniport.cli.application import NO_ROBOT, Overwrite, command, names_robot, require_suffix
+from maniport.cli.application import (
+    NO_ROBOT,
+    Overwrite,
+    command,
+    names_robot,
+    require_output,
+    require_suffix,
+)
 from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, printable
-from maniport.pipeline.config import OPTIONS, Config
+from maniport.pipeline.config import MOST_SAMPLES, OPTIONS, Config
 from maniport.report.console import Console
 from maniport.report.renderings import SUMMARY, as_numbers, write_report
 from maniport.report.values import Report, Section, report_of
 from maniport.util.defaults import AUTO, RECORDINGS
 from maniport.util.files import array_names, load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
+from maniport.util.validation import as_count
 
 Methods = Annotated[
     str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")
@@ -26,7 +34,9 @@ Methods = Annotated[
 TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
 StudentDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")]
 Adapter = Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")]
-EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
+EllipsoidFile = Annotated[
+    Path | None, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")
+]
 
 
 @command(
@@ -37,22 +47,24 @@ def domain(
     config: Config,
     console: Console,
     arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
-    output: EllipsoidFile,
+    output: EllipsoidFile = None,
     n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
 ) -> None:
     """Sample the ellipsoids of an arm within its joint limits."""
     require_suffix(output, ".npz")
     body, spec = pipeline.load_single_arm(config.changed(robot=arm), config.side), config.spec
+    as_count(n, "n", maximum=MOST_SAMPLES)
+    file = require_output(output)
     ellipsoids = maniport.sample_domain(body, n, config.seed, spec=spec)
-    save_ellipsoids(output, ellipsoids)
+    save_ellipsoids(file, ellipsoids)
     console.finish(
         {
             "arm": body.name,
             "frame": body.frame,
             "ellipsoids": len(ellipsoids),
-            "output": str(output),
+            "output": str(file),
         },
-        f"{len(ellipsoids)} {spec} of {body.name} at {body.frame} → {output}",
+        f"{len(ellipsoids)} {spec} of {body.name} at {body.frame} → {file}",
     )
 
 
@@ -65,7 +77,9 @@ def fit(
     console: Console,
     teacher: TeacherDomain,
     student: StudentDomain,
-    output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File of the adapter, .npz.")
+    ] = None,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
     from maniport.evaluation.comparison import with_feasible_set
@@ -78,13 +92,14 @@ def fit(
         )
     arm = pipeline.load_single_arm(config) if names_robot(config) else None
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
+    file = require_output(output)
     adapter = with_feasible_set(adapter_of(config), arm, config.spec, random_state=config.seed)
     with console.progress() as progress:
         progress("Fit transfer", 0.0)
         adapter.fit(*domains)
         progress("Fit transfer", 1.0, f"{adapter.n_iter_} iterations, {adapter.stop_reason_}")
-    adapter.save(output)
-    console.finish({**as_numbers(report_of(adapter)), "output": str(output)}, f"adapter → {output}")
+    adapter.save(file)
+    console.finish({**as_numbers(report_of(adapter)), "output": str(file)}, f"adapter → {file}")
 
 
 @command(example="maniport apply adapter.npz profile.npz -o adapted.npz")
@@ -92,17 +107,18 @@ def apply(
     console: Console,
     adapter: Adapter,
     profile: Annotated[Path, typer.Argument(help="Ellipsoids, .npz.")],
-    output: EllipsoidFile,
+    output: EllipsoidFile = None,
 ) -> None:
     """Map ellipsoids with a fitted adapter."""
     require_suffix(output, ".npz")
     fitted = maniport.load_adapter(adapter)
     points, time = load_ellipsoids(profile)
+    file = require_output(output)
     with console.progress():  # prints warnings
         mapped = fitted.transform(points)
-    save_ellipsoids(output, mapped, time)
+    save_ellipsoids(file, mapped, time)
     console.finish(
-        {"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}"
+        {"ellipsoids": len(mapped), "output": str(file)}, f"{len(mapped)} ellipsoids → {file}"
     )
 
 

@@ -49,6 +49,10 @@ def live(
     delay: Annotated[
         float, typer.Option(help="Delay of the robot, to 0.5 [s].", rich_help_panel="Motion")
     ] = 0.15,
+    auto_engage: Annotated[
+        bool,
+        _transport("Follow without consent; for simulated robots only.", "--auto-engage"),
+    ] = False,
     simulate: Annotated[
         bool, _transport("Control a simulated robot with the recording.", "--simulate")
     ] = False,
@@ -57,7 +61,7 @@ def live(
 
     The recording is transferred first: it determines segment lengths, points and placement. The first line of output
     contains the point names. A frame is a line such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}; the answer is
-    one line. Ctrl-C stops the robot.
+    one line. The robot follows after the line {"engage": true}. Ctrl-C stops it.
     """
     from threadpoolctl import threadpool_limits
 
@@ -79,7 +83,13 @@ def live(
         for arm in result.arms:
             for text in arm.fit.quality_warnings:
                 console.warn(text)
-        follower = maniport.Live.of(result, delay=delay, progress=progress, clock=clock)
+        follower = maniport.Live.of(
+            result,
+            delay=delay,
+            auto_engage=auto_engage or simulate,
+            clock=clock,
+            progress=progress,
+        )
     if (placement := result.arms[0].placement) is not None:
         console.print(
             f"Scale {placement.scale:.2f} of the person's motion; the robot follows {delay:g} s later"
@@ -98,6 +108,10 @@ def live(
     finally:
         gc.unfreeze()
     console.print(str(summary))
+    if summary.never_engaged:
+        console.warn(
+            'the robot waited for the line {"engage": true}; --auto-engage does without it in simulation'
+        )
     if udp is None and summary.skipped > summary.answered:
         console.warn(
             "most frames were skipped, since they arrived faster than recorded; --no-drop processes all"
@@ -169,12 +183,13 @@ def _opened(udp: int | None, host: str, send: int | None) -> Any:
 @command(
     "person", "side", "robot", "base_rotation", "seed",
     without=("payload", "payload_center", "hand_targets"),
-    example="maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf",
+    example="maniport view;  maniport view ladder;  maniport view walk.bvh --robot ur5.urdf",
 )  # fmt: skip
 def view(
     config: Config,
     console: Console,
-    recording: Annotated[Path | None, typer.Option(help=OPTIONS["recording"].help)] = None,
+    recording: Annotated[Path | None, typer.Argument(help=OPTIONS["recording"].help)] = None,
+    named: Annotated[Path | None, typer.Option("--recording", hidden=True)] = None,
     port: Annotated[int, typer.Option(help="Port of this machine; 0: any free port.")] = 0,
 ) -> None:
     """Open an interactive 3D view in the browser; Ctrl-C ends it."""
@@ -182,6 +197,9 @@ def view(
     from maniport.viewer.server import LiveView, require_free
     from maniport.viewer.state import prepare
 
+    if recording is not None and named is not None:
+        raise InvalidInputError("the recording is named twice, as an argument and by --recording")
+    recording = recording or named
     viser()  # a missing package is reported before any long work
     require_free(port)
     with console.progress() as progress:

@@ -1,5 +1,6 @@
 """Commands that transfer recordings to robots, and the steps that place a path and plan a motion without a person."""
 
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,15 @@ from typing import Annotated, Any
 import typer
 
 from maniport import pipeline
-from maniport.cli.application import NO_ROBOT, Output, Overwrite, command, names_robot
+from maniport.cli.application import (
+    NO_ROBOT,
+    Output,
+    Overwrite,
+    command,
+    names_robot,
+    output_folder,
+    require_output,
+)
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
@@ -30,7 +39,9 @@ def demo(
     recording: Annotated[
         str, typer.Argument(help="Bundled recording: freeform, or ladder (hard).")
     ] = DEMOS[0],
-    output: Output = Path("maniport-demo"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path(
+        "maniport-demo"
+    ),
     overwrite: Overwrite = False,
 ) -> None:
     """Transfer a bundled recording to the Franka Panda."""
@@ -44,28 +55,35 @@ def demo(
     example="maniport transfer walk.bvh --robot ur5.urdf -o results",
 )  # fmt: skip
 def transfer(
-    config: Config, console: Console, output: Output, overwrite: Overwrite = False
+    config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
 ) -> None:
     """Transfer a recorded arm motion to a robot."""
     from maniport.pipeline.results import RESULT_FILES
     from maniport.report.write import export_files, write_results
 
-    require_free(output, RESULT_FILES, overwrite)
     export_files(config.export)  # raises where a package is missing
+    folder = output_folder(output, [named_recording(config)], config.robot, overwrite)
+    require_free(folder, RESULT_FILES, overwrite)
     with console.progress() as progress:
         recording = only_recording(config, console)
         result = pipeline.transfer_recording(recording, config, progress=progress)
-        report = write_results(result, output, progress, config.export, overwrite=overwrite)
-    console.print_report(report, output=str(output))
+        report = write_results(result, folder, progress, config.export, overwrite=overwrite)
+    console.name_folder(folder, chosen=output is None)
+    console.print_report(report, output=str(folder))
 
 
-def only_recording(config: Config, console: Console) -> Any:
-    """Read the recording of a configuration; print its warnings before the long work."""
+def named_recording(config: Config) -> str:
+    """Return the name of the only recording of a configuration."""
     if len(config.recording) != 1:
         raise InvalidInputError(
             f"recording: exactly one file is required, as an argument or in --config; found {len(config.recording)}"
         )
-    recording = pipeline.read_part(config.recording[0], config)
+    return config.recording[0]
+
+
+def only_recording(config: Config, console: Console) -> Any:
+    """Read the recording of a configuration; print its warnings before the long work."""
+    recording = pipeline.read_part(named_recording(config), config)
     for text in recording.quality_warnings:
         console.warn(text)
     return recording
@@ -82,7 +100,12 @@ def _execution(help: str, *flags: str) -> Any:
 def batch(
     config: Config,
     console: Console,
-    output: Output,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Folder for the results, which a later call continues."
+        ),
+    ] = None,
     processes: Annotated[int | None, _execution("Processes; default: number of cores.")] = None,
     dask: Annotated[str | None, _execution("HOST:PORT of a Dask scheduler.")] = None,
     ray: Annotated[bool, _execution("Use Ray.", "--ray")] = False,
@@ -90,7 +113,13 @@ def batch(
 ) -> None:
     """Process recordings, folders and quoted patterns such as 'a/**/*.bvh' on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
+    from maniport.batch.inputs import find_recordings, find_robots
     from maniport.batch.table import PAGE, failures
+
+    if output is None:
+        find_recordings(config.recording, without=Path(os.devnull))
+        find_robots(config.robot, config, ())
+    folder = require_output(output)
 
     options: dict[str, Any] = {
         "processes": processes,
@@ -101,12 +130,12 @@ def batch(
     try:
         with console.progress() as progress, ending_in_order():
             result = transfer_batch(
-                config.recording, config.robot, output, config, progress=progress, **options
+                config.recording, config.robot, folder, config, progress=progress, **options
             )
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted; {str(interrupted) or written()}", file=sys.stderr)
         raise typer.Exit(130) from None
-    config.save(output / CONFIG)
+    config.save(folder / CONFIG)
     failed, pairs = failures(result.failed), len(result.table)
     count = f"{pairs - len(result.failed)} of {pairs} pairs are done, {len(result.failed)} failed"
     lines = [
@@ -118,8 +147,8 @@ def batch(
         "failed": failed,
         "seconds": result.seconds,
     }
-    text = "\n".join([f"{count}{':' if lines else '.'}", *lines, f"Overview {output / PAGE}"])
-    console.finish({**values, "output": str(output)}, text)
+    text = "\n".join([f"{count}{':' if lines else '.'}", *lines, f"Overview {folder / PAGE}"])
+    console.finish({**values, "output": str(folder)}, text)
     if failed:
         raise typer.Exit(1)
 
@@ -128,7 +157,9 @@ def batch(
     "recording", "human", "robot", "transfer", "motion", "learning", "seed", defaults=NO_ROBOT,
     example="maniport learn jumps.bvh --segments auto -o learned",
 )  # fmt: skip
-def learn(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
+def learn(
+    config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
+) -> None:
     """Learn a profile from several demonstrations of a motion.
 
     With --robot, a robot follows the profile (folder OUTPUT-robot).
@@ -136,22 +167,30 @@ def learn(config: Config, console: Console, output: Output, overwrite: Overwrite
     from maniport.pipeline.results import RESULT_FILES
     from maniport.report.write import export_files, write_results
 
-    require_free(output, RESULT_FILES, overwrite)
-    folder, followed = Path(f"{output}-robot"), None
+    folder = output_folder(output, config.recording[:1], config.robot, overwrite, "-robot")
+    require_free(folder, RESULT_FILES, overwrite)
+    robot_folder = Path(f"{folder}-robot")
     if names_robot(config):  # its options are checked before the long work
-        require_free(folder, RESULT_FILES, overwrite)
+        require_free(robot_folder, RESULT_FILES, overwrite)
         export_files(config.export)
         pipeline.settings_of(config)
+    followed = None
     with console.progress() as progress:
         learned = pipeline.learn(config.recording, config, progress=progress)
-        report = write_results(learned, output, progress, overwrite=overwrite)
+        report = write_results(learned, folder, progress, overwrite=overwrite)
         if config.robot:
             result = pipeline.transfer_recording(learned, config, progress=progress)
-            followed = write_results(result, folder, progress, config.export, overwrite=overwrite)
-    robot = {} if followed is None else {"robot": {**as_numbers(followed), "output": str(folder)}}
-    console.print_report(report, output=str(output), **robot)
+            followed = write_results(
+                result, robot_folder, progress, config.export, overwrite=overwrite
+            )
+    robot = {}
+    if followed is not None:
+        place = str(robot_folder)
+        robot = {"robot": {**as_numbers(followed, place), "output": place}}
+    console.name_folder(folder, chosen=output is None)
+    console.print_report(report, output=str(folder), **robot)
     if followed is not None and not console.as_json:
-        console.print_report(followed, output=str(folder))
+        console.print_report(followed, output=str(robot_folder))
 
 
 @command(
@@ -159,14 +198,17 @@ def learn(config: Config, console: Console, output: Output, overwrite: Overwrite
     "rank", "seed", without=("hand_targets", "pose"),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
 )  # fmt: skip
-def place(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
+def place(
+    config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
+) -> None:
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
     from maniport.pipeline.following import bounded_profiles
     from maniport.pipeline.results import RESULT_FILES
     from maniport.pipeline.settings import plan_settings
 
-    require_free(output, RESULT_FILES, overwrite)
+    folder = output_folder(output, [_profile(config)], config.robot, overwrite)
+    require_free(folder, RESULT_FILES, overwrite)
     target, positions, time = _targets(config)
     if positions is None:
         raise InvalidInputError("--path is needed: a file of positions of the hand")
@@ -178,12 +220,13 @@ def place(config: Config, console: Console, output: Output, overwrite: Overwrite
             rank=config.rank, spec=spec.bounded, damping=config.damping or 0.0, collisions=control.collisions,
             random_state=config.seed, progress=progress,
         )  # fmt: skip
-    with folder_written_whole(output, RESULT_FILES, overwrite) as staging:
+    with folder_written_whole(folder, RESULT_FILES, overwrite) as staging:
         placed.write_data(staging, time)
         (profile,) = bounded_profiles([placed.profile], spec)  # of the kind of the options
         save_ellipsoids(staging / "placed_profile.npz", profile, time)
         config.save(staging / CONFIG)
-    console.print_report(report_of(placed), output=str(output))
+    console.name_folder(folder, chosen=output is None)
+    console.print_report(report_of(placed), output=str(folder))
 
 
 @command(
@@ -191,29 +234,38 @@ def place(config: Config, console: Console, output: Output, overwrite: Overwrite
     without=("hand_targets", "pose", "move"),
     example="maniport track placed_profile.npz --robot panda --path path.npz -o motion",
 )  # fmt: skip
-def track(config: Config, console: Console, output: Output, overwrite: Overwrite = False) -> None:
+def track(
+    config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
+) -> None:
     """Plan a robot motion that follows a target profile and path."""
     from maniport.pipeline.results import RESULT_FILES
     from maniport.report.write import export_files, write_results
 
-    require_free(output, RESULT_FILES, overwrite)
+    folder = output_folder(output, [_profile(config)], config.robot, overwrite)
+    require_free(folder, RESULT_FILES, overwrite)
     export_files(config.export)
     target, positions, time = _targets(config)
     arm, paths = pipeline.load_single_arm(config), None if positions is None else [positions]
     time = None if time is None else as_times(time, f"time of {config.profile!r}", fewest=2)
     with console.progress() as progress:
         result = pipeline.follow_profile(arm, [target], time, paths, config, progress=progress)
-        report = write_results(result, output, progress, config.export, overwrite=overwrite)
-    console.print_report(report, output=str(output))
+        report = write_results(result, folder, progress, config.export, overwrite=overwrite)
+    console.name_folder(folder, chosen=output is None)
+    console.print_report(report, output=str(folder))
 
 
-def _targets(config: Config) -> tuple[Any, Any, Any]:
-    """Read ellipsoids, positions if there are some, and the times of either."""
+def _profile(config: Config) -> str:
+    """Return the file of the target ellipsoids."""
     if config.profile is None:
         raise InvalidInputError(
             "a file of target ellipsoids is needed, as an argument or in --config"
         )
-    target, time = load_ellipsoids(config.profile)
+    return config.profile
+
+
+def _targets(config: Config) -> tuple[Any, Any, Any]:
+    """Read ellipsoids, positions if there are some, and the times of either."""
+    target, time = load_ellipsoids(_profile(config))
     positions, path_time = (None, None) if config.path is None else load_path(config.path)
     times = [values for values in (time, path_time) if values is not None]
     if len(times) == 2 and not (

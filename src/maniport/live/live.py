@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from time import monotonic
 from typing import Any
 
@@ -14,9 +15,16 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.live.person import LedArm, Person
 from maniport.live.robot import CONTROL_STEP, Robot
-from maniport.live.state import FollowState, LiveArm, LiveState, MotionClock, largest
+from maniport.live.state import (
+    LiveArm,
+    LiveState,
+    MeasuredJoints,
+    MotionClock,
+    StateMachine,
+    largest,
+)
 from maniport.live.targets import Target, TargetQueue
-from maniport.live.transport import as_frame
+from maniport.live.transport import as_frame, as_joints
 from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
 from maniport.motion.costs.cost import as_costs
@@ -26,15 +34,16 @@ from maniport.pipeline.settings import plan_settings
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
-from maniport.util.validation import LATEST, Array, as_number, require_shape
+from maniport.util.validation import LATEST, Array, as_flag, as_number, require_shape
 
 
 class Live:
     """A robot that follows a person, frame by frame, with one or several arms.
 
     `step` maps the ellipsoids of the person's arms in a frame with fitted adapters, and moves the robot toward these
-    ellipsoids and the positions of the hands in the placed paths, within joint limits and without collisions. Where an
-    arm of the person is not seen or jumps, the robot moves on for the delay, then brakes until it is seen again.
+    ellipsoids and the positions of the hands in the placed paths, within joint limits and without collisions. The robot
+    rests until `engage`, at the start, after `hold`, and after 0.25 s in which an arm of the person was not seen or
+    jumped. Then it approaches from its present configuration.
 
     The robot moves for the time that passes on this machine between two steps, whatever times the frames have: its
     commands keep the limits over the times of its states. With ``clock=None`` it moves for the time between
@@ -55,15 +64,16 @@ class Live:
     motion_limits, collisions
         As in `maniport.motion.PlanSettings`.
     start : array_like, shape (dof,)
-        Configuration of the robot, at rest, such as the first of a plan.
+        Configuration of the robot, at rest, such as the first of a plan. It may be within the margin of joint limits,
+        from where the robot moves inward only.
     reference : array_like, shape (n, dof), optional
         Configurations that suit the motion, such as a plan's: the robot stays near the best one. Without them it may
         get stuck at joint limits.
     delay : float
         Time after which the robot follows, at most 0.5 [s]. It plans with the targets of that time: errors become
         smaller where the person is fast, but the latency grows. Short gaps between frames are closed.
-    hold_after : float
-        After this time and the delay without a usable frame, or without a step, the robot brakes; at most 10 [s].
+    auto_engage : bool
+        Engage whenever the person is visible, without `engage`; for simulated robots only.
     clock : callable or None
         Returns the time on this machine [s]. None: simulated time; commands keep the limits at the times of frames.
     costs, limits
@@ -99,7 +109,7 @@ class Live:
         start: ArrayLike,
         reference: ArrayLike | None = None,
         delay: float = 0.15,
-        hold_after: float = 0.1,
+        auto_engage: bool = False,
         clock: Callable[[], float] | None = monotonic,
         costs: Sequence[Cost] = (),
         limits: Sequence[Limit] = (),
@@ -113,9 +123,10 @@ class Live:
         adapters = _of_each("adapter", adapter, DomainAdapter, count)
         paths = (None,) * count if path is None else _of_each("path", path, Placement, count)
         bases = person.bases if isinstance(person, HumanMotion) else np.zeros((1, 3))
-        self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=10.0)
         self._delay = as_delay(delay)
-        own_clock, preparation = MotionClock(clock), Step(progress, "Prepare live control")
+        auto_engage = as_flag(auto_engage, "auto_engage")
+        own_clock = MotionClock(clock)
+        preparation = Step(progress, "Prepare live control")
         persons = [Person(fit) for fit in fits]
         self.points = tuple(dict.fromkeys(name for own in persons for name in own.points))
         self._arms = [
@@ -129,13 +140,14 @@ class Live:
         assert isinstance(bounds, MotionLimits)
         self.robot, own_collisions = bounds.arm, control.collisions or None
         assert not isinstance(own_collisions, bool)
+        self._own_limits = replace(bounds, arm=robot)  # without the margin
+        self._collisions = own_collisions
         strongest = max(
             (own.student_regularization for own in adapters), key=lambda own: own.epsilon
         )
         damping = strongest if strongest.epsilon > 0.0 and spec.kind != "force" else DAMPING
-        q = np.clip(
-            require_free(start, "start", bounds, own_collisions), self.robot.lower, self.robot.upper
-        )
+        q = require_free(start, "start", self._own_limits, own_collisions)
+        q = np.clip(q, robot.lower, robot.upper)
         near = (
             None if reference is None else bounds.arm.require_within_limits(reference, "reference")
         )
@@ -152,7 +164,7 @@ class Live:
             limits,
         )
         self._warm_up(preparation)
-        self._reset(own_clock)
+        self._reset(own_clock, auto_engage)
         self._robot.rest(q)
         preparation.end()
 
@@ -161,21 +173,22 @@ class Live:
 
         All code is compiled then, and no frame of the person waits for that.
         """
-        self._reset(MotionClock(None))
+        self._reset(MotionClock(None), auto_engage=True)
         frame = np.random.default_rng(0).normal(size=(len(self.points), 3))
         hidden = frame.copy()
         hidden[-1] = np.nan
         frames, time = (frame, 1.001 * frame, hidden, -frame, None, frame, frame), 0.0
         for i, points in enumerate(frames):
-            time += CONTROL_STEP if points is not None else 2.0 * self._hold_after
+            time += CONTROL_STEP if points is not None else 0.2
             self.step(points, time)
             progress((i + 1) / len(frames))
 
-    def _reset(self, clock: MotionClock) -> None:
+    def _reset(self, clock: MotionClock, auto_engage: bool) -> None:
         """Forget all frames."""
-        self._clock, self._state = clock, FollowState()
+        self._clock = clock
+        self._machine = StateMachine(auto_engage)
+        self._measured = MeasuredJoints(self.robot.joint_units)
         self._time: float | None = None
-        self._seen_at = -np.inf
         for arm in self._arms:
             arm.forget()
         self._queues = [TargetQueue(self._delay) for _ in self._arms]
@@ -215,7 +228,7 @@ class Live:
 
     def __repr__(self) -> str:
         persons = " and ".join(repr(arm.person.arm.name) for arm in self._arms)
-        return f"Live({persons} leads {self.robot.name!r}, {self._state.state})"
+        return f"Live({persons} leads {self.robot.name!r}, {self._machine.state})"
 
     @property
     def joint_positions(self) -> Array:
@@ -223,7 +236,11 @@ class Live:
         return self._robot.q.copy()
 
     def step(
-        self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float | None = None
+        self,
+        points: ArrayLike | Mapping[str, ArrayLike] | None,
+        time: float | None = None,
+        *,
+        joints: ArrayLike | Mapping[str, float] | None = None,
     ) -> LiveState:
         """Take a frame, and move the robot for the time since the last step.
 
@@ -234,14 +251,24 @@ class Live:
             that is not seen. A mapping by name may lack some. None: no frame came.
         time : float, optional
             When the points were measured, by any clock; later than in all frames before [s]. Default: now.
+        joints : array_like, shape (dof,), or mapping by name, optional
+            Measured configuration of the robot [rad or m]. The first one replaces the start, and the last one is where
+            an approach begins after 0.5 s at rest. One that is more than 0.1 rad or 0.02 m from the command, or three
+            times as far within 0.5 s after a motion, disengages the robot: its state is ``displaced``. After 0.5 s at
+            rest it replaces the command.
 
         Raises
         ------
         InvalidInputError
             When a name is not in `points`, shapes are wrong, values infinite, or the time is not later, or missing in
-            simulated time. Nothing has moved then.
+            simulated time; when joints are missing, not finite, beyond the robot's limits, or collide where they
+            replace the command. Nothing has moved then.
         """
         positions = as_frame(points, self.points)
+        measured = None
+        if joints is not None:
+            measured = as_joints(joints, self.robot.joint_names)
+            self._own_limits.arm.require_within_limits(measured, "joints", single=True)
         if time is not None:
             time = as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
         elif positions is not None:
@@ -250,55 +277,96 @@ class Live:
             raise InvalidInputError(
                 f"time must be later than {self._time!r} s, the last frame's; found {time!r}"
             )
-        elapsed, rested = self._clock.begin_step(time), self._robot.resting
+        elapsed = self._clock.begin_step(time)
+        now = self._clock.now
+        rested = self._robot.resting
         self._time = self._time if time is None else time
-        seen = False
-        if positions is not None and time is not None:
-            resting = self._state.state == "holding"
-            updated = [arm.update(positions, time, self._hold_after, resting) for arm in self._arms]
-            for arm, queue, success in zip(self._arms, self._queues, updated, strict=True):
-                if success and arm.target is not None:
-                    queue.add(arm.target, self._clock.now, resting)
-            seen = all(updated)
-            self._seen_at = self._clock.now if seen else self._seen_at
-        targets = [queue.at(self._clock.now) for queue in self._queues]
-        follows = self._move(targets, seen, elapsed)
+
+        displaced = measured is not None and self._compare(measured, now)
+        if self._machine.state == "displaced" and measured is None:
+            displaced = True
+        seen = self._update_targets(positions, time)
+        moves = self._machine.moves
+        self._machine.begin_step(now, elapsed, seen, displaced)
+        if self._machine.moves and not moves:
+            self._start_from_measured(now)
+        targets = [queue.at(now) for queue in self._queues]
+        moved = elapsed > 0.0 and self._move(targets, elapsed)
+        if not self._robot.resting:
+            self._measured.moved(now)
         self._clock.end_step(rested and self._robot.resting)
+
         arms = tuple(map(self._arm_state, range(len(targets)), targets))
-        if follows:
-            errors = largest(arm.position_error for arm in arms)
-            self._state.update(self._clock.now, errors, largest(arm.distance for arm in arms))
-        q, velocity = self._robot.q.copy(), self._robot.velocity.copy()
-        return LiveState(self._clock.state_time, self._state.state, q, velocity, arms)
+        if moved:
+            position_error = largest(arm.position_error for arm in arms)
+            self._machine.end_step(now, position_error, largest(arm.distance for arm in arms))
+        q = self._robot.q.copy()
+        velocity = self._robot.velocity.copy()
+        return LiveState(self._clock.state_time, self._machine.state, q, velocity, arms)
+
+    def engage(self) -> None:
+        """Let the robot follow the person: call it when everybody near the robot is ready for its motion.
+
+        The robot approaches from its present configuration at half of its velocity limits. The person must be visible,
+        or become so within 0.25 s. Later, the robot awaits another call (state ``waiting``).
+        """
+        self._machine.engage(self._clock.latest())
 
     def hold(self) -> None:
-        """Let the robot brake in the following steps, until a frame comes in which the person is visible."""
-        self._seen_at = -np.inf
+        """Let the robot brake in the following steps, until the person is visible and `engage` is called."""
+        self._machine.hold()
+
+    def _compare(self, measured: Array, now: float) -> bool:
+        """Compare measured joints (dof,) with the command at a time [s], and let them replace it where they should.
+
+        Return whether the robot is displaced.
+        """
+        is_first = self._measured.are_first and not self._measured.agree(measured, self._robot.q)
+        far = self._measured.far(measured, self._robot.q, now)
+        settled = self._robot.resting and self._measured.settled(now)
+        if settled and (is_first or far):
+            require_free(measured, "joints", self._own_limits, self._collisions)
+            self._robot.rest(measured)
+            far = self._machine.moves and not is_first
+        self._measured.remember(measured, now)
+        if self._machine.state == "displaced" and not settled:
+            return True
+        return far
+
+    def _start_from_measured(self, now: float) -> None:
+        """Begin an approach at a time [s] from the measured joints, where there are recent ones and the robot rests."""
+        measured = self._measured.recent(now)
+        if measured is None or not self._robot.resting or not self._measured.settled(now):
+            return
+        if self._measured.agree(measured, self._robot.q):
+            return
+        if self._collisions is None or not self._collisions.collides(measured):
+            self._robot.rest(measured)
+
+    def _update_targets(self, positions: Array | None, time: float | None) -> bool:
+        """Update the targets with a frame; return whether all arms of the person are visible in it."""
+        if positions is None or time is None:
+            return False
+        now = self._clock.now
+        anew = self._machine.state == "holding"
+        updated = [arm.update(positions, time, anew) for arm in self._arms]
+        for arm, queue, success in zip(self._arms, self._queues, updated, strict=True):
+            if success and arm.target is not None:
+                queue.add(arm.target, now, anew)
+        return all(updated)
 
     def _move(
-        self,
-        targets: Sequence[Target | None],
-        seen: bool,
-        elapsed: float,
-        approach_share: float = 0.3,
+        self, targets: Sequence[Target | None], elapsed: float, approach_share: float = 0.5
     ) -> bool:
-        """Move the robot for the time that has elapsed [s], at the end of which all arms were `seen` or not.
+        """Move the robot for the time that has elapsed [s], and return whether it follows.
 
-        Return whether it follows; an approach uses a share of the velocity limits.
+        An approach uses a share of the velocity limits.
         """
-        if elapsed == 0.0:
-            return False
         present = [target for target in targets if target is not None]
-        if len(present) < len(targets):
+        if not self._machine.moves or len(present) < len(targets):
             self._robot.brake(elapsed)
             return False
-        lost = max(elapsed, self._clock.now - self._seen_at) > self._hold_after + self._delay
-        if lost or (self._state.state == "holding" and not seen):
-            self._state.state = "holding"
-            self._robot.brake(elapsed)
-            return False
-        self._state.resume()
-        share = approach_share if self._state.approaching else 1.0
+        share = approach_share if self._machine.state == "approaching" else 1.0
         self._robot.follow(present, self._queues, elapsed, share, self._clock.now)
         return True
 

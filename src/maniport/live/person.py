@@ -271,8 +271,11 @@ class LedArm:
         self.target: Target | None = None
         self.demonstrated: Array | None = None  # (d, d)
 
-    def update(self, positions: Array, now: float, hold_after: float, resting: bool) -> bool:
-        """Update estimate and target with a frame; False where the arm is not seen in it, or jumps."""
+    def update(self, positions: Array, now: float, anew: bool, longest_gap: float = 0.1) -> bool:
+        """Update estimate and target with a frame; False where the arm is not seen in it, or jumps.
+
+        `anew` or after a longer gap [s], the whole joint range of the person is searched.
+        """
         points, before = positions[self._rows], self.estimate
         filled = self._hidden.fill(points, now)
         vectors = self.person.vectors(filled)
@@ -286,7 +289,7 @@ class LedArm:
             directions = self.person.directions(self._filter(vectors, now))
             if directions is None:
                 return False
-        if before is None or resting or dt > hold_after:
+        if before is None or anew or dt > longest_gap:
             estimate = self.person.begin(directions, None if before is None else before.q)
         elif (following := self.person.follow(before, directions, dt)) is not None:
             estimate = following

@@ -11,14 +11,28 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.live.state import errors_text
-from maniport.live.transport import Datagrams, Frame, Line, Pipe, encoded, read_frame
+from maniport.live.state import MOVING, errors_text
+from maniport.live.transport import (
+    SILENCE,
+    Address,
+    Datagrams,
+    Frame,
+    Line,
+    Order,
+    Pipe,
+    encoded,
+    read_frame,
+)
+from maniport.util.validation import Array
 from maniport.version import __version__
 
-BRAKING_STEP = 0.01  # Between two steps of a robot that brakes without frames [s]
-LONGEST_WAIT = 0.1  # The robot brakes after this time without a frame, or after twice the time between the last two [s]
+BRAKING_STEP = 0.01  # Between two steps of a robot without frames [s]
+LONGEST_WAIT = (
+    0.1  # The robot goes on after this time without a frame, or twice the last interval [s]
+)
 CLOCK_JUMP = 0.1
 """A sender's clock that gains more than this on the clock here jumps; its next frame counts as measured now [s]."""
+MOST_JUNK = 10  # Of a sender that is not admitted; more invalid lines in a second are not read
 
 
 @dataclass
@@ -44,11 +58,18 @@ class Summary:
             return text
         median, rare, largest = 1e3 * np.quantile(self.times, [0.5, 0.999, 1.0])
         text += f"; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
-        held, lagging = (
-            100.0 * self.states[name] / self.states.total() for name in ("holding", "lagging")
-        )
-        text += f"; held {held:.1f} %, lagged {lagging:.1f} %"
-        return f"{text}; {errors_text(self.errors)}" if self.errors else text
+        for state in ("holding", "waiting", "lagging"):
+            text += f"; {state} {100.0 * self.states[state] / self.states.total():.1f} %"
+        if self.states["displaced"]:
+            text += f"; displaced {100.0 * self.states['displaced'] / self.states.total():.1f} %"
+        if self.errors:
+            text += f"; {errors_text(self.errors)}"
+        return text
+
+    @property
+    def never_engaged(self) -> bool:
+        """Whether the person was visible, and the robot waited for `engage` in vain."""
+        return self.states["waiting"] > 0 and not any(self.states[state] for state in MOVING)
 
 
 class Server:
@@ -67,28 +88,36 @@ class Server:
         clock: Callable[[], float] = time.monotonic,
     ):
         self.summary = Summary()
-        self._live, self._transport, self._stop, self._every, self._clock = (
-            live,
-            transport,
-            stop,
-            every,
-            clock,
-        )
-        self._count, self._skipped = 0, 0
-        self._lines, self._received = deque[Line](), 0.0  # that wait to be read, and when they came
+        self._live = live
+        self._transport = transport
+        self._stop = stop
+        self._every = every
+        self._clock = clock
+        self._count = 0  # of lines
+        self._skipped = 0  # frames since the last answer
+        self._lines = deque[Line]()  # that wait to be read
+        self._received = 0.0  # when they came
         self._next: tuple[Frame, Line] | None = None  # the frame that is processed next …
         self._due = 0.0  # … and when, by the clock
-        self._sender: Any = None
+        # the sender who is followed, and when a line of it was read last [s]; before the first one, and after one was
+        # silent, anyone may become it
+        self._sender: Address | None = None
+        self._is_admitted = False
+        self._heard = 0.0
+        self._junk = Counter[Address | None]()  # invalid lines of senders that are not admitted …
+        self._junk_since = 0.0  # … since this time [s]
+        self._engage = False  # whether to engage after the next step
+        self._joints: Array | None = None  # measured, for the next step
+        self._reply_at = math.inf  # when a line without a frame is answered, at the latest [s]
         self._newest = -math.inf  # time of the last frame by its sender
-        self._offset, self._frame_time = (
-            0.0,
-            -math.inf,
-        )  # added to it, and time of the last frame that the robot got
-        self._framed = self._arrived = self._stepped = (
-            0.0  # when that was, a frame came, and the robot moved last
-        )
+        self._offset = 0.0  # added to it [s]
+        self._frame_time = -math.inf  # of the last frame that the robot got [s]
+        self._framed = 0.0  # when that was [s]
+        self._arrived = 0.0  # when a frame came last [s]
+        self._stepped = 0.0  # when the robot moved last [s]
         self._patience = LONGEST_WAIT
-        self._rests, self._open = True, True
+        self._rests = True
+        self._open = True
 
     def run(self, longest_braking: float = 5.0) -> Summary:
         """Serve until frames end, the reader leaves, or `stop` can be read; then bring the robot to rest."""
@@ -97,41 +126,47 @@ class Server:
             self._serve()
         finally:
             self._live.hold()
+            self._forget_order()
             end = self._clock() + longest_braking
             while self._open and not self._rests and self._clock() < end:
                 time.sleep(max(self._stepped + BRAKING_STEP - self._clock(), 0.0))
                 self._step(None)
         return self.summary
 
-    def _serve(self) -> None:
+    def _serve(self, longest_pause: float = 0.1) -> None:
+        """Wait for lines and process them; while a sender is admitted, see to it and to others in between [s]."""
         while self._open:
-            due = self._late if self._next is None else min(self._late, self._due)
+            self._dismiss_if_silent()
+            due = self._late
+            if self._next is not None:
+                due = min(due, self._due)
+            if self._is_admitted:
+                due = min(due, self._clock() + longest_pause)
             pause = None if due == math.inf else max(due - self._clock(), 0.0)
-            sources = (
-                [self._stop]
-                if self._lines or self._next is not None
-                else [self._stop, self._transport]
-            )
+            sources: list[Any] = [self._stop]
+            if not self._lines and self._next is None:
+                sources += self._transport.sources()
             ready, free, _ = select.select(sources, self._transport.blocked(), [], pause)
             if self._stop in ready:
                 break
             if free:
                 self._open = self._transport.flush()
-            if self._transport in ready:
+            if any(source in ready for source in sources[1:]):
                 lines = self._transport.receive()
                 if lines is None:
                     break
                 self._lines.extend(lines)
                 self._received = self._clock()
+            self._transport.turn_away()
             self._process()
 
     @property
     def _late(self) -> float:
-        """When the robot brakes without a frame, by the clock [s]."""
-        return (
-            math.inf
-            if self._rests
-            else max(self._arrived + self._patience, self._stepped + BRAKING_STEP)
+        """When the robot moves on without a frame, by the clock [s]."""
+        if self._rests:
+            return self._reply_at
+        return min(
+            self._reply_at, max(self._arrived + self._patience, self._stepped + BRAKING_STEP)
         )
 
     def _process(self) -> None:
@@ -146,69 +181,142 @@ class Server:
                 and (self._every or late or not self._lines)
                 and self._due <= now
             ):
-                self._answer(*self._next, now)
+                frame, line = self._next
+                self._next = None
+                self._answer(frame, line, now)
             elif late:
-                self._step(None)
+                self._answer(None, Line(b"", self._sender), now)
             elif waits or not self._lines:
                 return
 
     def _read(self, line: Line) -> None:
         """Read a line; its frame is the next one, instead of one that was not processed yet."""
         self._count += 1
+        if not self._is_read(line.sender):
+            self.summary.refused += 1
+            return
         try:
-            frame = read_frame(line.text, self._live.points)
-            if frame is None:
+            content = read_frame(line.text, self._live.points, self._live.robot.joint_names)
+            if content is None:
+                self._heard = self._clock()
                 self._greet(line.sender)
                 return
-            self._accept(frame, self._clock())
+            self._admit(line.sender)
+            if isinstance(content, Frame):
+                self._accept(content, self._clock())
         except InvalidInputError as error:
             self._refuse(error, line)
             return
+        if isinstance(content, Order):
+            self._take(content)
+            self._reply_at = min(self._reply_at, self._stepped + BRAKING_STEP)
+            return
+        self._take(content.order)
         self._skipped += self._next is not None
-        self._next = frame, line
+        self._next = content, line
+
+    def _is_read(self, sender: Address | None) -> bool:
+        """Whether a line of a sender is read: of the one who is admitted, or of anyone, but for floods of junk."""
+        if self._is_admitted:
+            return sender == self._sender
+        now = self._clock()
+        if now - self._junk_since > 1.0:
+            self._junk.clear()
+            self._junk_since = now
+        return self._junk[sender] < MOST_JUNK
+
+    def _admit(self, sender: Address | None) -> None:
+        """Follow the sender of a valid line until it is silent, by its own clock."""
+        self._heard = self._clock()
+        if self._is_admitted:
+            return
+        self._is_admitted = True
+        self._lines.extend(self._transport.admit(sender))
+        if sender != self._sender:
+            self._newest = -math.inf
+        self._sender = sender
+
+    def _dismiss_if_silent(self) -> None:
+        """Let others be followed after the silence of a sender; the robot rests then."""
+        if self._is_admitted and self._clock() - self._heard > SILENCE:
+            self._is_admitted = False
+            self._forget_order()
+            self._transport.dismiss()
+
+    def _take(self, order: Order) -> None:
+        """Hold at once, engage after the next step, and keep measured joints for it."""
+        if order.joints is not None:
+            self._joints = order.joints
+        if order.engage is not None:
+            self._engage = order.engage
+        if order.engage is False:
+            self._live.hold()
+
+    def _forget_order(self) -> None:
+        self._engage = False
+        self._joints = None
+        self._reply_at = math.inf
 
     def _accept(self, frame: Frame, now: float) -> None:
         """Raise unless a frame comes after the one before; where the sender's clock jumps, it was measured now."""
-        behind, passed = frame.t <= self._newest, max(now - self._framed, 1e-3)
+        is_first = self._newest == -math.inf
+        behind = frame.t <= self._newest
+        passed = max(now - self._framed, 1e-3)
         gain = frame.t + self._offset - self._frame_time
-        if (behind and self._rests and not self._every) or passed + CLOCK_JUMP < gain < math.inf:
-            self._offset, gain = self._frame_time + passed - frame.t, passed
+        restarts = (behind and self._rests and not self._every) or (is_first and gain <= 0.0)
+        if restarts or passed + CLOCK_JUMP < gain < math.inf:
+            self._offset = self._frame_time + passed - frame.t
+            gain = passed
         elif behind:
             raise InvalidInputError(
                 f"t must increase; found {frame.t!r} s after {self._newest!r} s"
             )
         # none waits for longer than a jump, and one that is later than a jump begins a new count
-        self._due = (
-            max(self._due + gain, now - CLOCK_JUMP) if self._every and gain < math.inf else now
-        )
+        self._due = now
+        if self._every and gain < math.inf:
+            self._due = max(self._due + gain, now - CLOCK_JUMP)
         self._patience = min(2.0 * abs(frame.t - self._newest), LONGEST_WAIT)
-        self._newest, self._arrived = frame.t, now
+        self._newest = frame.t
+        self._arrived = now
 
-    def _answer(self, frame: Frame, line: Line, now: float) -> None:
-        """Process the next frame."""
-        self._next, self._sender = None, line.sender
+    def _answer(self, frame: Frame | None, line: Line, now: float) -> None:
+        """Move the robot with the next frame, or without one, and send its state."""
         try:
             self._step(frame)
         except ManiportError as error:
-            self._newest = self._frame_time - self._offset
+            self._forget_order()
+            if frame is not None:
+                self._newest = self._frame_time - self._offset
             self._refuse(error, line)
             return
-        self._frame_time, self._framed = frame.t + self._offset, now
+        if self._engage:
+            self._live.engage()
+            self._engage = False
+            self._reply_at = self._stepped + BRAKING_STEP
+        if frame is None:
+            return
+        self._frame_time = frame.t + self._offset
+        self._framed = now
         self.summary.times.append(self._clock() - (now if self._every else self._received))
 
     def _step(self, frame: Frame | None) -> None:
         """Move the robot with a frame, or let it brake; send its state."""
-        live, summary = self._live, self.summary
-        state = (
-            live.step(None) if frame is None else live.step(frame.points, frame.t + self._offset)
-        )
-        self._stepped, self._rests = self._clock(), not state.joint_velocities.any()
+        live = self._live
+        summary = self.summary
+        points = None if frame is None else frame.points
+        frame_time = None if frame is None else frame.t + self._offset
+        state = live.step(points, frame_time, joints=self._joints)
+        self._joints = None
+        self._reply_at = math.inf
+        self._stepped = self._clock()
+        self._rests = not state.joint_velocities.any()
         summary.answered += frame is not None
         summary.skipped += self._skipped
         summary.states[state.state] += 1
-        if state.position_error is not None and state.state not in ("reaching", "holding"):
+        if state.position_error is not None and state.state in ("following", "lagging"):
             summary.errors.append(state.position_error)
-        skipped, self._skipped = self._skipped, 0
+        skipped = self._skipped
+        self._skipped = 0
         self._send(
             self._sender,
             t=state.time,
@@ -234,6 +342,8 @@ class Server:
 
     def _refuse(self, error: Exception, line: Line) -> None:
         self.summary.refused += 1
+        if not self._is_admitted:
+            self._junk[line.sender] += 1
         self._send(line.sender, error=" ".join(str(error).split()), line=self._count)
 
     def _send(self, receiver: Any, **content: Any) -> None:

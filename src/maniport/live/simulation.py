@@ -125,7 +125,7 @@ class Simulation:
             )
             arms.append(replace(arm, position=pose[:3, 3], position_error=error))
         state = replace(state, joint_positions=self.robot.q, arms=tuple(arms))
-        if state.position_error is not None and state.state not in ("reaching", "holding"):
+        if state.position_error is not None and state.state in ("following", "lagging"):
             self.errors.append(state.position_error)
         return state
 

@@ -30,9 +30,9 @@ class TargetQueue:
             np.empty((0, 0)),
         )  # position and ellipsoid at each time
 
-    def add(self, target: Target, now: float, resting: bool = False) -> None:
-        """Add the target of a frame that comes now, by the robot's clock [s]; if it rests, forget earlier ones."""
-        if resting:
+    def add(self, target: Target, now: float, anew: bool = False) -> None:
+        """Add the target of a frame that comes now, by the robot's clock [s]; `anew` forgets earlier ones."""
+        if anew:
             self._times, self._rows = np.empty(0), np.empty((0, 0))
         row = np.empty(3 + target.ellipsoid.size)
         row[:3], row[3:] = (

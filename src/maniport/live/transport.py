@@ -1,10 +1,12 @@
 """Frames and answers: as arrays, mappings and lines of JSON, by a pipe or a UDP port."""
 
 import json
+import math
 import os
 import select
 import socket
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
 from typing import Any, BinaryIO, NamedTuple
 
@@ -16,7 +18,16 @@ from maniport.util.input_limits import FRAME_BYTES
 from maniport.util.process import LAST_PORT, LOOPBACK, bound
 from maniport.util.validation import LATEST, Array, as_count, require_shape
 
+SILENCE = 2.0  # Of a sender, after which others are admitted [s]
+Address = tuple[str | int, ...]  # of a socket
 EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
+
+
+class Order(NamedTuple):
+    """Consent to a motion, and the robot's configuration, of a line with or without a frame."""
+
+    engage: bool | None = None  # True: engage; False: hold
+    joints: Array | None = None  # measured, (dof,) [rad or m]
 
 
 class Frame(NamedTuple):
@@ -24,6 +35,7 @@ class Frame(NamedTuple):
 
     t: float  # [s]
     points: Array  # Shape (n_points, 3); nan where a point is not seen
+    order: Order = Order()
 
 
 def as_frame(points: Any, names: Sequence[str]) -> Array | None:
@@ -55,6 +67,25 @@ def as_frame(points: Any, names: Sequence[str]) -> Array | None:
     return positions
 
 
+def as_joints(joints: Any, names: Sequence[str]) -> Array:
+    """Copy to finite joint positions (dof,) in the order of the names."""
+    if isinstance(joints, Mapping):
+        for name in joints:
+            if name not in names:
+                raise unknown_name(
+                    "joint", name[:80] if isinstance(name, str) else name, names, "in joints"
+                )
+        missing = [name for name in names if name not in joints]
+        if missing:
+            raise InvalidInputError(f"joints must contain all joints; {missing[0]!r} is missing")
+        joints = [joints[name] for name in names]
+    q = _as_numbers(joints, "joints")
+    require_shape(q, "joints", (len(names),), ", a number for each joint of the robot")
+    if not np.isfinite(q).all():
+        raise InvalidInputError(f"joints must be finite; found {q[~np.isfinite(q)][0]}")
+    return q
+
+
 def _as_numbers(value: Any, name: str) -> Array:
     """Convert to numbers; nan may be among them, and replaces masked entries."""
     try:
@@ -70,7 +101,9 @@ def _as_numbers(value: Any, name: str) -> Array:
         raise InvalidInputError(f"{name} must be numbers; found {value!r:.80}") from None
 
 
-def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
+def read_frame(
+    line: bytes | None, names: Sequence[str], joint_names: Sequence[str] = ()
+) -> Frame | Order | None:
     """Read a line of JSON, None where it was too long; None is returned for the empty object."""
     if line is None:
         raise InvalidInputError(f"a line has at most {FRAME_BYTES} bytes; this one has more")
@@ -86,15 +119,17 @@ def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
         ) from None
     if content == {}:
         return None
-    if not isinstance(content, dict) or content.keys() != {"t", "points"}:
+    if not isinstance(content, dict) or not _are_keys(content.keys()):
         raise InvalidInputError(
-            f"a frame is an object of t and points, such as {EXAMPLE}; found {content!r:.80}"
+            f"a line is an object of t and points, such as {EXAMPLE}, of engage, of joints, or of all of them; found "
+            f"{content!r:.80}"
         )
-    t, points, latest = (
-        content["t"],
-        content["points"],
-        0.5 * LATEST,
-    )  # steps without a frame may come after it
+    order = _read_order(content, joint_names)
+    if "t" not in content:
+        return order
+    t = content["t"]
+    points = content["points"]
+    latest = 0.5 * LATEST  # steps without a frame may come after it
     if type(t) not in (int, float) or not -latest <= t <= latest:
         raise InvalidInputError(f"t must be a number within ±{latest:g}; found {t!r:.80}")
     if isinstance(points, list) and len(points) == len(names):
@@ -104,7 +139,24 @@ def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
         raise InvalidInputError(f"points must be {wanted}; found {points!r:.80}")
     positions = as_frame(points, names)
     assert positions is not None
-    return Frame(float(t), positions)
+    return Frame(float(t), positions, order)
+
+
+def _are_keys(keys: Set[str]) -> bool:
+    """Whether keys are those of a line."""
+    frame = keys & {"t", "points"}
+    return len(frame) != 1 and keys <= {"t", "points", "engage", "joints"}
+
+
+def _read_order(content: dict[str, object], joint_names: Sequence[str]) -> Order:
+    """Read consent and measured joints of a line; `null` is the same as their absence."""
+    engage = content.get("engage")
+    if engage is not None and not isinstance(engage, bool):
+        raise InvalidInputError(f"engage must be true or false; found {engage!r:.80}")
+    joints = content.get("joints")
+    if joints is not None:
+        joints = as_joints(joints, joint_names)
+    return Order(engage, joints)
 
 
 def encoded(**content: Any) -> bytes:
@@ -116,7 +168,7 @@ class Line(NamedTuple):
     """A line without its end, and whom to answer."""
 
     text: bytes | None  # None where it was too long to be kept
-    sender: Any = None
+    sender: Address | None = None
 
 
 class Pipe:
@@ -128,9 +180,19 @@ class Pipe:
         self._waiting, self.lost = b"", 0
         self.about: dict[str, Any] = {}
 
-    def fileno(self) -> int:
-        """File descriptor to wait for."""
-        return self._source
+    def sources(self) -> list[int]:
+        """File descriptors to wait for."""
+        return [self._source]
+
+    def admit(self, sender: Address | None) -> list[Line]:
+        """Return no lines: there is one sender."""
+        return []
+
+    def dismiss(self) -> None:
+        """Nothing to do: there is one sender."""
+
+    def turn_away(self) -> None:
+        """Nothing to do: there is one sender."""
 
     def receive(self, size: int = 1 << 16) -> list[Line] | None:
         """Lines that have arrived, without empty ones; None when there will be no more."""
@@ -173,6 +235,10 @@ class Datagrams:
     """A UDP port: one line a datagram, answered to its sender, or to the port `send` for all.
 
     Answers without a receiver are also written to the file `sink`. Datagrams never wait and may be lost.
+
+    While one sender is admitted, a second socket of the same port is connected to it. The kernel gives this socket the
+    datagrams of this sender alone, so that those of others, however many, neither fill its buffer nor take time. A few
+    of them are answered by a refusal, the rest is lost.
     """
 
     lost = 0
@@ -188,23 +254,63 @@ class Datagrams:
                 )
         self._socket = bound(host, port, socket.SOCK_DGRAM, "udp")
         self._socket.setblocking(False)
-        self._sink, address = sink, self._socket.getsockname()
+        self._sink = sink
+        address = self._socket.getsockname()
         self._receiver = None if send is None else (address[0], send, *address[2:])
         self.about = {"host": address[0], "udp": address[1]}
-        self.fileno, self.close = self._socket.fileno, self._socket.close
+        self._admitted: Address | None = None
+        self._session = self._socket  # of the sender who is admitted
+        self._turned_away_at = -math.inf  # [s]
+
+    def close(self) -> None:
+        """Close the port."""
+        self.dismiss()
+        self._socket.close()
+
+    def sources(self) -> list[socket.socket]:
+        """Sockets to wait for."""
+        return [self._session]
+
+    def admit(self, sender: Address | None) -> list[Line]:
+        """Receive the datagrams of this sender alone, until it is dismissed; return those that wait."""
+        self.dismiss()
+        if sender is None:
+            return []
+        self._admitted = sender
+        with suppress(
+            OSError, AttributeError
+        ):  # where a port cannot be shared, others are filtered
+            self._session = _connected(self._socket, sender)
+        waiting = _received(self._socket, 256)
+        return [line for line in waiting if line.sender == sender]
+
+    def dismiss(self) -> None:
+        """Receive the datagrams of all senders."""
+        self._admitted = None
+        if self._session is not self._socket:
+            self._session.close()
+        self._session = self._socket
 
     def receive(self, most: int = 256) -> list[Line]:
         """Datagrams that have arrived; no more than some, since frames are processed in between."""
-        received: list[Line] = []
-        with suppress(BlockingIOError):
-            while len(received) < most:
-                text, sender = self._socket.recvfrom(
-                    FRAME_BYTES + 1
-                )  # the rest of a longer one is dropped unread
-                received.append(Line(text if len(text) <= FRAME_BYTES else None, sender))
-        return received
+        lines = _received(self._session, most)
+        if self._admitted is None:
+            return lines
+        return [line for line in lines if line.sender == self._admitted]
 
-    def send(self, text: bytes, receiver: Any = None) -> bool:
+    def turn_away(self, most: int = 32, period: float = 0.1) -> None:
+        """Refuse some datagrams of others, at most once in a period [s]."""
+        now = time.monotonic()
+        if self._session is self._socket or now - self._turned_away_at < period:
+            return
+        self._turned_away_at = now
+        lines = _received(self._socket, most)
+        text = f"another sender is followed; it must be silent for {SILENCE:g} s before others are"
+        refusal = encoded(error=text)
+        for other in {line.sender for line in lines} - {self._admitted}:
+            self._send_to(refusal, other)
+
+    def send(self, text: bytes, receiver: Address | None = None) -> bool:
         """Send a line to a sender or to the port for all; True, since a lost datagram does not end the connection."""
         if receiver is None and self._sink is not None:
             try:
@@ -212,12 +318,16 @@ class Datagrams:
                 self._sink.flush()
             except OSError as error:
                 raise OutputError(f"answers cannot be written: {error.strerror or error}") from None
-        if (to := self._receiver or receiver) is not None:
-            with suppress(
-                OSError
-            ):  # buffers are full, or nobody can be reached: lost, as datagrams may be
-                self._socket.sendto(text, to)
+        self._send_to(text, self._receiver or receiver)
         return True
+
+    def _send_to(self, text: bytes, receiver: Address | None) -> None:
+        if receiver is None:
+            return
+        with suppress(
+            OSError
+        ):  # buffers are full, or nobody can be reached: lost, as datagrams may be
+            self._socket.sendto(text, receiver)
 
     def blocked(self) -> list[int]:
         """Nothing waits."""
@@ -226,3 +336,35 @@ class Datagrams:
     def flush(self) -> bool:
         """Nothing waits."""
         return True
+
+
+def _received(source: socket.socket, most: int) -> list[Line]:
+    """Receive datagrams that have arrived, no more than some."""
+    received: list[Line] = []
+    for _ in range(most):
+        try:  # the rest of a longer one is dropped unread
+            text, sender = source.recvfrom(FRAME_BYTES + 1)
+        except BlockingIOError:
+            break
+        except OSError:  # an earlier answer did not arrive, since its receiver ended
+            continue
+        received.append(Line(text if len(text) <= FRAME_BYTES else None, sender))
+    return received
+
+
+def _connected(port: socket.socket, sender: Address) -> socket.socket:
+    """Return another socket of the same port that receives from one sender alone."""
+    session = socket.socket(port.family, socket.SOCK_DGRAM)
+    try:
+        session.setblocking(False)
+        for own in (port, session):
+            own.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        session.bind(port.getsockname())
+        session.connect(sender)
+    except OSError:
+        session.close()
+        raise
+    finally:
+        port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 0)
+    session.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 0)
+    return session

@@ -17,13 +17,23 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter
 from scipy.special import comb
 
-from maniport.errors import InvalidInputError, argument, spoken
-from maniport.mocap.recording import LONGEST_GAP, Bools, Recording, runs_of, when
+from maniport.errors import InvalidInputError, argument, counted, spoken
+from maniport.mocap.recording import (
+    LONGEST_GAP,
+    Bools,
+    Recording,
+    all_axes,
+    runs_of,
+    when,
+)
 from maniport.mocap.roles import other_side
 from maniport.util.defaults import AUTO
 from maniport.util.validation import Array
 
 MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
+
+REST_JUMP = 0.03  # Least displacement of a point from a rest pose to the motion [m]
+JUMP_ACCELERATION = 50.0  # [m/s²]: of hands in fast reaching; at 30 Hz the jump exceeds 0.06 m
 
 
 def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, Array, list[str]]:
@@ -45,13 +55,13 @@ def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, A
     return (
         time[kept],
         positions[kept],
-        [f"{count} frames with times that do not increase were omitted"],
+        [f"{counted(count, 'frame')} with times that do not increase omitted"],
     )
 
 
 def without_zeros(recording: Recording) -> Recording:
     """Mark points at exactly (0, 0, 0) as missing where they jump there, or where several always are."""
-    zero = (recording.positions == 0).all(axis=-1)
+    zero = all_axes(recording.positions == 0)
     if not zero.any():
         return recording
     always = zero.all(axis=0)
@@ -64,6 +74,128 @@ def without_zeros(recording: Recording) -> Recording:
             neighbors = [distance[t] for t in (start - 1, stop) if 0 <= t < len(distance)]
             lost[start:stop, i] = np.nanmax([0.0, *neighbors]) > max(0.05, 5.0 * usual)  # [m]
     return _marked_missing(recording, lost, "exactly at the origin")
+
+
+def without_rest_poses(
+    recording: Recording,
+    restarts: bool = False,
+    is_cut: tuple[bool, bool] = (False, False),
+) -> Recording:
+    """Omit rest poses, such as a T-pose, at either end: identical frames from which the motion jumps.
+
+    Parameters
+    ----------
+    recording : Recording
+        Positions [m].
+    restarts : bool
+        Whether times begin at zero after the rest pose, since the file states none.
+    is_cut : (bool, bool)
+        Whether frames are missing before the first and after the last, so that there is no rest pose.
+
+    Returns
+    -------
+    Recording
+        With a note for each rest pose.
+    """
+    positions = recording.positions
+    first = 0 if is_cut[0] else rest_frames(positions, recording.time)
+    last = 0 if is_cut[1] else rest_frames(positions[::-1], -recording.time[::-1])
+    if first + last == 0 or first + last > len(recording) - 2:
+        return recording
+    notes = []
+    if first:
+        notes.append(rest_pose_note(first, "first"))
+    if last:
+        notes.append(rest_pose_note(last, "last"))
+    kept = slice(first, len(recording) - last)
+    time = recording.time[kept]
+    if restarts and first and recording.time[0] == 0.0:
+        time = recording.time[: len(time)]
+    return replace(
+        recording, positions=positions[kept], time=time, notes=(*recording.notes, *notes)
+    )
+
+
+def rest_pose_note(count: int, end: str) -> str:
+    """Return the note on a rest pose of some frames at the end "first" or "last"."""
+    frames = f"the {end} frame" if count == 1 else f"the {end} {count} frames"
+    verb = "was" if count == 1 else "were"
+    return f"{frames}, a rest pose from which the motion jumps, {verb} omitted"
+
+
+def rest_frames(positions: Array, time: Array) -> int:
+    """Return the number of frames of a rest pose at the start, from positions (n, k, 3) [m] and times [s].
+
+    A rest pose is far from where the motion after it comes from: its distance to that place exceeds both the path of
+    the points in one step and what an acceleration of `JUMP_ACCELERATION` makes possible. A person who stands still
+    and then moves, and a frozen beginning that the motion continues, are near to it.
+    """
+    run = _identical_frames(positions)
+    if run < len(positions) and _identical_frames(positions[run:]) > 1:
+        # as a T-pose before the pose of a calibration
+        following = _one_rest_pose(positions[run:], time[run:])
+        distances = np.linalg.norm(positions[run] - positions[0], axis=-1)
+        if following and np.nanmax(distances, initial=0.0) > REST_JUMP:
+            return run + following
+    return _one_rest_pose(positions, time)
+
+
+def _one_rest_pose(positions: Array, time: Array) -> int:
+    """Return the number of identical frames at the start from which the motion jumps."""
+    run = _identical_frames(positions)
+    after = _distinct_frames(positions, run)
+    if len(after) < 4:
+        return 0
+    poses = positions[[0, *after]]
+    observed = np.isfinite(poses).all(axis=(0, 2))
+    if np.count_nonzero(observed) < 3:
+        return 0
+
+    poses = poses[:, observed]
+    jump = poses[1] - poses[0]
+    steps = np.diff(poses[1:], axis=0)
+    surplus = jump - steps[0]
+    distances = np.linalg.norm(surplus, axis=-1)
+    seconds = float(np.median(np.diff(time[after])))
+    least = max(REST_JUMP, JUMP_ACCELERATION * seconds**2)
+    longest_step = np.sqrt((steps**2).sum(axis=-1).mean(axis=-1)).max()
+    distance = np.sqrt((distances**2).mean())
+    if run > 1:
+        is_jump = distances.max() > least and distance > 1.5 * longest_step
+        return run if is_jump else 0
+
+    # One frame may also be an outlier or the beginning of a fast motion: the evidence must be clearer.
+    moved = np.count_nonzero(distances > least)
+    is_jump = moved >= 3 and distance > 3.0 * longest_step
+    return 1 if is_jump else 0
+
+
+def _identical_frames(positions: Array) -> int:
+    """Return the number of frames at the start in which all points are where they are in the first."""
+    same_place = 1e-5  # [m]
+    first = positions[0]
+    lost = np.isnan(first[:, 0])
+    size = 16
+    count = 1
+    while count < len(positions):
+        block = positions[count : count + size]
+        differences = np.abs(block - first)
+        differences[:, lost] = np.where(np.isnan(block[:, lost]), 0.0, np.inf)
+        same = (differences <= same_place).all(axis=(1, 2))
+        if not same.all():
+            return count + int(np.argmin(same))
+        count += len(block)
+        size *= 2
+    return len(positions)
+
+
+def _distinct_frames(positions: Array, start: int, most: int = 5) -> list[int]:
+    """Return the first frames from `start` on that differ from the one before: some files repeat each frame."""
+    frames: list[int] = []
+    while start < len(positions) and len(frames) < most:
+        frames.append(start)
+        start += _identical_frames(positions[start:])
+    return frames
 
 
 def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0.2) -> Recording:
@@ -93,7 +225,7 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
         if swapped.any():
             positions[:, columns] = np.where(swapped[:, None, None], tracks[:, ::-1], tracks)
             texts.append(
-                f"{pair[0]} and {pair[1]} were swapped in {swapped.sum()} frames and were exchanged "
+                f"{pair[0]} and {pair[1]} were swapped in {counted(int(swapped.sum()), 'frame')} and were exchanged "
                 f"({when(recording.time, swapped)})"
             )
     return _changed(recording, positions, [], texts)
@@ -133,7 +265,7 @@ def _outliers(
 def _marked_missing(recording: Recording, lost: Bools, cause: str) -> Recording:
     """Return the recording without the marked points, lost (n_frames, n_points), with a note for each point."""
     notes = [
-        f"{name}: {cause} in {frames.sum()} frames, taken as missing ({when(recording.time, frames)})"
+        f"{name}: {cause} in {counted(int(frames.sum()), 'frame')}, taken as missing ({when(recording.time, frames)})"
         for name, frames in zip(recording.names, lost.T, strict=True)
         if frames.any()
     ]

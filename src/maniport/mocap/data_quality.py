@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maniport.arms.human import JOINTS
+from maniport.errors import counted
 from maniport.mocap.arm_fit import ArmFit
 from maniport.mocap.directions import AXES, BLOCK, DEVIATION, FLEXION, TURN, Directions
 from maniport.mocap.recording import runs_of, when
@@ -145,8 +146,10 @@ def gap_warning(fit: ArmFit, time: Array) -> list[str]:
     if not missing.any():
         return []
     start, stop = max(runs_of(missing), key=lambda run: run[1] - run[0])
+    count = int(missing.sum())
+    lack = "lacks points and is" if count == 1 else "lack points and are"
     return [
-        f"{int(missing.sum())} frames in the middle lack points and are omitted: the motion continues on the other "
+        f"{counted(count, 'frame')} in the middle {lack} omitted: the motion continues on the other "
         f"side of the gap; the longest gap is from {time[start - 1]:.2f} to {time[stop]:.2f} s"
     ]
 

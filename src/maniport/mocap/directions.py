@@ -16,7 +16,7 @@ from maniport.arms import Arm
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import JOINTS, LONGEST_SEGMENT, middle_of
 from maniport.arms.kinematics import PointKinematics, axis_of
-from maniport.errors import InvalidInputError, RecordingError
+from maniport.errors import InvalidInputError, RecordingError, counted
 from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.recording import Bools, Recording, runs_of
 from maniport.mocap.rigid_bodies import with_hidden_points
@@ -212,7 +212,7 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
     for start, stop in runs_of(out):
         missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
         times = f"{used.time[start]:.2f}–{used.time[stop - 1]:.2f} s"
-        notes.append(f"{stop - start} frames omitted, {times}: {missing} missing")
+        notes.append(f"{counted(stop - start, 'frame')} omitted, {times}: {missing} missing")
     is_smoothed = smooth and used is not repaired
     used = replace(used, notes=tuple(notes))
     return Observation(chosen, reason, roles, used, trunk, np.flatnonzero(~out), is_smoothed)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator, make_interp_spline
 
-from maniport.errors import InvalidInputError, RecordingError, argument, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, argument, counted, unknown_name
 from maniport.util.files import save_arrays
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_number, as_times, require_shape
@@ -17,6 +17,7 @@ from maniport.util.validation import Array, as_number, as_times, require_shape
 Bools = NDArray[np.bool_]
 
 MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
+BLOCK = 100_000  # Numbers that are checked at once: their flags stay in the cache
 LONGEST_GAP = (
     0.2  # Length of gaps that are interpolated [s]; within it a hand hardly changes its speed
 )
@@ -85,10 +86,10 @@ class Recording(NotebookDisplay):
         return len(self.time)
 
     def __repr__(self) -> str:
-        return (
-            f"Recording({self.source or 'unnamed'!r}: {len(self.names)} points, {len(self)} frames, "
-            f"{self.duration:.2f} s at {self.rate:.4g} Hz)"
-        )
+        points = counted(len(self.names), "point")
+        frames = counted(len(self), "frame")
+        seconds = f"{self.duration:.2f} s at {self.rate:.4g} Hz"
+        return f"Recording({self.source or 'unnamed'!r}: {points}, {frames}, {seconds})"
 
     @property
     def duration(self) -> float:
@@ -141,27 +142,12 @@ class Recording(NotebookDisplay):
         InvalidInputError
             When no frame lies in that interval.
         """
-        low = self.time[0] if start is None else as_number(start, "start")
-        high = self.time[-1] if stop is None else as_number(stop, "stop")
-        keep = (self.time >= low) & (self.time <= high)
-        if not keep.any():
-            raise InvalidInputError(
-                f"start, stop: no frame lies between {low:g} and {high:g} s; "
-                f"the recording runs from {self.time[0]:g} to {self.time[-1]:g} s"
-            )
-        warnings = list(self.quality_warnings)
-        tolerance = (
-            1.5 / self.rate if len(self) > 1 else 0.0
-        )  # the end of the last frame, or its rounding
-        if high > self.time[-1] + tolerance:
-            warnings.append(
-                f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s"
-            )
+        rows = interval_rows(self.time, start, stop)
         return replace(
             self,
-            positions=self.positions[keep],
-            time=self.time[keep],
-            quality_warnings=tuple(warnings),
+            positions=self.positions[rows],
+            time=self.time[rows],
+            quality_warnings=(*self.quality_warnings, *beyond_end(self.time, stop)),
         )
 
     def fill_gaps(self) -> "Recording":
@@ -188,9 +174,86 @@ class Recording(NotebookDisplay):
                     positions[start:stop, i] = spline(self.time[start:stop])
                 frames = sum(stop - start for start, stop in short)
                 notes.append(
-                    f"{name}: gaps of up to {LONGEST_GAP:g} s interpolated ({frames} frames)"
+                    f"{name}: gaps of up to {LONGEST_GAP:g} s interpolated ({counted(frames, 'frame')})"
                 )
         return replace(self, positions=positions, notes=tuple(notes))
+
+
+def interval_rows(time: Array, start: float | None, stop: float | None) -> slice:
+    """Return the rows with start ≤ time ≤ stop [s], of times that increase.
+
+    Raises
+    ------
+    InvalidInputError
+        When there is none, or start or stop is no number.
+    """
+    low = float(time[0]) if start is None else as_number(start, "start")
+    high = float(time[-1]) if stop is None else as_number(stop, "stop")
+    rows = np.flatnonzero((time >= low) & (time <= high))
+    if not len(rows):
+        raise InvalidInputError(
+            f"start, stop: no frame lies between {low:g} and {high:g} s; "
+            f"the recording runs from {time[0]:g} to {time[-1]:g} s"
+        )
+    return slice(int(rows[0]), int(rows[-1]) + 1)
+
+
+def beyond_end(time: Array, stop: float | None) -> list[str]:
+    """Return a warning where `stop` [s] is beyond the last of the times."""
+    if stop is None:
+        return []
+    # the end of the last frame, or its rounding
+    tolerance = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if stop <= time[-1] + tolerance:
+        return []
+    return [f"{argument('stop', stop)} is beyond the end of the recording, {time[-1]:.2f} s"]
+
+
+def any_axis(flags: Bools) -> Bools:
+    """Whether a flag of x, y or z is true, from shape (..., 3): faster than `any` over so short an axis."""
+    return flags[..., 0] | flags[..., 1] | flags[..., 2]
+
+
+def all_axes(flags: Bools) -> Bools:
+    """Whether the flags of x, y and z are true, from shape (..., 3)."""
+    return flags[..., 0] & flags[..., 1] & flags[..., 2]
+
+
+def freeze(array: Array) -> Array:
+    """Make an array and those whose memory it shares read-only, so that a `Recording` needs no copy."""
+    part: object = array
+    while isinstance(part, np.ndarray):
+        part.setflags(write=False)
+        part = part.base
+    return array
+
+
+def scaled(array: Array, factor: float) -> Array:
+    """Multiply a frozen array in place, where it owns its memory, else return a product; the result is frozen."""
+    if factor == 1.0:
+        return array
+    parts: list[np.ndarray] = []
+    part: object = array
+    while isinstance(part, np.ndarray):
+        parts.append(part)
+        part = part.base
+    try:
+        for owner in reversed(parts):  # the owner of the memory first
+            owner.setflags(write=True)
+    except ValueError:
+        return freeze(array * factor)
+    array *= factor
+    return freeze(array)
+
+
+def _is_frozen(array: Array) -> bool:
+    """Whether nobody can change an array."""
+    part: object = array
+    while isinstance(part, np.ndarray):
+        if part.flags.writeable:
+            return False
+        part = part.base
+    return part is None
 
 
 def runs_of(flags: Bools) -> list[tuple[int, int]]:
@@ -208,20 +271,32 @@ def when(time: Array, flags: Bools) -> str:
     return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
 
 
-def _as_positions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    try:
-        if np.iscomplexobj(value):  # NumPy would drop the imaginary part with a mere warning
-            raise TypeError("its numbers are complex")
-        positions = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"positions must be an array of numbers: {error}") from None
+def _as_positions(value: ArrayLike, shape: tuple[int, int, int]) -> Array:
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and _is_frozen(value):
+        positions = value
+    else:
+        try:
+            if np.iscomplexobj(value):  # NumPy would drop the imaginary part with a mere warning
+                raise TypeError("its numbers are complex")
+            positions = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(f"positions must be an array of numbers: {error}") from None
     require_shape(positions, "positions", shape, " = (n_frames, n_points, 3)")
-    farthest = np.nanmax(np.abs(positions), initial=0.0)
-    if farthest > MAX_POSITION:
-        raise InvalidInputError(
-            f"positions must be within ±{MAX_POSITION:g} m, or nan where missing; found {farthest:g} m from the origin"
-        )
-    positions[np.isnan(positions).any(axis=-1)] = (
-        np.nan
-    )  # a point with one coordinate missing is missing
+
+    frames = max(1, BLOCK // (shape[1] * shape[2]))
+    is_partly_missing = False
+    for first in range(0, shape[0], frames):
+        part = positions[first : first + frames]
+        far = (part > MAX_POSITION) | (part < -MAX_POSITION)
+        if far.any():
+            raise InvalidInputError(
+                f"positions must be within ±{MAX_POSITION:g} m, or nan where missing; found "
+                f"{np.abs(part[far]).max():g} m from the origin"
+            )
+        missing = np.isnan(part)
+        is_partly_missing |= bool((any_axis(missing) & ~all_axes(missing)).any())
+    if is_partly_missing:  # a point with one coordinate missing is missing
+        if not positions.flags.writeable:
+            positions = positions.copy()
+        positions[any_axis(np.isnan(positions))] = np.nan
     return positions

@@ -1,7 +1,7 @@
 """Warnings that the model of the arm and the person differ, with the remedies that lower the residual.
 
-Each remedy is tried on single frames of the recording before it is advised: another model, the other arm, exchanged or
-omitted markers of an axis, and axes of the other handedness.
+Each remedy is tried on single frames of the recording before it is advised: another model, the other arm, and exchanged
+or omitted markers of an axis.
 """
 
 from collections.abc import Collection, Mapping
@@ -91,7 +91,7 @@ def model_warnings(fit: ArmFit, fitting: Fitting, arm: int) -> list[str]:
     for axis in differences.turned:
         trials.append(_omission(observation, fitting.person, axis, before[arm]))
     trials += _other_models(fitting, before)
-    trials += _other_recordings(fitting, arm, before[arm])
+    trials += _other_arm(fitting, before[arm])
     helpful = sorted((trial for trial in trials if trial.helps), key=lambda trial: trial.after)
     if helpful:
         advice = "Advice: " + "; or ".join(map(str, helpful))
@@ -140,28 +140,19 @@ def _other_models(fitting: Fitting, before: list[Residuals]) -> list[Trial]:
     return trials
 
 
-def _other_recordings(fitting: Fitting, arm: int, before: Residuals) -> list[Trial]:
-    """Try the other arm, where it is recorded, and axes of the other handedness."""
-    observation = fitting.observations[arm]
-    side = observation.side
-    recording = fitting.recording
-    mirrored = replace(recording, positions=recording.positions * [-1.0, 1.0, 1.0])
+def _other_arm(fitting: Fitting, before: Residuals) -> list[Trial]:
+    """Try the other arm, where it is recorded and only one is fitted."""
+    if len(fitting.observations) > 1:
+        return []
+    side = fitting.observations[0].side
     other = RIGHT if side == LEFT else LEFT
-    inverted = "change the sign of one axis, as the axes may be left-handed, like those of Unity and Unreal"
-    cases = {inverted: (mirrored, side)}
-    if len(fitting.observations) == 1:
-        cases[f"try the other arm ({argument('side', other)})"] = (recording, other)
-
-    trials = []
     markers = fitting.markers.get(side, next(iter(fitting.markers.values())))
-    for advice, (points, tried_side) in cases.items():
-        try:
-            tried = observe(points, markers, tried_side, fitting.smooth)
-            after = _residuals(tried, fitting.person)
-        except RecordingError:
-            continue  # that arm is not recorded
-        trials.append(_trial(advice, [before], [after]))
-    return trials
+    try:
+        observation = observe(fitting.recording, markers, other, fitting.smooth)
+        after = _residuals(observation, fitting.person)
+    except RecordingError:
+        return []
+    return [_trial(f"try the other arm ({argument('side', other)})", [before], [after])]
 
 
 def _trial(advice: str, before: list[Residuals], after: list[Residuals]) -> Trial:

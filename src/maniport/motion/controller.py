@@ -16,7 +16,8 @@ positions are available, each interval has the position cost of its own.
 A joint may be no faster than it can brake before its position limit. With the distance D to the limit, the acceleration
 a and steps of dt, this velocity is √(2 a D) − a dt / 2, and D / dt where the joint can stop within a step. From each
 configuration and velocity that respects this bound, a step exists that respects it again; the steps may have different
-durations. So limits of position, velocity and acceleration never contradict one another.
+durations. So limits of position, velocity and acceleration never contradict one another. A joint that begins beyond a
+position limit, at rest, moves inward only.
 """
 
 import math
@@ -236,7 +237,10 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
     achieved, configurations = np.empty(len(q)), np.empty((2, len(q)))
     for i in range(len(q)):
         achieved[i] = min(max(velocity[i], bounds[0, i]), bounds[1, i])
-        configurations[0, i] = min(max(q[i] + dt * achieved[i], limits[0, i]), limits[1, i])
+        # a start beyond a limit is left where it is until the joint moves inward
+        least = min(limits[0, i], q[i])
+        most = max(limits[1, i], q[i])
+        configurations[0, i] = min(max(q[i] + dt * achieved[i], least), most)
         slower = max(abs(achieved[i]) - 0.5 * limits[3, i] * dt, 0.0)
         configurations[1, i] = configurations[0, i] + np.sign(achieved[i]) * slower**2 / (
             2.0 * limits[3, i]

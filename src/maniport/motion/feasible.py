@@ -1,6 +1,5 @@
 """The feasible ellipsoids nearest to targets: searches over joint positions within their limits."""
 
-from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -24,7 +23,9 @@ from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import Array, as_count, as_metres, as_number, as_points, require_shape
 
-MAX_STARTS = 12_288  # Of all ellipsoids together, in the first search of `FeasibleProjector`
+MOST_STARTS = 12_288  # of all points of a search together
+FIRST_STEPS = 20  # steps of a search from samples
+LATER_STEPS = 8  # from earlier results
 
 
 class FeasibleEllipsoids(NamedTuple):
@@ -139,7 +140,6 @@ class FeasibleProjector:
         self.spec = spec
         self.regularization = damping_of(arm, spec, damping, positive=True)
         self.bank = bank_for(arm, spec, bank, random_state)
-        self.joint_positions: Array | None = None  # (n, dof), where the last search ended
 
     @property
     def damping(self) -> float | None:
@@ -161,57 +161,20 @@ class FeasibleProjector:
 
     def __call__(self, points: ArrayLike) -> Array:
         """Return the nearest ellipsoids to others, both shape (n, d, d) and with the damping."""
-        return self.search(self.regularization.epsilon).nearest(points)[0]
+        return self.nearest(points)[0]
 
-    def search(self, damping: float) -> "FeasibleProjector":
-        """Begin a search by `nearest` for ellipsoids that carry another damping ε > 0 [unit of M]."""
-        search = copy(self)
-        search.regularization = Regularization(epsilon=as_number(damping, "damping", above=0.0))
-        search.joint_positions = None
-        return search
-
-    def nearest(
-        self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None
-    ) -> tuple[Array, Array]:
+    def nearest(self, points: ArrayLike) -> tuple[Array, Array]:
         """Find the nearest feasible ellipsoids M (n, d, d) to points A (n, d, d), all with the damping.
 
         Also return the derivatives of log(A^-½ M A^-½) along each joint (n, dof, d, d), zero where one is at a limit.
-        The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
-        from the last result of each, those of its `neighbors` (n, k) and one sample.
+        Equal points have equal results, whatever was searched before.
         """
-        arm = self.arm
-        before = self.joint_positions
-        damped = as_points(points, "points", self.spec.size, minimum=1)
-        shift = self.regularization.epsilon * np.eye(self.spec.size)
-        target = TargetTrajectory(
-            time=np.zeros(len(damped)),
-            ellipsoids=np.asarray(damped - shift),
-            spec=self.spec,
-            damping=self.regularization,
-        )
-        problem = ArmProblem.of(arm, target)
-        if before is None:  # with six starts for each a length field is worse
-            starts_for_each = min(max(MAX_STARTS // len(damped), 24), 48)
-            starts = self.bank.starts_for(target, starts_for_each)
-            steps = 20
-        else:
-            require_shape(
-                damped, "points", (len(before), *damped.shape[1:]), ", as in the first call"
-            )
-            similar = [before[:, None]]
-            if neighbors is not None:
-                similar.append(before[neighbors])
-            starts = np.concatenate([*similar, self.bank.starts_for(target, 1)], axis=1)
-            steps = 8
-        q = search_from_starts(problem, starts, max_iter=steps, block=512, halving=2)
-        if not np.all(np.isfinite(problem.distance(q))):
-            raise InvalidInputError(
-                f"the arm {arm.name!r} is singular at all starts for some points"
-            )
-        self.joint_positions = q
-        changes = problem.ellipsoid.log_changes(problem.at(q))
-        changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
-        return np.asarray(arm.ellipsoids(q, self.spec) + shift), changes
+        return self.search(self.regularization.epsilon).nearest(points)
+
+    def search(self, damping: float) -> "FeasibleSearch":
+        """Begin a search for ellipsoids that carry another damping ε > 0 [unit of M]."""
+        epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
+        return FeasibleSearch(self.arm, self.spec, epsilon, self.bank)
 
     def __deepcopy__(self, memo: Any) -> "FeasibleProjector":
         return self  # immutable; scikit-learn copies the parameters of estimators that it clones
@@ -219,3 +182,84 @@ class FeasibleProjector:
     def __repr__(self) -> str:
         epsilon = self.regularization.epsilon
         return f"FeasibleProjector({self.arm.name!r}, {self.spec}, damping {epsilon:.3g})"
+
+
+class FeasibleSearch:
+    """Find the feasible ellipsoids nearest to points that change a little from call to call.
+
+    Make one with `FeasibleProjector.search`.
+
+    Parameters
+    ----------
+    arm : Arm
+    spec : EllipsoidSpec
+    damping : Regularization
+        That of the points.
+    bank : SeedBank
+        Seed configurations.
+
+    Attributes
+    ----------
+    joint_positions : ndarray, shape (n, dof), or None
+        Result of the last call [rad or m]; None before the first.
+    """
+
+    def __init__(self, arm: Arm, spec: EllipsoidSpec, damping: Regularization, bank: SeedBank):
+        self.arm = arm
+        self.spec = spec
+        self.damping = damping
+        self.bank = bank
+        self.joint_positions: Array | None = None
+
+    def nearest(
+        self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None
+    ) -> tuple[Array, Array]:
+        """Find the nearest feasible ellipsoids, as `FeasibleProjector.nearest` does.
+
+        The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
+        from the last result of each, those of its `neighbors` (n, k) and one sample.
+        """
+        arm = self.arm
+        damped = as_points(points, "points", self.spec.size, minimum=1)
+        shift = self.damping.epsilon * np.eye(self.spec.size)
+        target = TargetTrajectory(
+            time=np.zeros(len(damped)),
+            ellipsoids=np.asarray(damped - shift),
+            spec=self.spec,
+            damping=self.damping,
+        )
+        problem = ArmProblem.of(arm, target)
+        if self.joint_positions is None:
+            starts = self._first_starts(target)
+            steps = FIRST_STEPS
+        else:
+            starts = self._later_starts(target, self.joint_positions, neighbors)
+            steps = LATER_STEPS
+
+        q = search_from_starts(problem, starts, max_iter=steps, block=512, halving=2)
+        if not np.all(np.isfinite(problem.distance(q))):
+            raise InvalidInputError(
+                f"the arm {arm.name!r} is singular at all starts for some points"
+            )
+        self.joint_positions = q
+
+        changes = problem.ellipsoid.log_changes(problem.at(q))
+        changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
+        return np.asarray(arm.ellipsoids(q, self.spec) + shift), changes
+
+    def _first_starts(self, target: TargetTrajectory) -> Array:
+        count = min(max(MOST_STARTS // len(target), 24), 48)  # six: worse length fields
+        return self.bank.starts_for(target, count)
+
+    def _later_starts(
+        self, target: TargetTrajectory, before: Array, neighbors: NDArray[np.intp] | None
+    ) -> Array:
+        size = self.spec.size
+        require_shape(
+            target.ellipsoids, "points", (len(before), size, size), ", as in the first call"
+        )
+        starts = [before[:, None]]
+        if neighbors is not None:
+            starts.append(before[neighbors])
+        starts.append(self.bank.starts_for(target, 1))
+        return np.concatenate(starts, axis=1)

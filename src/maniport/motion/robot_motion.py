@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ class ArmMotion(Trajectory):
         Demonstrated times of the waypoints of a planned motion [s].
     pointwise_best : ndarray, shape (n,), or None
         Distances of the pointwise optimum of a planned motion: the smallest found for each waypoint by itself, with the
-        end effector on the path (at most 250 waypoints; its square is linear between them).
+        end effector on the path (at most 250 waypoints; its square is linear between them), or achieved by the motion.
     clearance : Clearance
         Of a planned motion, together with all other arms.
     """
@@ -168,33 +168,41 @@ class ArmMotion(Trajectory):
 
         It is nan where the two longest semi-axes of either are nearly equal, so that their direction is arbitrary.
         """
-        return line_angles(axis_over_time(self.target, -1), axis_over_time(self.achieved, -1))
+        return self.axis_angle(-1)
+
+    def axis_angle(self, which: int) -> Array:
+        """Angle between the longest (-1) or shortest (0) axes, as `major_axis_angle`."""
+        target = axis_over_time(self.target, which)
+        achieved = axis_over_time(self.achieved, which)
+        return line_angles(target, achieved)
 
     @property
     def pointwise_ratio(self) -> float:
-        """Ratio of the root mean square distance to that of the best pointwise solutions found."""
+        """Ratio of the root mean square distance to that of the best pointwise solutions found, at least 1."""
         assert self.pointwise_best is not None
         return rms_ratio(self.distance, self.pointwise_best)
 
-    def save_joints(self, path: str | os.PathLike[str]) -> None:
+    def save_joints(self, path: str | os.PathLike[str], spec: EllipsoidSpec | None = None) -> None:
         """Write an ``.npz`` file without pickled objects.
 
         For the control steps ``control_time``, ``control_positions``, ``control_velocities``, ``control_accelerations``
         and, where masses are known, ``control_torques``; for the waypoints ``time``, ``joint_positions``,
         ``joint_velocities``, ``manipulability``, ``distance``, ``status`` and, where there was a path,
         ``position_error``; ``joint_names``, ``joint_units`` and ``damping``. Times are counted from the first control
-        step, which was at ``began_at`` [s]. The achieved ellipsoids are readable as an ellipsoid file. `OutputError`
-        when the file cannot be written.
+        step, which was at ``began_at`` [s]. The achieved ellipsoids are readable as an ellipsoid file. They are those
+        of `spec`, by default of the motion's. A plan for force ellipsoids has their inverses: ``damping`` is added to
+        the ellipsoids of the plan. `OutputError` when the file cannot be written.
         """
-        arrays = (
-            self.joint_arrays() | {"joint_velocities": self.joint_velocities} | self.error_arrays()
-        )
+        arrays = self.joint_arrays()
+        arrays["joint_velocities"] = self.joint_velocities
+        arrays |= self.error_arrays(spec)
         save_arrays(path, arrays, compress=False)  # numbers that hardly get smaller
 
-    def error_arrays(self) -> dict[str, Array]:
-        """Return the arrays of the ellipsoids and errors that files contain, by name."""
+    def error_arrays(self, spec: EllipsoidSpec | None = None) -> dict[str, Array]:
+        """Return the arrays of the ellipsoids and errors that files contain, by name; `spec` as in `save_joints`."""
+        achieved = self.achieved if spec is None else spec.of_bounded(self.achieved)
         arrays = {
-            "manipulability": self.achieved,
+            "manipulability": achieved,
             "distance": self.distance,
             "damping": np.array(self.damping.epsilon),
             "status": np.array(self.status),
@@ -207,8 +215,10 @@ class ArmMotion(Trajectory):
 
 
 def rms_ratio(distance: Array, best: Array) -> float:
-    """Return the ratio of two root mean squares; infinite where the second is zero."""
+    """Return the ratio of two root mean squares; infinite where only the second is zero."""
     norm = float(np.linalg.norm(best))
+    if np.array_equal(distance, best):
+        return 1.0
     return float(np.linalg.norm(distance)) / norm if norm > 0.0 else np.inf
 
 
@@ -257,14 +267,15 @@ class RobotMotion(NotebookDisplay):
             plan = {
                 "clearance": clearance,
                 "demonstrated_time": None if trajectory.limits is None else problem.target.time,
-                "pointwise_best": None if pointwise_bests is None else pointwise_bests[i],
             }
             own = trajectory.of_arm(problem.arm, columns)
-            arms.append(
-                ArmMotion.of(
-                    problem, own, velocity_limits[columns], held, position_tolerance, **plan
-                )
+            motion = ArmMotion.of(
+                problem, own, velocity_limits[columns], held, position_tolerance, **plan
             )
+            if pointwise_bests is not None:  # the achieved configuration is a candidate
+                best = np.minimum(pointwise_bests[i], motion.distance)
+                motion = replace(motion, pointwise_best=best)
+            arms.append(motion)
         return cls(group, trajectory, tuple(arms), **relative)
 
     def __repr__(self) -> str:
@@ -277,23 +288,24 @@ class RobotMotion(NotebookDisplay):
 
     @property
     def pointwise_ratio(self) -> float:
-        """Ratio of the root mean square distance of all arms to that of the best pointwise solutions found."""
+        """Ratio of the root mean square distance of all arms to that of the best pointwise solutions, at least 1."""
         best = [arm.pointwise_best for arm in self.arms if arm.pointwise_best is not None]
         return rms_ratio(np.concatenate([arm.distance for arm in self.arms]), np.concatenate(best))
 
-    def save_joints(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` file without pickled objects.
+    def save_joints(self, path: str | os.PathLike[str], spec: EllipsoidSpec | None = None) -> None:
+        """Write an ``.npz`` file without pickled objects; `spec` as in `ArmMotion.save_joints`.
 
         One arm: see `ArmMotion.save_joints`. Several: the arrays of the joints, ``manipulability``, ``distance``,
         ``status``, ``damping`` and ``position_error`` of each arm with its name as a prefix, such as ``left_distance``,
         and ``relative`` and ``relative_error`` where only these were kept.
         """
         if len(self.arms) == 1:
-            self.arms[0].save_joints(path)
+            self.arms[0].save_joints(path, spec)
             return
         arrays = self.trajectory.joint_arrays()
         for name, arm in zip(self.group.names, self.arms, strict=True):
-            arrays |= {f"{name}_{key}": array for key, array in arm.error_arrays().items()}
+            for key, array in arm.error_arrays(spec).items():
+                arrays[f"{name}_{key}"] = array
         if self.relative is not None and self.relative_error is not None:
             arrays |= {"relative": self.relative, "relative_error": self.relative_error}
         save_arrays(path, arrays)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import Arm
-from maniport.arms.collisions import Collisions
+from maniport.arms.collisions import NO_SHAPES, CheckedShapes, Collisions
 from maniport.arms.joint_space import JointSpace
 from maniport.motion.motion_limits import MotionLimits
 from maniport.util.atomic_io import written_whole
@@ -185,7 +185,9 @@ class Clearance:
     pair : tuple of two str
         The closest bodies.
     stand_ins : tuple of str
-        Links checked by their collision shapes, since visual ones are missing.
+        Links drawn by their collision shapes, since visual meshes are missing.
+    shapes : CheckedShapes
+        Links by the kind of the shapes that are checked, and pairs that are not.
     """
 
     checked: bool = False
@@ -195,6 +197,7 @@ class Clearance:
     time: float = 0.0
     pair: tuple[str, str] = ("", "")
     stand_ins: tuple[str, ...] = ()
+    shapes: CheckedShapes = NO_SHAPES
 
     @classmethod
     def of(cls, collisions: Collisions | None, motion: Trajectory) -> "Clearance":
@@ -216,5 +219,12 @@ class Clearance:
         i = int(np.argmin(nearest.distance))
         pair = (str(nearest.first[i]), str(nearest.second[i]))
         return cls(
-            True, "", share, float(nearest.distance[i]), float(time[i]), pair, collisions.stand_ins
+            True,
+            "",
+            share,
+            float(nearest.distance[i]),
+            float(time[i]),
+            pair,
+            collisions.stand_ins,
+            collisions.shapes,
         )

@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-import yaml
 
 from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
 from maniport.pipeline.option import option, options_of, plain
@@ -25,7 +24,7 @@ from maniport.util.defaults import (
     STUDENT_SAMPLES,
     TEACHER_SAMPLES,
 )
-from maniport.util.files import line_of, read_settings
+from maniport.util.files import line_of, read_settings, settings_text
 from maniport.util.validation import Array, as_finite, as_rotation
 from maniport.version import __version__
 
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from maniport.arms import EllipsoidSpec
 
 CONFIG = "run.yaml"  # file of the configuration in a result folder
+MOST_SAMPLES = 1_000_000  # of a domain; more change no result and need gigabytes
 UNITS, AXES = ("m", "dm", "cm", "mm", "inch", "CMU"), ("pointing", "whole")
 
 SECTIONS = "human", "robot", "transfer", "motion", "placement", "learning", "batch"
@@ -65,7 +65,7 @@ class Config:
     path: str | None = _run(
         None, "Positions of the hand, one for each ellipsoid, .npz", is_file=True, common=True
     )
-    seed: int = _run(0, "Random seed", minimum=0, common=True)
+    seed: int = _run(0, "Random seed, to 2^32 - 1", minimum=0, maximum=2**32 - 1, common=True)
 
     unit: str | float | None = _human(
         None,
@@ -157,8 +157,12 @@ class Config:
         count=3,
         unchecked=True,
     )
-    n_teacher: int = _transfer(TEACHER_SAMPLES, "Samples of the human domain", minimum=2)
-    n_student: int = _transfer(STUDENT_SAMPLES, "Samples of the robot domain", minimum=2)
+    n_teacher: int = _transfer(
+        TEACHER_SAMPLES, "Samples of the human domain", minimum=2, maximum=MOST_SAMPLES
+    )
+    n_student: int = _transfer(
+        STUDENT_SAMPLES, "Samples of the robot domain", minimum=2, maximum=MOST_SAMPLES
+    )
 
     move: bool = _motion(True, "Plan a trajectory", common=True)
     position_tolerance: float = _motion(
@@ -284,7 +288,9 @@ class Config:
 
         box: Any = self.workspace
         return as_workspace(
-            [box[i : i + 2] for i in (0, 2, 4)] if box is not None and len(box) == 6 else box
+            [box[i : i + 2] for i in (0, 2, 4)]
+            if isinstance(box, list | tuple) and len(box) == 6
+            else box
         )
 
     def changed(self, *, allowed: Collection[str] = SECTIONS, **options: Any) -> Self:
@@ -340,10 +346,7 @@ class Config:
                 part = content.setdefault(described.section, {}) if described.section else content
                 part[name] = plain(values[name], described.is_file)
         head = f"# maniport {__version__}; SI units. Repeat: maniport {self.verb} --config {CONFIG} -o FOLDER\n"
-        write_text(
-            path,
-            head + str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)),
-        )
+        write_text(path, head + settings_text(content))
 
     @classmethod
     def load(
@@ -382,7 +385,7 @@ class Config:
                 try:
                     if name not in allowed:
                         raise unknown_name("key", name, allowed)
-                    OPTIONS[name].check(setting)
+                    OPTIONS[name].check_setting(setting)
                     if name in names or not names:
                         config = replace(config, **{name: setting})
                 except InvalidInputError as error:

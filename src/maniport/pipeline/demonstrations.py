@@ -236,6 +236,16 @@ def learn(
     )  # fmt: skip
 
 
+def _pairs(part: Any) -> Any:
+    """Return start and end of segments as they are, or from text such as 2:4,4:5.6."""
+    if not isinstance(part, str):
+        return part
+    pairs = []
+    for text in part.split(","):
+        pairs.append([float(number) for number in text.split(":")])
+    return pairs
+
+
 def _intervals(
     recordings: Sequence[Recording | str | Path], segments: tuple[Any, ...]
 ) -> list[Any]:
@@ -253,10 +263,10 @@ def _intervals(
         if part is None or part == AUTO:
             parts[index] = part or [None]
             continue
-        pairs = [pair.split(":") for pair in part.split(",")] if isinstance(part, str) else part
         try:
+            pairs = _pairs(part)
             parts[index] = [tuple(as_numbers(pair, "segment", 2).tolist()) for pair in pairs]
-        except InvalidInputError:
+        except ValueError:
             rule = f"{argument('segments')} must be {AUTO} or times such as 2:4,4:5.6 [s]"
             raise InvalidInputError(f"{rule}; found {part!r}") from None
         times = [time for pair in sorted(parts[index]) for time in pair]

@@ -193,6 +193,8 @@ def measure(
                 progress=settings.progress, n_starts=budget.gap_starts,
             )  # fmt: skip
             gap = np.interp(np.arange(len(part.target)), rows, nearest.distance)
+            if part.pointwise_best is not None:  # its configurations are feasible, too
+                gap = np.minimum(gap, part.pointwise_best)
             placement = None if placements is None else placements[i]
             result = replace(
                 result,

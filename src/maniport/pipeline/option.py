@@ -3,14 +3,22 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from math import pi
+from math import isfinite, pi
 from types import NoneType, UnionType
 from typing import Any, get_args
 
 import numpy as np
 
-from maniport.errors import InvalidInputError
-from maniport.util.validation import Bounds, as_choice, as_count, as_flag, as_number, as_numbers
+from maniport.errors import InvalidInputError, shown
+from maniport.util.validation import (
+    Bounds,
+    as_choice,
+    as_count,
+    as_flag,
+    as_number,
+    as_numbers,
+    inside,
+)
 
 COMMAND_LINE_UNITS = {"mm": ("m", 1e-3), "deg": ("rad", pi / 180.0), "%": ("", 0.01)}
 """Units of the command line, with the SI unit of Python and files, and the factor to it."""
@@ -68,11 +76,20 @@ class Option:
         if self.kind is bool:
             return as_flag(value, label)
         if self.kind is int:
-            count = int(value) if typed and str(value).removeprefix("-").isdecimal() else value
-            return as_count(count, label, int(self.bounds.get("minimum", 0)))
+            if typed:
+                value = _integer(value)
+            maximum = self.bounds.get("maximum")
+            return as_count(
+                value,
+                label,
+                int(self.bounds.get("minimum", 0)),
+                None if maximum is None else int(maximum),
+            )
         if self.kind is float:
             factor = self.factors[0] if typed else 1.0
             bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
+            if typed and isinstance(value, str):
+                value = _number(value, Bounds(**bounds))  # type: ignore[typeddict-item]
             return as_number(value, label, **Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
         if self.kind is not str:
             numbers = as_numbers(
@@ -80,8 +97,20 @@ class Option:
             )
             return tuple(np.atleast_1d(numbers).tolist())
         if not isinstance(value, str):
-            raise InvalidInputError(f"{label} must be text; found {value!r}")
+            raise InvalidInputError(f"{label} must be text; found {shown(value)}")
         return value
+
+    def check_setting(self, value: Any) -> None:
+        """Raise unless a value that was read from a file is valid: names are texts, files too."""
+        self.check(value)
+        if self.kind != NAMES or self.name == "segments":  # these may be numbers
+            return
+        parts = [] if value is None else value if isinstance(value, list) else [value]
+        for part in parts:
+            if not isinstance(part, str) or not part:
+                raise InvalidInputError(
+                    f"{self.name} must be text, or a list of texts; found {shown(part)}"
+                )
 
     def parse(self, typed: Any) -> Any:
         """Convert what was typed on the command line: text, texts, a number or a flag."""
@@ -212,6 +241,24 @@ def plain(value: Any, is_file: bool = False) -> Any:
 def _as_tuple(value: Any) -> Any:
     value = value.tolist() if hasattr(value, "tolist") else value  # arrays have no truth value
     return tuple(map(_as_tuple, value)) if isinstance(value, list | tuple) else value
+
+
+def _integer(text: Any) -> Any:
+    """Convert what was typed to an integer; what is none, or has too many digits, stays as it is."""
+    if not str(text).removeprefix("-").isdecimal():
+        return text
+    try:
+        return int(text)
+    except ValueError:  # more digits than Python converts
+        return text
+
+
+def _number(text: str, bounds: Bounds) -> float | str:
+    """Convert what was typed to a number; what is none, or out of bounds, stays as it is for the message."""
+    numbers = _numbers(text)
+    if len(numbers) == 1 and isfinite(numbers[0]) and inside(numbers[0], bounds):
+        return numbers[0]
+    return text
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -91,6 +91,14 @@ class ArmResult(NotebookDisplay):
         )
 
     @property
+    def major_axis_angle(self) -> Array:
+        """Angle between the longest axes of target and achieved ellipsoids, as `ArmMotion.major_axis_angle`."""
+        assert self.motion is not None
+        if self.spec.kind == "force":  # the longest axes are the shortest ones of the inverses
+            return self.motion.axis_angle(0)
+        return self.motion.major_axis_angle
+
+    @property
     def mean_distance(self) -> dict[str, float]:
         """Parts of the mean distance of target and achieved ellipsoids; their sum is the mean.
 
@@ -109,12 +117,11 @@ class ArmResult(NotebookDisplay):
         motion = self.motion
         if motion is None:
             return
-        target = np.linalg.inv(motion.target) if self.spec.kind == "force" else motion.target
-        save_ellipsoids(folder / PLACED_FILES[0], target, motion.time)
+        save_ellipsoids(folder / PLACED_FILES[0], self.spec.of_bounded(motion.target), motion.time)
         if motion.path is not None:
             save_path(folder / PLACED_FILES[1], motion.path, motion.time)
         motion.save_joints_csv(folder / "joints.csv")
-        motion.save_joints(folder / "joints.npz")
+        motion.save_joints(folder / "joints.npz", self.spec)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -200,7 +207,7 @@ class MotionResult(SavedResult):
             arm.write_data(folder / arm.name)
         if self.motion is not None:
             self.motion.trajectory.save_joints_csv(folder / "joints.csv")
-            self.motion.save_joints(folder / "joints.npz")
+            self.motion.save_joints(folder / "joints.npz", self.config.spec)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(map(repr, self.arms))})"

@@ -10,7 +10,7 @@ import numpy as np
 
 from maniport.arms import PERSONS, Arm, ArmGroup, EllipsoidSpec, as_group, load_arm, load_arms
 from maniport.arms.collisions import Collisions
-from maniport.errors import FileFormatError, InvalidInputError, argument
+from maniport.errors import FileFormatError, InvalidInputError, argument, shown
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.arm_ik import require_person
 from maniport.motion import MotionLimits, PlanSettings
@@ -78,19 +78,19 @@ def adapter_of(config: Config) -> DomainAdapter:
 def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> Recording:
     """Read a recording, or the part of it that is used."""
     if not isinstance(recording, Recording):
-        recording = read_recording(
+        return read_recording(
             recording,
             unit=config.unit,
             rate=config.fps,
             height=config.height,
             markers=marker_roles(config),
             side=config.side,
+            start=config.start,
+            stop=config.stop,
         )
-    return (
-        recording
-        if config.start is None and config.stop is None
-        else recording.crop(config.start, config.stop)
-    )
+    if config.start is None and config.stop is None:
+        return recording
+    return recording.crop(config.start, config.stop)
 
 
 def fit_options(config: Config) -> dict[str, Any]:
@@ -105,14 +105,19 @@ def fit_options(config: Config) -> dict[str, Any]:
 
 def marker_roles(config: Config) -> Mapping[str, Any] | None:
     """Return the names of points by role, from the file if there is one."""
-    if not isinstance(config.markers, str):
+    if config.markers is None or isinstance(config.markers, Mapping):
         return config.markers
+    if not isinstance(config.markers, str):
+        raise InvalidInputError(
+            f"{argument('markers')} must be a file, or roles with their points; "
+            f"found {shown(config.markers)}"
+        )
     where = f"marker file {config.markers!r}"
     try:
         roles = json.loads(
             read_whole(config.markers, (), SETTINGS_BYTES)
         )  # bytes: in UTF-8 or UTF-16
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # also for integers of thousands of digits
         raise FileFormatError(f"{where} is not readable JSON: {error}") from None
     if not isinstance(roles, dict):
         raise FileFormatError(

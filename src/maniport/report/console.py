@@ -6,6 +6,7 @@ import textwrap
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console as RichConsole
@@ -56,12 +57,19 @@ class Console:
         """Print a warning during the work."""
         _print_line(self._err, "! ", text)
 
+    def name_folder(self, folder: Path, chosen: bool) -> None:
+        """Print the folder of the results on standard error if it was chosen here, also if `quiet`; JSON has it."""
+        if chosen and not self.as_json:
+            print(f"Results are in {printable(str(folder))}", file=sys.stderr)
+
     def print_report(self, report: Report, output: str = "", **more: Any) -> None:
         """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or completely."""
         more |= {"output": output} if output else {}
         short = bool(report.outcome and output)
-        complete = "" if short and not self.verbose else as_markdown(report, details=True)
-        self.finish({**as_numbers(report), **more}, complete, markdown=True)
+        complete = (
+            "" if short and not self.verbose else as_markdown(report, details=True, folder=output)
+        )
+        self.finish({**as_numbers(report, output), **more}, complete, markdown=True)
         if short and not self.as_json:
             width = min(self._out.width, 80) if self._out.is_terminal else 80
             self._out.print(as_terminal(report, output, width, table_only=self.quiet), markup=False)

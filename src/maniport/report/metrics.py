@@ -18,7 +18,7 @@ from maniport.motion.motion_limits import DERIVATIVES, TORQUES
 from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
-from maniport.report.robot import warn_of_collisions, warn_of_limits
+from maniport.report.robot import add_collision_shapes, warn_of_collisions, warn_of_limits
 from maniport.report.values import Report, Section, at_time, describe, listed
 from maniport.util.sampling import statistics
 from maniport.util.validation import Array
@@ -60,8 +60,16 @@ def add_statistics(
     (label, unit, about), numbers = STATISTICS[key], statistics(values, time)
     text = "median {median:.2f}, 95th percentile {p95:.2f}, max {max:.2f} ".format(**numbers)
     main = key in ("distance", "position_error", "orientation_error")
+    largest_at = numbers["max_at_s"]
     section.add(
-        label, key, numbers | more, text + at_time(numbers["max_at_s"]), about, unit=unit, main=main
+        label,
+        key,
+        numbers | more,
+        text + at_time(largest_at),
+        about,
+        unit=unit,
+        main=main,
+        times=(largest_at,),
     )
     return numbers
 
@@ -94,7 +102,8 @@ def motion_section(
         )
         if share > 0.0:
             text = f"the position error is up to {own['max']:.1f} mm (at {own['max_at_s']:.1f} s)"
-            section.warn("position-error", f"{text}; tolerance {tolerance:g} mm")
+            times = (own["max_at_s"],)
+            section.warn("position-error", f"{text}; tolerance {tolerance:g} mm", times=times)
     if motion.orientation_error is not None:
         add_statistics(section, "orientation_error", np.degrees(motion.orientation_error), time)
     if alone:
@@ -115,7 +124,7 @@ def motion_section(
         if gap > NEAR_DISTANCE:
             text = f"the targets are infeasible: median distance to the feasible set {gap:.2f}"
             section.warn("infeasible-targets", text)
-    angle = np.degrees(motion.major_axis_angle)
+    angle = np.degrees(motion.major_axis_angle if result is None else result.major_axis_angle)
     if np.isfinite(angle).any():
         median = add_statistics(section, "major_axis_angle", angle, time)["median"]
         if median > 30.0:
@@ -175,12 +184,19 @@ def _add_waypoints(section: Section, motion: ArmMotion) -> None:
 
 
 def _add_pointwise_ratio(section: Section, motion: ArmMotion | RobotMotion) -> None:
-    label, ratio = "Ratio to the best pointwise distances found", motion.pointwise_ratio
-    section.add(label, "pointwise_ratio", ratio, f"{ratio:.2f}", "Of root mean squares; no bound.")
+    """Add the ratio, without a text where nothing better than the motion was found."""
+    ratio = motion.pointwise_ratio
+    if ratio == 1.0:
+        section.numbers(pointwise_ratio=ratio)
+        return
+    label, about = "Ratio to the best pointwise distances found", "Of root mean squares; no bound."
+    section.add(label, "pointwise_ratio", ratio, f"{ratio:.2f}", about)
 
 
 def _add_lowest_point(section: Section, motion: ArmMotion, time: Array, result: ArmResult) -> None:
-    """Add the lowest point of a motion; without a table, it must be above the base plane."""
+    """Add the lowest point of a motion; without a table, it must be above the plane that the base stands on."""
+    if not result.robot.chain.stands:
+        return
     if (lowest := result.lowest) is None:
         section.warn(
             "unchecked-floor", "the height above the base plane is unknown: no link has a shape"
@@ -189,13 +205,14 @@ def _add_lowest_point(section: Section, motion: ArmMotion, time: Array, result: 
     height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))
     if height < 0.0 and (result.collisions is None or result.collisions.table is None):
         text = f"{lowest.link} is up to {-height:.0f} mm below the base plane (at {at:.1f} s)"
-        section.warn("below-base-plane", f"{text}. {argument('table', 0)} keeps the robot above it")
+        advice = f"{argument('table', 0)} keeps the robot above it"
+        section.warn("below-base-plane", f"{text}. {advice}", times=(at,))
     value = {"link": lowest.link, "height_mm": height, "at_s": at}
     text, about = (
         f"{height:.0f} mm, {lowest.link} {at_time(at)}",
         "Of the moving links, above the base plane.",
     )
-    section.add("Lowest point", "lowest_point", value, text, about)
+    section.add("Lowest point", "lowest_point", value, text, about, times=(at,))
 
 
 def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = ()) -> Section:
@@ -238,7 +255,8 @@ def _add_trajectory(
                           for name, use in used.items() if use["share"] > 1.001)  # fmt: skip
         if exceeded:
             text = f"the motion exceeds limits of the robot: {exceeded}"
-            section.warn(f"{key}-exceeded", text, severity="error")
+            times = [use["at_s"] for use in used.values() if use["share"] > 1.001]
+            section.warn(f"{key}-exceeded", text, severity="error", times=times)
         sources = {
             name: text
             for name, text in sources_of.items()
@@ -270,12 +288,14 @@ def _add_collisions(section: Section, clearance: Clearance, at: float) -> None:
         )
         share = f"in {100 * clearance.share:.1f} % of the time"
         if clearance.share > 0.0:
-            section.warn("collision", f"the robot collides {share}: {pair}", severity="error")
+            text = f"the robot collides {share}: {pair}"
+            section.warn("collision", text, severity="error", times=(at,))
         text = f"{share if clearance.share else 'none'}; clearance {millimeters:.0f} mm ({pair})"
     value = {"checked": clearance.checked, "share": clearance.share, "at_s": at, "pair": clearance.pair,
              "clearance_mm": millimeters}  # fmt: skip
-    about = "Between convex hulls of links, table and obstacles."
-    section.add("Collisions", "collisions", value, text, about, main=True)
+    about = "Between shapes of links, table and obstacles."
+    section.add("Collisions", "collisions", value, text, about, main=True, times=(at,))
+    add_collision_shapes(section, clearance.shapes)
 
 
 def _add_capability(section: Section, own: Capability, main: bool) -> None:

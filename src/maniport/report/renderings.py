@@ -29,7 +29,7 @@ def escaped(text: str) -> str:
     return _MARKUP.sub(r"\\\g<0>", printable(text))
 
 
-def as_markdown(report: Report, details: bool = False) -> str:
+def as_markdown(report: Report, details: bool = False, folder: str = "") -> str:
     """Render a `Report` as Markdown: the summary and warnings first, then the sections.
 
     Parameters
@@ -37,6 +37,8 @@ def as_markdown(report: Report, details: bool = False) -> str:
     report : Report
     details : bool
         Whether sections that pages fold are rendered, too.
+    folder : str
+        Where the results are, for the command of the next step; without it there is none.
 
     Returns
     -------
@@ -44,7 +46,9 @@ def as_markdown(report: Report, details: bool = False) -> str:
     """
     paragraphs = [f"# {escaped(report.title)}", escaped(report.lead)]
     if report.outcome:
-        command = f" `{printable(report.command_for())}`" if report.command else ""
+        command = printable(report.command_for(folder))
+        if command:
+            command = f" `{command}`"
         paragraphs += [
             f"## {escaped(report.outcome)}",
             escaped(report.status_text),
@@ -71,12 +75,14 @@ def as_markdown(report: Report, details: bool = False) -> str:
     return "\n\n".join(filter(None, paragraphs)) + "\n"
 
 
-def as_numbers(report: Report) -> dict[str, Any]:
+def as_numbers(report: Report, folder: str = "") -> dict[str, Any]:
     """Return a `Report` for programs, ready for JSON: sections by key, units in the names, and the warnings.
 
     Parameters
     ----------
     report : Report
+    folder : str
+        As in `as_markdown`.
 
     Returns
     -------
@@ -88,7 +94,7 @@ def as_numbers(report: Report) -> dict[str, Any]:
             "title": report.outcome,
             "text": report.cause,
             "advice": report.advice,
-            "command": report.command,
+            "command": report.command_for(folder),
         }
         reasons = report.warning_keys if report.status else ()
         result |= {"status": report.status or None, "summary": texts | {"reasons": reasons}}
@@ -145,11 +151,14 @@ def as_terminal(
     return "\n".join([*lines, *(f"{name:<8} {text}" for name, text in files.items() if text)])
 
 
-def write_report(path: str | os.PathLike[str], report: Report) -> None:
-    """Write a report to a ``.json`` file, or as Markdown, whole or not at all."""
-    text = as_markdown(report)
+def write_report(path: str | os.PathLike[str], report: Report, folder: str = "") -> None:
+    """Write a report to a ``.json`` file, or as Markdown, whole or not at all; `folder` as in `as_markdown`."""
+    text = as_markdown(report, folder=folder)
     if Path(path).suffix == ".json":
-        text = json.dumps(as_numbers(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        text = (
+            json.dumps(as_numbers(report, folder), indent=2, ensure_ascii=False, allow_nan=False)
+            + "\n"
+        )
     write_text(path, text)
 
 

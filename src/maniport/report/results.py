@@ -200,7 +200,10 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         parts = arm.mean_distance
         if motion.path is not None and parts["path"] >= max(parts["infeasible"], parts["motion"]):
             free = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG} --orientation free"
-            command = f"{free} --no-place -o {{folder}}-no-path" if len(result.arms) == 1 else ""
+            command = f"{free} --no-place -o {{folder}}-no-path"
+            placed_by = result.config.workspace, result.config.scale
+            if len(result.arms) > 1 or placed_by != (None, None):  # are refused with --no-place
+                command = ""
             return "The path constraint dominates the distance: try without it.", command
         if parts["motion"] > parts["infeasible"]:
             text = "Limits dominate the distance: use the whole range of the joints."
@@ -221,8 +224,14 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
 def _repeated(result: Result, suffix: str, **options: Any) -> str:
     """Return the command that repeats a run of the command line with other options, into another folder."""
     config = result.config
-    if not (config.profile or len(config.recording) == 1):
+    if config.profile:
+        verb = "track"
+    elif config.verb == "learn" and config.recording:
+        verb = "learn"
+    elif len(config.recording) == 1:
+        verb = "transfer"
+    else:
         return ""
-    command = f"maniport {'track' if config.profile else 'transfer'} --config {{folder}}/{CONFIG}"
+    command = f"maniport {verb} --config {{folder}}/{CONFIG}"
     words = [word for name, value in options.items() for word in OPTIONS[name].words(value)]
     return " ".join([command, *words, f"-o {{folder}}-{suffix}"])

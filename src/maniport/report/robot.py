@@ -13,7 +13,7 @@ from maniport.arms.chain import (
     PRISMATIC,
     SOFT_LIMITS,
 )
-from maniport.arms.collisions import Collisions
+from maniport.arms.collisions import CheckedShapes, Collisions
 from maniport.arms.loaders.model import Limb
 from maniport.arms.loaders.packages import arm_names
 from maniport.errors import argument
@@ -176,12 +176,41 @@ def warn_of_collisions(
     if not result.checked:
         section.warn("unchecked-collisions", f"collisions are not checked: {result.reason}")
         return
+    shapes = result.shapes
     if result.stand_ins:
-        text = "the collision shapes of these links are checked instead"
+        text = "these links are drawn by their collision shapes"
         section.warn("missing-meshes", f"meshes of {listed(result.stand_ins)} are missing; {text}")
+    if shapes.replaced:
+        reason = next(iter(shapes.replaced.values()))
+        text = f"their visual shapes are checked instead: {reason}"
+        section.warn(
+            "missing-meshes",
+            f"collision shapes of {listed(shapes.replaced)} cannot be read; {text}",
+        )
     if unchecked:
-        text = "their shapes are unknown or convex hulls always meet"
+        text = "their shapes are unknown, convex hulls always meet, or the description excludes contacts"
+        if shapes.missing:
+            text = next(iter(shapes.missing.values()))
         section.warn("unchecked-links", f"not checked for collisions: {listed(unchecked)}; {text}")
+
+
+def add_collision_shapes(section: Section, shapes: CheckedShapes) -> None:
+    """Add which shapes are checked for collisions, and which pairs of links are not."""
+    if not shapes.collision and not shapes.visual:
+        return
+    text = str(shapes)
+    if shapes.excluded:
+        text += f"; {len(shapes.excluded)} pairs of links excluded by the description"
+    if shapes.overlapping:
+        pairs = listed(" and ".join(pair) for pair in shapes.overlapping)
+        text += f"; not checked, since they always overlap: {pairs}"
+    value = {
+        "collision": list(shapes.collision),
+        "visual": list(shapes.visual),
+        "excluded": [list(pair) for pair in shapes.excluded],
+        "overlapping": [list(pair) for pair in shapes.overlapping],
+    }
+    section.add("Collision shapes", "collision_shapes", value, text)
 
 
 def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
@@ -212,6 +241,7 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
         section.metrics = tuple(metrics)
     if not arm.side:
         collisions = Collisions.of(arm)
+        add_collision_shapes(report.sections[0], collisions.shapes)
         warn_of_collisions(report.sections[0], collisions, collisions.unchecked)
     return replace(report, sections=(*report.sections, *ends))
 

@@ -1,16 +1,19 @@
 """Values that a report consists of: metrics, tables and sections, and `report_of`."""
 
 import contextlib
+import os
 import platform
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from importlib import metadata
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from maniport.util.atomic_io import free_path
 from maniport.version import __version__
 
 Severity = Literal["info", "note", "warning", "error"]
@@ -50,6 +53,8 @@ class Metric:
         An error is a warning that prohibits the execution of a motion.
     main : bool
         Whether the metric is in the summary of a result.
+    times : tuple of float
+        Exact times of the rounded ones in the text, which pages link to [s].
     """
 
     label: str
@@ -60,6 +65,7 @@ class Metric:
     unit: str = ""
     severity: Severity = "info"
     main: bool = False
+    times: tuple[float, ...] = ()
 
     @property
     def is_warning(self) -> bool:
@@ -94,6 +100,7 @@ class Table:
     caption: str = ""
     key: str = ""
     value: Any = None
+    times: tuple[float, ...] = ()  # exact times of the column `TIME_COLUMN`, one for each row
 
     @classmethod
     def of(
@@ -147,11 +154,18 @@ class Section:
         self.metrics += tuple(Metric("", "", key=key, value=value) for key, value in values.items())
 
     def warn(
-        self, key: str, *texts: str, severity: Severity = "warning", value: Any = None
+        self,
+        key: str,
+        *texts: str,
+        severity: Severity = "warning",
+        value: Any = None,
+        times: Sequence[float] = (),
     ) -> None:
-        """Add warnings, or notes, with a stable key for programs."""
+        """Add warnings, or notes, with a stable key for programs; `times` as in `Metric`."""
+        exact = tuple(times)
         self.metrics += tuple(
-            Metric("", sentence(text), "", key, value, severity=severity) for text in texts
+            Metric("", sentence(text), "", key, value, severity=severity, times=exact)
+            for text in texts
         )
 
     def note(self, *texts: str) -> None:
@@ -169,9 +183,15 @@ class Section:
 
     def statistics(self, without: Sequence[str] = ()) -> list[Table]:
         """Return a table of the statistics, but for those with some keys; none where it has no rows."""
-        rows = tuple((metric.heading, *metric.cells) for metric in self.metrics
-                     if metric.is_statistics and metric.key not in without)  # fmt: skip
-        return [Table(("", "median", "95th percentile", "max", TIME_COLUMN), rows)] if rows else []
+        metrics = [
+            metric for metric in self.metrics if metric.is_statistics and metric.key not in without
+        ]
+        if not metrics:
+            return []
+        rows = tuple((metric.heading, *metric.cells) for metric in metrics)
+        times = tuple(metric.value["max_at_s"] for metric in metrics)
+        columns = ("", "median", "95th percentile", "max", TIME_COLUMN)
+        return [Table(columns, rows, times=times)]
 
 
 @dataclass(frozen=True)
@@ -207,6 +227,14 @@ class Report:
     def metrics(self) -> tuple[Metric, ...]:
         """The metrics of all sections."""
         return tuple(metric for section in self.sections for metric in section.metrics)
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Exact times that texts name [s], each once."""
+        times = set[float]()
+        for metric in self.metrics:
+            times.update(metric.times)
+        return tuple(sorted(times))
 
     @property
     def main_metrics(self) -> tuple[Metric, ...]:
@@ -259,9 +287,22 @@ class Report:
             else ""
         )
 
-    def command_for(self, folder: str = "results") -> str:
-        """Return the command of the next step with the folder of the results, quoted for a shell."""
-        return self.command.replace("{folder}", shlex.quote(folder))
+    def command_for(self, folder: str = "") -> str:
+        """Return the command of the next step for a shell; empty unless the results were written to a folder.
+
+        Its own results go to a new folder.
+        """
+        if not folder:
+            return ""
+        if folder in (".", "..") or folder.startswith("-"):
+            folder = os.path.abspath(folder)
+        words = list[str]()
+        for word in self.command.split(" "):
+            text = word.replace("{folder}", folder)
+            if words and words[-1] == "-o":
+                text = str(free_path(Path(text)))
+            words.append(word if "{folder}" not in word else shlex.quote(text))
+        return " ".join(words)
 
 
 def sentence(text: str) -> str:

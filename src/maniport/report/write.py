@@ -69,19 +69,24 @@ def write_results(
     require_free(Path(folder), RESULT_FILES, overwrite)
     step, report = Step(progress, "Write results"), report_of(result)
     with folder_written_whole(folder, RESULT_FILES, overwrite) as staging:
-        write_run(result, report, formats, staging)
+        write_run(result, report, formats, staging, os.path.abspath(folder))
         result.config.save(staging / CONFIG)
     step.end()
     return report
 
 
 def write_run(
-    result: Any, report: Report, formats: Mapping[str, str], folder: Path, pages: bool = True
+    result: Any,
+    report: Report,
+    formats: Mapping[str, str],
+    folder: Path,
+    place: str,
+    pages: bool = True,
 ) -> None:
-    """Write data, summaries, exports and the page of a result to a folder that exists."""
+    """Write data, summaries, exports and the page of a result to a folder, which will be moved to `place`."""
     result.write_data(folder)
     for name in SUMMARIES:
-        write_report(folder / name, report)
+        write_report(folder / name, report, place)
     for name, file in formats.items():
         if name != SCENE:
             export_motion(folder / file, result.motion, name, result.robot)
@@ -92,7 +97,7 @@ def write_run(
 
         animation = animation_of(result)
         if pages:
-            write_page(folder / PAGE, report, animation)
+            write_page(folder / PAGE, report, animation, place)
         if SCENE in formats:
             write_scene(folder / FORMATS[SCENE].file, animation)
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.errors import FileFormatError, InvalidInputError
+from maniport.errors import FileFormatError, InvalidInputError, some_of
 from maniport.spd.regularization import Regularization
 from maniport.util.files import array_names, load_arrays, save_arrays
 from maniport.util.validation import (
@@ -99,7 +99,7 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     """Read a fitted adapter, see `maniport.transfer.load_adapter`."""
     names = array_names(path, "adapter file")
     if "adapter" not in names:
-        raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {names}")
+        raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds {some_of(names)}")
     wanted = [
         key
         for key in names

@@ -96,6 +96,16 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
     _require_own(folder, own, overwrite)
 
 
+def free_path(path: Path, *suffixes: str) -> Path:
+    """Return the path, or with -2, -3, … at its end the first that does not exist, with each of the suffixes either."""
+    number = 1
+    free = path
+    while any(os.path.lexists(f"{free}{suffix}") for suffix in ("", *suffixes)):
+        number += 1
+        free = path.with_name(f"{path.name}-{number}")
+    return free
+
+
 @contextmanager
 def temporary_sibling(target: Path, folder: bool = False) -> Iterator[Path]:
     """Give a new empty file or folder in the folder of `target`; when the block ends it is removed."""

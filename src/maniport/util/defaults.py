@@ -19,6 +19,7 @@ RATE = 1000.0  # sampling rate of a planned motion [Hz]
 RECORDINGS = {
     ".bvh": "bvh", ".c3d": "c3d", ".trc": "table", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",
     ".npz": "npz", ".npy": "npz", ".csv": "table", ".tsv": "table", ".json": "keypoints",
+    ".zip": "archive",
 }  # fmt: skip
 """Suffixes of recordings, and the module of `maniport.mocap.readers` that reads each."""
 

@@ -2,17 +2,18 @@
 
 import math
 import os
+import re
 import zipfile
-from collections.abc import Collection, Hashable, Iterator
+from collections.abc import Collection, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, ClassVar
 
 import numpy as np
 import yaml
 from numpy.typing import ArrayLike
 
-from maniport.errors import FileFormatError, nearest_first
+from maniport.errors import FileFormatError, nearest_first, shown, some_of
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import (
     ARRAYS_BYTES,
@@ -31,9 +32,16 @@ from maniport.util.validation import (
 
 
 def spreadsheet_cell(value: Any) -> Any:
-    """Return a value for CSV; an apostrophe precedes a text that spreadsheets would evaluate as a formula."""
-    formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
-    return f"'{value}" if formula else value
+    """Return a value for CSV, where many readers take each line for a row.
+
+    In a text, `` | `` replaces line breaks, and an apostrophe precedes what spreadsheets would evaluate as a formula.
+    """
+    if not isinstance(value, str):
+        return value
+    line = " | ".join(filter(None, value.splitlines()))
+    if line.startswith(("=", "+", "-", "@", "\t")):
+        return f"'{line}"
+    return line
 
 
 def save_arrays(
@@ -151,7 +159,7 @@ def _load(
     """Return the array of that name, and its times where there are any."""
     arrays, where = load_arrays(path, what, (name, "time")), f"in {str(path)!r}"
     if name not in arrays:
-        held = array_names(path, what) or "nothing"
+        held = some_of(array_names(path, what))
         raise FileFormatError(f"{what} {str(path)!r} has no array {name!r}; it holds {held}")
     points = as_finite(arrays[name], f"{name} {where}")
     require_shape(points, f"{name} {where}", shape)
@@ -161,7 +169,7 @@ def _load(
 
 
 def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
-    """Read a YAML or JSON file that holds one mapping."""
+    """Read a YAML 1.2 or JSON file that holds one mapping."""
     file = Path(path)
     text = read_whole(file, (".yaml", ".yml", ".json"), SETTINGS_BYTES)
     try:
@@ -173,6 +181,12 @@ def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[s
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise FileFormatError(f"{file}: not readable as YAML: {error}") from None
     return require_mapping(content, keys, str(file))
+
+
+def settings_text(content: Mapping[str, Any]) -> str:
+    """Write a mapping as YAML that `read_settings` and readers of YAML 1.1 read alike."""
+    text = yaml.dump(content, Dumper=_CarefulDumper, sort_keys=False, allow_unicode=True, width=110)
+    return str(text)
 
 
 def line_of(path: str | os.PathLike[str], *keys: str) -> str:
@@ -198,13 +212,43 @@ def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str
         if key not in keys:
             near = ", ".join(nearest_first(key, keys))
             raise FileFormatError(
-                f"{where}: unknown key {key!r}; allowed are, nearest first: {near}"
+                f"{where}: unknown key {shown(key, 60)}; allowed are, nearest first: {near}"
             )
     return content
 
 
+CORE_SCHEMA = {
+    "null": (r"~|null|Null|NULL|", "~nN"),
+    "bool": (r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    "int": (r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    "float": (
+        r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        "-+.0123456789",
+    ),
+}
+"""Plain scalars of YAML 1.2 by type: pattern, and the characters that they begin with (specification, 10.3.2)."""
+
+LARGEST_INTEGER = 2**63
+"""Integers of files are below it, as those of other programs."""
+
+
+def _tag(name: str) -> str:
+    return f"tag:yaml.org,2002:{name}"
+
+
 class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
-    """Refuses aliases, which make a small file grow without bounds, and duplicate keys."""
+    """Reads the core schema of YAML 1.2, where PyYAML reads YAML 1.1 with ``1:30`` as 90 and ``no`` as false.
+
+    Refuses aliases, which make a small file grow without bounds, duplicate keys, and tags of other types.
+    """
+
+    yaml_implicit_resolvers: ClassVar[dict[str, list[tuple[str, re.Pattern[str]]]]] = {}
+    yaml_constructors: ClassVar[dict[str | None, Any]] = {
+        tag: construct
+        for tag, construct in yaml.SafeLoader.yaml_constructors.items()
+        if tag is None or tag in (_tag("str"), _tag("seq"), _tag("map"))
+    }
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
@@ -219,9 +263,52 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if isinstance(key, Hashable) and key in seen:
-                problem = f"the key {key!r} occurs twice"
+                problem = f"the key {shown(key, 60)} occurs twice"
                 raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
             if isinstance(key, Hashable):
                 seen.add(key)
         mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
         return mapping
+
+    def flatten_mapping(self, node: Any) -> None:
+        """Leave ``<<`` a key like others: YAML 1.2 merges no mappings."""
+
+    def construct_core(self, node: Any) -> bool | int | float | None:
+        """Convert a scalar of `CORE_SCHEMA`; an error where a tag such as ``!!int`` does not fit its text."""
+        kind = node.tag.rpartition(":")[2]
+        text = str(self.construct_scalar(node))
+        if not re.fullmatch(CORE_SCHEMA[kind][0], text):
+            raise self._fault(node, f"{text[:40]!r} is no {kind} of YAML 1.2")
+        if kind == "null":
+            return None
+        if kind == "bool":
+            return text.lower() == "true"
+        if kind == "float":
+            return float(re.sub(r"\.(?=[iInN])", "", text))
+        return self._integer(node, text)
+
+    def _integer(self, node: Any, text: str) -> int:
+        base = {"0o": 8, "0x": 16}.get(text[:2], 10)
+        digits = text.lstrip("+-0") if base == 10 else text[2:].lstrip("0")
+        if len(digits) > LARGEST_INTEGER.bit_length():  # Python converts no text of any length
+            raise self._fault(node, f"an integer of {len(digits)} digits is too large")
+        value = int(text[2:], base) if base != 10 else int(text)
+        if abs(value) >= LARGEST_INTEGER:
+            raise self._fault(
+                node, f"the integer {value} is too large; allowed are those below 2^63"
+            )
+        return value
+
+    def _fault(self, node: Any, problem: str) -> yaml.MarkedYAMLError:
+        return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+
+
+class _CarefulDumper(yaml.SafeDumper):  # type: ignore[misc]
+    """Quotes texts that YAML 1.1 or YAML 1.2 would read as another type."""
+
+
+for _name, (_pattern, _initials) in CORE_SCHEMA.items():
+    _StrictLoader.add_constructor(_tag(_name), _StrictLoader.construct_core)
+    for _class in (_StrictLoader, _CarefulDumper):
+        _first = [*_initials, ""] if _name == "null" else list(_initials)
+        _class.add_implicit_resolver(_tag(_name), re.compile(rf"(?:{_pattern})\Z"), _first)

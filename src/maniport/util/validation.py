@@ -8,7 +8,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maniport.errors import InvalidInputError, NotSPDError, spoken, unknown_name
+from maniport.errors import InvalidInputError, NotSPDError, shown, spoken, unknown_name
 
 Array = NDArray[np.float64]
 Rows = slice | NDArray[np.intp] | NDArray[np.bool_]  # Selection of rows of an array
@@ -45,23 +45,23 @@ def inside(values: Any, bounds: Bounds) -> Any:
 def _in_words(bounds: Bounds) -> str:
     """Describe a range for a message, with a leading space; empty without bounds."""
     left = (
-        f"({bounds['above']:g}"
+        f"({bounds['above']:.12g}"
         if "above" in bounds
-        else f"[{bounds['minimum']:g}"
+        else f"[{bounds['minimum']:.12g}"
         if "minimum" in bounds
         else ""
     )
     right = (
-        f"{bounds['below']:g})"
+        f"{bounds['below']:.12g})"
         if "below" in bounds
-        else f"{bounds['maximum']:g}]"
+        else f"{bounds['maximum']:.12g}]"
         if "maximum" in bounds
         else ""
     )
     if left and right:
         return f" in {left}, {right}"
     words = {"above": "above", "minimum": "of at least", "below": "below", "maximum": "of at most"}
-    return "".join(f" {words[key]} {value:g}" for key, value in bounds.items())
+    return "".join(f" {words[key]} {value:.12g}" for key, value in bounds.items())
 
 
 def _first(mask: Any) -> tuple[int, ...]:
@@ -212,14 +212,13 @@ def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None
     bounds = (
         Bounds(minimum=minimum) if maximum is None else Bounds(minimum=minimum, maximum=maximum)
     )
+    rule = f"{name} must be a whole number{_in_words(bounds)}"
     try:
         count = operator.index(value)
     except TypeError:
-        count = minimum - 1
-    if not inside(count, bounds):
-        raise InvalidInputError(
-            f"{name} must be a whole number{_in_words(bounds)}; found {value!r}"
-        )
+        raise InvalidInputError(f"{rule}; found {shown(value)}") from None
+    if isinstance(value, bool) or not inside(count, bounds):
+        raise InvalidInputError(f"{rule}; found {shown(value)}")
     return count
 
 
@@ -229,8 +228,8 @@ def as_number(value: Any, name: str, **bounds: Unpack[Bounds]) -> float:
         number = value if type(value) is float else float(as_finite(value, name)[()])
     except (InvalidInputError, TypeError):
         number = np.nan
-    if not (math.isfinite(number) and inside(number, bounds)):
-        raise InvalidInputError(f"{name} must be a number{_in_words(bounds)}; found {value!r}")
+    if isinstance(value, bool | str) or not (math.isfinite(number) and inside(number, bounds)):
+        raise InvalidInputError(f"{name} must be a number{_in_words(bounds)}; found {shown(value)}")
     return number
 
 
@@ -242,9 +241,12 @@ def as_numbers(
     **bounds: Unpack[Bounds],
 ) -> Array:
     """Convert to `count` numbers (or any) within `bounds`, shape (count,); `broadcast` also accepts one number."""
-    array = as_finite(value, name)
     single = "one number or " if broadcast and count != 1 else ""
     rule = f"{name} must be {single}{count or 'a sequence of'} number{'s' * (count != 1)}{_in_words(bounds)}"
+    array = as_finite(value, name)
+    parts = value if isinstance(value, list | tuple) else [value]
+    if any(isinstance(part, bool | str) for part in parts):
+        raise InvalidInputError(f"{rule}; found {shown(value)}")
     if not ((array.ndim == 1 and count in (None, len(array))) or (broadcast and array.ndim == 0)):
         raise InvalidInputError(f"{rule}; found shape {array.shape}")
     wrong = ~inside(array, bounds)
@@ -295,8 +297,8 @@ def as_choice(value: Any, name: str, choices: Iterable[str]) -> str:
 
 def as_flag(value: Any, name: str) -> bool:
     """Require True or False; NumPy's and the numbers 1 and 0 count as such."""
-    if isinstance(value, str) or np.ndim(value) or value not in (True, False):
-        raise InvalidInputError(f"{name} must be True or False; found {value!r}")
+    if isinstance(value, str | list | tuple | dict) or np.ndim(value) or value not in (True, False):
+        raise InvalidInputError(f"{name} must be True or False; found {shown(value)}")
     return bool(value)
 
 

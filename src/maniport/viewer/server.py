@@ -7,7 +7,7 @@ import logging
 import socket
 import threading
 import time as clock
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,11 @@ from maniport.transfer import METHODS
 from maniport.util.optional import viser
 from maniport.util.process import LOOPBACK, LOOPBACK_NAMES, bound
 from maniport.util.validation import Array
+from maniport.viewer.messages import accepted
 from maniport.viewer.scene import FIELD_OF_VIEW, Scene, camera_for
 from maniport.viewer.state import Command, Frame, Target, ViewState
 
+PROTOCOL_ERROR = 1002  # code with which a connection is closed, as viser does it
 NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
 
 
@@ -50,7 +52,8 @@ class Page:
     def __init__(self, port: int):
         module = viser()
         require_free(port)
-        with _silent(), _own_pages_only():
+        self._server: Any = None
+        with _silent(), _own_pages_only(self._controls):
             self._server = server = module.ViserServer(
                 host=LOOPBACK, port=port, label="maniport", verbose=False
             )
@@ -63,6 +66,13 @@ class Page:
         server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0))
         server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
         self.url = f"http://{LOOPBACK}:{server.get_port()}/"
+
+    def _controls(self) -> Mapping[str, Any]:
+        """Return viser's handles of the controls by their identifiers."""
+        if self._server is None:  # the server is being started
+            return {}
+        handles: Mapping[str, Any] = self._server.gui._gui_input_handle_from_uuid
+        return handles
 
     def stop(self) -> None:
         """End the server; browsers hold a reserve connection for which viser waits 6 s, others need not wait."""
@@ -83,39 +93,28 @@ def _silent() -> contextlib.AbstractContextManager[Any]:
 
 
 @contextlib.contextmanager
-def _own_pages_only() -> Iterator[None]:
-    """Let the server that viser starts in the context refuse other pages, which could move the controls."""
+def _own_pages_only(controls: Callable[[], Mapping[str, Any]]) -> Iterator[None]:
+    """Let the server that viser starts in the context refuse other pages, which could move the controls.
+
+    `controls` returns viser's handles by their identifiers; messages that do not fit them are dropped.
+    """
     from websockets.asyncio import server as connections
 
-    usual, guarded = connections.serve, []
+    usual = connections.serve
+    guarded = []
     log = logging.getLogger("maniport.viewer")
     log.setLevel(logging.CRITICAL)  # connections that break off need no traceback
 
-    def serve(*args: Any, process_request: Any, **options: Any) -> Any:
+    def serve(handler: Any, *args: Any, process_request: Any, **options: Any) -> Any:
         guarded.append(True)
 
         def answer(connection: Any, request: Any) -> Any:
-            host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-            if (host.rpartition(":")[0] or host) not in LOOPBACK_NAMES or origin not in (
-                None,
-                f"http://{host}",
-            ):
-                return connection.respond(
-                    http.HTTPStatus.FORBIDDEN, "maniport view: open its address itself\n"
-                )
-            request.headers.pop("Accept-Encoding", None)
-            response = process_request(connection, request)
-            if (
-                response is not None and b"<title>Viser</title>" in response.body
-            ):  # viser has no option for it
-                response.body = response.body.replace(
-                    b"<title>Viser</title>", b"<title>maniport view</title>", 1
-                )
-                response.headers.pop("Content-Length")
-                response.headers["Content-Length"] = str(len(response.body))
-            return response
+            return _response(connection, request, process_request)
 
-        return usual(*args, process_request=answer, logger=log, **options)
+        async def handle(connection: Any) -> None:
+            await _handle(connection, handler, controls)
+
+        return usual(handle, *args, process_request=answer, logger=log, **options)
 
     connections.serve = serve  # type: ignore[assignment, misc]
     try:
@@ -126,6 +125,53 @@ def _own_pages_only() -> Iterator[None]:
         raise InvalidInputError(
             "this version of viser starts its server in a way that cannot be guarded"
         )
+
+
+def _response(connection: Any, request: Any, process_request: Any) -> Any:
+    """Return the response to a request; None for a page of this server that opens its connection."""
+    hosts = request.headers.get_all("Host")
+    origins = request.headers.get_all("Origin")
+    upgrades = request.headers.get_all("Upgrade")
+    if max(len(hosts), len(origins), len(upgrades)) > 1:
+        return connection.respond(
+            http.HTTPStatus.BAD_REQUEST, "maniport view: a header occurs more than once\n"
+        )
+    host = hosts[0] if hosts else ""
+    is_own = not origins or origins == [f"http://{host}"]
+    if (host.rpartition(":")[0] or host) not in LOOPBACK_NAMES or not is_own:
+        return connection.respond(
+            http.HTTPStatus.FORBIDDEN, "maniport view: open its address itself\n"
+        )
+    if "Accept-Encoding" in request.headers:
+        del request.headers["Accept-Encoding"]
+    try:
+        response = process_request(connection, request)
+    except (OSError, ValueError):  # no file can have such a name
+        return connection.respond(http.HTTPStatus.NOT_FOUND, "maniport view: no such page\n")
+    title = b"<title>Viser</title>"  # viser has no option for it
+    if response is not None and title in response.body:
+        response.body = response.body.replace(title, b"<title>maniport view</title>", 1)
+        del response.headers["Content-Length"]
+        response.headers["Content-Length"] = str(len(response.body))
+    return response
+
+
+async def _handle(connection: Any, handler: Any, controls: Callable[[], Mapping[str, Any]]) -> None:
+    """Let viser handle a connection of its own page, of which it gets only accepted messages."""
+    version = f"viser-v{viser().__version__}"
+    if connection.subprotocol != version:  # viser would print it
+        await connection.close(PROTOCOL_ERROR, f"version mismatch; the server has {version}")
+        return
+    receive = connection.recv
+
+    async def receive_accepted() -> Any:
+        message = await receive()
+        while not accepted(message, controls()):
+            message = await receive()
+        return message
+
+    connection.recv = receive_accepted
+    await handler(connection)
 
 
 class Panel:

@@ -20,7 +20,9 @@ from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_generator, as_number
 
 __all__ = [
+    "NO_SHAPES",
     "Box",
+    "CheckedShapes",
     "Collisions",
     "Lowest",
     "Nearest",
@@ -38,13 +40,53 @@ class Nearest(NamedTuple):
     second: NDArray[np.str_]
 
 
+class CheckedShapes(NamedTuple):
+    """Links by the kind of the shapes with which they are checked for collisions.
+
+    Attributes
+    ----------
+    collision, visual : tuple of str
+        Links with collision shapes of the description, and links with visual shapes, since it declares no collision
+        shapes of them or these cannot be read.
+    undrawn : tuple of str
+        Links of `collision` whose visual meshes are missing.
+    missing, replaced : mapping of str to str
+        Links of which a shape is not checked, and links of `visual` with collision shapes that cannot be read, with
+        the reasons.
+    excluded, overlapping : tuple of (str, str)
+        Pairs of links that are not checked: their contacts are excluded by the description, or their shapes overlap
+        by design, see `Collisions`.
+    """
+
+    collision: tuple[str, ...] = ()
+    visual: tuple[str, ...] = ()
+    undrawn: tuple[str, ...] = ()
+    missing: Mapping[str, str] = {}
+    replaced: Mapping[str, str] = {}
+    excluded: tuple[tuple[str, str], ...] = ()
+    overlapping: tuple[tuple[str, str], ...] = ()
+
+    def __str__(self) -> str:
+        if not self.collision:
+            return "visual shapes; the description declares no collision shapes"
+        if not self.visual:
+            return "collision shapes of the description"
+        return f"collision shapes of the description; visual shapes of {', '.join(self.visual)}"
+
+
+NO_SHAPES = CheckedShapes()
+
+
 class Collisions(NotebookDisplay):
     """Collisions of an arm or a group of arms with itself, a table and obstacles; made by `Collisions.of`.
 
     Every pair of bodies that is not connected by a joint is checked: links of the arm, its gripper, and the rest of the
-    robot, such as a head, legs or the other arm, at zero. A link is the convex hull of its visual meshes, see
-    `maniport.arms.Arm.surfaces`, or several hulls; a finger is the hull of its positions from open to closed. The hull
-    of the link that carries the end effector contains it.
+    robot, such as a head, legs or the other arm, at zero. A link has the collision shapes of the description, or its
+    visual shapes where it has none, see `shapes`. Solids are exact; a mesh is its convex hull, or several hulls, but of
+    an MJCF always one, as in MuJoCo. A finger is the hull of its positions from open to closed. The hull of visual
+    shapes of the link that carries the end effector contains it.
+
+    Geoms of an MJCF touch as MuJoCo decides: by contype and conaffinity, ``<exclude>``, ``<pair>`` and joints.
 
     Links that a joint connects, tools that are not in the description, and `unchecked` are not checked. Each arm of a
     group is checked with itself and with the others; shared bodies, such as a torso, count once.
@@ -75,6 +117,7 @@ class Collisions(NotebookDisplay):
             tuple(dict.fromkeys(self._names(pairs))) for pairs in selected[:4]
         )
         self.never = tuple(pair for pair in never if pair not in self.pairs)
+        self.excluded = tuple(pair for pair in selected.excluded if pair not in self.pairs)
 
     @classmethod
     def of(
@@ -114,6 +157,11 @@ class Collisions(NotebookDisplay):
         try:
             if chosen := select_pairs(group, boxes, height, disabled):
                 return cls(arm, *chosen, surroundings=surroundings)
+            faults = [
+                fault for one in group.arms for fault in one.geometry.checked.missing.values()
+            ]
+            if faults:
+                reason = f"the surface of {arm.name!r} cannot be read: {faults[0]}"
         except FileFormatError as error:
             reason = f"the surface of {arm.name!r} cannot be read: {error}"
         return cls(arm, Solids(group.kinematics, [], -np.inf), NO_PAIRS, reason, surroundings)
@@ -140,22 +188,45 @@ class Collisions(NotebookDisplay):
 
     @property
     def unchecked(self) -> tuple[str, ...]:
-        """Names of bodies without a known shape, and of pairs that are not checked.
+        """Names of bodies and pairs that are not checked.
 
-        A pair is not checked if convex hulls nearly always intersect although the meshes do not.
+        Bodies have a shape that cannot be read, or the description excludes their contacts with all others. A pair is
+        not checked if convex hulls nearly always intersect although the meshes do not.
         """
         names = dict[str, None]()
         for arm in as_group(self.arm).arms:
             moving = (name for name, frame in arm.chain.frames.items() if frame.joint)
-            names |= dict.fromkeys(arm.geometry.attached[1] if self.checked else moving)
+            names |= dict.fromkeys(arm.geometry.checked.missing if self.checked else moving)
+        names |= dict.fromkeys(self._selected.isolated)
         return *names, *(f"{first} against {second}" for first, second in self._full)
 
     @property
     def stand_ins(self) -> tuple[str, ...]:
-        """Links with collision shapes from the description, since visual meshes are missing."""
-        arms = as_group(self.arm).arms
-        return tuple(
-            dict.fromkeys(link for arm in arms if self.checked for link in arm.geometry.stand_ins)
+        """Links that are drawn by the collision shapes of the description, since visual meshes are missing."""
+        return self.shapes.undrawn
+
+    @cached_property
+    def shapes(self) -> "CheckedShapes":
+        """Links by the kind of shapes that are checked, and those whose shapes cannot be read."""
+        links: dict[bool, dict[str, None]] = {True: {}, False: {}}
+        undrawn: dict[str, None] = {}
+        missing: dict[str, str] = {}
+        replaced: dict[str, str] = {}
+        for arm in as_group(self.arm).arms if self.checked else ():
+            read = arm.geometry.checked
+            for shape in read.shapes:
+                links[shape.collision][shape.link] = None
+            undrawn |= dict.fromkeys(read.undrawn)
+            missing |= read.missing
+            replaced |= read.replaced
+        return CheckedShapes(
+            tuple(links[True]),
+            tuple(links[False]),
+            tuple(undrawn),
+            missing,
+            replaced,
+            self.excluded,
+            self.always,
         )
 
     @property

@@ -1,6 +1,7 @@
 """Convex hulls of an arm's links."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import product, takewhile
 from typing import NamedTuple
@@ -10,10 +11,24 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import Chain, Mesh
-from maniport.arms.meshes import Geometry, joined, reduced
+from maniport.arms.chain import Chain, Contact, Mesh, Shape
+from maniport.arms.meshes import (
+    Geometry,
+    is_convex,
+    joined,
+    moved,
+    moved_points,
+    reduced,
+    welded,
+)
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
+
+MOST_CORNERS, FINE_CORNERS = 96, 256  # of a hull, and of one of several of a mesh
+CIRCLES = 96  # corners of a cylinder, whose hull needs all of them
+MOST_SOLIDS = 400  # of an arm: 400 solids of 1 cm³ take 0.4 ms for each configuration
+CORE_THICKNESS = 2e-5  # half the size of cubes in place of the points of a core with a radius [m]
+CUBE = np.array([*product((-1.0, 1.0), repeat=3)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -25,6 +40,22 @@ class Hull:
     corners: Array  # (k, 3), in that joint's frame [m]
     skin: float  # largest distance of the enclosed points from the hull of the corners [m]
     solid: coal.Convex  # the corners' hull
+    radius: float = 0.0  # of a rounded solid, a part of the skin [m]
+    contact: Contact | None = None  # of a geom of an MJCF
+
+    @classmethod
+    def of(cls, name: str, joint: int, solid: "Solid") -> "Hull":
+        """Return the hull of a convex solid; one with a radius is the hull of its core with a skin."""
+        points = solid.core
+        if solid.radius > 0.0:  # perhaps a point or a line
+            thickness = min(CORE_THICKNESS, 0.1 * solid.radius)
+            points = np.concatenate([points + thickness * corner for corner in CUBE])
+        elif len(points) <= CIRCLES:
+            points = _outline(points)
+        hull = cls.around(name, joint, points, max(CIRCLES, MOST_CORNERS))
+        return replace(
+            hull, skin=hull.skin + solid.radius, radius=solid.radius, contact=solid.contact
+        )
 
     @classmethod
     def around(cls, name: str, joint: int, points: Array, most: int = 96) -> "Hull":
@@ -65,50 +96,161 @@ class Hull:
         return cls(name, joint, corners, skin, solid)
 
 
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A convex solid: all points within a radius of the hull of its core."""
+
+    core: Array  # (k, 3) [m]
+    radius: float = 0.0  # [m]
+    contact: Contact | None = None  # of a geom of an MJCF
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Part:
-    """Shape of a body, or of a finger from open to closed, and the joint of the chain that moves it."""
+    """Shapes of a body, or of a finger from open to closed, and the joint of the chain that moves it."""
 
     name: str  # of the link
     joint: int  # number of joints of the chain that move it
-    mesh: Mesh  # in the frame of the last of them [m]; of a finger the hull of all poses
+    mesh: (
+        Mesh  # all shapes, in the frame of the last of them [m]; of a finger the hulls of all poses
+    )
     own: bool = False  # whether it is on the chain, not attached to it
     end_position: Array | None = (
-        None  # (3,) of the end effector if it carries it, which hulls enclose [m]
+        None  # (3,) of the end effector if it carries it, which hulls of visual shapes enclose [m]
     )
+    solids: tuple[Solid, ...] = ()  # convex shapes
+    concave: tuple[Mesh, ...] = ()  # meshes that hulls may have to divide
+    is_plane: bool = False  # whether it is an infinite plane around the robot, such as a floor
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether its hulls are its shapes, except for skins and the corners of circles."""
+        return not self.concave
 
 
 @lru_cache(maxsize=16)
 def parts_of(geometry: Geometry) -> tuple[Part, ...]:
     """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain."""
-    chain, meshes, attached = geometry.chain, geometry.shapes, geometry.chain.attached
-    carrier = next((name for name in _fixed_to(chain, chain.frame) if name in meshes), None)
+    chain = geometry.chain
+    shapes: dict[str, list[Shape]] = {}
+    for shape in geometry.checked.shapes:
+        shapes.setdefault(shape.link, []).append(shape)
+
+    links = [name for name in shapes if chain.holds(name)]
+    links.sort(key=lambda name: (chain.frames[name].joint, len(_fixed_to(chain, name))))
+    if not links:
+        return ()
+    carrier = next((name for name in _fixed_to(chain, chain.frame) if name in shapes), None)
     end_position = chain.frames[chain.frame].placement[:3, 3]
-    links = sorted(meshes, key=lambda name: (chain.frames[name].joint, len(_fixed_to(chain, name))))
-    own = [
-        Part(link, chain.frames[link].joint, meshes[link], True, end_position if link == carrier else None)
-        for link in links
-    ]  # fmt: skip
-    posed: dict[tuple[str, int], list[Mesh]] = {}
-    for name, (points, triangles) in geometry.attached[0].items() if own else ():
-        body = attached[name]
-        swept = len(body.placements) > 1
-        points = _outline(points) if swept else points
-        points = np.concatenate(
-            [points @ place[:3, :3].T + place[:3, 3] for place in body.placements]
-        )
-        if swept:
-            hull = ConvexHull(_outline(points))
-            points, triangles = hull.points, hull.simplices.astype(np.int32)
-        posed.setdefault((body.group, body.joint), []).append((points, triangles))
-    others = [Part(name, joint, joined(parts)) for (name, joint), parts in posed.items()]
-    return tuple(sorted([*own, *others], key=lambda part: part.joint))
+    parts: list[Part] = []
+    for link in links:
+        frame = chain.frames[link]
+        end = end_position if link == carrier else None
+        forms = [_form(shape, frame.placement[None]) for shape in shapes[link]]
+        parts += _parts(link, frame.joint, forms, own=True, end_position=end)
+
+    attached: dict[tuple[str, int], list[_Form]] = {}
+    for name, body in chain.attached.items():
+        forms = [_form(shape, body.placements) for shape in shapes.get(name, ())]
+        attached.setdefault((body.group, body.joint), []).extend(forms)
+    for (name, joint), forms in attached.items():
+        parts += _parts(name, joint, forms)
+    parts = _with_fewer_solids(parts)
+    return tuple(sorted(parts, key=lambda part: part.joint))
+
+
+def _with_fewer_solids(parts: Sequence[Part]) -> list[Part]:
+    """Return parts with at most `MOST_SOLIDS` solids in total: those with most solids are checked by hulls of all."""
+    counts = [len(part.solids) for part in parts]
+    reduced_parts = list(parts)
+    while sum(counts) > MOST_SOLIDS and max(counts) > 1:
+        i = int(np.argmax(counts))
+        reduced_parts[i] = replace(parts[i], solids=(), concave=(parts[i].mesh,))
+        counts[i] = 0
+    return reduced_parts
+
+
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """A shape in the frame of a joint: its mesh, and the solid if it is convex."""
+
+    mesh: Mesh
+    solid: Solid | None
+    collision: bool
+
+
+def _form(shape: Shape, placements: Array) -> _Form:
+    """Place a shape; one with several placements (n, 4, 4) fills their convex hull."""
+    mesh = welded(shape.mesh)
+    core = shape.core
+    if len(placements) == 1:
+        mesh = moved(mesh, placements[0])
+        if core is None and shape.collision and len(mesh[1]) and is_convex(mesh):
+            core = mesh[0]
+        elif core is not None:
+            core = moved_points(core, placements[0])
+        solid = None if core is None else Solid(core, shape.radius, shape.contact)
+        return _Form(mesh, solid, shape.collision)
+
+    points = _outline(mesh[0]) if core is None else core
+    core = np.concatenate([moved_points(points, placement) for placement in placements])
+    outline = [moved_points(_outline(mesh[0]), placement) for placement in placements]
+    hull = ConvexHull(_outline(np.concatenate(outline)))
+    swept = hull.points, hull.simplices.astype(np.int32)
+    return _Form(swept, Solid(core, shape.radius, shape.contact), shape.collision)
+
+
+def _parts(
+    name: str,
+    joint: int,
+    forms: Sequence[_Form],
+    own: bool = False,
+    end_position: Array | None = None,
+) -> list[Part]:
+    """Return the part of a body, if it has a form, and one of its planes; visual meshes are joined."""
+    forms = [form for form in forms if len(form.mesh[1])]
+    planes = [form for form in forms if _is_plane(form.solid)]
+    if planes:
+        mesh = joined([form.mesh for form in planes])
+        solids = tuple(form.solid for form in planes if form.solid is not None)
+        part = Part(name, joint, mesh, own, None, solids, is_plane=True)
+        others = [form for form in forms if not _is_plane(form.solid)]
+        return [part, *_parts(name, joint, others, own, end_position)]
+    if not forms:
+        return []
+    mesh = joined([form.mesh for form in forms])
+    if not any(form.collision for form in forms):
+        return [Part(name, joint, mesh, own, end_position, concave=(mesh,))]
+    solids = tuple(form.solid for form in forms if form.solid is not None)
+    concave = tuple(form.mesh for form in forms if form.solid is None)
+    return [Part(name, joint, mesh, own, None, solids, concave)]
+
+
+def _is_plane(solid: Solid | None) -> bool:
+    return solid is not None and solid.contact is not None and solid.contact.is_plane
 
 
 @lru_cache(maxsize=512)
 def hulls_of(part: Part, fine: bool = False) -> tuple[Hull, ...]:
-    """Enclose a part in one hull, or two where it is bent; with `fine` in up to eight."""
-    mesh = part.mesh
+    """Return the convex solids of a part, and for each other mesh one hull, or two where it is bent.
+
+    With `fine`, there are up to eight hulls of each mesh.
+    """
+    hulls = [Hull.of(part.name, part.joint, solid) for solid in part.solids]
+    for mesh in part.concave:
+        outlines = _outlines(mesh, fine)
+        if (end := part.end_position) is not None:
+            nearest = int(
+                np.argmin([np.linalg.norm(outline - end, axis=1).min() for outline in outlines])
+            )
+            outlines[nearest] = np.concatenate([outlines[nearest], [end]])
+        most = FINE_CORNERS if fine else MOST_CORNERS
+        hulls += [Hull.around(part.name, part.joint, outline, most) for outline in outlines]
+    return tuple(hulls)
+
+
+def _outlines(mesh: Mesh, fine: bool) -> list[Array]:
+    """Corners of the hulls that enclose a mesh."""
     points, triangles = reduced(mesh, 300)  # cuts are chosen on a coarse mesh
     pieces = [_Piece(points[triangles], ())]
     worth, most = (0.97, 8) if fine else (0.85, 2)  # largest volume after a cut, as a fraction
@@ -126,14 +268,7 @@ def hulls_of(part: Part, fine: bool = False) -> tuple[Hull, ...]:
             corners = _cut(corners, axis, at)[side]
         if len(corners):
             outlines.append(_outline(corners.reshape(-1, 3)))
-    if (end := part.end_position) is not None:
-        nearest = int(
-            np.argmin([np.linalg.norm(outline - end, axis=1).min() for outline in outlines])
-        )
-        outlines[nearest] = np.concatenate([outlines[nearest], [end]])
-    return tuple(
-        Hull.around(part.name, part.joint, outline, 256 if fine else 96) for outline in outlines
-    )
+    return outlines
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.arm_group import ArmGroup
+from maniport.arms.chain import Contact
 from maniport.arms.collisions.hulls import Hull, Part, hulls_of, parts_of
 from maniport.arms.collisions.solids import TABLE, Pairs, Solids
 from maniport.errors import InvalidInputError
@@ -46,6 +47,10 @@ class SelectedPairs(NamedTuple):
     unresolved: Pairs
     share: Array  # (pairs,): fraction of a clearance that applies
     across: NDArray[np.bool_]  # (pairs,): pairs of links of two arms
+    excluded: tuple[
+        tuple[str, str], ...
+    ] = ()  # names of bodies whose contacts the description excludes
+    isolated: tuple[str, ...] = ()  # names of bodies whose contacts with all others it excludes
 
 
 NO_PAIRS = SelectedPairs(
@@ -80,7 +85,7 @@ def _bodies(group: ArmGroup) -> list[Body]:
         _robots(group),
         group.common,
     )
-    if not all(any(part.own for part in parts) for parts in listed):
+    if not all(any(part.own and not part.is_plane for part in parts) for parts in listed):
         return []
     bodies: list[Body] = []
     for i, parts in enumerate(listed):
@@ -129,6 +134,8 @@ class _Selection:
             replace(hull, name=body.name, joint=body.link)
             for body, own in zip(bodies, enclosed, strict=True) for hull in own
         ]  # fmt: skip
+        self.group = group
+        self.excluded: dict[tuple[str, str], None] = {}  # pairs that the description excludes
         self.bodies, self.solids = bodies, Solids(group.kinematics, [*hulls, *boxes], table)
         self.owners = np.repeat(
             np.arange(len(bodies)), [len(own) for own in enclosed]
@@ -136,8 +143,14 @@ class _Selection:
         self.q = np.concatenate(
             [np.clip(0.0, group.lower, group.upper)[None], group.sample(9999, random_state=0)]
         )
-        self.between, candidates = _candidates(group, bodies, disabled)
-        a, b = np.nonzero(np.triu(candidates[self.owners[:, None], self.owners], 1))
+        self.between, candidates, off = _candidates(group, bodies, disabled)
+        allowed = candidates[self.owners[:, None], self.owners]
+        movable = ~off & (self.between > 0)
+        self._apply_contacts(hulls, allowed, movable[self.owners[:, None], self.owners])
+        a, b = np.nonzero(np.triu(allowed, 1))
+        checked = {bodies[owner].name for owner in self.owners[np.concatenate([a, b])].tolist()}
+        alone = [name for pair in self.excluded for name in pair if name not in checked]
+        self.isolated = tuple(dict.fromkeys(alone))
         count, moving = len(hulls), [i for i, hull in enumerate(hulls) if hull.joint]
         around = [*range(count, count + len(boxes)), *([TABLE] if np.isfinite(table) else [])]
         self.pairs = np.array(
@@ -151,6 +164,34 @@ class _Selection:
             np.where(self.links[:, None], self.pairs, 0)
         ]  # bodies of pairs of links
 
+    def _apply_contacts(
+        self,
+        hulls: Sequence[Hull],
+        allowed: NDArray[np.bool_],
+        movable: NDArray[np.bool_],
+    ) -> None:
+        """Replace the choice of pairs of hulls (hulls, hulls) by MuJoCo's for geoms of one robot of an MJCF."""
+        robots = np.array([self.bodies[owner].robot for owner in self.owners.tolist()])
+        arms = {body.robot: body.arm for body in self.bodies}
+        for robot, arm in arms.items():
+            rules = self.group.arms[arm].geometry.checked.rules
+            if rules is None:
+                continue
+            geoms: list[int] = []
+            contacts: list[Contact] = []
+            for i, hull in enumerate(hulls):
+                if hull.contact is not None and robots[i] == robot:
+                    geoms.append(i)
+                    contacts.append(hull.contact)
+            touching, excluded = rules.decide(contacts)
+            block = np.ix_(geoms, geoms)
+            other_body = self.owners[geoms][:, None] != self.owners[geoms]
+            movable_here = movable[block] & other_body
+            allowed[block] = touching & movable_here
+            for i, k in np.argwhere(np.triu(excluded & movable_here, 1)).tolist():
+                first, second = (self.bodies[self.owners[geoms[end]]].name for end in (i, k))
+                self.excluded[first, second] = None
+
     def classified(self) -> tuple[SelectedPairs, set[Part]]:
         """Return the pairs by class, see `Collisions`, and the parts whose hulls are too coarse."""
         solids, pairs, links, q = self.solids, self.pairs, self.links, self.q
@@ -159,9 +200,10 @@ class _Selection:
         reach = np.where(near, 0.005, np.where(links, 0.1, 0.02))
         bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
         never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
-        never[never] = (
-            solids.distance_bounds(q[FIRST:], pairs[never], reach[never]) > reach[never]
-        ).all(axis=0)
+        for first in range(FIRST, len(q), FIRST):  # in blocks, to bound the memory
+            block = q[first : first + FIRST]
+            further = solids.distance_bounds(block, pairs[never], reach[never])
+            never[never] = (further > reach[never]).all(axis=0)
         hits = np.array(bounds <= 0.0, dtype=np.bool_)
         always = self._touching_surroundings(hits)
         unresolved, coarse = np.zeros_like(always), set[Part]()
@@ -170,7 +212,7 @@ class _Selection:
             meeting = np.asarray(hits[:, columns].any(axis=1))
             if meeting.mean() <= OFTEN:
                 continue
-            touching = self._meshes_touch(a, b, q[np.flatnonzero(meeting)[:128]])
+            touching = self._touch(a, b, pairs[columns], q[np.flatnonzero(meeting)[:128]])
             share = float(meeting.mean() * touching.mean())
             if share > NEARLY_ALL and meeting[0] and touching[0]:  # also at rest
                 always[columns] = True
@@ -180,18 +222,22 @@ class _Selection:
                 close = np.asarray(
                     (solids.distance_bounds(q[:2048], pairs[columns], 0.0) <= 0.0).any(axis=1)
                 )
-                if not self._meshes_touch(a, b, q[:2048][close]).any():
+                if not self._touch(a, b, pairs[columns], q[:2048][close]).any():
                     never[columns] = True
                     continue
+            if self._are_convex(a, b):  # their hulls are exact
+                continue
             unresolved[columns] = meeting.mean() > NEARLY_ALL
             if meeting.mean() - share > OFTEN:
-                coarse |= {self.bodies[i].part for i in (a, b)}
+                parts = (self.bodies[i].part for i in (a, b))
+                coarse |= {part for part in parts if not part.is_convex}
         kept = ~(always | never | unresolved)
         arms = np.array([body.arms for body in self.bodies])
         across = links & ~np.any(arms[self.ends].all(axis=1), axis=1)
         share_of = np.where(near, 0.25, 1.0)
         return SelectedPairs(
-            pairs[kept], pairs[always], pairs[never], pairs[unresolved], share_of[kept], across[kept]
+            pairs[kept], pairs[always], pairs[never], pairs[unresolved], share_of[kept], across[kept],
+            tuple(self.excluded), self.isolated,
         ), coarse  # fmt: skip
 
     def _touching_surroundings(self, hits: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -211,6 +257,18 @@ class _Selection:
                     f"{what} touches {solids.hulls[a].name!r} in all of {FIRST} samples of the joint space"
                 )
         return always
+
+    def _touch(self, a: int, b: int, pairs: Pairs, q: Array) -> NDArray[np.bool_]:
+        """Whether two bodies touch at configurations (n, dof), shape (n,), by their shapes, not by hulls of meshes."""
+        if not self._are_convex(a, b):
+            return self._meshes_touch(a, b, q)
+        contacts = self.solids.contacts(q, pairs, 0.0, depths=False)
+        touching = np.zeros(len(q), dtype=np.bool_)
+        touching[contacts.rows[contacts.distances <= 0.0]] = True
+        return touching
+
+    def _are_convex(self, a: int, b: int) -> bool:
+        return self.bodies[a].part.is_convex and self.bodies[b].part.is_convex
 
     def _meshes_touch(self, a: int, b: int, q: Array) -> NDArray[np.bool_]:
         """Whether the meshes of two bodies touch at configurations (n, dof), shape (n,)."""
@@ -234,7 +292,11 @@ class _Selection:
         Feet and rounded meshes may reach `sunk` [m] into a table or box.
         """
         solids, hulls, count = self.solids, self.solids.hulls, len(self.owners)
-        fixed = [i for i in range(count) if hulls[i].joint == 0]
+        fixed = [
+            i
+            for i in range(count)
+            if hulls[i].joint == 0 and not self.bodies[self.owners[i]].part.is_plane
+        ]
         zero = np.zeros((1, solids.tree.coupling.shape[1]))
         for i in fixed:
             body, hull = self.bodies[self.owners[i]], hulls[i]
@@ -242,7 +304,8 @@ class _Selection:
                 not body.part.own
             ):  # a leg or another arm may reach below a table in front of the robot
                 continue
-            low, high = float(hull.corners[:, 2].min()), float(hull.corners[:, 2].max())
+            low = round(float(hull.corners[:, 2].min() - hull.radius), 3) + 0.0  # no negative zero
+            high = float(hull.corners[:, 2].max() + hull.radius)
             if solids.table > low + sunk:
                 raise InvalidInputError(
                     f"table: the plane at z = {solids.table:g} m goes through the robot's base or lies above it: "
@@ -264,8 +327,11 @@ class _Selection:
 
 def _candidates(
     group: ArmGroup, bodies: Sequence[Body], disabled: Collection[frozenset[str]]
-) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Numbers of coordinates that move one body against another, and which pairs are checked; (bodies, bodies)."""
+) -> tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Numbers of coordinates that move one body against another, which pairs are checked, and which are disabled.
+
+    All have the shape (bodies, bodies). Contacts of an MJCF are not considered.
+    """
     tree, links = group.kinematics, np.array([body.link for body in bodies])
     paths = tree.moves[links]
     between = ((paths[:, None] != paths).astype(np.intp) @ (tree.coupling != 0) > 0).sum(axis=-1)
@@ -282,7 +348,8 @@ def _candidates(
     robots, names = np.array([body.robot for body in bodies]), [body.part.name for body in bodies]
     off = np.array([[frozenset((a, b)) in disabled for b in names] for a in names], dtype=np.bool_)
     same_robot = robots[:, None] == robots
-    return between, ~(same_robot & (adjacent | adjacent.T | (between == 0) | off))
+    candidates = ~(same_robot & (adjacent | adjacent.T | (between == 0) | off))
+    return between, candidates, off & same_robot
 
 
 @lru_cache(maxsize=256)

@@ -203,12 +203,17 @@ def read_arm(
         chain = chain_to(read_model(file.path, folders, arguments), frame, joints)
     else:
         chain = reader(file.path, frame, joints)
-    chain = replace(chain, name=file.name or chain.name)
-    if folders and chain.shapes is not None:
-        chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
-    if arguments and chain.shapes is not None:
-        shapes = partial(chain.shapes, xacro_args=arguments)
-        chain = replace(chain, shapes=shapes, xacro_args=arguments)
+    chain = replace(chain, name=file.name or chain.name, xacro_args=arguments)
+    options: dict[str, object] = {}
+    if folders:
+        options["mesh_folders"] = folders
+    if arguments:
+        options["xacro_args"] = arguments
+    if options and chain.shapes is not None:
+        chain = replace(chain, shapes=partial(chain.shapes, **options))
+    if options and chain.collision_shapes is not None:
+        readers = partial(chain.collision_shapes, **options)
+        chain = replace(chain, collision_shapes=readers)
     if limb is None:
         return chain
     if any(ours.name != theirs for ours, theirs in zip(chain.joints, limb.joints, strict=False)):

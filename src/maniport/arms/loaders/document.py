@@ -5,8 +5,8 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -14,7 +14,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from maniport.arms.chain import Mesh, Shape, moved_inertia
+from maniport.arms.chain import CollisionShapes, ContactRules, Mesh, Shape, moved_inertia
 from maniport.arms.loaders import xacro_child
 from maniport.arms.loaders.package_folders import (
     holds_home,
@@ -83,27 +83,152 @@ def body_inertia(where: str, mass: float, moments: Sequence[float], pose: Array)
     return moved_inertia(inertia, pose)
 
 
+@dataclass(frozen=True, eq=False)
+class Declared:
+    """A shape of a link as its file declares it; its mesh is read when the shape is made.
+
+    Attributes
+    ----------
+    link : str
+    collision : bool
+        Whether it is declared for collisions.
+    make : callable
+        Makes the shape; raises `FileFormatError` for a faulty one, or one whose mesh cannot be read.
+    available : callable
+        Whether its mesh file exists, if it has one.
+    hidden : bool
+        Whether it is drawn only where the link has no other shape.
+    infinite : bool
+        Whether it is an infinite plane, which is never drawn.
+    """
+
+    link: str
+    collision: bool
+    make: Callable[[], Shape]
+    available: Callable[[], bool]
+    hidden: bool = False
+    infinite: bool = False
+
+
+ShapeReader = Callable[
+    [Path, ElementTree.Element, Collection[str], "MeshPaths"],
+    tuple[list[Declared], ContactRules | None],
+]
+"""Lists all shapes of some links of a document, and the contacts that it excludes."""
+
+
 def read_shapes(
-    read: Callable[..., Iterable[Shape]],
+    read: ShapeReader,
     path: Path,
     links: Collection[str],
     mesh_folders: Sequence[Path] = (),
     xacro_args: Mapping[str, str] | None = None,
 ) -> list[Shape]:
-    """Read the visual shapes of some links; meshes of others may be missing."""
-    shapes: list[Shape] = []
-    triangles = 0
+    """Read the shapes of some links to draw them; meshes of other links may be missing.
+
+    These are the visual shapes, or else the collision shapes of links without any, or with a mesh that cannot be read.
+    """
+    by_link, _ = _declared(read, path, links, mesh_folders, xacro_args)
+    chosen: list[Shape] = []
+    for listed in by_link.values():
+        visual = _drawn(listed)
+        shapes, fault = _made(path, visual)
+        if fault:
+            others = [one for one in listed if one.collision and one not in visual]
+            shapes, other_fault = _made(path, others)
+            if not shapes or other_fault:
+                raise FileFormatError(fault)
+            shapes = [replace(shape, stand_in=True) for shape in shapes]
+        chosen += shapes
+        _require_few(path, chosen)
+    return chosen
+
+
+def read_collision_shapes(
+    read: ShapeReader,
+    path: Path,
+    links: Collection[str],
+    mesh_folders: Sequence[Path] = (),
+    xacro_args: Mapping[str, str] | None = None,
+) -> CollisionShapes:
+    """Read the shapes of some links to check them for collisions.
+
+    These are the collision shapes. A link without any, or with one that cannot be read, has its visual shapes; if these
+    cannot be read either, those shapes that can.
+    """
+    by_link, rules = _declared(read, path, links, mesh_folders, xacro_args)
+    chosen: list[Shape] = []
+    missing: dict[str, str] = {}
+    replaced: dict[str, str] = {}
+    undrawn: list[str] = []
+    for link, listed in by_link.items():
+        contacts = [one for one in listed if one.collision]
+        visual = [one for one in _drawn(listed) if not one.collision]
+        shapes, fault = _made(path, contacts)
+        if contacts and not fault:
+            if not all(one.available() for one in visual):
+                undrawn.append(link)
+        else:
+            others, other_fault = _made(path, visual)
+            if others and not other_fault:
+                shapes = others
+                if fault:
+                    replaced[link] = fault
+            elif fault or other_fault:
+                shapes = shapes or others
+                missing[link] = fault or other_fault
+        chosen += shapes
+        _require_few(path, chosen)
+    return CollisionShapes(chosen, missing, replaced, tuple(undrawn), rules)
+
+
+def _declared(
+    read: ShapeReader,
+    path: Path,
+    links: Collection[str],
+    mesh_folders: Sequence[Path],
+    xacro_args: Mapping[str, str] | None,
+) -> tuple[dict[str, list[Declared]], ContactRules | None]:
+    """List the declared shapes of each link, and the contacts that the document excludes."""
     root = parsed(path, mesh_folders, xacro_args)
-    for shape in read(path, root, links, MeshPaths(path, mesh_folders)):
+    declared, rules = read(path, root, links, MeshPaths(path, mesh_folders))
+    require_at_most(len(declared), SHAPES, "shapes", path)
+    by_link: dict[str, list[Declared]] = {}
+    for one in declared:
+        by_link.setdefault(one.link, []).append(one)
+    return by_link, rules
+
+
+def _require_few(path: Path, shapes: Sequence[Shape]) -> None:
+    triangles = sum(len(shape.mesh[1]) for shape in shapes)
+    require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
+
+
+def _drawn(listed: Sequence[Declared]) -> list[Declared]:
+    """Shapes of a link that are drawn: visual ones, else those that are not hidden, else all."""
+    finite = [shape for shape in listed if not shape.infinite]
+    visual = [shape for shape in finite if not shape.collision]
+    if visual:
+        return visual
+    return [shape for shape in finite if not shape.hidden] or finite
+
+
+def _made(path: Path, declared: Sequence[Declared]) -> tuple[list[Shape], str]:
+    """Make the shapes that can be made; the text is the first fault of another."""
+    shapes = []
+    fault = ""
+    for one in declared:
+        try:
+            shape = one.make()
+            if not np.all(np.abs(shape.mesh[0]) < MAX_POSITION):  # false for nan, too
+                raise FileFormatError(
+                    f"{path}: a shape of link {one.link!r} reaches farther than {MAX_POSITION:g} m"
+                )
+        except FileFormatError as error:
+            fault = fault or str(error)
+            continue
         shapes.append(shape)
-        triangles += len(shape.mesh[1])
-        require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
-        require_at_most(len(shapes), SHAPES, "shapes", path)
-        if not np.all(np.abs(shape.mesh[0]) < MAX_POSITION):  # false for nan, too
-            raise FileFormatError(
-                f"{path}: a shape of link {shape.link!r} reaches farther than {MAX_POSITION:g} m"
-            )
-    return shapes
+    return shapes, fault
 
 
 def parsed(
@@ -218,50 +343,97 @@ class MeshPaths:
 
     path: Path  # the robot's file
     more: Sequence[Path] = ()  # folders that the user allows, also searched for packages
-    read: dict[Path, Mesh] = field(default_factory=dict)  # cache
+    read: dict[Path, Mesh | FileFormatError] = field(default_factory=dict)  # cache
+    found: dict[str, Path | str | None] = field(default_factory=dict)  # cache of `find`
     packages: dict[str, list[Path]] = field(default_factory=dict)  # cache of their folders, by name
 
     def mesh(self, file: Path) -> Mesh:
-        """Read a mesh file once."""
+        """Read a mesh file once; a file that cannot be read has the same error each time."""
         if file not in self.read:
-            self.read[file] = load_mesh(file)
-        return self.read[file]
+            try:
+                self.read[file] = load_mesh(file)
+            except FileFormatError as error:
+                self.read[file] = error
+        content = self.read[file]
+        if isinstance(content, FileFormatError):
+            raise FileFormatError(str(content))
+        return content
 
     def find(self, name: str) -> Path | None:
-        """Return the file of a mesh name in a URDF; None if it is missing."""
-        package = _package(name)
-        places = [self._relative(name)]
-        if package is not None:  # the folder of a package may have been renamed
-            places = [place / package[1] for place in (*self._packages(package[0]), *self._own())]
-        file = next(filter(is_file, places), None)
-        if file is not None:
-            self.require_allowed(file, name)
-        return file
+        """Return the file of a mesh name; None if it is missing, an error if it is not allowed.
 
-    def require_allowed(self, file: Path, name: str) -> None:
-        """Raise `FileFormatError` for a file outside the allowed folders, with symbolic links resolved."""
-        package, real = _package(name), file.resolve()
-        named = () if package is None or package[0] in ("..", ".") else self._packages(package[0])
-        folders = (*self._own(), *ros_folders(), *self.more, *named)
-        if not any(
-            real.is_relative_to(place.resolve())
-            for folder in folders
-            for place in (folder, *origins(folder))
-        ):
-            raise FileFormatError(
+        Names are relative to the folder of the robot file. Ends of an absolute name, perhaps from another machine, are
+        searched in the folders of the robot file, and ends of every name in the folders that the user allows: of
+        ``/home/me/kit/meshes/link.stl`` first ``home/me/kit/meshes/link.stl``, last ``link.stl``.
+        """
+        if name not in self.found:
+            self.found[name] = self._find(name)
+        found = self.found[name]
+        if isinstance(found, str):
+            raise FileFormatError(found)
+        return found
+
+    def _find(self, name: str) -> Path | str | None:
+        """Return the file of a mesh name, None if it is missing, or a text that says why it is not allowed."""
+        forbidden: Path | None = None
+        for place in self._places(name):
+            if not is_file(place):
+                continue
+            if self._allowed(place, name):
+                return place
+            forbidden = place if forbidden is None else forbidden
+        if forbidden is not None:
+            real = forbidden.resolve()
+            return (
                 f"{self.path}: names {name!r}, which lies outside its folder and its packages, at {str(real)!r}; if it "
                 f"is to be read, allow it with mesh_folders=[{str(real.parent)!r}] (--mesh-folders)"
             )
+        return None
+
+    def available(self, name: str) -> bool:
+        """Return whether a mesh file exists and may be read."""
+        try:
+            return self.find(name) is not None
+        except FileFormatError:
+            return False
+
+    def _places(self, name: str) -> Iterator[Path]:
+        """Paths that a mesh name may mean, the most literal first."""
+        package = _package(name)
+        plain = _plain(name)
+        tails = _tails(plain)
+        yield self._relative(name)
+        if package is not None:  # the folder of a package may have been renamed
+            yield from (place / package[1] for place in (*self._packages(package[0]), *self._own()))
+        elif is_absolute(plain):
+            yield from (place / tail for tail in tails for place in self._own())
+        else:
+            yield self.path.parent / plain
+        yield from (place / tail for tail in tails for place in self.more)
+
+    def _allowed(self, file: Path, name: str) -> bool:
+        """Return whether a file lies in the allowed folders, with symbolic links resolved."""
+        package, real = _package(name), file.resolve()
+        named = () if package is None or package[0] in ("..", ".") else self._packages(package[0])
+        folders = (*self._own(), *ros_folders(), *self.more, *named)
+        return any(
+            real.is_relative_to(place.resolve())
+            for folder in folders
+            for place in (folder, *origins(folder))
+        )
 
     def rule(self, name: str) -> str:
         """Describe where `find` searches for a mesh."""
         package = _package(name)
-        if package is None:
-            return f"at {str(self._relative(name))!r}"
-        return (
-            f"for the package {package[0]!r} in {str(self.path.parent)!r} and every folder above, and in "
-            "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH"
-        )
+        if package is not None:
+            return (
+                f"for the package {package[0]!r} in {str(self.path.parent)!r} and every folder above, in "
+                "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH, and in folders given with --mesh-folders"
+            )
+        text = f"at {str(self._relative(name))!r}"
+        if is_absolute(_plain(name)):
+            text += f", for the ends of this path in {str(self.path.parent)!r} and its package"
+        return text + ", and in folders given with --mesh-folders"
 
     def _relative(self, name: str) -> Path:
         return self.path.parent / (unquote(name[7:]) if name.startswith("file://") else name)
@@ -279,6 +451,28 @@ class MeshPaths:
             if not holds_home(path.parent.parent):
                 yield path.parent.parent
             yield from (place for place in path.parent.parents if origins(place))
+
+
+def _plain(name: str) -> str:
+    """Return a mesh name without its scheme and with slashes for the backslashes of Windows."""
+    package = _package(name)
+    if package is not None:
+        return "/".join(package)
+    if name.startswith("file://"):
+        name = unquote(name[7:])
+    return name.replace("\\", "/")
+
+
+def is_absolute(name: str) -> bool:
+    """Return whether a name is absolute, on this or another system."""
+    return re.match(r"/|[A-Za-z]:/|/[A-Za-z]:/", name) is not None
+
+
+def _tails(name: str, most: int = 16) -> list[Path]:
+    """Return the ends of a path as relative paths, the longest first."""
+    parts = [part for part in name.split("/") if part not in ("", ".", "..") and ":" not in part]
+    parts = parts[-most:]
+    return [Path(*parts[first:]) for first in range(len(parts))]
 
 
 def _package(name: str) -> tuple[str, str] | None:

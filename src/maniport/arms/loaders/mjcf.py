@@ -1,25 +1,35 @@
 """MJCF: bodies, joints, joint equalities, masses and shapes."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from maniport.arms.chain import PRISMATIC, REVOLUTE, Joint, Mesh, Shape
+from maniport.arms.chain import (
+    PRISMATIC,
+    REVOLUTE,
+    Contact,
+    ContactRules,
+    Joint,
+    Mesh,
+    Shape,
+)
 from maniport.arms.loaders.document import (
     LARGEST,
+    Declared,
     MeshPaths,
     body_inertia,
+    is_absolute,
     numbers,
     require,
 )
 from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
-from maniport.arms.loaders.package_folders import is_file
-from maniport.arms.meshes import solid
+from maniport.arms.meshes import moved, moved_points, solid, solid_core
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
@@ -31,6 +41,11 @@ SIZES = {
     "capsule": (1.0, 2.0),
 }  # fmt: skip
 """Sizes of solids as multiples of the numbers in the file."""
+PLANE_SIZES = [40.0, 40.0, 10.0]  # of a box below an infinite plane, larger than any arm [m]
+PLANE_PLACEMENT = np.eye(4)
+PLANE_PLACEMENT[2, 3] = -0.5 * PLANE_SIZES[2]
+LAST_DRAWN_GROUP = 2  # MuJoCo's viewer shows geoms of the groups 0 to 2 by default
+MOST_BITS = 2.0**32  # bound of contype and conaffinity
 
 
 def read(path: Path, root: Element, folders: Sequence[Path] = ()) -> RobotModel:
@@ -115,48 +130,104 @@ def _inertia(document: Document, body: Element) -> Array | None:
     return body_inertia(where, mass, [*moments, 0.0, 0.0, 0.0][:6], document.pose(inertial))
 
 
-def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
-    """Yield the shapes of bodies: those without contacts if a body has such, else all."""
+def shapes(
+    path: Path, root: Element, links: Collection[str], paths: MeshPaths
+) -> tuple[list[Declared], ContactRules]:
+    """List the geoms of bodies: those with contacts are collision shapes, the others visual; and their contacts."""
     document = Document(path, root, paths.more)
-    folder = path.parent / document.options.get("meshdir", document.options.get("assetdir", ""))
-    meshes: dict[str, tuple[Element, Path | None]] = {}
-    for mesh in document.root.iterfind("asset/mesh"):
-        file = mesh.get("file", "")
-        name = mesh.get("name") or Path(file).stem
-        file = Path(file).name if document.options.get("strippath") == "true" else file
-        meshes.setdefault(name, (mesh, folder / file if file else None))
+    assets = _Assets(document, paths)
     owners = [(WORLD, world) for world in document.root.findall("worldbody")]
     owners += [(body.get("name", ""), body) for body in document.root.findall("worldbody//body")]
-    for name, owner in owners:
-        geoms = owner.findall("geom") if name in links else []
-        contacts = [
-            [document.numbers(geom, key, 1, "1")[0] for key in ("contype", "conaffinity")]
-            for geom in geoms
-        ]
-        visual = [geom for geom, bits in zip(geoms, contacts, strict=True) if not any(bits)]
-        for geom in visual or [
-            geom for geom in geoms if document.numbers(geom, "group", 1, "0")[0] <= 2
-        ]:
-            kind, title = (
-                document.attribute(geom, "type") or "sphere",
-                document.attribute(geom, "mesh"),
-            )
-            if kind == "plane":  # infinite
-                continue
-            if title is None and kind in SIZES:
-                placement, made = _solid(document, geom, kind)
-            elif title in meshes:
-                placement, made = document.pose(geom), _asset(paths, document, *meshes[title])
-            else:
-                raise FileFormatError(
-                    f"{path}: a <geom> of body {name!r} has an unknown shape: {title or kind!r}"
-                )
-            points, triangles = made
-            yield Shape(name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
+    geoms = [(name, geom) for name, owner in owners for geom in owner.findall("geom")]
+    explicit = _explicit_pairs(document, geoms)
+    paired = {number for pair in explicit for number in pair}
+
+    declared = []
+    for number, (name, geom) in enumerate(geoms):
+        if name not in links:
+            continue
+        contype, conaffinity = (
+            int(document.numbers(geom, key, 1, "1", MOST_BITS)[0])
+            for key in ("contype", "conaffinity")
+        )
+        collision = bool(contype or conaffinity or number in paired)
+        is_plane = document.attribute(geom, "type") == "plane"
+        if is_plane and not collision:
+            continue
+        contact = Contact(name, number, contype, conaffinity, is_plane) if collision else None
+        hidden = bool(document.numbers(geom, "group", 1, "0")[0] > LAST_DRAWN_GROUP)
+        make = partial(_shape, document, assets, name, geom, contact)
+        declared.append(
+            Declared(name, collision, make, partial(assets.available, geom), hidden, is_plane)
+        )
+    return declared, _contact_rules(document, explicit)
 
 
-def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, Mesh]:
-    """Pose (4, 4) and mesh of a simple solid; `fromto` are the ends of its z axis."""
+def _explicit_pairs(
+    document: Document, geoms: Sequence[tuple[str, Element]]
+) -> frozenset[frozenset[int]]:
+    """Numbers of the geoms in each <pair>."""
+    numbers_of = {geom.get("name"): number for number, (_, geom) in enumerate(geoms)}
+    pairs = set()
+    for pair in document.root.findall("contact/pair"):
+        ends = [numbers_of.get(document.attribute(pair, key)) for key in ("geom1", "geom2")]
+        pairs.add(frozenset(end for end in ends if end is not None))
+    return frozenset(pair for pair in pairs if len(pair) == 2)
+
+
+def _contact_rules(document: Document, explicit: frozenset[frozenset[int]]) -> ContactRules:
+    """Contacts that a document excludes: within welded bodies, of neighbors, and of <exclude>."""
+    carriers = {WORLD: WORLD}
+    parents = {WORLD: WORLD}
+    waiting = [(WORLD, world) for world in document.root.findall("worldbody")]
+    while waiting:
+        name, element = waiting.pop()
+        for body in element.findall("body"):
+            child = body.get("name", "")
+            welded = body.find("joint") is None and body.find("freejoint") is None
+            carriers[child] = carriers[name] if welded else child
+            parents.setdefault(carriers[child], carriers[name])
+            waiting.append((child, body))
+    excluded = {
+        frozenset((pair.get("body1", ""), pair.get("body2", "")))
+        for pair in document.root.findall("contact/exclude")
+    }
+    flags = [flag.get("filterparent") for flag in document.root.findall("option/flag")]
+    return ContactRules(
+        carriers, parents, WORLD, frozenset(excluded), explicit, "disable" not in flags
+    )
+
+
+def _shape(
+    document: Document, assets: "_Assets", name: str, geom: Element, contact: Contact | None
+) -> Shape:
+    """Make the shape of a geom in the frame of its body; a mesh with contacts is its convex hull, as in MuJoCo."""
+    kind = document.attribute(geom, "type") or "sphere"
+    title = document.attribute(geom, "mesh")
+    collision = contact is not None
+    if kind == "plane":
+        placement = document.pose(geom)
+        placement = placement @ PLANE_PLACEMENT
+        kind, sizes = "box", PLANE_SIZES
+    elif title is None and kind in SIZES:
+        placement, sizes = _solid(document, geom, kind)
+    elif title in assets.files:
+        mesh = moved(assets.mesh(title), document.pose(geom))
+        if not collision:
+            return Shape(name, mesh)
+        points = mesh[0][np.unique(mesh[1])]
+        return Shape(name, mesh, collision, points, 0.0, contact)
+    else:
+        raise FileFormatError(
+            f"{document.path}: a <geom> of body {name!r} has an unknown shape: {title or kind!r}"
+        )
+    mesh = moved(solid(kind, *sizes), placement)
+    core, radius = solid_core(kind, *sizes)
+    return Shape(name, mesh, collision, moved_points(core, placement), radius, contact)
+
+
+def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, list[float]]:
+    """Pose (4, 4) and sizes of a simple solid; `fromto` are the ends of its z axis."""
     factors, size = np.array(SIZES[kind]), document.numbers(geom, "size", None)
     placement = document.pose(geom)
     if document.attribute(geom, "fromto") is not None:
@@ -171,17 +242,46 @@ def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, Mesh]:
         document.path,
         f"a <geom> {kind} needs {len(factors)} sizes, not negative; found {size}",
     )
-    return placement, solid(kind, *(factors * size[: len(factors)]))
+    return placement, (factors * size[: len(factors)]).tolist()
 
 
-def _asset(paths: MeshPaths, document: Document, mesh: Element, file: Path | None) -> Mesh:
-    """Return the mesh of an asset, of its file or of the points in the document."""
-    scale = document.numbers(mesh, "scale", 3, "1 1 1")
-    if file is None:
-        return scaled(_own_mesh(paths.path, mesh), scale)
-    require(is_file(file), paths.path, f"the mesh {str(file)!r} is missing")
-    paths.require_allowed(file, str(file))
-    return scaled(paths.mesh(file), scale)
+class _Assets:
+    """Meshes of a document by their names."""
+
+    def __init__(self, document: Document, paths: MeshPaths):
+        self.document, self.paths = document, paths
+        self.files: dict[str | None, tuple[Element, str]] = {}
+        folder = document.options.get("meshdir", document.options.get("assetdir", ""))
+        for mesh in document.root.iterfind("asset/mesh"):
+            file = mesh.get("file", "").replace("\\", "/")
+            name = mesh.get("name") or Path(file).stem
+            if file and document.options.get("strippath") == "true":
+                file = Path(file).name
+            if file and not is_absolute(file):
+                file = f"{folder}/{file}" if folder else file
+            self.files.setdefault(name, (mesh, file))
+
+    def available(self, geom: Element) -> bool:
+        """Return whether the mesh file of a geom exists, if it has one."""
+        _, file = self.files.get(self.document.attribute(geom, "mesh"), (None, ""))
+        return not file or self.paths.available(file)
+
+    def mesh(self, title: str | None) -> Mesh:
+        """Read the mesh of an asset, of its file or of the points in the document."""
+        document, paths = self.document, self.paths
+        element, name = self.files[title]
+        if name:
+            file = paths.find(name)
+            if file is None:
+                fault = f"the mesh {name!r} is missing; looked {paths.rule(name)}"
+                raise FileFormatError(f"{paths.path}: {fault}")
+            points, triangles = paths.mesh(file)
+        else:
+            points, triangles = _own_mesh(paths.path, element)
+        turn, origin = document.reference(element)
+        return scaled(
+            ((points - origin) @ turn, triangles), document.numbers(element, "scale", 3, "1 1 1")
+        )
 
 
 def _own_mesh(path: Path, mesh: Element) -> Mesh:

@@ -134,6 +134,14 @@ class Document:
         )
         return result
 
+    def reference(self, mesh: Element) -> tuple[Array, Array]:
+        """Rotation (3, 3) and origin (3,) of the frame in which MuJoCo expresses the points of a mesh."""
+        origin = self.numbers(mesh, "refpos", 3, "0 0 0")
+        values = self.numbers(mesh, "refquat", 4, "1 0 0 0")
+        fault = f"<mesh> has refquat {values.tolist()}, which is no rotation"
+        require(bool(np.linalg.norm(values) > 1e-9), self.path, fault)
+        return np.asarray(Rotation.from_quat(values, scalar_first=True).as_matrix()), origin
+
     def _rotation(self, element: Element) -> Array:
         """Rotation (3, 3) of an element."""
         counts = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}

@@ -2,13 +2,14 @@
 
 import re
 import shlex
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from maniport.arms.chain import PRISMATIC, Joint, Shape
+from maniport.arms.chain import PRISMATIC, Joint
+from maniport.arms.loaders.document import ShapeReader
 from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
 from maniport.util.validation import Array
 
@@ -77,9 +78,7 @@ class RobotModel:
 
     path: Path
     name: str
-    shapes: Callable[
-        ..., Iterable[Shape]
-    ]  # of an XML document; see `maniport.arms.loaders.document.read_shapes`
+    shapes: ShapeReader
     bodies: dict[str, RobotBody] = field(default_factory=dict)
     sites: dict[str, tuple[str, Array]] = field(
         default_factory=dict

@@ -16,7 +16,7 @@ from maniport.arms.chain import (
     check_names,
     moved_inertia,
 )
-from maniport.arms.loaders.document import read_shapes
+from maniport.arms.loaders.document import read_collision_shapes, read_shapes
 from maniport.arms.loaders.model import Limbs, RobotBody, RobotModel
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.util.validation import Array
@@ -90,6 +90,7 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
         remarks=remarks,
         unlimited=tuple(model.unlimited),
         shapes=partial(read_shapes, model.shapes, path.absolute()),
+        collision_shapes=partial(read_collision_shapes, model.shapes, path.absolute()),
         others=_bodies_off_chain(model, mounts, coordinates),
     )
 

@@ -1,8 +1,8 @@
-"""URDF: bodies, joints, mimic joints, and shapes from <visual> or, as a substitute, <collision>."""
+"""URDF: bodies, joints, mimic joints, and shapes from <visual> and <collision>."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator
-from functools import cache
+from collections.abc import Callable, Collection, Iterable, Sequence
+from functools import cache, partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -14,13 +14,19 @@ from maniport.arms.chain import (
     PRISMATIC,
     REVOLUTE,
     SOFT_LIMITS,
-    Mesh,
     Shape,
     pose,
 )
-from maniport.arms.loaders.document import XACRO, MeshPaths, body_inertia, numbers, require
+from maniport.arms.loaders.document import (
+    XACRO,
+    Declared,
+    MeshPaths,
+    body_inertia,
+    numbers,
+    require,
+)
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
-from maniport.arms.meshes import solid
+from maniport.arms.meshes import moved, moved_points, solid, solid_core
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import LINKS, NESTING, require_at_most
@@ -229,59 +235,89 @@ def _inertia(path: Path, link: Element) -> Array:
     return body_inertia(where, weight, moments, _origin(inertial, f"{where} needs"))
 
 
-def shapes(path: Path, root: Element, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
-    """Yield shapes from <visual>, or from <collision> of links without <visual> or with a missing mesh."""
-    find = cache(paths.find)
-
-    def meshes(link: Element, part: str) -> list[str]:
-        return [
-            name
-            for mesh in link.iterfind(f"{part}/geometry/mesh")
-            if (name := mesh.get("filename", ""))
-        ]
-
+def shapes(
+    path: Path, root: Element, links: Collection[str], paths: MeshPaths
+) -> tuple[list[Declared], None]:
+    """List the shapes of links from <visual> and <collision>."""
     owners = [link for link in root.findall("link") if link.get("name") in links]
-    kinds = ["visual" if all(map(find, meshes(link, "visual"))) else "collision" for link in owners]
-    for link, kind in zip(owners, kinds, strict=True):
-        if kind == "collision" and not (link.findall(kind) and all(map(find, meshes(link, kind)))):
-            names = dict.fromkeys(name for owner in owners for name in meshes(owner, "visual"))
-            first = next(name for name in meshes(link, "visual") if find(name) is None)
-            raise FileFormatError(
-                f"{path}: the mesh {first!r} is missing ({[*map(find, names)].count(None)} of {len(names)} meshes "
-                f"are); looked {paths.rule(first)}"
+    count = cache(partial(_count_missing, paths, owners))
+    declared = []
+    for link in owners:
+        for part in (*link.iterfind("visual"), *link.iterfind("collision")):
+            names = _mesh_names([part])
+            shape = Declared(
+                link.get("name", ""),
+                part.tag == "collision",
+                partial(_shape, paths, link, part, count),
+                partial(_all_available, paths, names),
             )
-    for link, kind in zip(owners, kinds, strict=True):
-        for part in link.findall(kind) or link.findall("collision"):
-            points, triangles = _mesh(paths, link, part)
-            placement = _origin(part, f"{path}: <{part.tag}> of link {link.get('name')!r} needs")
-            points = points @ placement[:3, :3].T + placement[:3, 3]
-            yield Shape(link.get("name", ""), (points, triangles), stand_in=kind == "collision")
+            declared.append(shape)
+    return declared, None
 
 
-def _mesh(paths: MeshPaths, link: Element, part: Element) -> Mesh:
-    """Return the mesh of one <visual> or <collision> of a link in its own frame."""
+def _mesh_names(parts: Iterable[Element]) -> list[str]:
+    """Names of the mesh files of <visual> or <collision> elements."""
+    names = [mesh.get("filename", "") for part in parts for mesh in part.iterfind("geometry/mesh")]
+    return [name for name in names if name]
+
+
+def _all_available(paths: MeshPaths, names: Sequence[str]) -> bool:
+    return all(map(paths.available, names))
+
+
+def _count_missing(paths: MeshPaths, owners: Sequence[Element], tag: str) -> str:
+    """Count the missing meshes of all <visual> or <collision> elements."""
+    parts = [part for owner in owners for part in owner.iterfind(tag)]
+    names = dict.fromkeys(_mesh_names(parts))
+    count = sum(not paths.available(name) for name in names)
+    return f"{count} of {len(names)} meshes are"
+
+
+def _shape(
+    paths: MeshPaths, link: Element, part: Element, count_missing: Callable[[str], str]
+) -> Shape:
+    """Make a shape of one <visual> or <collision> of a link, in the frame of the link."""
     path, name, geometry = paths.path, link.get("name", ""), part.find("geometry")
-    shape = None if geometry is None else next(iter(geometry), None)
-    if shape is None:
+    form = None if geometry is None else next(iter(geometry), None)
+    if form is None:
         raise FileFormatError(f"{path}: a <{part.tag}> of link {name!r} has no <geometry>")
-    where = f"{path}: <{shape.tag}> of link {name!r} needs"
-    if shape.tag == "mesh":
-        file = paths.find(title) if (title := shape.get("filename", "")) else None
-        if file is None:
+    where = f"{path}: <{form.tag}> of link {name!r} needs"
+    collision = part.tag == "collision"
+    placement = _origin(part, f"{path}: <{part.tag}> of link {name!r} needs")
+    if form.tag == "mesh":
+        title = form.get("filename", "")
+        if not title:
             raise FileFormatError(f"{path}: a <mesh> of link {name!r} names no file")
-        return scaled(paths.mesh(file), numbers(shape.get("scale", "1 1 1"), 3, f"{where} scale"))
+        file = paths.find(title)
+        if file is None:
+            raise FileFormatError(
+                f"{path}: the mesh {title!r} is missing ({count_missing(part.tag)}); looked {paths.rule(title)}"
+            )
+        scale = numbers(form.get("scale", "1 1 1"), 3, f"{where} scale")
+        mesh = moved(scaled(paths.mesh(file), scale), placement)
+        return Shape(name, mesh, collision)
+    kind, sizes = _sizes(path, link, part, form, where)
+    core, radius = solid_core(kind, *sizes)
+    mesh = moved(solid(kind, *sizes), placement)
+    return Shape(name, mesh, collision, moved_points(core, placement), radius)
+
+
+def _sizes(
+    path: Path, link: Element, part: Element, form: Element, where: str
+) -> tuple[str, list[float]]:
+    """Return the kind and the sizes of a simple solid, see `maniport.arms.meshes.solid`."""
+    name = link.get("name", "")
     sizes = {"box": {"size": 3}, "sphere": {"radius": 1}}
     sizes["cylinder"] = sizes["capsule"] = {"radius": 1, "length": 1}
     allowed = "mesh, box, sphere, cylinder, capsule"
     require(
-        shape.tag in sizes,
+        form.tag in sizes,
         path,
-        f"link {name!r} has the shape <{shape.tag}>; allowed are {allowed}",
+        f"link {name!r} has the shape <{form.tag}>; allowed are {allowed}",
     )
-    values = [
-        float(value) for key, count in sizes[shape.tag].items()
-        for value in numbers(shape.get(key), count, f"{where} {key}", least=0.0)
-    ]  # fmt: skip
+    values: list[float] = []
+    for key, count in sizes[form.tag].items():
+        values += numbers(form.get(key), count, f"{where} {key}", least=0.0).tolist()
     capsules = [capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")]
-    rounded = shape.tag == "cylinder" and part.tag == "collision" and part.get("name") in capsules
-    return solid("capsule" if rounded else shape.tag, *values)
+    rounded = form.tag == "cylinder" and part.tag == "collision" and part.get("name") in capsules
+    return ("capsule" if rounded else form.tag), values

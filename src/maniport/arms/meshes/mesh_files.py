@@ -1,13 +1,16 @@
 """Triangles of mesh files, read without native code.
 
-COLLADA is read here, without materials, cameras and animations; trimesh, imported on first use, reads the others.
-Announced sizes are first compared with the size of the file.
+COLLADA, glTF and STL are read here, without materials, cameras and animations; trimesh, imported on first use, reads
+OBJ, PLY and OFF. Announced sizes are first compared with the size of the file. The time is linear in the size of a
+file, however many groups, solids, nodes or lists it has.
 """
 
+import base64
 import io
 import json
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -43,7 +46,8 @@ def load_mesh(path: Path) -> Mesh:
     content = read_whole(
         path, (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf"), MESH_BYTES
     )
-    read = _read_collada if path.suffix.lower() == ".dae" else _read_by_trimesh
+    readers = {".dae": _read_collada, ".stl": _read_stl, ".gltf": _read_gltf, ".glb": _read_gltf}
+    read = readers.get(path.suffix.lower(), _read_by_trimesh)
     try:
         with np.errstate(all="ignore"):  # `_checked` refuses nonfinite points
             parts = [_checked(path, *part) for part in read(path, content)]
@@ -77,45 +81,176 @@ def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
 
 
 def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
-    """Parts of a file in its own axes; polygons are triangulated."""
+    """Read a file in its own axes; polygons are triangulated."""
     from trimesh import load_scene
 
     kind = path.suffix.lower()[1:]
-    if kind == "stl":
-        announced = 84 + 50 * int.from_bytes(content[80:84], "little")
-        content = content[:announced] if announced >= 84 else content  # some programs append to it
+    if kind == "obj":
+        content = _obj_faces(content)
     elif kind == "ply":
         header = content[: content.find(b"end_header")]
         for count in re.findall(rb"^\s*element\s+\S+\s+(\d+)", header, re.MULTILINE):
             require_at_most(
                 int(count[:20]), len(content), "elements announced, more than bytes", path
             )
-    elif kind in ("gltf", "glb"):
-        text = (
-            content[20 : 20 + int.from_bytes(content[12:16], "little")]
-            if kind == "glb"
-            else content
-        )
-        _require_sane(path, json.loads(text.decode("utf-8")))
-    scene = load_scene(
-        io.BytesIO(content),
-        file_type=kind,
-        resolver=_Buffers(path),
-        skip_materials=True,
-        process=False,
-    )
-    triangles = 0
-    for name in scene.graph.nodes_geometry:
-        pose, geometry = scene.graph[name]
-        part = scene.geometry[geometry]
-        triangles += len(getattr(part, "faces", ()))
-        require_at_most(triangles, TRIANGLES, "triangles", path)
+    scene = load_scene(io.BytesIO(content), file_type=kind, skip_materials=True, process=False)
+    for part in scene.geometry.values():
         if hasattr(part, "faces"):
-            yield np.asarray(part.vertices) @ pose[:3, :3].T + pose[:3, 3], part.faces
+            yield np.asarray(part.vertices), part.faces
+
+
+def _obj_faces(content: bytes) -> bytes:
+    """Keep points and faces of an OBJ, without groups, materials, normals and textures.
+
+    trimesh takes time quadratic in the number of groups.
+    """
+    lines = re.findall(rb"^[ \t]*([vf][ \t].*)", content.replace(b"\\\n", b" "), re.MULTILINE)
+    lines = [re.sub(rb"/\S*", b"", line) if line[:1] == b"f" else line for line in lines]
+    return b"\n".join(lines) + b"\n"
+
+
+def _read_stl(path: Path, content: bytes) -> Iterator[Mesh]:
+    """Read a binary or a text file, which may hold several solids."""
+    count = int.from_bytes(content[80:84], "little")
+    if len(content) >= 84 + 50 * count and len(content) >= 84:  # some programs append to it
+        facets = np.frombuffer(content, dtype=STL_FACET, count=count, offset=84)
+        corners = facets["corners"].astype(np.float64)
+    else:
+        words = re.findall(rb"\bvertex\s+(\S+\s+\S+\s+\S+)", content, re.IGNORECASE)
+        if not words:
+            require_at_most(
+                84 + 50 * count, len(content), "bytes announced, more than the file has", path
+            )
+        corners = np.array(b" ".join(words).split(), dtype=np.float64)
+        if len(words) % 3:
+            raise ValueError(f"its triangles have {len(words)} corners")
+    points = corners.reshape(-1, 3)
+    yield points, np.arange(len(points), dtype=np.int32).reshape(-1, 3)
+
+
+STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+"""Types of the numbers in a glTF."""
+WIDTHS = {"SCALAR": 1, "VEC3": 3}
+TRIANGLE_LIST, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
+
+
+def _read_gltf(path: Path, content: bytes) -> Iterator[Mesh]:
+    """Parts of a glTF, one for each node with a mesh, in its own axes."""
+    binary = b""
+    if path.suffix.lower() == ".glb":
+        length = int.from_bytes(content[12:16], "little")
+        binary = content[28 + length :]
+        content = content[20 : 20 + length]
+    header = json.loads(content.decode("utf-8"))
+    _require_sane(path, header)
+    file = _Gltf(path, header, binary)
+    nodes = header.get("nodes", [])
+    scenes = header.get("scenes", [])
+    if scenes:
+        roots = scenes[header.get("scene", 0)].get("nodes", [])
+    else:
+        children = {child for node in nodes for child in node.get("children", ())}
+        roots = [i for i in range(len(nodes)) if i not in children]
+
+    waiting = [(root, np.eye(4)) for root in reversed(roots)]
+    seen = set[int]()
+    triangles = 0
+    while waiting:
+        index, above = waiting.pop()
+        if index in seen:
+            raise ValueError("its nodes are no tree: one has two parents, or is in a circle")
+        seen.add(index)
+        node = nodes[index]
+        pose = above @ _node_pose(node)
+        waiting += [(child, pose) for child in reversed(node.get("children", []))]
+        if "mesh" in node:
+            points, rows = file.mesh(node["mesh"])
+            triangles += len(rows)
+            require_at_most(triangles, TRIANGLES, "triangles", path)
+            yield points @ pose[:3, :3].T + pose[:3, 3], rows
+
+
+def _node_pose(node: dict[str, Any]) -> Array:
+    """Return the transformation (4, 4) of a node, with its scale."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    pose = np.eye(4)
+    turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
+    pose[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=np.float64)
+    pose[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return pose
+
+
+class _Gltf:
+    """Meshes of a glTF; arrays and meshes are read once."""
+
+    def __init__(self, path: Path, header: dict[str, Any], binary: bytes):
+        self.header, self.binary = header, binary
+        self.files = _Buffers(path)
+        self.mesh = cache(self._mesh)
+        self._array = cache(self._read_array)
+        self._buffer = cache(self._read_buffer)
+
+    def _mesh(self, index: int) -> Mesh:
+        """Points and triangles of all primitives of a mesh."""
+        parts: list[Mesh] = [(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))]
+        for primitive in self.header["meshes"][index]["primitives"]:
+            mode = primitive.get("mode", TRIANGLE_LIST)
+            if mode not in (TRIANGLE_LIST, TRIANGLE_STRIP, TRIANGLE_FAN):
+                continue
+            points = self._array(primitive["attributes"]["POSITION"]).astype(np.float64)
+            corners = np.arange(len(points))
+            if "indices" in primitive:
+                corners = self._array(primitive["indices"])[:, 0].astype(np.int64)
+            if len(corners) and not corners.max() < len(points):
+                raise ValueError(f"a triangle has point number {corners.max()} of {len(points)}")
+            parts.append((points, _triangles(corners, mode)))
+        return joined(parts)
+
+    def _read_array(self, index: int) -> np.ndarray:
+        """Numbers of an accessor, shape (n, width)."""
+        accessor = self.header["accessors"][index]
+        view = self.header["bufferViews"][accessor["bufferView"]]
+        kind = np.dtype(COMPONENTS[accessor["componentType"]])
+        width = WIDTHS[accessor["type"]]
+        start = int(view.get("byteOffset", 0)) + int(accessor.get("byteOffset", 0))
+        stride = int(view.get("byteStride", 0)) or width * kind.itemsize
+        if start < 0 or stride < 0:
+            raise ValueError(f"an array begins at byte {start} with steps of {stride} bytes")
+        array = np.ndarray(
+            (accessor["count"], width),
+            kind,
+            self._buffer(view["buffer"]),
+            start,
+            (stride, kind.itemsize),
+        )
+        if accessor.get("normalized") and kind.kind != "f":
+            return np.maximum(array / np.iinfo(kind).max, -1.0)
+        return array
+
+    def _read_buffer(self, index: int) -> bytes:
+        uri = self.header["buffers"][index].get("uri")
+        if uri is None:
+            return self.binary
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.partition(",")[2])
+        return self.files[uri]
+
+
+def _triangles(corners: np.ndarray, mode: int) -> np.ndarray:
+    """Triangles (n, 3) of a list, a strip or a fan of corners."""
+    if mode == TRIANGLE_LIST:
+        return corners.reshape(-1, 3)
+    first = np.arange(max(len(corners) - 2, 0))
+    if mode == TRIANGLE_FAN:
+        return np.stack([np.full(len(first), corners[:1]), corners[1:-1], corners[2:]], axis=1)
+    rows = np.stack([first, first + 1 + first % 2, first + 2 - first % 2], axis=1)
+    return corners[rows]
 
 
 def _require_sane(path: Path, header: Any) -> None:
-    """Require arrays of a glTF within their buffers, and nodes that form a tree."""
+    """Require arrays of a glTF within their buffers."""
     require_at_most(len(header.get("nodes", ())), NODES, "nodes", path)
     views = header.get("bufferViews", ())
     for accessor in header.get("accessors", ()):
@@ -166,7 +301,8 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
     waiting = [
         (scene, np.diag([*(1.0 if unit is None else float(unit.get("meter", "1")),) * 3, 1.0]))
     ]
-    parts: dict[int, list[Mesh]] = {}  # of each geometry
+    parts: dict[int, Mesh | None] = {}  # of each geometry
+    positions: dict[str, Array] = {}  # of each list of points
     nodes = triangles = 0
     while waiting:  # nodes may instantiate nodes, exponentially many
         node, pose = waiting.pop()
@@ -187,8 +323,11 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
         waiting += reversed(below)
         if node.tag == "geometry":
             if id(node) not in parts:
-                parts[id(node)] = list(_polygons(node, things))
-            for points, rows in parts[id(node)]:
+                lists = list(_polygons(path, node, things, positions))
+                parts[id(node)] = joined(lists) if lists else None
+            mesh = parts[id(node)]
+            if mesh is not None:
+                points, rows = mesh
                 triangles += len(rows)
                 require_at_most(triangles, TRIANGLES, "triangles", path)
                 yield points @ pose[:3, :3].T + pose[:3, 3], rows
@@ -213,9 +352,13 @@ def _step(element: Element) -> Array:
     return step
 
 
-def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
+def _polygons(
+    path: Path, geometry: Element, things: dict[str, Element], positions: dict[str, Array]
+) -> Iterator[Mesh]:
     """Points and triangles of each list of polygons; unused points are dropped, since lists may share many points."""
-    for shape in geometry.iterfind("mesh/*"):
+    lists = geometry.findall("mesh/*")
+    require_at_most(len(lists), NODES, "lists of polygons in a geometry", path)
+    for shape in lists:
         inputs = {entry.get("semantic"): entry for entry in shape.findall("input")}
         if shape.tag in ("tristrips", "trifans"):
             raise ValueError(f"it holds <{shape.tag}>, which are not supported; write triangles")
@@ -223,11 +366,13 @@ def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
             continue
         width = max(int(entry.get("offset", "0")) for entry in shape.findall("input")) + 1
         column = int(inputs["VERTEX"].get("offset", "0"))
-        lists = [_numbers(p, np.int64).reshape(-1, width)[:, column] for p in shape.findall("p")]
-        corners = np.concatenate([np.empty(0, dtype=np.int64), *lists])
+        corner_lists = [
+            _numbers(p, np.int64).reshape(-1, width)[:, column] for p in shape.findall("p")
+        ]
+        corners = np.concatenate([np.empty(0, dtype=np.int64), *corner_lists])
         rows = corners.reshape(-1, 3) if shape.tag == "triangles" else corners
         if shape.tag != "triangles":  # triangulate each polygon as a fan
-            counts = np.array([len(polygon) for polygon in lists])
+            counts = np.array([len(polygon) for polygon in corner_lists])
             counts = _numbers(shape.find("vcount"), np.int64) if shape.tag == "polylist" else counts
             total = counts.sum(dtype=np.float64)
             if total != len(corners) or counts.min(initial=0) < 0:
@@ -242,7 +387,10 @@ def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
             kept, rows = np.unique(rows, return_inverse=True)
             if kept[0] < 0:
                 raise ValueError(f"a triangle names the point {kept[0]}")
-            points = _positions(things[inputs["VERTEX"].get("source", "")], things)
+            source = inputs["VERTEX"].get("source", "")
+            if source not in positions:
+                positions[source] = _positions(things[source], things)
+            points = positions[source]
             yield points[kept], rows.reshape(-1, 3).astype(np.int32)
 
 

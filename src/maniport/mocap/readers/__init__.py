@@ -5,6 +5,8 @@ Unit and rate come from the caller, else from the file; else the unit is recogni
 
 import importlib
 import os
+import zipfile
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,9 +26,19 @@ from maniport.errors import (
     spoken,
     unknown_name,
 )
-from maniport.mocap.cleaning import in_order, without_zeros
+from maniport.mocap.cleaning import in_order, without_rest_poses, without_zeros
 from maniport.mocap.readers.text import decoded
-from maniport.mocap.recording import MAX_POSITION, Recording
+from maniport.mocap.readers.times import FileTimes, FrameTimes, frame_times, gap_messages
+from maniport.mocap.recording import (
+    BLOCK,
+    MAX_POSITION,
+    Recording,
+    all_axes,
+    beyond_end,
+    freeze,
+    interval_rows,
+    scaled,
+)
 from maniport.mocap.roles import (
     ARM,
     Markers,
@@ -75,75 +87,74 @@ class ImportOptions:
     height: float | None = None  # of the person [m]; it determines the unit
     markers: Markers = None  # points of roles, as in `fit_arm` or `fit_arms`
     side: str = AUTO  # arm that is wanted
+    start: float | None = None  # of the part that is used [s]
+    stop: float | None = None  # end of that part [s]
+    keep_rest_poses: bool = False
+
+    @property
+    def crops(self) -> bool:
+        """Whether only a part of the recording is used."""
+        return self.start is not None or self.stop is not None
+
+    def frame_times(self, stated: FileTimes, count: int) -> FrameTimes:
+        """Determine the times of `count` frames from what the file states; the caller's rate precedes it."""
+        return frame_times(stated, count, self.rate)
 
     def recording(
         self,
         file: Path,
         names: Sequence[str],
         positions: ArrayLike,
-        time: ArrayLike | None = None,
+        time: ArrayLike | FileTimes | FrameTimes | None = None,
         unit: str = "",
         notes: Sequence[str] = (),
         quality_warnings: Sequence[str] = (),
     ) -> Recording:
         """Make the recording in meters, with notes on the unit, the rate and missing points.
 
-        `names` that repeat are numbered. `positions` (n_frames, n_points, 3) are in the unit of the file; nan, and
-        points farther than 1e12, are missing. `time` [s] is None where the file has neither times nor a rate. `unit`
-        is empty where neither the file nor its format states it. The rest is as in `Recording`.
+        Parameters
+        ----------
+        file : Path
+            The file, for messages.
+        names : sequence of str
+            Names of the points; those that repeat are numbered.
+        positions : array_like, shape (n_frames, n_points, 3)
+            In the unit of the file; nan, and points farther than 1e12, are missing. An array of float64 is not copied:
+            missing points are marked in it, and it becomes read-only.
+        time : array_like, FileTimes or FrameTimes, optional
+            Times of the frames [s], what the file states about them, or the result of `frame_times`, or its part with
+            the frames that were read. Default: the file states neither times nor a rate.
+        unit : str
+            Unit of length; empty where neither the file nor its format states it.
+        notes, quality_warnings : sequence of str
+            As those of a `Recording`.
 
         Raises
         ------
         InvalidInputError
-            When the values are no recording, or unit or rate are unknown.
+            When the values are no recording, unit or rate are unknown, or no frame lies in the part.
         """
-        with np.errstate(over="ignore"):  # of wider floating-point types
-            points = np.array(positions, dtype=np.float64)
-        if points.ndim != 3 or points.shape[1:] != (len(names), 3) or not points.size:
-            text = f"positions must have shape (n, k, 3) for {len(names)} names, with n ≥ 1; found {points.shape}"
-            raise InvalidInputError(text)
-        require_size(*points.shape[:2])
-        before = (list(names[:i]).count(name) for i, name in enumerate(names))
-        unique = [
-            f"{name}#{count + 1}" if count else name
-            for name, count in zip(names, before, strict=True)
-        ]
-        notes = [
-            *notes,
-            *(["names that occur more than once were numbered"] if unique != list(names) else []),
-        ]
-        missing = ~(np.abs(points) <= MAX_POSITION).all(axis=-1)
-        points[missing] = np.nan
-        if missing.all():
-            raise InvalidInputError("every point is missing in every frame")
-        if missing.any():
-            never = [unique[i] for i in np.flatnonzero(missing.all(axis=0))]
-            always = f"; always: {_first(never, 20)}" if never else ""
-            notes.append(f"{100 * missing.mean():.1f} % of all points are missing{always}")
+        points = _as_points(positions, len(names))
+        unique = _numbered(names)
+        notes = list(notes)
+        if unique != list(names):
+            notes.append("names that occur more than once were numbered")
+        notes += _mark_missing(points, unique)
+
         faults = []
-        if self.rate is not None:
-            notes.insert(0, f"frames per second set by the caller: {self.rate:g}")
-            time = np.arange(len(points)) / self.rate
-        elif time is None:
-            faults.append(
-                f"the file states no frame rate; give {argument('rate')} in frames per second"
-            )
-            time = np.arange(len(points), dtype=np.float64)
-        times = np.asarray(time)
-        if times.ndim != 1 or times.dtype.kind not in "fiu":
-            raise InvalidInputError(
-                f"time must be numbers [s], shape (n,); found {times.dtype}, shape {times.shape}"
-            )
-        times = times.astype(np.float64)
-        step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-        if 1.0 < step <= 1e9:
-            power = int(np.ceil(np.log10(step) / 3))
-            times = times * 1e-3**power
-            name = ("milliseconds", "microseconds", "nanoseconds")[power - 1]
-            notes.append(
-                f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart"
-            )
-        times, points, ordered = in_order(times, points)
+        if time is None:
+            time = FileTimes()
+        elif not isinstance(time, FileTimes | FrameTimes):
+            time = FileTimes({"time": time})
+        timing = time
+        if isinstance(timing, FileTimes):
+            try:
+                timing = self.frame_times(timing, len(points))
+            except InvalidInputError as error:  # reported with missing roles
+                faults.append(str(error))
+                timing = FrameTimes(np.arange(len(points), dtype=np.float64))
+        times, points, ordered = in_order(timing.time, points)
+        points = freeze(points)  # which recordings share, instead of copies of each
         raw = Recording(tuple(unique), points, times, printable(file.name))
         try:
             scale, unit_note = self._scale(raw, unit)
@@ -153,10 +164,32 @@ class ImportOptions:
             faults.append(str(error))
         if faults:
             raise InvalidInputError("; ".join(faults))
-        notes, warnings = (unit_note, *notes, *ordered), (*quality_warnings, *_bodies_warning(raw))
-        return without_zeros(
-            replace(raw, positions=raw.positions * scale, notes=notes, quality_warnings=warnings)
+        bodies = _bodies_warning(raw)
+        del raw  # since its points are scaled
+        points = scaled(points, scale)
+        if self.rate is not None:
+            notes = [*timing.notes, *notes]
+        else:
+            notes = [*notes, *timing.notes]
+        gaps, long_gaps = gap_messages(times)
+        warnings = [*quality_warnings, *timing.quality_warnings, *bodies, *long_gaps]
+        recording = Recording(
+            names=tuple(unique),
+            positions=points,
+            time=times,
+            source=printable(file.name),
+            notes=(unit_note, *notes, *ordered, *gaps),
+            quality_warnings=tuple(warnings),
         )
+        recording = without_zeros(recording)
+        if not self.keep_rest_poses:
+            recording = without_rest_poses(recording, timing.is_assumed, timing.is_cut)
+        ends = recording.time[-2:] if timing.end is None else timing.end
+        late = beyond_end(np.atleast_1d(ends), self.stop)
+        if late:
+            warnings = [*recording.quality_warnings, *late]
+            recording = replace(recording, quality_warnings=tuple(warnings))
+        return recording
 
     def _scale(self, recording: Recording, declared: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
@@ -220,6 +253,8 @@ def read_recording(
     height: float | None = None,
     markers: Markers = None,
     side: str = AUTO,
+    start: float | None = None,
+    stop: float | None = None,
 ) -> Recording:
     """Read a recording of a person's motion.
 
@@ -242,6 +277,8 @@ def read_recording(
         unit is recognized.
     side : {"auto", "right", "left", "both"}
         Arm that is wanted; errors list its missing roles.
+    start, stop : float, optional
+        Part of the recording that is used [s], as in `Recording.crop`; tables of text and BVH are not parsed beyond it.
 
     Returns
     -------
@@ -271,15 +308,27 @@ def read_recording(
         else as_number(height, f"{spoken('height')} [m]", minimum=0.5, maximum=2.5),
         markers=markers,
         side=as_choice(side, "side", (AUTO, *SIDES, BOTH)),
+        start=None if start is None else as_number(start, "start"),
+        stop=None if stop is None else as_number(stop, "stop"),
     )
     file = as_path(path, other=" or the name of a recording")
     if str(path) in SHIPPED and not file.is_file():
         file = shipped_recording(str(path))
+    recording = read_with(file, options)
+    if not options.crops:
+        return recording
+    rows = interval_rows(recording.time, options.start, options.stop)
+    return replace(recording, positions=recording.positions[rows], time=recording.time[rows])
+
+
+def read_with(file: Path, options: ImportOptions) -> Recording:
+    """Read a file with checked options, at least the part that they select; see `read_recording`."""
     kind = _format_of(file)
     reader = READERS[kind]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
     try:
-        return replace(read(file, options), format=kind)
+        recording = read(file, options)
+        return replace(recording, format=recording.format or kind)
     except (FileFormatError, UnknownNameError):
         raise
     except ValueError as error:
@@ -311,6 +360,45 @@ def shipped_recording(name: str) -> Path:
     if name not in SHIPPED:
         raise unknown_name("bundled recording", name, SHIPPED)
     return Path(__file__).parents[1] / "data" / SHIPPED[name]
+
+
+def _as_points(positions: ArrayLike, count: int) -> Array:
+    """Return positions (n_frames, count, 3) that can be changed; others are an error."""
+    with np.errstate(over="ignore"):  # of wider floating-point types
+        points = np.asarray(positions, dtype=np.float64)
+    if points.ndim != 3 or points.shape[1:] != (count, 3) or not points.size:
+        text = f"positions must have shape (n, k, 3) for {count} names, with n ≥ 1; found {points.shape}"
+        raise InvalidInputError(text)
+    require_size(*points.shape[:2])
+    return points if points.flags.writeable else points.copy()
+
+
+def _numbered(names: Sequence[str]) -> list[str]:
+    """Return the names, with a number at those that occurred before."""
+    unique = []
+    seen: Counter[str] = Counter()
+    for name in names:
+        seen[name] += 1
+        unique.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return unique
+
+
+def _mark_missing(points: Array, names: Sequence[str]) -> list[str]:
+    """Mark points without a usable position as nan, in place; return a note on them."""
+    missing = np.empty(points.shape[:2], dtype=np.bool_)
+    frames = max(1, BLOCK // (3 * points.shape[1]))
+    for first in range(0, len(points), frames):
+        part = points[first : first + frames]
+        within = (part <= MAX_POSITION) & (part >= -MAX_POSITION)
+        missing[first : first + frames] = ~all_axes(within)
+    if not missing.any():
+        return []
+    points[missing] = np.nan
+    if missing.all():
+        raise InvalidInputError("every point is missing in every frame")
+    never = [names[i] for i in np.flatnonzero(missing.all(axis=0)).tolist()]
+    always = f"; always: {_first(never, 20)}" if never else ""
+    return [f"{100 * missing.mean():.1f} % of all points are missing{always}"]
 
 
 def known_unit(text: str) -> str | None:
@@ -378,6 +466,8 @@ def _format_of(file: Path) -> str:
         with open(file, "rb") as stream:
             head = stream.read(4096)
         kind = _by_content(head)
+        if kind == ".npz" and suffix not in (".npz", ".npy") and not _holds_arrays(file):
+            kind = ".zip"
         for name, foreign in load_names("foreign_formats.yaml").items():
             starts = tuple(start.encode("latin-1") for start in foreign.get("starts", ()))
             if head.startswith(starts) or (
@@ -385,6 +475,15 @@ def _format_of(file: Path) -> str:
             ):
                 raise FileFormatError(f"{file}: not supported ({name}): {foreign['advice']}")
     return kind or existing_file(file, tuple(READERS), RECORDING_BYTES, hint).suffix.lower()
+
+
+def _holds_arrays(file: Path) -> bool:
+    """Whether a zip archive, or one that is damaged, may be an ``.npz`` file."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return any(info.filename.endswith(".npy") for info in archive.infolist())
+    except Exception:  # noqa: BLE001 - zipfile raises errors of many types on damaged files
+        return file.suffix.lower() != ".zip"
 
 
 def _by_content(head: bytes) -> str | None:

@@ -1,25 +1,35 @@
 """BVH, a tree of joints with offsets, and their angles frame by frame."""
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from maniport.errors import argument, counted
+from maniport.mocap.cleaning import rest_frames, rest_pose_note
 from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.readers.text import (
+    NumberTable,
+    Row,
+    as_float,
     is_cut_off,
-    number_table,
+    lines_of,
     positive_number,
-    rows_from,
-    text_lines,
+    row_blocks,
+    sliced,
 )
+from maniport.mocap.readers.times import FileTimes, FrameTimes
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import END
-from maniport.util.input_limits import POINTS, require_at_most
+from maniport.util.input_limits import FRAMES, POINTS, require_at_most
 from maniport.util.validation import Array
 
+FRAMES_AT_ONCE = 2000
+_STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\s+[-+.\d])")
 CHANNELS = {(kind, axis) for kind in ("position", "rotation") for axis in "xyz"}
 
 
@@ -33,123 +43,290 @@ class _Node:
     channels: list[tuple[str, str]] = field(default_factory=list)  # position or rotation, and axis
 
 
+class _Motion(NamedTuple):
+    """The header of the frames."""
+
+    declared: str  # number of frames
+    step: float  # of time [s]
+    first: int  # number of the line of the first frame
+
+
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a BVH file; see `maniport.mocap.readers.read_recording`."""
-    lines = text_lines(file)
-    if not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
+    lines = lines_of(file)
+    hierarchy: list[Row] = []
+    for number, line in lines:
+        if line.split()[:1] == ["MOTION"]:
+            break
+        hierarchy.append((number, line))
+        if number == 20 and not _begins(hierarchy):
+            break
+        require_at_most(len(hierarchy), 40 * POINTS, "lines in its hierarchy")
+    else:
+        number = 0
+    if not _begins(hierarchy):
         raise ValueError("this is no BVH file: it does not begin with HIERARCHY")
-    motion = next((i for i, line in enumerate(lines) if line.split()[:1] == ["MOTION"]), None)
-    if motion is None:
+    if number == 0:
         raise ValueError(
-            f"the file is cut off in its hierarchy, at line {len(lines)}: there is no MOTION"
+            f"the file is cut off in its hierarchy, at line {len(hierarchy)}: there is no MOTION"
         )
-    nodes = _hierarchy(lines[:motion])
+    nodes = _hierarchy(hierarchy)
     require_at_most(len(nodes), POINTS, "joints and end sites")
-    step, table, notes = _motion(lines, motion, sum(len(node.channels) for node in nodes))
-    if any(kind == "position" for node in nodes[1:] for kind, _ in node.channels):
+    motion = _motion(lines, number, options)
+    if options.crops:
+        count = sum(len(block.lines) for block in row_blocks(file, motion.first))
+        rest = _rest_frames(file, options, nodes, motion, count)
+        times = _times(options, motion, count)
+        shifted = np.empty(count)
+        shifted[rest:] = times.time[: count - rest]
+        shifted[:rest] = -times.time[rest:0:-1]
+        times = replace(times, time=shifted)
+        kept = times.rows_between(options.start, options.stop)
+        if 0 < rest <= kept.start:
+            times = replace(times, notes=(*times.notes, rest_pose_note(rest, "first")))
+        times = times.part(kept)
+        table = _table(file, nodes, motion, kept)
+    else:
+        table = _table(file, nodes, motion, slice(0, FRAMES))
+        count = len(table)
+        times = _times(options, motion, count)
+    if is_cut_off(motion.declared, count):
+        raise ValueError(
+            f"the file is cut off: its header declares {counted(int(motion.declared), 'frame')}, and there are {count}"
+        )
+    notes = []
+    if count != int(motion.declared):
         notes.append(
-            "position channels below the root were ignored: every bone keeps the length of its offset"
+            f"the header declares {counted(int(motion.declared), 'frame')}, but the file holds {count}: all were read"
         )
     require_size(len(table), len(nodes))
-    parts = np.split(table, range(2000, len(table), 2000))  # limits the memory
-    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
-        positions = np.concatenate([_positions(nodes, part) for part in parts])
-    time = np.arange(len(positions)) * step
-    recording = options.recording(file, [node.name for node in nodes], positions, time, notes=notes)
-    speed = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1) / step
-    if len(speed) < 3 or not speed[0] > max(5.0, 10 * np.percentile(speed[1:], 99)):  # [m/s]
-        return recording
-    notes = [
-        *recording.notes,
-        "the first frame, a rest pose from which the motion jumps, was omitted",
-    ]
-    return replace(
-        recording, positions=recording.positions[1:], time=recording.time[:-1], notes=tuple(notes)
-    )
+    positions, position_notes = _all_positions(nodes, table)
+    del table  # as large as the positions
+    names = [node.name for node in nodes]
+    return options.recording(file, names, positions, times, notes=[*notes, *position_notes])
 
 
-def _hierarchy(lines: list[str]) -> list[_Node]:
+def _begins(hierarchy: Sequence[Row]) -> bool:
+    return any(line.split()[:1] == ["HIERARCHY"] for _, line in hierarchy[:20])
+
+
+def _table(file: Path, nodes: list[_Node], motion: _Motion, frames: slice) -> Array:
+    """Return the channels of some frames, shape (n_frames, n_channels)."""
+    width = sum(len(node.channels) for node in nodes)
+    blocks = sliced(row_blocks(file, motion.first), frames)
+    (table,) = NumberTable(width, [range(width)]).read(blocks)
+    return table
+
+
+def _times(options: ImportOptions, motion: _Motion, count: int) -> FrameTimes:
+    """Return the times of all frames, which begin at zero."""
+    times = options.frame_times(FileTimes(rates={"Frame Time": 1 / motion.step}), count)
+    if options.rate is None:
+        times = replace(times, time=motion.step * np.arange(count, dtype=np.float64))
+    return times
+
+
+def _rest_frames(
+    file: Path,
+    options: ImportOptions,
+    nodes: list[_Node],
+    motion: _Motion,
+    count: int,
+) -> int:
+    """Return the number of frames of a rest pose at the start, from no more frames than necessary."""
+    names = [node.name for node in nodes]
+    whole = replace(options, start=None, stop=None, keep_rest_poses=True)
+    size = min(64, count)
+    while size:
+        table = _table(file, nodes, motion, slice(0, size))
+        positions, _ = _all_positions(nodes, table)
+        beginning = whole.recording(file, names, positions, _times(options, motion, size))
+        rest = rest_frames(beginning.positions, beginning.time)
+        has_moved = bool((table[: size // 2] != table[0]).any())
+        if rest or has_moved or size == count:
+            return rest
+        size = min(4 * size, count)
+    return 0
+
+
+def _hierarchy(lines: Sequence[Row]) -> list[_Node]:
     """Return the joints and end sites, parents before children."""
-    opened, closed = (sum(line.count(brace) for line in lines) for brace in "{}")
+    opened, closed = (sum(line.count(brace) for _, line in lines) for brace in "{}")
     if opened != closed:
         raise ValueError(f"the hierarchy has {opened} opening and {closed} closing braces")
     nodes: list[_Node] = []
     path: list[int] = []  # the nodes with open braces
-    for number, line in enumerate(lines, 1):
-        word, *rest = line.split() or [""]
-        try:
-            if word in ("ROOT", "JOINT", "End"):
-                if (word == "ROOT") != (not nodes) or (nodes and not path):
-                    raise ValueError("there must be one ROOT that contains all else")
-                name = f"{END}{nodes[path[-1]].name}" if word == "End" else " ".join(rest)
-                nodes.append(_Node(name, path[-1] if path else -1))
-                path.append(len(nodes) - 1)
-            elif word == "}":
-                path.pop()
-            elif word == "OFFSET":
-                x, y, z = map(float, rest)
-                nodes[path[-1]].offset = np.array([x, y, z])
-            elif word == "CHANNELS":
-                if nodes[path[-1]].channels:
-                    raise ValueError("the channels of this joint occur twice")
-                channels = [(word[1:].lower(), word[0].lower()) for word in rest[1:]]
-                if rest[:1] != [str(len(channels))] or not set(channels) <= CHANNELS:
-                    raise ValueError(
-                        "the number of channels differs from the declared one, or a channel is unknown"
-                    )
-                nodes[path[-1]].channels = channels
-        except (ValueError, IndexError) as error:
-            raise ValueError(
-                f"not readable as BVH: line {number}, {line.strip()!r}: {error}"
-            ) from None
+    for number, line in lines:
+        for statement in filter(None, _STATEMENT.split(line)):
+            word, *rest = statement.split() or [""]
+            try:
+                _read_statement(word, rest, nodes, path)
+            except (ValueError, IndexError) as error:
+                raise ValueError(
+                    f"not readable as BVH: line {number}, {line.strip()!r}: {error}"
+                ) from None
     if not nodes:
         raise ValueError("the hierarchy holds no ROOT")
     return nodes
 
 
-def _motion(lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
-    """Return the time step [s], the channels of each frame, shape (n, width), and notes on repairs."""
-    body = rows_from(lines, motion + 1)
-    header = re.match(
+def _read_statement(word: str, rest: list[str], nodes: list[_Node], path: list[int]) -> None:
+    """Read one statement of the hierarchy into the nodes."""
+    if word in ("ROOT", "JOINT", "End"):
+        if (word == "ROOT") != (not nodes) or (nodes and not path):
+            raise ValueError("there must be one ROOT that contains all else")
+        name = f"{END}{nodes[path[-1]].name}" if word == "End" else " ".join(rest)
+        nodes.append(_Node(name, path[-1] if path else -1))
+        path.append(len(nodes) - 1)
+    elif word == "}":
+        path.pop()
+    elif word == "OFFSET":
+        x, y, z = map(as_float, rest)
+        nodes[path[-1]].offset = np.array([x, y, z])
+    elif word == "CHANNELS":
+        if nodes[path[-1]].channels:
+            raise ValueError("the channels of this joint occur twice")
+        channels = [(channel[1:].lower(), channel[0].lower()) for channel in rest[1:]]
+        if rest[:1] != [str(len(channels))] or not set(channels) <= CHANNELS:
+            raise ValueError(
+                "the number of channels differs from the declared one, or a channel is unknown"
+            )
+        nodes[path[-1]].channels = channels
+
+
+def _motion(lines: Iterator[Row], motion: int, options: ImportOptions) -> _Motion:
+    """Read the lines after MOTION, up to the first frame."""
+    header = list(islice(((n, line) for n, line in lines if line.strip()), 2))
+    match = re.match(
         r"\s*Frames\s*:\s*(\d{1,15})\s+Frame\s+Time\s*:\s*(\S+)\s*$",
-        " ".join(row[1] for row in body[:2]),
+        " ".join(line for _, line in header),
     )
-    if header is None:
+    if match is None:
+        raise ValueError(f"MOTION at line {motion} must be followed by 'Frames:' and 'Frame Time:'")
+    last = header[-1][0]
+    step = positive_number(match[2])
+    if step is None and options.rate is None:
         raise ValueError(
-            f"MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'"
+            f"Frame Time at line {last} must be a positive number; found {match[2]!r}; "
+            f"{argument('rate')} sets the frames per second"
         )
-    declared, rows, step = header[1], body[2:], positive_number(header[2])
     if step is None:
-        raise ValueError(
-            f"Frame Time at line {body[1][0]} must be a positive number; found {header[2]!r}"
-        )
-    table = number_table(rows, width)
-    if is_cut_off(declared, len(rows)):
-        raise ValueError(
-            f"the file is cut off: its header declares {declared} frames, and there are {len(rows)}"
-        )
+        step = 1 / float(options.rate or 1.0)
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate
-    text = f"the header declares {declared} frames, but there are {len(rows)}: all were read"
-    return step, table, [] if len(rows) == int(declared) else [text]
+    return _Motion(match[1], step, last + 1)
 
 
-def _positions(nodes: list[_Node], table: Array) -> Array:
-    """Return the origins of all nodes, shape (n, len(nodes), 3), in the file's unit."""
-    positions, columns = np.zeros((len(table), len(nodes), 3)), iter(table.T)
-    rotations: list[Array] = []
+def _all_positions(nodes: list[_Node], table: Array) -> tuple[Array, list[str]]:
+    """Return the origins of all nodes, shape (n, len(nodes), 3), in the file's unit, with notes."""
+    translations, notes = _translations(nodes, table)
+    positions = np.empty((len(table), len(nodes), 3))
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
+        for first in range(0, len(table), FRAMES_AT_ONCE):  # limits the memory
+            part = slice(first, first + FRAMES_AT_ONCE)
+            positions[part] = _positions(nodes, table[part], translations)
+    return positions, notes
+
+
+def _translations(nodes: list[_Node], table: Array) -> tuple[set[int], list[str]]:
+    """Return the nodes below the root whose position channels replace their offsets, with a note.
+
+    Channels that are zero, or no more than rounding, keep the offset, and those that equal it are not needed.
+    """
+    lengths = [float(np.linalg.norm(node.offset)) for node in nodes[1:]]
+    bones = [length for length in lengths if length > 0]
+    tolerance = 1e-3 * float(np.median(bones)) if bones else 0.0
+    used = set()
+    largest = 0.0
+    text = ""
+    column = 0
     for i, node in enumerate(nodes):
-        rotation = (
-            np.tile(np.eye(3), (len(table), 1, 1)) if node.parent < 0 else rotations[node.parent]
-        )
-        positions[:, i] = positions[:, node.parent] + rotation @ node.offset
-        for (kind, axis), values in zip(node.channels, columns, strict=False):
+        values, present = _position_channels(node, table, column)
+        column += len(node.channels)
+        if node.parent < 0 or values is None:
+            continue
+        with np.errstate(invalid="ignore", over="ignore"):
+            finite = np.isfinite(values).all(axis=1)
+            stated = values[finite & (np.abs(values) > tolerance).any(axis=1)]
+            differences = np.linalg.norm(stated - node.offset[present], axis=1)
+        if not len(stated) or differences.max() <= tolerance:
+            continue
+        used.add(i)
+        if differences.max() > largest:
+            largest = float(differences.max())
+            own = np.median(np.linalg.norm(stated, axis=1))
+            offset = np.linalg.norm(node.offset)
+            text = (
+                f"{largest:.4g} units at {node.name} (offset {offset:.4g} long, channels {own:.4g})"
+            )
+    if not used:
+        return used, []
+    joints = counted(len(used), "joint")
+    return used, [
+        f"position channels of {joints} below the root were used, since they differ from the offsets; most by {text}"
+    ]
+
+
+def _position_channels(node: _Node, table: Array, column: int) -> tuple[Array | None, list[int]]:
+    """Return the position channels of a node, shape (n, axes), and their axes; None where it has none."""
+    columns = []
+    axes = []
+    for i, (kind, axis) in enumerate(node.channels):
+        if kind == "position":
+            columns.append(column + i)
+            axes.append("xyz".index(axis))
+    return (table[:, columns], axes) if columns else (None, axes)
+
+
+def _offsets(node: _Node, values: Array, axes: list[int]) -> Array:
+    """Return the positions in the parent, shape (n, 3), from channels (n, axes); zero ones keep the offset."""
+    offsets = np.tile(node.offset, (len(values), 1))
+    is_stated = (values != 0).any(axis=1)
+    offsets[np.ix_(is_stated, axes)] = values[is_stated]
+    return offsets
+
+
+def _positions(nodes: list[_Node], table: Array, translations: set[int]) -> Array:
+    """Return the origins of nodes, shape (n, len(nodes), 3); those in `translations` by their position channels."""
+    count = len(table)
+    positions = np.zeros((count, len(nodes), 3))
+    channels = np.ascontiguousarray(table.T)
+    rotations: list[Array] = []  # of each node, shape (3, 3, n): the axes in rows
+    column = 0
+    for i, node in enumerate(nodes):
+        if node.parent < 0:
+            rotation = np.repeat(np.eye(3)[..., None], count, axis=2)
+            positions[:, i] = node.offset
+        else:
+            rotation = rotations[node.parent]
+            offsets = node.offset[:, None]
+            values, axes = _position_channels(node, table, column)
+            if i in translations and values is not None:
+                offsets = _offsets(node, values, axes).T
+            place = positions[:, node.parent].T.copy()
+            for axis, coordinates in zip(rotation, offsets, strict=True):
+                place += axis * coordinates
+            positions[:, i] = place.T
+        for kind, axis in node.channels:
+            values = channels[column]
+            column += 1
             if kind == "rotation":
-                rotation = (
-                    rotation @ Rotation.from_euler(axis, values[:, None], degrees=True).as_matrix()
-                )
+                rotation = _rotated(rotation, "xyz".index(axis), np.radians(values))
             elif node.parent < 0:
                 positions[:, i, "xyz".index(axis)] = values
         rotations.append(rotation)
     return positions
+
+
+def _rotated(rotation: Array, axis: int, angles: Array) -> Array:
+    """Rotate frames, with axes in rows (3, 3, n), about one of their own axes by angles (n,) [rad]."""
+    second = (axis + 1) % 3
+    third = (axis + 2) % 3
+    cosine = np.cos(angles)
+    sine = np.sin(angles)
+    rotated = np.empty_like(rotation)
+    rotated[axis] = rotation[axis]
+    rotated[second] = cosine * rotation[second] + sine * rotation[third]
+    rotated[third] = cosine * rotation[third] - sine * rotation[second]
+    return rotated

@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from maniport.errors import argument
 from maniport.mocap.readers import ImportOptions, require_size
+from maniport.mocap.readers.times import FileTimes
 from maniport.mocap.recording import Recording
 from maniport.util.input_limits import RECORDING_BYTES, read_whole
 from maniport.util.validation import Array
@@ -48,8 +50,11 @@ def read(file: Path, options: ImportOptions) -> Recording:
     values = _parameters(section, start)
     positions = _points(content, section[3], values)
     rate = _number(values, "RATE")
-    if not 0 < rate < np.inf:
-        raise ValueError(f"POINT:RATE must be a positive number; found {rate}")
+    if options.rate is None and not 0 < rate < np.inf:
+        raise ValueError(
+            f"POINT:RATE must be a positive number; found {rate}; {argument('rate')} sets the frames per second"
+        )
+    stated = FileTimes(rates={"POINT:RATE": rate, "header": _header_rate(content, section[3])})
     # Quotes, blanks and the subject's prefix are taken off the labels, as long as the names stay different.
     keys = (
         "LABELS",
@@ -61,7 +66,12 @@ def read(file: Path, options: ImportOptions) -> Recording:
     bare = [label.rpartition(":")[2].strip(" \"'") for label in labels]
     names = bare if len(set(bare)) == len(bare) else labels
     unit = str((values.get("POINT:UNITS") or [""])[0])
-    return options.recording(file, names, positions, np.arange(len(positions)) / rate, unit)
+    return options.recording(file, names, positions, stated, unit)
+
+
+def _header_rate(content: bytes, processor: int) -> float:
+    """Return the frames per second of the header, which repeats those of the parameters; zero where unset."""
+    return float(_numbers(content[20:24], REAL, processor)[0])
 
 
 def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:

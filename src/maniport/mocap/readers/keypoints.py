@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from maniport.errors import FileFormatError
+from maniport.errors import FileFormatError, counted
 from maniport.mocap.readers import ImportOptions, arm_error, drop_untrusted, require_size
 from maniport.mocap.readers.text import decoded
+from maniport.mocap.readers.times import FileTimes
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import load_names
 from maniport.util.input_limits import (
@@ -81,18 +82,34 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if several := sum(
         len(frame.get(_first(frame, KEYS["people"], list), ())) > 1 for frame in frames
     ):
-        notes.append(f"several people in {several} frames; the first one was taken")
-    clocks = [_first(frame, KEYS["seconds"]) for frame in frames]
-    time: Any = None
-    if all(clocks):
-        time = [
-            _number(frame[key]) * KEYS["seconds"][key]
-            for frame, key in zip(frames, clocks, strict=True)
-        ]
-    elif (key := _first(head, KEYS["rates"])) and 0 < (rate := _number(head[key])) < np.inf:
-        time = np.arange(len(bodies)) / rate
+        notes.append(f"several people in {counted(several, 'frame')}; the first one was taken")
+    stated = _times(head, frames)
     unit = head["unit"] if isinstance(head.get("unit"), str) else "m" if mediapipe else ""
-    return options.recording(file, names, positions, time, unit, notes=notes)
+    return options.recording(file, names, positions, stated, unit, notes=notes)
+
+
+def _times(head: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> FileTimes:
+    """Return the times of the frames, nan where one has none, and the rates of the file."""
+    clocks: dict[str, Any] = {}
+    for key, seconds in KEYS["seconds"].items():
+        if not any(key in frame for frame in frames):
+            continue
+        try:
+            clock = [_number(frame.get(key)) for frame in frames]
+        except ValueError:  # a date, which is of no use beside a clock
+            if clocks:
+                continue
+            raise
+        clocks[key] = seconds * np.array(clock)
+    rates = {}
+    for key in KEYS["rates"]:
+        if key in head:
+            try:
+                rates[key] = _number(head[key])
+            except ValueError:
+                if not clocks:
+                    raise
+    return FileTimes(clocks, rates=rates)
 
 
 def _loaded(file: Path, most: int) -> Any:

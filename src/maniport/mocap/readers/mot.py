@@ -7,7 +7,8 @@ Those of Rajagopal et al. (2016), which OpenCap and Pose2Sim use, rotate the hum
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,41 +20,80 @@ from maniport.mocap.directions import HALF_WIDTH, TRUNK, synthetic_recording
 from maniport.mocap.readers import ImportOptions
 from maniport.mocap.readers.text import (
     LARGEST_ANGLE,
+    NumberTable,
+    as_float,
+    field_of,
+    fields_of,
     is_cut_off,
-    number_table,
-    rows_from,
-    text_lines,
+    lines_of,
+    positive_number,
+    row_blocks,
+    sliced,
 )
+from maniport.mocap.readers.times import FileTimes, FrameTimes
 from maniport.mocap.recording import Recording
 from maniport.util.validation import Array
 
+HEADER = 200  # Lines within which the header must end
+BLANKS = " ,;\t\"'"  # Around the entries of a header
+
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup", "wrist_flex", "wrist_dev")
+ARM_ANGLES = {*JOINTS, *RAJAGOPAL}
+_SIDE = re.compile("_[rl]$")
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read joint angles; see `maniport.mocap.readers.read_recording`."""
-    lines = text_lines(file)
-    end = next(
-        (i for i, line in enumerate(lines[:200]) if line.strip().lower() == "endheader"), None
+    head = list(islice(lines_of(file), HEADER))
+    end = next((i for i, (_, line) in enumerate(head) if _is_end(line)), None)
+    names = (
+        next(((n, line) for n, line in head[end + 1 :] if line.strip()), None)
+        if end is not None
+        else None
     )
-    if end is None or end + 1 >= len(lines):
+    if end is None or names is None:
         raise ValueError(
             "this is no table of OpenSim: it lacks the line endheader or the numbers after it"
         )
-    header = dict(re.findall(r"^\s*(\w+)\s*=\s*(\S+)", "\n".join(lines[:end]), flags=re.MULTILINE))
+    header = _header([line for _, line in head[:end]])
+    first, line = names
+    separator = next((character for character in ",;" if character in line), None)
     # newer files write the path of a coordinate in the model, as /jointset/elbow/elbow_flexion/value
-    columns = [word.removesuffix("/value").rpartition("/")[2] for word in lines[end + 1].split()]
+    columns = [
+        word.removesuffix("/value").rpartition("/")[2] for word in fields_of(line, separator)
+    ]
+    while columns and not columns[-1]:
+        columns.pop()
     if columns[:1] != ["time"]:
+        raise ValueError(f"line {first} must name the columns, time first; found {line[:80]!r}")
+
+    row = next((line for number, line in head if number > first and line.strip()), "")
+    if separator is None and row.count("\t") == len(columns) - 1:
+        separator = "\t"  # of which single columns are read faster than of blanks
+
+    times: FrameTimes | None = None
+    blocks = row_blocks(file, first + 1)
+    if options.crops:
+        clock = []
+        for block in blocks:
+            clock += [as_float(field_of(row, separator, 0)) for row in block.lines]
+        times = _times(options, header, np.array(clock))
+        part = times.rows_between(options.start, options.stop)
+        blocks = sliced(row_blocks(file, first + 1), part)
+        count = len(clock)
+        times = times.part(part)
+    own_columns = [i for i, name in enumerate(columns) if _SIDE.sub("", name) in ARM_ANGLES]
+    clocks, table = NumberTable(len(columns), [[0], own_columns], separator).read(blocks)
+    if times is None:
+        times = _times(options, header, clocks[:, 0])
+        count = len(table)
+    declared = header.get("nrows", "")
+    if is_cut_off(declared, count):
         raise ValueError(
-            f"line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}"
+            f"the file is cut off: the header declares {declared} rows, and there are {count}"
         )
-    table = number_table(rows_from(lines, end + 2), len(columns))
-    if is_cut_off(declared := header.get("nRows", ""), len(table)):
-        raise ValueError(
-            f"the file is cut off: the header declares {declared} rows, and there are {len(table)}"
-        )
-    angles = {name: table[:, i] for i, name in enumerate(columns) if i}
-    unit, notes, quality_warnings = _radians(angles, header.get("inDegrees", "").lower())
+    angles = {columns[column]: table[:, i] for i, column in enumerate(own_columns)}
+    unit, notes, quality_warnings = _radians(angles, header.get("indegrees", "").lower())
     points: dict[str, Array] = {}
     for side, mirror, endings in (("right", 1.0, ("", "_r")), ("left", -1.0, ("_l",))):
         for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):
@@ -80,20 +120,39 @@ def read(file: Path, options: ImportOptions) -> Recording:
         )
     points |= {name: np.tile(np.array(point), (len(table), 1)) for name, point in TRUNK.items()}
     positions = np.stack(list(points.values()), axis=1)
-    return options.recording(
-        file, list(points), positions, table[:, 0], "m", notes, quality_warnings
-    )
+    return options.recording(file, list(points), positions, times, "m", notes, quality_warnings)
+
+
+def _is_end(line: str) -> bool:
+    return line.strip(BLANKS).lower() == "endheader"
+
+
+def _header(lines: Sequence[str]) -> dict[str, str]:
+    """Return the entries of the header by their keys in lower case; spreadsheets fill its lines with separators."""
+    header = {}
+    for line in lines:
+        key, _, value = line.strip(BLANKS).partition("=")
+        words = value.split()
+        if words:
+            header[key.strip().lower()] = words[0].strip(BLANKS)
+    return header
+
+
+def _times(options: ImportOptions, header: Mapping[str, str], clock: Array) -> FrameTimes:
+    """Return the times of frames from their column and the rate that some programs write into the header."""
+    rates = {}
+    for key in ("datarate", "samplerate", "framerate", "rate"):
+        rate = positive_number(header.get(key, ""))
+        if rate is not None:
+            rates[key] = rate
+    stated = FileTimes({"time": clock}, rates=rates)
+    return options.frame_times(stated, len(clock))
 
 
 def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
     """Return radians per unit, from the header or by the angles, with notes and data-quality warnings."""
     full_turn = 2 * np.pi  # more than the range of any joint of an arm
-    arm = [
-        angle
-        for name, angle in angles.items()
-        if re.sub("_[rl]$", "", name) in {*JOINTS, *RAJAGOPAL}
-    ]
-    finite = [np.abs(angle[np.isfinite(angle)]) for angle in arm]
+    finite = [np.abs(angle[np.isfinite(angle)]) for angle in angles.values()]
     largest = max(
         (float(np.percentile(values, 95)) for values in finite if len(values)), default=0.0
     )

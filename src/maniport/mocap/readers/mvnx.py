@@ -6,6 +6,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from maniport.mocap.readers import ImportOptions, require_size
+from maniport.mocap.readers.text import positive_number
+from maniport.mocap.readers.times import FileTimes
 from maniport.mocap.recording import Recording
 from maniport.util.input_limits import NESTING, RECORDING_BYTES, existing_file, require_at_most
 from maniport.util.validation import Array
@@ -20,8 +22,10 @@ def read(file: Path, options: ImportOptions) -> Recording:
     existing_file(file, (), RECORDING_BYTES)
     names: list[str] = []
     rows: list[Array] = []
-    times: list[float] = []
-    rate, text, count = 0.0, None, 0
+    stamps: dict[str, list[float]] = {name: [] for name in ("time", "ms", "index")}
+    rate = 0.0
+    text: str | None = None
+    count = 0
     path: list[ElementTree.Element] = []
     for event, element in ElementTree.iterparse(file, events=("start", "end")):
         tag = element.tag.rpartition("}")[2]
@@ -33,7 +37,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
             require_at_most(count, ELEMENTS, "elements")
             require_at_most(len(path), NESTING, "levels of elements within elements")
             if tag == "subject":
-                rate = float(element.get("frameRate", "0"))
+                rate = positive_number(element.get("frameRate", "")) or 0.0
             elif tag == "frame":
                 text = None
             elif tag == "segment":
@@ -57,18 +61,29 @@ def read(file: Path, options: ImportOptions) -> Recording:
                     f"frame {number} holds {amount} numbers for {len(names)} segments, not three each"
                 )
             rows.append(np.array(words, dtype=np.float64))
-            times.append(float(element.get("time", "nan")) / 1000.0)
+            for name, values in stamps.items():
+                values.append(_number(element.get(name, "")))
         element.clear()
         if path:
             path[-1].remove(element)
     if not rows or not names:
         raise ValueError("the file holds no frames")
-    time = (
-        np.arange(len(rows)) / rate
-        if 0 < rate < np.inf
-        else times
-        if np.isfinite(times).all()
-        else None
-    )
+    clocks = {}
+    for name in (
+        "time",
+        "ms",
+    ):  # since the start, and of the day or since 1970, both in milliseconds
+        stamp = np.array(stamps[name])
+        if np.isfinite(stamp).any():
+            clocks[name] = (stamp - stamp[np.isfinite(stamp)][0]) / 1000.0
+    stated = FileTimes(clocks, np.array(stamps["index"]), {"frameRate": rate})
     positions = np.array(rows).reshape(len(rows), -1, 3)
-    return options.recording(file, names, positions, time, "m")
+    return options.recording(file, names, positions, stated, "m")
+
+
+def _number(text: str) -> float:
+    """Parse a number; nan where there is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")

@@ -19,14 +19,18 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
+from maniport.errors import argument, some_of
 from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.readers.orders import recognized_order
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
+from maniport.mocap.readers.times import FileTimes
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import load_names
 from maniport.util.files import array_names, load_arrays, read_npy
 from maniport.util.input_limits import RECORDING_BYTES, SETTINGS_BYTES, existing_file, read_whole
 from maniport.util.validation import Array
+
+RATE = "rate "  # Prefix of the keys of frame rates, of which a file may have several
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -43,8 +47,11 @@ def read(file: Path, options: ImportOptions) -> Recording:
     names = array_names(file, "recording")
     keys: dict[str, list[str]] = load_names("file_keys.yaml")["arrays"]
     chosen = {what: next((key for key in own if key in names), None) for what, own in keys.items()}
-    loaded = load_arrays(file, "recording", [key for key in chosen.values() if key])
+    rates = [key for key in keys["rate"] if key in names]
+    loaded = load_arrays(file, "recording", [*rates, *(key for key in chosen.values() if key)])
     arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}
+    arrays.pop("rate", None)
+    arrays |= {f"{RATE}{key}": np.atleast_1d(np.asarray(loaded[key])) for key in rates}
     poses = [arrays[key] for key in ("poses", "root", "body") if key in arrays][
         : 1 if "poses" in arrays else 2
     ]
@@ -54,7 +61,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
         raise ValueError(
             f"a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
             f"missing: {', '.join(what for what in ('names', 'positions') if what not in arrays)}; "
-            f"found: {', '.join(names) or 'nothing'}"
+            f"found: {some_of(names)}"
         )
     return _points(file, options, arrays)
 
@@ -91,26 +98,40 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
         raise ValueError(
             f"names must be {count} texts, one for each point; found {len(names)}: {str(names)[:80]}"
         )
-    time = _time(arrays, len(positions), options)
-    return options.recording(file, names, positions, time, unit, notes, warnings)
+    times = _times(arrays, len(positions), options)
+    return options.recording(file, names, positions, times, unit, notes, warnings)
 
 
-def _time(
-    arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOptions
-) -> NDArray[Any] | None:
-    """Return the times, from the rate where there are none; None where there is neither."""
-    if "time" in arrays or "rate" not in arrays or options.rate is not None:
-        return arrays.get("time")
-    rate = arrays["rate"]
-    if (
-        rate.size != 1
-        or rate.dtype.kind not in "fiu"
-        or not (np.isfinite(rate).all() and rate.min() >= 1e-6)
-    ):
+def _times(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOptions) -> FileTimes:
+    """Return the times and the rates of the file, first the rate that its duration supports."""
+    clocks = {}
+    if "time" in arrays:
+        clocks["time"] = arrays["time"]
+    rates = {}
+    wrong = None
+    for key, rate in arrays.items():
+        if not key.startswith(RATE):
+            continue
+        is_number = rate.size == 1 and rate.dtype.kind in "fiu"
+        if is_number and np.isfinite(rate).all() and rate.min() >= 1e-6:
+            rates[key.removeprefix(RATE)] = float(rate.flat[0])
+        else:
+            wrong = rate
+    if wrong is not None and not (rates or clocks or options.rate):
         raise ValueError(
-            f"a recording needs time (n,) [s], or rate in frames per second; found {rate}"
+            f"a recording needs time (n,) [s], or rate in frames per second; found {wrong}; "
+            f"{argument('rate')} sets it"
         )
-    return np.arange(count) / float(rate.flat[0])
+    duration = arrays.get("duration", np.zeros(0))
+    if (
+        len(rates) > 1
+        and duration.size == 1
+        and duration.dtype.kind in "fiu"
+        and duration.flat[0] > 0
+    ):
+        expected = count / float(duration.flat[0])
+        rates = dict(sorted(rates.items(), key=lambda item: abs(np.log(item[1] / expected))))
+    return FileTimes(clocks, rates=rates)
 
 
 def _posed(
@@ -138,7 +159,7 @@ def _posed(
         f"pose parameters without the body model: directions of bones from a T-pose, {lengths}"
     ]
     return options.recording(
-        file, ["pelvis", *bones], positions, _time(arrays, count, options), "m", notes
+        file, ["pelvis", *bones], positions, _times(arrays, count, options), "m", notes
     )
 
 

@@ -6,17 +6,27 @@ section ``Trajectories`` of its ASCII export. Qualisys Track Manager: the TSV fi
 """
 
 import re
-from collections.abc import Sequence
-from itertools import takewhile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.mocap.readers import ImportOptions, drop_untrusted, known_unit, require_size, text
-from maniport.mocap.readers.text import Row, fields_of, positive_number, separator_of
+from maniport.mocap.readers.text import (
+    Block,
+    Row,
+    field_of,
+    fields_of,
+    positive_number,
+    separator_of,
+)
+from maniport.mocap.readers.times import FileTimes, FrameTimes
 from maniport.mocap.recording import Recording
 from maniport.util.input_limits import NAME, POINTS, require_at_most
+from maniport.util.validation import Array
 
 _COLUMN = re.compile(
     r"(.+?)(?:[ _.:-]+pos(?:ition)?)?[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE
@@ -24,7 +34,11 @@ _COLUMN = re.compile(
 _CONFIDENCE = re.compile(
     r"(.+?)[ _.:-]+(?:visibility|confidence|conf|score|likelihood)", re.IGNORECASE
 )
+_COLUMN_AXIS = re.compile(r"[ _.:-]+\(?[xyz]\)?$", re.IGNORECASE)
 _TIME = re.compile(r"(?:time|t|timestamp|seconds)(?:[ _]*[\[(]?(s|ms)[\])]?)?", re.IGNORECASE)
+
+NEXUS_SECTIONS = ("Devices", "Events", "Joints", "Model Outputs", "Segments", "Trajectories")
+HEADER = 300  # Lines in which the names of the columns are
 
 LAYOUTS = (
     "a table of points has a line of names first and then either a row for each frame, with columns NAME_x, NAME_y, "
@@ -36,98 +50,163 @@ class Table(NamedTuple):
     """A table with one name for each column."""
 
     columns: Sequence[str]  # NAME_x, NAME_y, NAME_z, time, or empty where it is not read
-    rows: Sequence[Row]
+    first: int  # number of the line with the first row, from one
     separator: str
     unit: str = ""  # of length; empty where unknown
-    rate: float | None = None  # frames per second
+    rates: Mapping[str, float] = {}  # frames per second that the header states
     advice: str = LAYOUTS  # for a table without points
     warnings: Sequence[str] = ()
     short: bool = False  # fields may be missing at the end of a row
+    frame_column: int | None = None  # of the numbers of frames
+    declared_frames: str = ""  # number of frames in the header
+    ends_at_blank: bool = False  # whether another section follows
+    comments: bool = False  # whether lines that begin with # are comments
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a table of points; see `maniport.mocap.readers.read_recording`."""
-    lines = text.text_lines(file)
-    rows = text.rows_from(lines, 0)
-    first = rows[0][1].strip(' "') if rows else ""
-    section = next(
-        (i for i, line in enumerate(lines) if line.strip(',;\t "') == "Trajectories"), None
-    )
+    head = list(islice(text.rows_of(file), HEADER))
+    first = head[0][1].strip(' "') if head else ""
     if first.startswith("PathFileType"):
-        table = _trc(lines)
+        table = _trc([line for _, line in islice(text.lines_of(file), 5)])
     elif first.startswith("Format Version"):
-        table = _motive(rows)
+        table = _motive(head)
     elif first.startswith("NO_OF_FRAMES"):
-        table = _qualisys(rows)
-    elif section is not None:
-        table = _nexus(lines[section:], section)
+        table = _qualisys(head)
     else:
-        rows = [row for row in rows if not row[1].lstrip().startswith("#")]
-        if first.startswith("sep="):  # written by Excel
-            rows = rows[1:]
-        if not rows:
-            raise ValueError("the file holds no lines")
-        separator = separator_of(rows[0][1])
-        table = Table(fields_of(rows[0][1], separator), rows[1:], separator)
-        columns, words = (
-            [*map(str.lower, table.columns)],
-            ("name", "joint", "marker", "keypoint", "landmark", "point"),
-        )
+        table = _named_columns(head)
+        columns = [column.lower() for column in table.columns]
+        words = ("name", "joint", "marker", "keypoint", "landmark", "point")
         name = next((columns.index(word) for word in words if word in columns), None)
         if name is not None and {"x", "y", "z"} <= set(columns):
             return _one_row_a_point(file, options, table, columns, name)
+        _require_usable_names(table)
+        if not any(map(_COLUMN.fullmatch, table.columns)):
+            table = _nexus(file) or table
     return _one_row_a_frame(file, options, table)
 
 
-def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Recording:
+def _named_columns(head: Sequence[Row]) -> Table:
+    """Return a table with one line of names."""
+    rows = [row for row in head if not row[1].lstrip().startswith("#")]
+    if rows and rows[0][1].strip(' "').startswith("sep="):  # written by Excel
+        rows = rows[1:]
+    if not rows:
+        raise ValueError("the file holds no lines")
+    number, names = rows[0]
+    separator = separator_of(names)
+    return Table(fields_of(names, separator), number + 1, separator, comments=True)
+
+
+def _blocks(file: Path, table: Table) -> Iterator[Block]:
+    """Iterate over the rows of numbers."""
+    end = f"{table.separator} \n" if table.ends_at_blank else None
+    return text.row_blocks(file, table.first, table.comments, end)
+
+
+def _require_usable_names(table: Table) -> None:
+    """Raise where there are too many columns, or names so long that matching them takes long."""
+    require_at_most(len(table.columns), 4 * POINTS, "columns")
+    longest = max(map(len, table.columns), default=0)
+    require_at_most(longest, NAME, "characters in the name of a column")
+
+
+def _points_of(table: Table) -> tuple[dict[str, dict[str, int]], str]:
+    """Return the columns of each point by axis, and the unit that their names state."""
     points: dict[str, dict[str, int]] = {}
     units = set()
-    require_at_most(len(table.columns), 4 * POINTS, "columns")
-    require_at_most(
-        max(map(len, table.columns), default=0), NAME, "characters in the name of a column"
-    )
+    _require_usable_names(table)
     for i, column in enumerate(table.columns):
-        if match := _COLUMN.fullmatch(column):
-            if points.setdefault(match[1], {}).setdefault(match[2].lower(), i) != i:
-                raise ValueError(f"the column {column!r} occurs twice")
-            units.add(match[3] or "")
+        match = _COLUMN.fullmatch(column)
+        if match is None:
+            continue
+        if points.setdefault(match[1], {}).setdefault(match[2].lower(), i) != i:
+            raise ValueError(f"the column {column!r} occurs twice")
+        units.add(match[3] or "")
     missing = [
         f"{name}_{axis}" for name, axes in points.items() for axis in "xyz" if axis not in axes
     ]
     if not points or missing:
-        fault = (
-            f"there is no column {missing[0]}"
-            if missing
-            else "the table holds no positions of points"
-        )
+        fault = "the table holds no positions of points"
+        if missing:
+            fault = f"there is no column {missing[0]}"
         raise ValueError(
             f"{fault}; {table.advice}; found columns {', '.join(table.columns[:8])[:200]}"
         )
-    confidence = {
-        match[1]: i
-        for i, column in enumerate(table.columns)
-        if (match := _CONFIDENCE.fullmatch(column))
-    }
+    return points, units.pop() if len(units) == 1 else ""
+
+
+def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Recording:
+    points, unit = _points_of(table)
+    confidence: dict[str, int] = {}
+    for i, column in enumerate(table.columns):
+        match = _CONFIDENCE.fullmatch(column)
+        if match and match[1] in points:
+            confidence[match[1]] = i
     clock, per_second = _clock(table.columns)
-    used = [axes[axis] for axes in points.values() for axis in "xyz"]
-    used += [confidence.get(name, axes["x"]) for name, axes in points.items()]
-    used += [] if clock is None else [clock]
-    numbers = text.number_table(table.rows, len(table.columns), table.separator, used, table.short)
-    positions = numbers[:, : 3 * len(points)].reshape(len(numbers), -1, 3)
-    confidences = numbers[:, 3 * len(points) : 4 * len(points)]
-    notes = drop_untrusted(
-        positions, np.where([name in confidence for name in points], confidences, 1.0)
-    )
-    time = None if clock is None else numbers[:, -1] / per_second
-    if table.rate is not None:
-        start = time[0] if time is not None and np.isfinite(time[0]) else 0.0
-        even = start + np.arange(len(numbers)) / table.rate
-        if time is None or np.isnan(time).any() or (np.abs(time - even) < 0.25 / table.rate).all():
-            time = even  # where the column is incomplete or rounded
-    unit = table.unit or (units.pop() if len(units) == 1 else "")
+    axes = [columns[axis] for columns in points.values() for axis in "xyz"]
+    clocks = [column for column in (clock, table.frame_column) if column is not None]
+
+    blocks = _blocks(file, table)
+    times: FrameTimes | None = None
+    if options.crops:
+        numbers = _scanned(blocks, table, clocks)
+        times = _times(options, table, numbers, clock, per_second)
+        part = times.rows_between(options.start, options.stop)
+        count = len(times.time)
+        times = times.part(part)
+        blocks = text.sliced(_blocks(file, table), part)
+
+    groups = (axes, list(confidence.values()), clocks)
+    reader = text.NumberTable(len(table.columns), groups, table.separator, table.short)
+    coordinates, confidences, numbers = reader.read(blocks)
+    positions = coordinates.reshape(len(coordinates), -1, 3)
+    if times is None:
+        count = len(positions)
+        times = _times(options, table, numbers, clock, per_second)
+
+    names = list(points)
+    notes = []
+    if confidence:
+        columns = [names.index(name) for name in confidence]
+        trusted = np.ones(positions.shape[:2])
+        trusted[:, columns] = confidences
+        notes = drop_untrusted(positions, trusted)
+    warnings = list(table.warnings)
+    if text.is_cut_off(table.declared_frames, count):
+        warnings.insert(
+            0,
+            f"the header declares {table.declared_frames} frames, and the file holds {count}: its end may be missing",
+        )
     return options.recording(
-        file, list(points), positions, time, unit, notes=notes, quality_warnings=table.warnings
+        file, names, positions, times, table.unit or unit, notes=notes, quality_warnings=warnings
     )
+
+
+def _scanned(blocks: Iterable[Block], table: Table, columns: Sequence[int]) -> Array:
+    """Return some columns of all rows, without parsing the others."""
+    numbers = []
+    for block in blocks:
+        for number, line in zip(block.numbers, block.lines, strict=True):
+            try:
+                fields = [field_of(line, table.separator, column) for column in columns]
+                numbers.append([text.as_float(field) for field in fields])
+            except ValueError as error:
+                raise ValueError(f"line {number}: {error}") from None
+    if not numbers:
+        raise ValueError("the file holds no frames")
+    return np.array(numbers).reshape(len(numbers), len(columns))
+
+
+def _times(
+    options: ImportOptions, table: Table, numbers: Array, clock: int | None, per_second: float
+) -> FrameTimes:
+    """Return the times of frames from the columns of times and of frame numbers, in this order."""
+    clocks = {}
+    if clock is not None:
+        clocks["time"] = numbers[:, 0] / per_second
+    frame_numbers = numbers[:, -1] if table.frame_column is not None else None
+    return options.frame_times(FileTimes(clocks, frame_numbers, table.rates), len(numbers))
 
 
 def _one_row_a_point(
@@ -142,20 +221,51 @@ def _one_row_a_point(
     ]
     if clock is None and not counters:
         raise ValueError(f"{LAYOUTS}; there is no column time")
-    used = [counters[0] if clock is None else clock, *map(columns.index, "xyz")]
-    numbers = text.number_table(table.rows, len(columns), table.separator, used)
-    labels = [fields_of(line, table.separator)[name] for _, line in table.rows]
-    names = {label: i for i, label in enumerate(dict.fromkeys(labels))}
-    times, frames = np.unique(numbers[:, 0], return_inverse=True)
+    counter = counters[0] if clock is None else clock
+    names: dict[str, int] = {}
+    parts: list[NDArray[np.int64]] = []
+
+    def labelled_blocks() -> Iterator[Block]:
+        for block in _blocks(file, table):
+            labels = text.column_of(block.lines, table.separator, name)
+            for label in dict.fromkeys(labels):
+                names.setdefault(label, len(names))
+            indices = map(names.__getitem__, labels)
+            parts.append(np.fromiter(indices, dtype=np.int64, count=len(labels)))
+            yield block
+
+    groups = ([columns.index(axis) for axis in "xyz"], [counter])
+    reader = text.NumberTable(len(columns), groups, table.separator)
+    places, counts = reader.read(labelled_blocks())
+    times, pairs = _frames_of(counts[:, 0])
     require_size(len(times), len(names))
-    pairs = frames * len(names) + np.array([names[label] for label in labels])
-    if (count := np.bincount(pairs)).max() > 1:
-        again = int(np.flatnonzero(count[pairs] > 1)[1])
-        raise ValueError(f"line {table.rows[again][0]}: this point occurs twice at one time")
+    pairs *= len(names)
+    pairs += np.concatenate(parts)
+    occurrences = np.bincount(pairs)
+    if occurrences.max() > 1:
+        again = int(np.flatnonzero(occurrences[pairs] > 1)[1])
+        block = next(text.sliced(_blocks(file, table), slice(again, again + 1)))
+        raise ValueError(f"line {block.numbers[0]}: this point occurs twice at one time")
+    del occurrences, counts
+    parts.clear()
     positions = np.full((len(times) * len(names), 3), np.nan)
-    positions[pairs] = numbers[:, 1:]
-    time = None if clock is None else times / per_second
-    return options.recording(file, list(names), positions.reshape(len(times), -1, 3), time)
+    positions[pairs] = places
+    del places, pairs  # as large as the positions
+    reader.arrays.clear()
+    stated = FileTimes(frame_numbers=times)
+    if clock is not None:
+        stated = FileTimes({"time": times / per_second})
+    return options.recording(file, list(names), positions.reshape(len(times), -1, 3), stated)
+
+
+def _frames_of(counts: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return the different times or frame numbers of rows, in order, and the index of each row among them."""
+    steps = np.diff(counts)
+    if not (steps >= 0).all():
+        times, frames = np.unique(counts, return_inverse=True)
+        return times, frames.astype(np.int64)
+    is_new = np.concatenate([[True], steps > 0])
+    return counts[is_new], np.cumsum(is_new, dtype=np.int64) - 1
 
 
 def _clock(columns: Sequence[str]) -> tuple[int | None, float]:
@@ -175,23 +285,57 @@ def _trc(lines: Sequence[str]) -> Table:
         fields_of(line, separator if separator in line else None) for line in lines[1:3]
     )
     header = dict(zip(filter(None, keys), values, strict=False))
-    names = [name for name in fields_of(lines[3], separator)[2:] if name]
+    labels = [name for name in fields_of(lines[3], separator)[2:] if name]
+    axes = [cell for cell in fields_of(lines[4], separator) if cell]
+    names = _trc_names(labels, axes, header.get("NumMarkers", ""))
     columns = ["", "time", *_columns([name for name in names for _ in "XYZ"], "XYZ" * len(names))]
-    rows, warnings, declared = text.rows_from(lines, 5), [], header.get("NumFrames", "")
-    if text.is_cut_off(declared, len(rows)):
-        fault = f"the header declares {declared} frames, and there are {len(rows)}: the end of the file may be missing"
-        warnings.append(fault)
+    warnings = []
     if separator != "\t":
         warnings.append(
             f"the fields of this TRC file are separated by {separator!r}, not by tabs: check the points"
         )
-    advice, rate = (
-        "line 4 must name the points, after Frame# and Time",
-        positive_number(header.get("DataRate", "")),
-    )
     return Table(
-        columns, rows, separator, header.get("Units", ""), rate, advice, warnings, short=True
+        columns,
+        first=6,
+        separator=separator,
+        unit=header.get("Units", ""),
+        rates=_rates(header, "DataRate"),
+        advice="line 4 must name the points, after Frame# and Time",
+        warnings=warnings,
+        short=True,
+        frame_column=0,
+        declared_frames=header.get("NumFrames", ""),
     )
+
+
+def _trc_names(labels: Sequence[str], axes: Sequence[str], declared: str) -> Sequence[str]:
+    """Return the names of the points of a TRC file, each of which may stand above all three of its columns."""
+    count = int(declared) if declared.isdecimal() and len(declared) < 10 else len(labels)
+    if len(labels) in (3 * count, len(axes)) and len(labels) % 3 == 0:
+        names: list[str] = []
+        for i in range(0, len(labels), 3):
+            own = set(labels[i : i + 3])
+            if len(own) > 1:
+                own = {_COLUMN_AXIS.sub("", label) for label in own}
+            names += own if len(own) == 1 else []
+        if 3 * len(names) == len(labels):
+            return names
+    if len(labels) != count and len(axes) == 3 * count:
+        raise ValueError(
+            f"line 4 holds {len(labels)} names, for {count} markers by NumMarkers and {len(axes)} columns on line 5: "
+            "each marker needs one name, above the first of its columns"
+        )
+    return labels
+
+
+def _rates(header: Mapping[str, str], *keys: str) -> dict[str, float]:
+    """Return the positive rates under some keys of a header."""
+    rates = {}
+    for key in keys:
+        rate = positive_number(header.get(key, ""))
+        if rate is not None:
+            rates[key] = rate
+    return rates
 
 
 def _motive(rows: Sequence[Row]) -> Table:
@@ -219,33 +363,66 @@ def _motive(rows: Sequence[Row]) -> Table:
         name if kind == "Position" and (type_ not in solved or name not in measured) else ""
         for type_, name, kind in zip(types, names, kinds, strict=True)
     ]
-    columns, advice = (
-        _columns(points, axes),
-        "in Motive export markers or bones, with their positions",
-    )
+    columns = _columns(points, axes)
     columns[1:2] = ["time"]
+    rates = _rates(header, "Export Frame Rate") or _rates(header, "Capture Frame Rate")
     return Table(
-        columns, rows[start + 1 :], separator, header.get("Length Units", ""), advice=advice
+        columns,
+        first=rows[start][0] + 1,
+        separator=separator,
+        unit=header.get("Length Units", ""),
+        rates=rates,
+        advice="in Motive export markers or bones, with their positions",
+        frame_column=0,
     )
 
 
-def _nexus(lines: Sequence[str], start: int) -> Table:
-    """Read the section of markers, which begins after `start` lines: title, rate, names, axes, units, numbers."""
-    if len(lines) < 5:
-        raise ValueError(f"the header of Nexus is cut off at line {start + len(lines)}")
-    separator = separator_of(lines[3])
-    axes = fields_of(lines[3], separator)
-    points = _padded(lines[2], separator, len(axes))
+def _nexus(file: Path) -> Table | None:
+    """Find the section of markers of Nexus: title, rate, names, axes, units, numbers; None in other files."""
+    sections = []
+    lines = text.lines_of(file)
+    before = ""
+    title = ""
+    start = 0  # number of the line of the title
+    for number, line in lines:
+        start = number
+        title = line.strip(',;\t "')
+        if title == "Trajectories":
+            break
+        if not before and title in NEXUS_SECTIONS and title not in sections:
+            sections.append(title)
+        before = title
+    if title != "Trajectories":
+        if not sections:
+            return None
+        raise ValueError(
+            "the table holds no positions of points: in Nexus export Trajectories; found the sections "
+            f"{', '.join(sections)}"
+        )
+    header = [line for _, line in islice(lines, 4)]
+    if len(header) < 4:
+        raise ValueError(f"the header of Nexus is cut off at line {start + len(header)}")
+    separator = separator_of(header[2])
+    axes = fields_of(header[2], separator)
+    points = _padded(header[1], separator, len(axes))
     for i in range(1, len(points)):
         points[i] = points[i] or points[i - 1]  # a name is above the first of its columns
     units = {
-        unit for cell in fields_of(lines[4], separator) if (unit := known_unit(cell)) is not None
+        unit for cell in fields_of(header[3], separator) if (unit := known_unit(cell)) is not None
     }
-    rows = takewhile(lambda row: row[1].strip(separator + " "), enumerate(lines[5:], start + 6))
-    rate = positive_number(lines[1].strip(separator + ' "'))
-    unit = units.pop() if len(units) == 1 else ""
+    rates = {}
+    rate = positive_number(header[0].strip(separator + ' "'))
+    if rate is not None:
+        rates["frame rate"] = rate
     return Table(
-        _columns(points, axes), list(rows), separator, unit, rate, "in Nexus export trajectories"
+        _columns(points, axes),
+        first=start + 5,
+        separator=separator,
+        unit=units.pop() if len(units) == 1 else "",
+        rates=rates,
+        advice="in Nexus export trajectories",
+        frame_column=0 if axes[:1] == ["Frame"] else None,
+        ends_at_blank=True,
     )
 
 
@@ -260,16 +437,29 @@ def _qualisys(rows: Sequence[Row]) -> Table:
         raise ValueError(
             f"it holds {content}, not positions of markers; export 3D data from Qualisys"
         )
+    last = rows[len(head) - 1][0]
     rows = rows[len(head) :]
     first = fields_of(rows[0][1], "\t") if rows else []
     columns = [f"{name}_{axis}" for name in header.get("MARKER_NAMES", ()) for axis in "xyz"]
+    frame_column = None
     if first[:2] == ["Frame", "Time"]:
-        columns, rows = ["", "", *(columns or first[2:])], rows[1:]
+        columns = ["", "time", *(columns or first[2:])]
+        last = rows[0][0]
+        frame_column = 0
     elif columns:
         columns = [""] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
+    rates = {}
     rate = positive_number(" ".join(header.get("FREQUENCY", ())))
+    if rate is not None:
+        rates["FREQUENCY"] = rate
     return Table(
-        columns, rows, "\t", "mm", rate, "in Qualisys export 3D data, with the names of markers"
+        columns,
+        first=last + 1,
+        separator="\t",
+        unit="mm",
+        rates=rates,
+        advice="in Qualisys export 3D data, with the names of markers",
+        frame_column=frame_column,
     )
 
 

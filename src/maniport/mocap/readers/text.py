@@ -1,10 +1,15 @@
-"""Lines and tables of text, as most formats of recordings are written."""
+"""Lines and tables of text, as most formats of recordings are written.
+
+Files are read line by line, and numbers in blocks, so that little more than the array is in memory.
+"""
 
 import codecs
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from itertools import compress, repeat
 from pathlib import Path
+from typing import NamedTuple, TextIO
 
 import numpy as np
 
@@ -13,7 +18,7 @@ from maniport.util.input_limits import (
     LINE,
     PLACES,
     RECORDING_BYTES,
-    read_whole,
+    existing_file,
     require_at_most,
 )
 from maniport.util.validation import Array
@@ -22,15 +27,119 @@ Row = tuple[int, str]  # The number of a line, from one, and the line
 
 LARGEST_ANGLE = 1e3  # Joint angles beyond this count as missing [rad]
 
+BLOCK_CHARACTERS = 2**20  # Of lines that are parsed at once: small beside an array that matters
+MISSING = ("", "na", "n/a", "null", "none", "-")  # Placeholders of missing numbers
 
-def text_lines(file: Path) -> list[str]:
-    """Return the lines of a file, with any line ends."""
-    content = read_whole(file, (), RECORDING_BYTES)
-    ends = (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\xc2\x85", b"\xe2\x80")
-    require_at_most(sum(map(content.count, ends)), 3 * FRAMES, "ends of lines")
-    lines = decoded(content).splitlines()
-    require_at_most(max(map(len, lines), default=0), LINE, "characters in a line")
-    return lines
+
+class Block(NamedTuple):
+    """Some lines of a file in a row, but for blank ones."""
+
+    numbers: Sequence[int]  # of the lines, from one
+    lines: list[str]
+
+
+def lines_of(file: Path) -> Iterator[Row]:
+    """Iterate over the lines of a text file, with any line ends; the number of a line comes first.
+
+    Raises
+    ------
+    FileFormatError
+        When the file cannot be read or is too large.
+    InvalidInputError
+        When it has too many lines, or too long ones.
+    """
+    with _opened(file) as stream:
+        for number in range(1, 3 * FRAMES + 2):
+            line = stream.readline(LINE + 2)
+            if not line:
+                return
+            require_at_most(number, 3 * FRAMES, "lines")
+            if len(line) > LINE:
+                require_at_most(_rest_of_line(stream, line), LINE, "characters in a line")
+            yield number, line.rstrip("\n")
+
+
+def rows_of(file: Path) -> Iterator[Row]:
+    """Iterate over the lines of a text file that are not blank."""
+    return (row for row in lines_of(file) if row[1] and not row[1].isspace())
+
+
+def row_blocks(
+    file: Path, first: int = 1, comments: bool = False, end: str | None = None
+) -> Iterator[Block]:
+    """Iterate over the rows of a table, faster than line by line; raises as `lines_of`.
+
+    Parameters
+    ----------
+    file : Path
+    first : int
+        Number of the line at which the rows begin.
+    comments : bool
+        Whether lines that begin with # are none.
+    end : str, optional
+        Characters that alone make up the line that ends the table; default: the rest of the file.
+    """
+    number = 1
+    with _opened(file) as stream:
+        while True:
+            lines = stream.readlines(BLOCK_CHARACTERS)
+            if not lines:
+                return
+            numbers = range(number, number + len(lines))
+            number += len(lines)
+            require_at_most(number - 1, 3 * FRAMES, "lines")
+            require_at_most(max(map(len, lines)) - 1, LINE, "characters in a line")
+            before = max(first - numbers.start, 0)
+            block = Block(numbers[before:], lines[before:])
+            ends_here = False
+            if end is not None:
+                last = next((i for i, line in enumerate(block.lines) if not line.strip(end)), None)
+                ends_here = last is not None
+                block = Block(block.numbers[:last], block.lines[:last])
+            if any(map(str.isspace, block.lines)):
+                block = _kept(block, [not line.isspace() for line in block.lines])
+            if comments and "#" in "".join(block.lines):
+                block = _kept(block, [line.lstrip()[:1] != "#" for line in block.lines])
+            if block.lines:
+                yield block
+            if ends_here:
+                return
+
+
+def sliced(blocks: Iterable[Block], rows: slice) -> Iterator[Block]:
+    """Iterate over some rows of a table, start and stop of which are given."""
+    first = 0
+    for block in blocks:
+        if first >= rows.stop:
+            return
+        part = slice(max(rows.start - first, 0), rows.stop - first)
+        first += len(block.lines)
+        if part.start < len(block.lines):
+            yield Block(block.numbers[part], block.lines[part])
+
+
+def _opened(file: Path) -> TextIO:
+    """Open a text file in UTF-8, or in UTF-16 with a byte order mark."""
+    existing_file(file, (), RECORDING_BYTES)
+    with open(file, "rb") as binary:
+        start = binary.read(3)
+    wide = start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return open(file, encoding="utf-16" if wide else "utf-8-sig", errors="replace")
+
+
+def _kept(block: Block, flags: Sequence[bool]) -> Block:
+    return Block(list(compress(block.numbers, flags)), list(compress(block.lines, flags)))
+
+
+def _rest_of_line(stream: TextIO, line: str) -> int:
+    """Return the number of characters of a line of which only the beginning was read."""
+    length = len(line.rstrip("\n"))
+    while not line.endswith("\n"):
+        line = stream.readline(LINE)
+        if not line:
+            break
+        length += len(line.rstrip("\n"))
+    return length
 
 
 def decoded(content: bytes) -> str:
@@ -53,48 +162,179 @@ def fields_of(line: str, separator: str | None) -> list[str]:
     return [field.strip() for field in fields]
 
 
-def rows_from(lines: Sequence[str], start: int) -> list[Row]:
-    """Return the lines from an index on, without empty ones."""
-    return [(number, line) for number, line in enumerate(lines[start:], start + 1) if line.strip()]
-
-
-def number_table(
-    rows: Sequence[Row],
-    width: int,
-    separator: str | None = None,
-    used: Sequence[int] = (),
-    short: bool = False,
-) -> Array:
-    """Return the numbers of the used columns (default: all) of a table, shape (len(rows), len(used)).
-
-    Empty fields and placeholders are nan; with `short` also those that are missing at the end of a row.
-    """
-    if not rows:
-        raise ValueError("the file holds no frames")
-    require_at_most(len(rows) * width, 3 * PLACES, "numbers")
-    used = used or range(width)
-    table = np.empty((len(rows), len(used)))
-    for i, (number, line) in enumerate(rows):
+def field_of(line: str, separator: str | None, column: int) -> str:
+    """Return one field of a line, faster than all of them; empty where the line is shorter."""
+    if separator and '"' in line:
         fields = fields_of(line, separator)
-        while len(fields) > width and not fields[-1]:
-            fields.pop()
-        if short:
-            fields += [""] * (width - len(fields))
-        if len(fields) != width:
-            cut = i == len(rows) - 1 and len(fields) < width
-            fault = "the file is cut off" if cut else "the table is broken"
-            raise ValueError(f"{fault} at line {number}: {len(fields)} values instead of {width}")
-        try:
-            table[i] = [_number(fields[column]) for column in used]
-        except ValueError as error:
-            raise ValueError(f"line {number}: {error}") from None
-    return table
+    else:
+        fields = line.split(separator, column + 1)
+    return fields[column].strip() if column < len(fields) else ""
+
+
+def column_of(lines: Sequence[str], separator: str, column: int) -> list[str]:
+    """Return one field of each line, as `field_of` does."""
+    if '"' not in "".join(lines):
+        with suppress(IndexError):  # of a short line
+            fields = [line.split(separator, column + 1)[column] for line in lines]
+            return list(map(str.strip, fields))
+    return [field_of(line, separator, column) for line in lines]
+
+
+class NumberTable:
+    """Collects the numbers of some columns of a table, in one array for each group of columns.
+
+    Parameters
+    ----------
+    width : int
+        Number of columns of the table.
+    groups : sequence of sequences of int
+        Columns of each array.
+    separator : str, optional
+        Separator of the fields; default: blanks.
+    short : bool
+        Whether fields may be missing at the end of a row.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        groups: Sequence[Sequence[int]],
+        separator: str | None = None,
+        short: bool = False,
+    ) -> None:
+        self.width = width
+        self.groups = groups
+        self.separator = separator
+        self.short = short
+        self.used = [column for group in groups for column in group]
+        self.count = 0
+        self._has_gaps = False  # whether empty fields are to be expected
+        self.arrays = [np.empty((0, len(group))) for group in groups]
+
+    def read(self, blocks: Iterable[Block]) -> list[Array]:
+        """Return the arrays, each of shape (n_rows, len(group)); placeholders are nan.
+
+        Raises
+        ------
+        ValueError
+            When there are no rows, or a row has a wrong number of fields or a text instead of a number.
+        """
+        before: Block | None = None  # the last block is special
+        for block in blocks:
+            if before is not None:
+                self._append(before, is_last=False)
+            before = block
+        if before is None:
+            raise ValueError("the file holds no frames")
+        self._append(before, is_last=True)
+        for array in self.arrays:
+            array.resize((self.count, array.shape[1]), refcheck=False)
+        return self.arrays
+
+    def _append(self, block: Block, is_last: bool) -> None:
+        end = self.count + len(block.lines)
+        require_at_most(end * self.width, 3 * PLACES, "numbers")
+        numbers = self._parsed(block.lines)
+        if numbers is None:
+            numbers = self._parsed_by_row(block, is_last)
+        first = 0
+        for array, group in zip(self.arrays, self.groups, strict=True):
+            if end > len(array):  # `resize` moves large arrays without a second copy
+                rows = end if is_last else max(end, len(array) * 5 // 4)
+                array.resize((rows, len(group)), refcheck=False)
+            array[self.count : end] = numbers[:, first : first + len(group)]
+            first += len(group)
+        self.count = end
+
+    def _parsed(self, lines: list[str]) -> Array | None:
+        """Parse rows at once, shape (len(lines), columns in use); None where a row is unusual."""
+        if self.separator is None:
+            if "," in lines[0]:
+                lines = [line.replace(",", ".") for line in lines]
+            numbers = _loaded(lines, None, None)
+            if numbers is None or numbers.shape[1] != self.width:
+                return None
+            return numbers if self.used == [*range(self.width)] else numbers[:, self.used]
+
+        separators = self.width - 1
+        if set(map(str.count, lines, repeat(self.separator))) != {separators}:
+            fitted = self._fitted(lines)
+            if fitted is None:
+                return None
+            lines = fitted
+        if self.separator != "," and "," in lines[0]:
+            lines = [line.replace(",", ".") for line in lines]
+        numbers = None
+        if not self._has_gaps:
+            numbers = _loaded(lines, self.separator, self.used)
+        if numbers is None:
+            numbers = _loaded(self._with_nan(lines), self.separator, self.used)
+            self._has_gaps = numbers is not None
+        return numbers
+
+    def _fitted(self, lines: list[str]) -> list[str] | None:
+        """Return lines with the right number of separators; None where fields are missing or too many."""
+        fitted = []
+        for line in map(str.rstrip, lines, repeat("\n")):
+            missing = self.width - 1 - line.count(str(self.separator))
+            if missing > 0 and not self.short:
+                return None
+            if missing < 0:
+                surplus = line[missing:]
+                if surplus.strip(str(self.separator)):
+                    return None
+                line = line[:missing]
+            fitted.append(line + str(self.separator) * max(missing, 0))
+        return fitted
+
+    def _with_nan(self, lines: list[str]) -> list[str]:
+        """Return lines with nan in their empty fields."""
+        separator = str(self.separator)
+        filled = []
+        for line in map(str.rstrip, lines, repeat("\n")):
+            text = f"{separator}{line}{separator}"
+            if separator * 2 in text:
+                text = text.replace(separator * 2, f"{separator}nan{separator}")
+                text = text.replace(separator * 2, f"{separator}nan{separator}")
+            filled.append(text[1:-1])
+        return filled
+
+    def _parsed_by_row(self, block: Block, is_last: bool) -> Array:
+        """Parse row by row, with an error for the first faulty one."""
+        count = len(block.lines)
+        numbers = np.empty((count, len(self.used)))
+        for i, (number, line) in enumerate(zip(block.numbers, block.lines, strict=True)):
+            fields = fields_of(line, self.separator)
+            while len(fields) > self.width and not fields[-1]:
+                fields.pop()
+            if self.short:
+                fields += [""] * (self.width - len(fields))
+            if len(fields) != self.width:
+                cut = is_last and i == count - 1 and len(fields) < self.width
+                fault = "the file is cut off" if cut else "the table is broken"
+                raise ValueError(
+                    f"{fault} at line {number}: {len(fields)} values instead of {self.width}"
+                )
+            try:
+                numbers[i] = [as_float(fields[column]) for column in self.used]
+            except ValueError as error:
+                raise ValueError(f"line {number}: {error}") from None
+        return numbers
+
+
+def _loaded(lines: list[str], separator: str | None, used: list[int] | None) -> Array | None:
+    """Parse lines of plain numbers; None where one is none."""
+    try:
+        return np.loadtxt(lines, delimiter=separator, comments=None, usecols=used, ndmin=2)
+    except ValueError:
+        return None
 
 
 def positive_number(text: str) -> float | None:
     """Parse a positive finite number; None where there is none."""
     with suppress(ValueError):
-        if 0 < (value := _number(text)) < np.inf:
+        value = as_float(text)
+        if 0 < value < np.inf:
             return value
     return None
 
@@ -105,10 +345,10 @@ def is_cut_off(declared: str, count: int) -> bool:
     return declared.isdecimal() and int(declared) > count + 1
 
 
-def _number(field: str) -> float:
-    """Parse a number; nan for the placeholders of missing numbers."""
+def as_float(field: str) -> float:
+    """Parse a number with a point or a decimal comma; nan for the placeholders of missing numbers."""
     try:
         return float(field)
     except ValueError:
-        missing = field.lower() in ("", "na", "n/a", "null", "none", "-")
+        missing = field.lower() in MISSING
         return np.nan if missing else float(field.replace(",", "."))

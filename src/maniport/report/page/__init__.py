@@ -7,6 +7,7 @@ import base64
 import hashlib
 import os
 import re
+from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 
@@ -14,7 +15,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from maniport.errors import InvalidInputError
-from maniport.report.page.content import ROLES, STATES, Animation, as_json
+from maniport.report.page.content import ROLES, STATES, Animation, as_json, kept_rows
 from maniport.report.values import TIME_COLUMN, Report
 from maniport.util.atomic_io import write_text
 from maniport.version import __version__
@@ -26,16 +27,27 @@ SCRIPTS = ("geometry", "surface", "scene", "curves", "strips", "states", "player
 
 
 def write_page(
-    path: str | os.PathLike[str], report: Report, animation: Animation | None = None
+    path: str | os.PathLike[str],
+    report: Report,
+    animation: Animation | None = None,
+    folder: str = "",
 ) -> None:
-    """Write a report, with an animation in its first section, to an HTML file, whole or not at all."""
-    write_text(path, as_html(report, animation))
+    """Write a report, with an animation in its first section, to an HTML file, whole or not at all.
+
+    `folder` is where the results are, for the command of the next step.
+    """
+    write_text(path, as_html(report, animation, folder=folder))
 
 
-def as_html(report: Report, animation: Animation | None = None, largest: int = 6_000_000) -> str:
+def as_html(
+    report: Report,
+    animation: Animation | None = None,
+    largest: int = 6_000_000,
+    folder: str = "",
+) -> str:
     """Return the page as text, with fewer times of the animation where it would be too large [bytes] otherwise."""
     for frames in (1500, 750, 375, 150):
-        text = _page(report, animation, frames)
+        text = _page(report, animation, frames, folder)
         if (size := len(text.encode())) < largest:
             return text
     raise InvalidInputError(
@@ -62,7 +74,7 @@ def document(
     return templates().get_template("document.html").render(**values)
 
 
-def _page(report: Report, animation: Animation | None, frames: int) -> str:
+def _page(report: Report, animation: Animation | None, frames: int, folder: str) -> str:
     """Render the page with at most so many times of the animation."""
     menu = [(section.title, f"section-{k}") for k, section in enumerate(report.sections)
             if k and section.title and not section.folded]  # fmt: skip
@@ -71,17 +83,15 @@ def _page(report: Report, animation: Animation | None, frames: int) -> str:
         menu[:0] = [
             (title, f"motion-{i}") for i, title in enumerate(animation.panels)
         ]  # the scripts give these ids
-        few = (
-            f" {frames} of {len(animation.time)} times are included."
-            if len(animation.time) > frames
-            else ""
-        )
-        note, end = animation.note + few, " Keys: space to play, ← and → to step."
-        data = f'<script type="application/json" id="motion">{as_json(animation, frames)}</script>'
+        note, end = animation.note, " Keys: space to play, ← and → to step."
+        count = len(kept_rows(animation.time, frames, report.times))
+        if count < len(animation.time):
+            note += f" {count} of {len(animation.time)} times are included."
+        data = f'<script type="application/json" id="motion">{as_json(animation, frames, report.times)}</script>'
     if any(section.folded for section in report.sections):
         menu.append(("Details", "folded"))
     values = {"report": report, "cards": CARDS, "menu": menu, "moves": animation is not None, "note": note,
-              "time_column": TIME_COLUMN}  # fmt: skip
+              "time_column": TIME_COLUMN, "command": report.command_for(folder)}  # fmt: skip
     body = templates().get_template("report.html").render(**values)
     script = "\n".join(_asset(f"{name}.js") for name in SCRIPTS)
     script = f'(() => {{\n"use strict";\n{script}}})();\n'  # all in one scope
@@ -98,15 +108,34 @@ def templates() -> jinja2.Environment:
         loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["linked"] = _linked
+    environment.filters["exact"] = _exact
     return environment
 
 
-def _linked(text: str, moves: bool) -> Markup:
-    """Escape a text, "84 %" in one line; its times become links where the page has a motion."""
+def _linked(text: str, moves: bool, times: Sequence[float] = ()) -> Markup:
+    """Escape a text, "84 %" in one line; its times become links where the page has a motion.
+
+    A link leads to the exact one of `times` [s] that is written rounded, in their order.
+    """
     safe = str(escape(re.sub(r"(?<=\d) (?=%)", "\xa0", text)))
-    return Markup(
-        re.sub(r"\bat (-?\d+\.\d) s\b", r'<a href="#t=\1">\g<0></a>', safe) if moves else safe
-    )
+    if not moves:
+        return Markup(safe)
+    left = list(times)
+
+    def link(match: re.Match[str]) -> str:
+        written = match[1]
+        exact = next((time for time in left if f"{time:.1f}" == written), None)
+        if exact is None:
+            return f'<a href="#t={written}">{match[0]}</a>'
+        left.remove(exact)
+        return f'<a href="#t={_exact(exact)}">{match[0]}</a>'
+
+    return Markup(re.sub(r"\bat (-?\d+\.\d) s\b", link, safe))
+
+
+def _exact(time: float) -> str:
+    """Write a time [s] for a link: to a microsecond, finer than any recording."""
+    return f"{time:.6f}"
 
 
 @cache

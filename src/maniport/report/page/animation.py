@@ -181,10 +181,9 @@ def _panels_of(
     motion = arm.motion
     if motion is not None:
         lines = [Line("achieved", motion.distance)]
-        if motion.pointwise_best is not None:
-            lines.append(
-                Line("best pointwise distance found", motion.pointwise_best, REFERENCE.name, 1)
-            )
+        best = motion.pointwise_best
+        if best is not None and not np.array_equal(best, motion.distance):
+            lines.append(Line("best pointwise distance found", best, REFERENCE.name, 1))
         label, unit, meaning = STATISTICS["distance"]
         panels = [Panel(label, unit, tuple(lines), meaning)]
         if motion.position_error is not None:
@@ -197,8 +196,10 @@ def _panels_of(
     if profiles := _profiles_of(arm, spec):
         panels = semi_axis_panels(profiles, spec.bounded.unit)
         if motion is not None:
-            angle = Line("longest axis", np.degrees(motion.major_axis_angle))
+            angle = Line("longest axis", np.degrees(arm.major_axis_angle))
             meaning = "Between target and achieved. The line breaks where two axes have one length."
+            if spec.kind == "force":
+                meaning += " The longest axes of force are the shortest ones of the drawn inverses."
             panels.insert(
                 0,
                 Panel(STATISTICS["major_axis_angle"][0], "°", (angle,), meaning, span=(0.0, 90.0)),

@@ -3,7 +3,7 @@
 import base64
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -137,9 +137,9 @@ class Animation:
     states: tuple[str, ...] = ()  # a key of STATES for each time
 
 
-def as_json(animation: Animation, frames: int) -> str:
-    """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
-    kept, names = evenly_spaced(len(animation.time), frames), list(STATES)
+def as_json(animation: Animation, frames: int, linked: Iterable[float] = ()) -> str:
+    """Encode an animation for a ``<script>`` element with data, thinned as `kept_rows` does."""
+    kept, names = kept_rows(animation.time, frames, linked), list(STATES)
     time, states = (
         animation.time[kept],
         [names.index(animation.states[k]) for k in kept if animation.states],
@@ -176,6 +176,14 @@ def as_json(animation: Animation, frames: int) -> str:
     }  # fmt: skip
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")  # nothing in the data may end the element
+
+
+def kept_rows(time: Array, frames: int, linked: Iterable[float] = ()) -> NDArray[np.intp]:
+    """Return the rows of times (n,) that a page contains: at most `frames`, and the nearest to linked times [s]."""
+    kept = set(evenly_spaced(len(time), frames).tolist())
+    for moment in linked:
+        kept.add(int(np.abs(time - moment).argmin()))
+    return np.array(sorted(kept), dtype=np.intp)
 
 
 def is_gap(steps: Array) -> NDArray[np.bool_]:

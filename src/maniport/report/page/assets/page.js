@@ -26,7 +26,7 @@ document.addEventListener("keydown", (event) => {
 // report.html#t=12.5 opens at that time, report.html#play plays; links to moments do so without leaving the place.
 function wished() {
   const wish = new URLSearchParams(location.hash.slice(1));
-  if (player && wish.has("t")) player.seek(Number(wish.get("t")) - player.motion.start || 0);
+  if (player && wish.has("t")) player.open(Number(wish.get("t")) - player.motion.start || 0);
   if (player && wish.has("play") && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play(true);
 }
 wished();

@@ -174,6 +174,12 @@ class Player {
     this.seek(time[Math.max(0, Math.min(time.length - 1, index + frames))]);
   }
 
+  // A time of the report: the stored frame that it rounds to, else the time itself.
+  open(time) {
+    const stored = this.motion.time[nearestIndex(this.motion.time, time)];
+    this.seek(Math.abs(stored - time) < 1e-3 ? stored : time);
+  }
+
   seek(time) {
     this.now = Math.max(0, Math.min(this.motion.duration, time));
     this.request();

@@ -1,0 +1,104 @@
+"""ZIP archives with one recording, as data sets are delivered."""
+
+import zipfile
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+
+from maniport.errors import FileFormatError, InvalidInputError
+from maniport.mocap.readers import READERS, ImportOptions, read_with
+from maniport.mocap.recording import Recording
+from maniport.util.input_limits import MEGABYTE, RECORDING_BYTES, existing_file, require_at_most
+
+MEMBERS = 100_000  # Most files in an archive
+LISTED = 8  # Names of files in a message
+BLOCK = 2**20  # Bytes that are unpacked at once
+
+
+def read(file: Path, options: ImportOptions) -> Recording:
+    """Read the one recording in a ZIP archive; see `maniport.mocap.readers.read_recording`."""
+    existing_file(file, (), RECORDING_BYTES)
+    try:
+        with zipfile.ZipFile(file) as archive:
+            member = _only_recording(archive.infolist())
+            name = PurePosixPath(member.filename).name
+            with TemporaryDirectory() as folder:
+                unpacked = Path(folder) / f"recording{PurePosixPath(name).suffix.lower()}"
+                _unpack(archive, member, unpacked)
+                return _read_unpacked(unpacked, name, options)
+    except (FileFormatError, InvalidInputError):
+        raise
+    except ValueError as error:
+        raise ValueError(str(error)) from None
+    except Exception as error:  # noqa: BLE001 - decompressors raise errors of a dozen types on damaged files
+        raise ValueError(f"not a readable ZIP archive: {error}") from None
+
+
+def _only_recording(members: list[zipfile.ZipInfo]) -> zipfile.ZipInfo:
+    """Return the one member that is a recording, by its ending, or the only file."""
+    require_at_most(len(members), MEMBERS, "files in the archive")
+    files = []
+    for member in members:
+        path = PurePosixPath(member.filename)
+        is_hidden = path.name.startswith(".") or "__MACOSX" in path.parts
+        if not member.is_dir() and not is_hidden:
+            files.append(member)
+    recordings = [member for member in files if _ending(member) in READERS]
+    recordings = [member for member in recordings if _ending(member) != ".zip"]
+    candidates = recordings or files
+    if len(candidates) == 1 and _ending(candidates[0]) != ".zip":
+        return candidates[0]
+    found = _listed(member.filename for member in candidates)
+    if len(recordings) > 1:
+        raise ValueError(
+            f"the archive holds {len(recordings)} recordings; unpack it and give one of them: {found}"
+        )
+    raise ValueError(
+        f"the archive holds no recording ({', '.join(ending for ending in READERS if ending != '.zip')}); "
+        f"found: {found or 'no file'}"
+    )
+
+
+def _ending(member: zipfile.ZipInfo) -> str:
+    return PurePosixPath(member.filename).suffix.lower()
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    more = f" and {len(every) - LISTED} more" if len(every) > LISTED else ""
+    return ", ".join(every[:LISTED])[:400] + more
+
+
+def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Path) -> None:
+    """Write a member to a file, no more of it than is read of other files."""
+    if member.flag_bits & 1:
+        raise ValueError(f"{member.filename} is encrypted; unpack the archive")
+    size = member.file_size
+    with archive.open(member) as source, open(target, "wb") as stream:
+        written = 0
+        while size <= RECORDING_BYTES and written <= RECORDING_BYTES:
+            block = source.read(BLOCK)
+            if not block:
+                return
+            stream.write(block)
+            written += len(block)
+    raise ValueError(
+        f"{member.filename} has {max(size, written) / MEGABYTE:.4g} MB or more; at most "
+        f"{RECORDING_BYTES / MEGABYTE:.4g} MB are read"
+    )
+
+
+def _read_unpacked(unpacked: Path, name: str, options: ImportOptions) -> Recording:
+    """Read the file, under the name that it has in the archive."""
+    try:
+        recording = read_with(unpacked, options)
+    except FileFormatError as error:
+        text = str(error).replace(f"{unpacked}: ", "", 1)
+        raise ValueError(f"{name}: {text}") from None
+    note = f"read from {name} in the archive"
+    return replace(
+        recording,
+        source=recording.source.replace(unpacked.name, name),
+        notes=(*recording.notes, note),
+    )

@@ -1,0 +1,131 @@
+"""Spellings of known formats that other programs and people write."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from format_files import SAUL, write_mot, write_nexus, write_trc
+from fuzz.c3d_writer import Writer
+from maniport.errors import FileFormatError
+from maniport.mocap import read_recording
+
+CASES = Path(__file__).parent / "cases"
+CONTROL = (CASES / "control.bvh").read_text()
+
+
+@pytest.fixture(scope="module")
+def control():
+    return read_recording(CASES / "control.bvh")
+
+
+def compact(text):
+    """Write braces and offsets on the lines of names and channels."""
+    lines = text.splitlines()
+    motion = lines.index("MOTION")
+    head = " ".join(line.strip() for line in lines[:motion])
+    for word in ("ROOT", "JOINT", "End Site", "}"):
+        head = head.replace(word, f"\n{word}")
+    return "\n".join([head, *lines[motion:]])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: "\n".join(
+            line.rstrip() + (" {" if line.split()[:1] in (["ROOT"], ["JOINT"], ["End"]) else "")
+            for line in text.splitlines()
+            if line.strip() != "{"
+        ),
+        lambda text: text.replace("\n}", " }"),
+        compact,
+    ],
+)
+def test_places_of_braces_do_not_matter(tmp_path, control, change):
+    file = tmp_path / "a.bvh"
+    file.write_text(change(CONTROL))
+    recording = read_recording(file)
+    assert recording.names == control.names
+    assert_allclose(recording.positions, control.positions, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["brace_on_the_line_of_the_name.bvh", "comma_decimals.bvh"])
+def test_braces_and_decimal_commas_of_the_cases(control, name):
+    recording = read_recording(CASES / name)
+    assert recording.names == control.names
+    assert_allclose(recording.positions, control.positions, atol=1e-12)
+    assert_allclose(recording.time, control.time)
+
+
+def test_one_label_above_each_column_of_a_trc(tmp_path, markers):
+    case = read_recording(CASES / "label_above_each_column.trc")
+    assert case.names[:3] == ("C7", "RShoulder", "RElbow")
+    assert len(case.names) == 10
+    expected = read_recording(write_trc(tmp_path / "a.trc", markers))
+    lines = (tmp_path / "a.trc").read_text().splitlines()
+    thrice = [[name] * 3 for name in markers.names]
+    axes = [[f"{name}_{axis}" for axis in "XYZ"] for name in markers.names]
+    for labels, count in ((thrice, 14), (axes, 14), (thrice, 42)):
+        assert len(markers.names) == 14
+        changed = list(lines)
+        changed[2] = changed[2].replace("\t14\t", f"\t{count}\t")
+        changed[3] = "\t".join(["Frame#", "Time", *(label for group in labels for label in group)])
+        file = tmp_path / "b.trc"
+        file.write_text("\n".join(changed))
+        recording = read_recording(file)
+        assert recording.names == expected.names
+        assert_allclose(recording.positions, expected.positions)
+    changed[2] = lines[2]
+    changed[3] = "\t".join(["Frame#", "Time", *(f"P{i}" for i in range(42))])
+    file.write_text("\n".join(changed))
+    with pytest.raises(FileFormatError, match=r"line 4 .*42 .*14"):
+        read_recording(file)
+
+
+@pytest.mark.parametrize("section", ["Model Outputs", "Devices", "Joints"])
+def test_an_export_of_nexus_without_trajectories(tmp_path, markers, section):
+    text = (CASES / "nexus_model_outputs_only.csv").read_text()
+    file = tmp_path / "a.csv"
+    file.write_text(text.replace("Model Outputs", section))
+    with pytest.raises(FileFormatError, match=f"export Trajectories.*{section}"):
+        read_recording(file)
+    both = write_nexus(tmp_path / "b.csv", markers).read_text()
+    file.write_text(text + "\n" + both[both.index("Trajectories") :])
+    assert len(read_recording(file)) == len(markers)
+
+
+@pytest.mark.parametrize("separator", [",", ";", ", "])
+@pytest.mark.parametrize("filled", [False, True])
+def test_separators_of_opensim_tables(tmp_path, made, separator, filled):
+    file = write_mot(tmp_path / "a.mot", made.time, made.joint_angles, SAUL)
+    expected = read_recording(file)
+    text = file.read_text().replace("\t", separator)
+    if filled:  # by a spreadsheet
+        head, _, table = text.partition("endheader\n")
+        text = head.replace("\n", ",,,\n") + "endheader,,,,\n" + table
+    file.write_text(text)
+    recording = read_recording(file)
+    assert recording.format == ".mot"
+    assert_allclose(recording.positions, expected.positions, atol=1e-9)
+    file.write_text("\n".join(text.splitlines()[:-9]))
+    with pytest.raises(FileFormatError, match="40 rows"):
+        read_recording(file)
+
+
+def test_a_rate_replaces_one_that_is_zero(tmp_path, made, markers):
+    writer = Writer()
+    content = writer.content()
+    at = content.index(b"RATE") + 8
+    rate = np.frombuffer(content[at : at + 4], "<f4")[0]
+    assert rate == 50
+    file = tmp_path / "a.c3d"
+    file.write_bytes(content[:at] + bytes(4) + content[at + 4 :])
+    with pytest.raises(FileFormatError, match=r"RATE.*rate="):
+        read_recording(file)
+    assert read_recording(file, rate=50).rate == pytest.approx(50)
+    np.savez(tmp_path / "b.npz", names=list(markers.names), positions=markers.positions, fps=0)
+    with pytest.raises(FileFormatError, match="rate="):
+        read_recording(tmp_path / "b.npz", unit="m")
+    assert read_recording(tmp_path / "b.npz", unit="m", rate=50).rate == pytest.approx(50)
