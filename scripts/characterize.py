@@ -269,9 +269,10 @@ def _forces_on_path(result: Any, waypoints: int = 60, count: int = 700) -> dict[
     """
     from maniport.evaluation import half_sphere, line_extent, polytope_extent
     from maniport.motion import MotionLimits
-    from maniport.motion.objective import Objective
     from maniport.motion.plan.reachability_map import ReachabilityMap
     from maniport.motion.plan.roadmap import LARGEST_CHANGE, shortest_path
+    from maniport.motion.problem import ArmProblem
+    from maniport.motion.targets import TargetTrajectory
 
     motion, fit, place, limits = (
         result.motion,
@@ -285,10 +286,15 @@ def _forces_on_path(result: Any, waypoints: int = 60, count: int = 700) -> dict[
     ]
     directions = strongest @ (place.rotation @ place.map_rotation).T
     samples = ReachabilityMap(limits.arm, motion.spec, collisions=True)
-    targets = Objective.of(limits.arm, motion.spec, motion.damping).targets(
-        motion.target[rows], motion.path[rows]
+    target = TargetTrajectory(
+        time=result.time[rows],
+        ellipsoids=motion.target[rows],
+        spec=motion.spec,
+        damping=motion.damping,
+        positions=motion.path[rows],
     )
-    nodes = samples.nodes(targets, count, np.random.default_rng(0))
+    problem = ArmProblem.of(limits.arm, target)
+    nodes = samples.nodes(problem, count, np.random.default_rng(0))
     nodes = (
         nodes.without(samples.collisions.collides(nodes.q))
         if samples.collisions is not None

@@ -24,7 +24,6 @@ from maniport.evaluation import capability
 from maniport.evaluation.capability import half_sphere, line_extent
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import MotionLimits
-from maniport.motion.objective import Objective
 from maniport.motion.plan.roadmap import (
     IN_PLACE,
     Roadmap,
@@ -32,6 +31,8 @@ from maniport.motion.plan.roadmap import (
     shortest_path,
     stages_of,
 )
+from maniport.motion.problem import ArmProblem
+from maniport.motion.targets import TargetTrajectory, damping_of
 from maniport.motion.trajectory import interpolated
 from maniport.transfer import DomainAdapter, method_of
 from maniport.util.defaults import DAMPING
@@ -216,11 +217,16 @@ def ellipsoid_cost(problem: Problem, method: str, spec: EllipsoidSpec) -> Cost:
     person, arm = problem.demonstration, problem.arm
     adapter = fitted(method, person.arm, problem.robot.name, spec, problem.seed)
     target = adapter.transform(person.arm.ellipsoids(person.joint_angles, spec))
-    objective = Objective.of(arm, spec.bounded)
-    targets = objective.targets(
-        np.asarray(np.linalg.inv(target)) if spec.kind == "force" else target
+    if spec.kind == "force":
+        target = np.asarray(np.linalg.inv(target))
+    targets = TargetTrajectory(
+        time=np.zeros(len(target)),
+        ellipsoids=target,
+        spec=spec.bounded,
+        damping=damping_of(arm, spec.bounded, DAMPING),
     )
-    return lambda rows, q: targets[rows].cost(q)
+    aims = ArmProblem.of(arm, targets)
+    return lambda rows, q: aims[rows].cost(q)
 
 
 @lru_cache(16)

@@ -7,10 +7,11 @@ class HeightCost:
     def __init__(self, arm, frame, height, weight=10.0):
         self.arm, self.frame, self.height, self.weight = arm, frame, height, weight
 
-    def residual(self, q, time):
-        """Return weighted height errors of m configurations, shape (m, 1)."""
-        return self.weight * (self.arm.point_positions(q, [self.frame])[:, 0, 2:] - self.height)
+    def residual(self, at):
+        """Return weighted height errors of n configurations, shape (n, 1)."""
+        heights = self.arm.point_positions(at.joint_positions, [self.frame])[:, 0, 2:]
+        return self.weight * (heights - self.height)
 
-    def jacobian(self, q, time):
-        """Return their derivatives with respect to the joints, shape (m, 1, dof)."""
-        return self.weight * self.arm.point_jacobians(q, [self.frame])[:, 0, 2:3]
+    def jacobian(self, at):
+        """Return their derivatives with respect to the joints, shape (n, 1, dof)."""
+        return self.weight * self.arm.point_jacobians(at.joint_positions, [self.frame])[:, 0, 2:3]

@@ -3,24 +3,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from arm_problems import arm_problem
 from maniport.arms import Arm, load_arm
 from maniport.arms.collisions import Collisions
 from maniport.motion.controller import Controller, ControlProblem, ControlState
-from maniport.motion.objective import FOLLOWING_WEIGHT, Linearization, Objective
+from maniport.motion.costs.cost import NormalEquations
+from maniport.motion.problem import FOLLOWING_WEIGHT, CostWeights
 
 
 class NoTargets:
-    positions, objective = None, SimpleNamespace(position_weight=0.0)
+    position = None
 
-    def linearize(self, q, differentials=None):
-        return Linearization(
-            np.zeros(1),
-            np.zeros(1),
-            np.zeros((1, 7)),
-            np.zeros((1, 7, 7)),
-            np.eye(4)[None],
-            np.zeros((1, 6, 7)),
-        )
+    def at(self, q):
+        return SimpleNamespace(joint_positions=q)
+
+    def normal_equations(self, q, at):
+        return NormalEquations.zeros(*q.shape)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -85,23 +83,24 @@ SLOW = np.full(7, 5.0), np.full(7, 2.0)  # velocities and accelerations
 
 
 class OneAxis:
-    """Target positions of the end effector that is moved along x by the first joint, as in `Targets`."""
+    """Target positions of the end effector that is moved along x by the first joint, as in `ArmProblem`."""
 
-    positions, objective = np.array([[1.0, 0.0, 0.0]]), SimpleNamespace(position_weight=200.0)
+    position = SimpleNamespace(positions=np.array([[1.0, 0.0, 0.0]]), weight=200.0)
 
-    def linearize(self, q, differentials=None):
+    def at(self, q):
+        jacobians = np.zeros((1, 6, 7))
+        jacobians[0, 0, 0] = 1.0
+        return SimpleNamespace(joint_positions=q, jacobians=jacobians)
+
+    def normal_equations(self, q, at):
         """Cost (200 (q₀ − 1))² of the first joint, which moves the end effector by 1 m/rad."""
-        jacobian, offset = np.zeros((1, 6, 7)), q[:, 0] - 1.0
-        jacobian[0, 0, 0] = 1.0
-        slope = 200.0 * jacobian[:, 0]
-        square, gradient = (200.0 * offset) ** 2, 200.0 * offset * slope
-        return Linearization(
-            np.zeros(1),
-            square,
-            gradient,
-            slope[:, :, None] @ slope[:, None],
-            np.eye(4)[None],
-            jacobian,
+        offset = q[:, 0] - 1.0
+        slope = 200.0 * at.jacobians[:, 0]
+        return NormalEquations(
+            ellipsoid_square=np.zeros(1),
+            square=(200.0 * offset) ** 2,
+            gradient=200.0 * offset * slope,
+            hessian=slope[:, :, None] @ slope[:, None],
         )
 
 
@@ -189,10 +188,10 @@ def test_position_has_priority_over_the_ellipsoid():
         Controller(panda, panda.velocity_limits, np.full(7, 10.0)),
         ControlState.at_rest(start),
     )
-    objective = Objective.of(panda, position_weight=FOLLOWING_WEIGHT)
+    weights = CostWeights(FOLLOWING_WEIGHT)
     distances, errors = [], []
     for shape in shapes:
-        targets = objective.targets(shape[None], position[None])
+        targets = arm_problem(panda, shape[None], position[None], weights=weights)
         problem = ControlProblem((targets,), start, 1e-2, 0.0, None, (0.05, 0.1))
         state = driver.step(problem, state, 0.01)
         distances.append(targets.distance(state.q[None])[0])

@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import maniport as mp
+from arm_problems import arm_problem
 from crane import two_arms
 from maniport.errors import InvalidInputError
 from maniport.motion import Planner, plan_motion
 from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import Objective
 from maniport.motion.problem import MotionProblem
 from sizes import little_search
 
@@ -111,27 +111,33 @@ def test_slopes_in_the_joints_of_both():
     crane = two_arms()
     q = 0.5 * crane.sample(4, 0)
     each = [
-        Objective.of(arm).targets(
-            1.3 * arm.manipulability(arm.sample(4, 2)), arm.forward(arm.sample(4, 3))[:, :3, 3]
+        arm_problem(
+            arm,
+            1.3 * arm.manipulability(arm.sample(4, 2)),
+            arm.forward(arm.sample(4, 3))[:, :3, 3],
         )
         for arm in crane.arms
     ]
     time = np.arange(4.0)
-    both = MotionProblem(time, tuple(each), MotionLimits.of(crane)).weighing(20.0)
-    alone = sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True))
-    assert_allclose(both.evaluate(q)[0] ** 2, alone)
-    assert both.position_error(q).shape == (4, 2)
-    cost = RelativePositionCost(crane, (0, 1), time, each[1].positions - each[0].positions)
-    free = tuple(replace(own, positions=None) for own in each)
-    between = replace(both, targets=free, costs=(cost,)).weighing(20.0)
-    assert between.position_error(q).shape == (4, 1)
+    both = MotionProblem(time, tuple(each), MotionLimits.of(crane)).with_position_weight(20.0)
+    alone = sum(
+        one.with_position_weight(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True)
+    )
+    assert_allclose(both.normal_equations(q).distance ** 2, alone)
+    assert both.position_errors(q).shape == (4, 2)
+    cost = RelativePositionCost((0, 1), time, each[1].path - each[0].path)
+    free = tuple(own.without_positions() for own in each)
+    between = replace(both, arms=free, costs=(cost,)).with_position_weight(20.0)
+    assert between.position_errors(q).shape == (4, 1)
     for one in (both, between):
-        _, gradient, hessian = one.evaluate(q)
+        equations = one.normal_equations(q)
+        hessian = equations.hessian
         steps = 1e-6 * np.eye(crane.dof)
         numeric = [
-            (one.evaluate(q + h)[0] ** 2 - one.evaluate(q - h)[0] ** 2) / 4e-6 for h in steps
+            (one.normal_equations(q + h).square - one.normal_equations(q - h).square) / 4e-6
+            for h in steps
         ]
-        assert_allclose(gradient, np.stack(numeric, axis=1), rtol=1e-5, atol=1e-4)
+        assert_allclose(equations.gradient, np.stack(numeric, axis=1), rtol=1e-5, atol=1e-4)
         assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
 
 
@@ -172,11 +178,13 @@ class Elbow:
     def wanted(self, time):
         return -1.9 + 0.1 * time
 
-    def residual(self, q, time):
-        return self.weight * (q[:, self.joint] - self.wanted(time))[:, None]
+    def residual(self, at):
+        offset = at.joint_positions[:, self.joint] - self.wanted(at.time)
+        return self.weight * offset[:, None]
 
-    def jacobian(self, q, time):
-        return self.weight * np.tile(np.eye(q.shape[1])[self.joint], (len(q), 1, 1))
+    def jacobian(self, at):
+        row = np.eye(at.robot.dof)[self.joint]
+        return self.weight * np.tile(row, (len(at), 1, 1))
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -194,7 +202,7 @@ def test_a_cost_of_the_user_changes_the_motion(apart, count):
     assert errors[1] < 0.5 * errors[0]
     assert plan.coupled == (count > 1)
     wrong = Elbow(joint, 1.0)
-    wrong.jacobian = lambda q, time: np.zeros((len(q), 1, 2))
+    wrong.jacobian = lambda at: np.zeros((len(at), 1, 2))
     with pytest.raises(InvalidInputError, match=r"costs\[0\].jacobian"):
         plan_motion(arms, **targets, costs=[wrong], planner=planner)
 

@@ -1,14 +1,13 @@
 """What following costs: derivatives by finite differences, with everything that may be asked for at once."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from arm_problems import arm_problem
 from maniport import spd
 from maniport.arms import EllipsoidSpec
-from maniport.motion.objective import Objective
+from maniport.motion.problem import CostWeights
 from maniport.spd.regularization import Regularization
 
 
@@ -17,26 +16,29 @@ from maniport.spd.regularization import Regularization
 @pytest.mark.parametrize("weighed", [False, True])
 def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
     """√f, Jᵀr and JᵀJ of ellipsoid, position and two axes agree with the residual in public terms."""
-    random, n, step, spec, epsilon = (
-        np.random.default_rng(0),
-        4,
-        1e-6,
-        EllipsoidSpec(kind, part),
-        0.05,
-    )
-    weights, m, lift = (
-        (3.0, 0.0, 7.0),
-        spec.size * (spec.size + 1) // 2,
-        epsilon * np.eye(spec.size),
-    )
-    objective = replace(
-        Objective.of(panda, spec, Regularization(epsilon=epsilon), 5.0), axis_weights=weights
-    )
-    target, positions = panda.ellipsoids(panda.sample(n, 2), spec), random.normal(size=(n, 3))
+    random = np.random.default_rng(0)
+    n = 4
+    step = 1e-6
+    epsilon = 0.05
+    spec = EllipsoidSpec(kind, part)
+    weights = (3.0, 0.0, 7.0)
+    m = spec.size * (spec.size + 1) // 2
+    lift = epsilon * np.eye(spec.size)
+    target = panda.ellipsoids(panda.sample(n, 2), spec)
+    positions = random.normal(size=(n, 3))
     rotations = Rotation.random(n, random).as_matrix()
     half = random.normal(size=(n, m, m)) if weighed else np.tile(np.eye(m), (n, 1, 1))
     metric = np.swapaxes(half, 1, 2) @ half if weighed else None
-    targets = objective.targets(target, positions, metric, rotations)
+    problem = arm_problem(
+        panda,
+        target,
+        positions,
+        spec=spec,
+        damping=Regularization(epsilon=epsilon),
+        weights=CostWeights(5.0, weights),
+        rotations=rotations,
+        direction_weights=metric,
+    )
 
     def residual(q):
         root = spd.powm(target + lift, -0.5)
@@ -48,23 +50,28 @@ def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
         )
 
     q = panda.sample(n, 1)
-    length, gradient, hessian = targets.evaluate(q)
+    equations = problem.normal_equations(q)
+    length = equations.distance
     jacobian = np.stack(
         [(residual(q + step * e) - residual(q - step * e)) / (2 * step) for e in np.eye(7)], axis=-1
     )
     r, scale = residual(q), np.abs(jacobian).max()
     assert length == pytest.approx(np.linalg.norm(r, axis=1), rel=1e-8)
-    assert length**2 == pytest.approx(targets.cost(q), rel=1e-8)
-    assert gradient == pytest.approx(
+    assert length**2 == pytest.approx(problem.cost(q), rel=1e-8)
+    assert equations.gradient == pytest.approx(
         np.einsum("nmk,nm->nk", jacobian, r), abs=1e-6 * scale * length.max()
     )
-    assert hessian == pytest.approx(np.swapaxes(jacobian, -1, -2) @ jacobian, abs=1e-6 * scale**2)
+    assert equations.hessian == pytest.approx(
+        np.swapaxes(jacobian, -1, -2) @ jacobian, abs=1e-6 * scale**2
+    )
 
 
 def test_axes_angles_are_those_between_directions(panda):
-    objective = replace(Objective.of(panda), axis_weights=(0.0, 0.0, 1.0))
-    q, desired = panda.sample(5, 1), Rotation.random(5, np.random.default_rng(1)).as_matrix()
-    targets = objective.targets(panda.manipulability(q), rotations=desired)
+    q = panda.sample(5, 1)
+    desired = Rotation.random(5, np.random.default_rng(1)).as_matrix()
+    weights = CostWeights(axes=(0.0, 0.0, 1.0))
+    ellipsoids = panda.manipulability(q)
+    problem = arm_problem(panda, ellipsoids, weights=weights, rotations=desired)
     cosine = np.sum(panda.forward(q)[:, :3, 2] * desired[:, :, 2], axis=1)
-    assert targets.orientation_error(q) == pytest.approx(np.arccos(cosine))
-    assert objective.targets(panda.manipulability(q)).orientation_error(q) is None
+    assert problem.orientation_error(q) == pytest.approx(np.arccos(cosine))
+    assert arm_problem(panda, ellipsoids, weights=weights).orientation_error(q) is None

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from arm_problems import arm_problem
 from maniport.arms import Arm
-from maniport.motion.objective import Objective
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, optimize, time_weights
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path
+from maniport.motion.problem import CostWeights
 
 ARM = Arm.from_dh(
     "four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2
@@ -35,9 +36,8 @@ def terms():
 def targets():
     """Ellipsoids of the arm at eight waypoints, with positions that do not fit them."""
     q, other = ARM.sample(len(UNEVEN), 3), ARM.sample(len(UNEVEN), 4)
-    return Objective.of(ARM, position_weight=5.0).targets(
-        ARM.manipulability(q), ARM.forward(other)[:, :3, 3]
-    )
+    positions = ARM.forward(other)[:, :3, 3]
+    return arm_problem(ARM, ARM.manipulability(q), positions, weights=CostWeights(5.0))
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -77,6 +77,6 @@ def test_optimizer_never_raises_the_cost_and_keeps_limits(targets, terms):
     q = ARM.sample(len(UNEVEN), 0)
     for one in (terms, TrajectoryTerms(0.0, 0.0)):
         solution = optimize(targets, UNEVEN, q, one, 30.0)
-        cost = TrajectoryCost(ARM, targets.weighing(30.0), UNEVEN, one)
+        cost = TrajectoryCost(ARM, targets.with_position_weight(30.0), UNEVEN, one)
         assert cost.evaluate(solution)[0] <= cost.evaluate(q)[0]
         assert ARM.within_limits(solution).all()

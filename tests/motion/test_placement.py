@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import block_diag
 
+from arm_problems import arm_problem
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
@@ -14,12 +15,12 @@ from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
 from maniport.motion import MotionLimits, SeedBank, place_path
 from maniport.motion.demands import demands_of
-from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import as_workspace, fixed_place
 from maniport.motion.placement.placement import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
 from maniport.motion.plan.reachability_map import ReachabilityMap
+from maniport.motion.problem import CostWeights
 from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
@@ -162,7 +163,9 @@ def problem_of(spec=VELOCITY, demands=(), **fixed):
         np.random.default_rng(0).normal(size=(COUNT, 3)),
     )
     place = fixed_place(*(fixed.get(name) for name in ("scale", "yaw", "tilt", "offset")))
-    arm = ArmPath(Objective.of(FOUR, spec, 0.05, 200.0), 0.1 * path, profile, None, demands)
+    weights = CostWeights(200.0)
+    target = arm_problem(FOUR, profile, 0.1 * path, spec=spec, damping=0.05).target
+    arm = ArmPath(FOUR, target, weights, None, demands)
     return PlacementProblem((arm,), arm.path, np.arange(COUNT) * 0.3, *place, as_workspace(None))
 
 
@@ -179,9 +182,9 @@ def test_slopes_are_those_of_the_cost(kind):
         1e-6,
     )
     (arm,) = problem.arms
-    both = PlacementTrajectoryCost(
-        replace(problem, arms=(arm, replace(arm, path=arm.path[::-1]))), [TERMS, TERMS]
-    )
+    backwards = replace(arm.target, positions=arm.path[::-1])
+    turned_around = replace(arm, target=backwards)
+    both = PlacementTrajectoryCost(replace(problem, arms=(arm, turned_around)), [TERMS, TERMS])
     _, (arms, place_gradient, place_hessian) = both.evaluate((PLACE, (q, q)))
     for k, change in enumerate(step * np.eye(len(PLACE))):
         ends = [both.evaluate((PLACE + side * change, (q, q))) for side in (1.0, -1.0)]

@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 
+from arm_problems import arm_problem
 from maniport import motion
 from maniport.arms import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion import MotionLimits, Planner
-from maniport.motion.objective import Objective
 from maniport.motion.problem import MotionProblem
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
@@ -226,8 +226,7 @@ def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(
             match=r"on the path [01]\.\d+ s after the start; at best panda_joint2 needs .* is 25 N m",
         ):
             motion.plan_motion(robot, **targets, planner=loaded)
-    objective = Objective.of(loaded.limits.arm)
-    part = objective.targets(targets["profiles"][:4], targets["paths"][:4])
+    part = arm_problem(loaded.limits.arm, targets["profiles"][:4], targets["paths"][:4])
     problem = MotionProblem(TIME[:4], (part,), loaded.limits)
     nodes = loaded.arms[0].roadmap(problem, 100, np.random.default_rng(0))
     torques = np.abs(loaded.limits.arm.gravity_torques(nodes.q))

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from arm_problems import arm_problem
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.arms.chain import pose
 from maniport.arms.restriction import standing
-from maniport.motion.objective import Objective
 from maniport.motion.plan.reachability_map import IN_PLACE, ReachabilityMap
 from maniport.motion.plan.roadmap import shortest_path
 from sizes import SIX_ROWS
@@ -21,7 +21,7 @@ SHOULDER = Arm(
 def targets_of(arm, count=6, spec=VELOCITY, seed=3):
     """Ellipsoids that an arm makes, with the tip where it makes them."""
     q = arm.sample(count, seed)
-    return Objective.of(arm, spec).targets(arm.ellipsoids(q, spec), arm.forward(q)[:, :3, 3])
+    return arm_problem(arm, arm.ellipsoids(q, spec), arm.forward(q)[:, :3, 3], spec=spec)
 
 
 def test_joints_without_effect_stay_in_the_middle(panda):
@@ -63,7 +63,7 @@ def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
     angles = np.linspace(-1.5 * np.pi, 1.5 * np.pi, 40)
     q = np.tile(SIX.sample(1, 2), (len(angles), 1))
     q[:, 0] = angles
-    targets = Objective.of(wide).targets(wide.manipulability(q), wide.forward(q)[:, :3, 3])
+    targets = arm_problem(wide, wide.manipulability(q), wide.forward(q)[:, :3, 3])
     nodes = ReachabilityMap(wide, VELOCITY, 10_000).nodes(targets, 60, np.random.default_rng(0))
     way = nodes.q[shortest_path(nodes, np.arange(40.0), np.full((40, 6), 1.0))]
     assert np.abs(np.diff(way[:, 0])).max() < 1.0
@@ -77,7 +77,7 @@ def test_out_of_reach_the_nearest_are_nodes(panda, narrow):
         lower, upper = panda.lower.copy(), panda.upper.copy()
         lower[0], upper[0] = -0.2, 0.2
         arm, tip = panda.narrowed(lower, upper), np.array([[-0.5, 0.0, 0.4]])
-    far = Objective.of(arm).targets(np.eye(3)[None], tip)
+    far = arm_problem(arm, np.eye(3)[None], tip)
     nodes = ReachabilityMap(arm, VELOCITY, 3000).nodes(far, 40, np.random.default_rng(0))
     assert len(nodes.q) == 16
     assert arm.within_limits(nodes.q).all()

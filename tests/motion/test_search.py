@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from arm_problems import arm_problem
 from maniport import spd
 from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
-from maniport.motion.objective import Objective
 from maniport.spd.regularization import Regularization
 
 DAMPING = Regularization(epsilon=0.003)
@@ -15,8 +15,8 @@ DAMPING = Regularization(epsilon=0.003)
 
 def test_samples_of_a_bank_are_starts(panda, bank):
     q = bank.joint_positions[:50]
-    targets = Objective.of(panda).targets(panda.manipulability(q), panda.forward(q)[:, :3, 3])
-    assert_array_equal(bank.starts_for(targets, 3)[:, 0, :6], q[:, :6])
+    problem = arm_problem(panda, panda.manipulability(q), panda.forward(q)[:, :3, 3])
+    assert_array_equal(bank.starts_for(problem.target, 3)[:, 0, :6], q[:, :6])
     with pytest.raises(InvalidInputError, match="n must be a whole number of at least 1"):
         SeedBank(panda, 0)
     with pytest.raises(InvalidInputError, match="seed bank was built for 'panda'; it does not fit"):
@@ -82,22 +82,24 @@ def projector(panda, bank):
 @pytest.fixture(scope="module")
 def points(panda, projector):
     """Ellipsoids of the Panda that are a little too long, with the damping."""
-    return projector.objective.damped(1.2 * panda.ellipsoids(panda.sample(40, 7)))
+    return 1.2 * panda.ellipsoids(panda.sample(40, 7)) + shift_of(projector)
+
+
+def shift_of(projector):
+    return projector.regularization.epsilon * np.eye(3)
 
 
 def test_projections_are_feasible_and_about_as_near_as_a_thorough_search(
     panda, bank, projector, points
 ):
-    objective = projector.objective
-    search = projector.search(objective.damping.epsilon)
+    damping = projector.regularization
+    search = projector.search(damping.epsilon)
     nearest, changes = search.nearest(points)
     q = search.joint_positions
     assert np.all(panda.within_limits(q))
     assert np.all(changes[(q <= panda.lower) | (q >= panda.upper)] == 0.0)
-    assert_allclose(nearest, objective.damped(panda.ellipsoids(q)), rtol=1e-12)
-    thorough = nearest_feasible(
-        panda, objective.undamped(points), damping=objective.damping, bank=bank
-    )
+    assert_allclose(nearest, panda.ellipsoids(q) + shift_of(projector), rtol=1e-12)
+    thorough = nearest_feasible(panda, points - shift_of(projector), damping=damping, bank=bank)
     first = spd.distance(points, nearest)
     assert first.mean() < 1.05 * thorough.distance.mean()
     assert_array_equal(projector(points), nearest)

@@ -10,9 +10,11 @@ from maniport.arms.collisions import Collisions
 from maniport.live.targets import Target, TargetQueue
 from maniport.motion import Limit, MotionLimits
 from maniport.motion.arm_model import require_trackable
+from maniport.motion.configurations import Configurations
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost
-from maniport.motion.objective import FOLLOWING_WEIGHT, Damping, Objective
+from maniport.motion.problem import FOLLOWING_WEIGHT, ArmProblem, CostWeights
+from maniport.motion.targets import Damping, TargetTrajectory, damping_of
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
@@ -41,21 +43,23 @@ class Robot:
         group = as_group(limits.arm)
         for arm in group.arms:
             require_trackable(arm, spec)
-        self._objectives = [
-            Objective.of(arm, own, damping, FOLLOWING_WEIGHT, positive=True)
-            for arm, own in zip(group.arms, group.specs(spec), strict=True)
-        ]
+        self._arms = group.arms
+        self._specs = group.specs(spec)
+        self._dampings = []
+        for arm, arm_spec in zip(self._arms, self._specs, strict=True):
+            self._dampings.append(damping_of(arm, arm_spec, damping, positive=True))
         # configurations to stay near, with a weight [1/rad] that is high enough that a robot that cannot follow fast
         # enough stays on its branch of configurations, and low enough that the end effector is on its path where that
         # is feasible
-        self._candidates, self._weight = start[None], 1e-2
+        self._candidates = start[None]
+        self._weight = 1e-2
         if reference is not None:
-            self._candidates, self._weight = reference[evenly_spaced(len(reference), 500)], 0.5
-        parts = zip(self._objectives, group.split(self._candidates), strict=True)
+            self._candidates = reference[evenly_spaced(len(reference), 500)]
+            self._weight = 0.5
         self._there = list[tuple[Array, Array]]()  # positions and damped ellipsoids of each arm
-        for own, q in parts:
-            poses, ellipsoids = own.arm.posed_ellipsoids(q, own.spec)
-            self._there.append((poses[:, :3, 3], own.damped(ellipsoids)))
+        for i, q in enumerate(group.split(self._candidates)):
+            poses, ellipsoids = self._arms[i].posed_ellipsoids(q, self._specs[i])
+            self._there.append((poses[:, :3, 3], self._damped(i, ellipsoids)))
         self._controller = Controller(
             limits.arm, limits.velocity, limits.acceleration, collisions, costs, own_limits
         )
@@ -69,19 +73,38 @@ class Robot:
     def _set(self, state: ControlState) -> None:
         self.q, self.velocity, self._state = state.q, state.velocity, state  # (dof,)
         self.resting = not state.velocity.any()
-        parts = zip(self._objectives, self._controller.columns, strict=True)
-        self._differentials = tuple(
-            own.differentials(state.q[None, columns]) for own, columns in parts
-        )
-        self.positions = [poses[0, :3, 3] for poses, *_ in self._differentials]  # of each arm
-        self.achieved = [
-            ellipsoids[0] for _, _, ellipsoids, _ in self._differentials
-        ]  # (d, d) of each arm
+        self.positions = []  # (3,) of each arm
+        self.achieved = []  # (d, d) of each arm
+        configurations = []
+        for i, columns in enumerate(self._controller.columns):
+            at = Configurations(self._arms[i], state.q[None, columns], np.zeros(1))
+            at.ellipsoid_derivatives(self._specs[i].bounded)  # the next step needs them
+            self.positions.append(at.poses[0, :3, 3])
+            self.achieved.append(at.ellipsoids(self._specs[i].bounded)[0])
+            configurations.append(at)
+        self._configurations = tuple(configurations)
 
     def distance(self, arm: int, target: Array) -> float:
         """Affine-invariant distance of a target (d, d) and the achieved ellipsoid of an arm, with the damping."""
-        damped = self._objectives[arm].damped
-        return float(distance_unchecked(damped(target), damped(self.achieved[arm])))
+        achieved = self._damped(arm, self.achieved[arm])
+        return float(distance_unchecked(self._damped(arm, target), achieved))
+
+    def _damped(self, arm: int, ellipsoids: Array) -> Array:
+        return np.asarray(ellipsoids + self._dampings[arm].epsilon * np.eye(self._specs[arm].size))
+
+    def _problem(self, arm: int, target: Target) -> ArmProblem:
+        """Return the problem of an arm with the target of the present."""
+        positions = None
+        if target.position is not None:
+            positions = target.position[None]
+        trajectory = TargetTrajectory(
+            time=np.zeros(1),
+            ellipsoids=target.ellipsoid[None],
+            spec=self._specs[arm],
+            damping=self._dampings[arm],
+            positions=positions,
+        )
+        return ArmProblem.of(self._arms[arm], trajectory, CostWeights(FOLLOWING_WEIGHT))
 
     def follow(
         self,
@@ -101,29 +124,29 @@ class Robot:
             self._choose_reference(targets)
             self._reference_time = time
         steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
-        rows = tuple(
-            objective.targets(
-                own.ellipsoid[None], None if own.position is None else own.position[None]
-            )
-            for objective, own in zip(self._objectives, targets, strict=True)
-        )
+        arms = tuple(self._problem(i, target) for i, target in enumerate(targets))
         for i in range(steps):
             ends = tuple(
                 queue.positions(time - elapsed * (steps - 1 - i) / steps, INTERVAL_ENDS)
                 for queue in queues
             )
             problem = ControlProblem(
-                rows, self._reference, self._weight, time, None, HORIZON, self._differentials, ends
+                arms=arms,
+                reference=self._reference,
+                reference_weight=self._weight,
+                time=time,
+                horizon=HORIZON,
+                configurations=self._configurations,
+                positions=ends,
             )
             self._set(self._controller.step(problem, self._state, elapsed / steps, speed_share))
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:
         """Choose the candidate nearest to the present configuration of those that suit the targets best."""
         cost = np.zeros(len(self._candidates))
-        for own, (positions, ellipsoids), (target, position) in zip(
-            self._objectives, self._there, targets, strict=True
-        ):
-            cost += distance_unchecked(own.damped(target), ellipsoids) ** 2
+        for i, (target, position) in enumerate(targets):
+            positions, ellipsoids = self._there[i]
+            cost += distance_unchecked(self._damped(i, target), ellipsoids) ** 2
             if position is not None:
                 cost += np.sum((6.0 * (positions - position)) ** 2, axis=1)  # [1/m]
         near = self._candidates[np.argpartition(cost, min(count, len(cost) - 1))[:count]]

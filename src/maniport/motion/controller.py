@@ -31,8 +31,9 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions
 from maniport.motion.collision_limit import CollisionLimit, Limit, as_own_limits
+from maniport.motion.configurations import Configurations
 from maniport.motion.costs.cost import Cost
-from maniport.motion.objective import Targets
+from maniport.motion.problem import ArmProblem
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
@@ -63,7 +64,7 @@ class ControlState:
 class ControlProblem:
     """Costs of one control step."""
 
-    targets: tuple[Targets, ...]  # of each arm, one row
+    arms: tuple[ArmProblem, ...]  # one row each
     reference: Array  # q_ref, (dof,)
     reference_weight: float  # w [1/rad or 1/m]
     time: float = 0.0  # of further costs [s]
@@ -72,9 +73,9 @@ class ControlProblem:
     horizon: tuple[
         float, ...
     ] = ()  # durations of intervals after the step for which velocities are planned, too [s]
-    # `Objective.differentials` of each arm at the present configuration; None: to be computed
-    differentials: tuple[tuple[Array, Array, Array, Array], ...] | None = None
-    # (1 + len(horizon), 3) of each arm: target positions at the ends of all intervals [m]; None: those of `targets`
+    # present configuration of each arm, whose kinematics are known; None: to be computed
+    configurations: tuple[Configurations, ...] | None = None
+    # (1 + len(horizon), 3) of each arm: target positions at the ends of all intervals [m]; None: those of `arms`
     positions: tuple[Array | None, ...] | None = None
 
 
@@ -95,6 +96,7 @@ class Controller:
         limits: Sequence[Limit] = (),
     ):
         group = as_group(arm)
+        self._robot = arm
         self.columns: Sequence[Any] = group.columns
         self._blocks: list[Any] = [(columns[:, None], columns) for columns in group.columns]
         if len(group.arms) == 1:  # indexing by arrays is slow
@@ -167,33 +169,39 @@ class Controller:
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the damped Gauss-Newton Hessian (dof, dof), and half the gradients of all intervals (m, dof)."""
-        dof, posture_weight = len(q), problem.reference_weight**2
-        gradient, damping = posture_weight * (q - problem.reference), np.zeros(dof)
-        hessian, changes = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
-        for i, (targets, block) in enumerate(zip(problem.targets, self._blocks, strict=True)):
+        dof = len(q)
+        posture_weight = problem.reference_weight**2
+        gradient = posture_weight * (q - problem.reference)
+        damping = np.zeros(dof)
+        hessian = np.zeros((dof, dof))
+        changes = np.zeros((1 + len(problem.horizon), dof))
+        for i, (arm, block) in enumerate(zip(problem.arms, self._blocks, strict=True)):
             columns = block[1]
-            differentials = None if problem.differentials is None else problem.differentials[i]
-            parts = targets.linearize(q[None, columns], differentials)
-            hessian[block] += parts.hessian[0]
-            gradient[columns] += parts.gradient[0]
-            amount = LM_DAMPING * parts.ellipsoid_square[0]
-            position_weight = targets.objective.position_weight**2
+            if problem.configurations is None:
+                at = arm.at(q[None, columns])
+            else:
+                at = problem.configurations[i]
+            equations = arm.normal_equations(at.joint_positions, at)
+            hessian[block] += equations.hessian[0]
+            gradient[columns] += equations.gradient[0]
+            amount = LM_DAMPING * equations.ellipsoid_square[0]
+            position_weight = 0.0 if arm.position is None else arm.position.weight**2
             positions = None if problem.positions is None else problem.positions[i]
-            if positions is not None and targets.positions is not None:
-                changes[:, columns] = (
-                    position_weight * (targets.positions - positions) @ parts.jacobian[0, :3]
-                )
+            if positions is not None and arm.position is not None:
+                offsets = position_weight * (arm.position.positions - positions)
+                changes[:, columns] = offsets @ at.jacobians[0, :3]
             previous = None if problem.previous_positions is None else problem.previous_positions[i]
             if previous is not None:
-                distance = math.dist(parts.poses[0, :3, 3], previous)
+                distance = math.dist(at.poses[0, :3, 3], previous)
                 lag = (
                     distance * distance / (distance + 1e-3)
                 )  # about 1 mm is no sign of a path out of reach
                 amount += position_weight * self._reaches[i] * lag
             damping[columns] += amount
+        at = Configurations(self._robot, q[None], np.array([problem.time]))
         for cost in self._costs:
-            time = np.array([problem.time])
-            residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
+            residual = cost.residual(at)[0]
+            jacobian = cost.jacobian(at)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
         hessian.reshape(-1)[:: dof + 1] += damping + (posture_weight + 1e-12)  # the diagonal

@@ -1,6 +1,5 @@
 """The feasible ellipsoids nearest to targets: searches over joint positions within their limits."""
 
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -10,8 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion.arm_model import Axis
-from maniport.motion.objective import HINT, Damping, Objective, Targets
+from maniport.motion.problem import ArmProblem
 from maniport.motion.search import SeedBank, bank_for, search_from_starts
+from maniport.motion.targets import (
+    HINT,
+    Damping,
+    TargetTrajectory,
+    checked_ellipsoids,
+    damping_of,
+)
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -74,24 +80,31 @@ def nearest_feasible(
         When an ellipsoid is asymmetric or, with the damping, not positive-definite; when without damping the arm
         itself is singular at all starts.
     """
-    count, objective, end_positions = (
-        as_count(n_starts, "n_starts"),
-        Objective.of(arm, spec, damping),
-        None,
-    )
-    undamped = objective.checked(ellipsoids, "ellipsoids")
+    count = as_count(n_starts, "n_starts")
+    regularization = damping_of(arm, spec, damping)
+    undamped = checked_ellipsoids(ellipsoids, "ellipsoids", spec, regularization)
+    end_positions = None
     if positions is not None:
         end_positions = as_metres(positions, "positions")
         require_shape(end_positions, "positions", (len(undamped), 3), ", one for each ellipsoid")
-    targets = objective.targets(undamped, end_positions)
+    target = TargetTrajectory(
+        time=np.zeros(len(undamped)),
+        ellipsoids=undamped,
+        spec=spec,
+        damping=regularization,
+        positions=end_positions,
+    )
+    problem = ArmProblem.of(arm, target)
     bank = bank_for(arm, spec, bank, random_state)
+
     step = Step(progress, "Search feasible ellipsoids")
-    q = search_from_starts(targets, bank.starts_for(targets, count), block=128, progress=step)
-    distance = targets.distance(q)
+    starts = bank.starts_for(target, count)
+    q = search_from_starts(problem, starts, block=128, progress=step)
+    distance = problem.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
     step.end()
-    return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.position_error(q))
+    return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, problem.position_error(q))
 
 
 class FeasibleProjector:
@@ -123,13 +136,15 @@ class FeasibleProjector:
         bank: SeedBank | None = None,
         random_state: Any = 0,
     ):
-        self.objective = Objective.of(arm, spec, damping, positive=True)
+        self.arm = arm
+        self.spec = spec
+        self.regularization = damping_of(arm, spec, damping, positive=True)
         self.bank = bank_for(arm, spec, bank, random_state)
 
     @property
     def damping(self) -> float | None:
         """Damping relative to the mean eigenvalue of the arm's ellipsoids; None where it was given as an absolute ε."""
-        return self.objective.damping.damping
+        return self.regularization.damping
 
     @cached_property
     def axis(self) -> Array | None:
@@ -137,8 +152,8 @@ class FeasibleProjector:
 
         A feasible ellipsoid is then feasible turned by nearly any angle. Ellipsoids of size 6 have none.
         """
-        arm = self.objective.arm
-        if self.objective.spec.size != 3 or arm.upper[0] - arm.lower[0] < np.radians(300.0):
+        arm = self.arm
+        if self.spec.size != 3 or arm.upper[0] - arm.lower[0] < np.radians(300.0):
             return None
         probes = arm.sample(32, 0)
         axis = Axis.of(arm.jacobian(probes), arm.forward(probes)[:, :3, 3])
@@ -154,19 +169,19 @@ class FeasibleProjector:
         Also return the derivatives of log(A^-½ M A^-½) along each joint (n, dof, d, d), zero where one is at a limit.
         Equal points have equal results, whatever was searched before.
         """
-        return self.search(self.objective.damping.epsilon).nearest(points)
+        return self.search(self.regularization.epsilon).nearest(points)
 
     def search(self, damping: float) -> "FeasibleSearch":
         """Begin a search for ellipsoids that carry another damping ε > 0 [unit of M]."""
         epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
-        return FeasibleSearch(replace(self.objective, damping=epsilon), self.bank)
+        return FeasibleSearch(self.arm, self.spec, epsilon, self.bank)
 
     def __deepcopy__(self, memo: Any) -> "FeasibleProjector":
         return self  # immutable; scikit-learn copies the parameters of estimators that it clones
 
     def __repr__(self) -> str:
-        objective = self.objective
-        return f"FeasibleProjector({objective.arm.name!r}, {objective.spec}, damping {objective.damping.epsilon:.3g})"
+        epsilon = self.regularization.epsilon
+        return f"FeasibleProjector({self.arm.name!r}, {self.spec}, damping {epsilon:.3g})"
 
 
 class FeasibleSearch:
@@ -176,8 +191,10 @@ class FeasibleSearch:
 
     Parameters
     ----------
-    objective : Objective
-        With the damping of the points.
+    arm : Arm
+    spec : EllipsoidSpec
+    damping : Regularization
+        That of the points.
     bank : SeedBank
         Seed configurations.
 
@@ -187,8 +204,10 @@ class FeasibleSearch:
         Result of the last call [rad or m]; None before the first.
     """
 
-    def __init__(self, objective: Objective, bank: SeedBank):
-        self.objective = objective
+    def __init__(self, arm: Arm, spec: EllipsoidSpec, damping: Regularization, bank: SeedBank):
+        self.arm = arm
+        self.spec = spec
+        self.damping = damping
         self.bank = bank
         self.joint_positions: Array | None = None
 
@@ -200,41 +219,47 @@ class FeasibleSearch:
         The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
         from the last result of each, those of its `neighbors` (n, k) and one sample.
         """
-        objective = self.objective
-        arm = objective.arm
-        damped = as_points(points, "points", objective.spec.size, minimum=1)
-        targets = objective.targets(objective.undamped(damped))
+        arm = self.arm
+        damped = as_points(points, "points", self.spec.size, minimum=1)
+        shift = self.damping.epsilon * np.eye(self.spec.size)
+        target = TargetTrajectory(
+            time=np.zeros(len(damped)),
+            ellipsoids=np.asarray(damped - shift),
+            spec=self.spec,
+            damping=self.damping,
+        )
+        problem = ArmProblem.of(arm, target)
         if self.joint_positions is None:
-            starts = self._first_starts(targets)
+            starts = self._first_starts(target)
             steps = FIRST_STEPS
         else:
-            starts = self._later_starts(targets, self.joint_positions, neighbors)
+            starts = self._later_starts(target, self.joint_positions, neighbors)
             steps = LATER_STEPS
 
-        q = search_from_starts(targets, starts, max_iter=steps, block=512, halving=2)
-        if not np.all(np.isfinite(targets.distance(q))):
+        q = search_from_starts(problem, starts, max_iter=steps, block=512, halving=2)
+        if not np.all(np.isfinite(problem.distance(q))):
             raise InvalidInputError(
                 f"the arm {arm.name!r} is singular at all starts for some points"
             )
         self.joint_positions = q
 
-        changes = targets.ellipsoid.log_changes(q)
+        changes = problem.ellipsoid.log_changes(problem.at(q))
         changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
-        return objective.damped(arm.ellipsoids(q, objective.spec)), changes
+        return np.asarray(arm.ellipsoids(q, self.spec) + shift), changes
 
-    def _first_starts(self, targets: Targets) -> Array:
-        count = min(max(MOST_STARTS // len(targets), 24), 48)  # six: worse length fields
-        return self.bank.starts_for(targets, count)
+    def _first_starts(self, target: TargetTrajectory) -> Array:
+        count = min(max(MOST_STARTS // len(target), 24), 48)  # six: worse length fields
+        return self.bank.starts_for(target, count)
 
     def _later_starts(
-        self, targets: Targets, before: Array, neighbors: NDArray[np.intp] | None
+        self, target: TargetTrajectory, before: Array, neighbors: NDArray[np.intp] | None
     ) -> Array:
-        size = targets.objective.spec.size
+        size = self.spec.size
         require_shape(
-            targets.ellipsoids, "points", (len(before), size, size), ", as in the first call"
+            target.ellipsoids, "points", (len(before), size, size), ", as in the first call"
         )
         starts = [before[:, None]]
         if neighbors is not None:
             starts.append(before[neighbors])
-        starts.append(self.bank.starts_for(targets, 1))
+        starts.append(self.bank.starts_for(target, 1))
         return np.concatenate(starts, axis=1)

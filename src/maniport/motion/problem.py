@@ -1,78 +1,212 @@
-"""Motion problems: what a trajectory or a control step minimizes, within limits and free of collisions."""
+"""Motion problems: what a search, a trajectory or a control step minimizes."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from maniport.arms import as_group
+from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions
-from maniport.motion.costs.cost import Cost, ToleranceCost
-from maniport.motion.kernels import add_residual
+from maniport.motion.configurations import Configurations
+from maniport.motion.costs.cost import Cost, NormalEquations, PositionErrorCost
+from maniport.motion.costs.ellipsoid import EllipsoidCost
+from maniport.motion.costs.orientation import OrientationCost
+from maniport.motion.costs.position import PositionCost
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import Targets
-from maniport.util.validation import Array
+from maniport.motion.targets import TargetTrajectory
+from maniport.util.validation import Array, Rows
+
+SEARCH_WEIGHT = 50.0
+"""Weight of the position error in searches of configurations [1/m]: soft, since a stiff weight makes local minima where
+the position is right and the ellipsoid is not."""
+FOLLOWING_WEIGHT = 200.0
+"""The same of the controller: the position error stays within half a millimeter; a stiffer weight disturbs control
+steps, which use first derivatives only."""
+EXACT_WEIGHT = 1000.0
+"""The same of the pointwise optimum, with a position error of less than 0.1 mm."""
 
 
 @dataclass(frozen=True)
+class CostWeights:
+    """Weights of the costs of an arm beside that of its ellipsoid, which is 1."""
+
+    position: float = SEARCH_WEIGHT  # of the position error [1/m]
+    axes: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of the angles between the axes of the end effector and their targets [1/rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmProblem:
+    """Targets of an arm and the costs of missing them, a row for each target.
+
+    The cost of a configuration is f(q) = |r_ellipsoid|² + |r_position|² + |r_orientation|².
+    """
+
+    arm: Arm
+    target: TargetTrajectory
+    ellipsoid: EllipsoidCost
+    position: PositionCost | None = None
+    orientation: OrientationCost | None = None
+
+    @classmethod
+    def of(
+        cls, arm: Arm, target: TargetTrajectory, weights: CostWeights | None = None
+    ) -> "ArmProblem":
+        """Make a cost of each part of the targets that has a weight."""
+        if weights is None:
+            weights = CostWeights()
+        position = None
+        if target.positions is not None:
+            position = PositionCost(target.positions, weights.position)
+        orientation = None
+        if target.rotations is not None and any(weights.axes):
+            orientation = OrientationCost(target.rotations, weights.axes)
+        return cls(arm, target, EllipsoidCost.of(target), position, orientation)
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    def __getitem__(self, rows: Rows) -> "ArmProblem":
+        return ArmProblem(
+            self.arm,
+            self.target[rows],
+            self.ellipsoid[rows],
+            None if self.position is None else self.position[rows],
+            None if self.orientation is None else self.orientation[rows],
+        )
+
+    @property
+    def robot(self) -> Arm:
+        """The arm, under the name that `MotionProblem` has for it."""
+        return self.arm
+
+    @property
+    def pose_costs(self) -> list[PositionCost | OrientationCost]:
+        """Costs of the pose of the end effector."""
+        costs: list[PositionCost | OrientationCost] = []
+        if self.position is not None:
+            costs.append(self.position)
+        if self.orientation is not None:
+            costs.append(self.orientation)
+        return costs
+
+    @property
+    def path(self) -> Array:
+        """Target positions, which exist, shape (n, 3) [m]."""
+        return self.target.path
+
+    def with_position_weight(self, weight: float) -> "ArmProblem":
+        """Return the problem with another weight of the position error [1/m]."""
+        if self.position is None:
+            return self
+        return replace(self, position=self.position.with_weight(weight))
+
+    def without_positions(self) -> "ArmProblem":
+        """Return the problem with a free position of the end effector."""
+        return replace(self, target=replace(self.target, positions=None), position=None)
+
+    def without_rotations(self) -> "ArmProblem":
+        """Return the problem with a free orientation of the end effector."""
+        return replace(self, target=replace(self.target, rotations=None), orientation=None)
+
+    def at(self, q: Array) -> Configurations:
+        """Return configurations (n, dof) with their kinematics."""
+        return Configurations(self.arm, q, self.target.time)
+
+    def normal_equations(self, q: Array, at: Configurations | None = None) -> NormalEquations:
+        """Return f and its derivatives at q (n, dof); `at` has its kinematics where they are known."""
+        if at is None:
+            at = self.at(q)
+        equations = NormalEquations.zeros(*q.shape)
+        self.ellipsoid.add_to(equations, at)
+        for cost in self.pose_costs:
+            equations.add(cost, at)
+        return equations
+
+    def cost(self, q: Array) -> Array:
+        """Cost f at q (n, dof), shape (n,); infinite where an ellipsoid is singular."""
+        at = self.at(q)
+        square = self.ellipsoid.square(at)
+        for cost in self.pose_costs:
+            square += np.sum(cost.residual(at) ** 2, axis=1)
+        return square
+
+    def distance(self, q: Array) -> Array:
+        """Affine-invariant distance (n,) of target and achieved ellipsoids; infinite where those are singular."""
+        return self.ellipsoid.distance(self.at(q))
+
+    def position_error(self, q: Array) -> Array | None:
+        """Position error [m], shape (n,); None without target positions."""
+        if self.position is None:
+            return None
+        return self.position.error(self.at(q))
+
+    def orientation_error(self, q: Array) -> Array | None:
+        """Largest angle between an axis with a weight and its target [rad], shape (n,); None without targets."""
+        if self.orientation is None:
+            return None
+        return self.orientation.error(self.at(q))
+
+
+@dataclass(frozen=True, eq=False)
 class MotionProblem:
     """Costs at the waypoints of a motion, one row for each, with limits and collisions."""
 
     time: Array  # (n,), in the demonstration [s]
-    targets: tuple[
-        Targets, ...
-    ]  # of each arm; their costs are evaluated together, which computes the kinematics once
+    arms: tuple[ArmProblem, ...]
     limits: MotionLimits
     collisions: Collisions | None = None
-    costs: tuple[Cost, ...] = ()  # further ones
+    costs: tuple[Cost, ...] = ()  # further ones, over all joints
 
     @property
-    def arm(self) -> Any:
+    def robot(self) -> Arm | ArmGroup:
         """The arm, or the group of arms, with the margin of the limits."""
-        return self.limits.arm
+        robot: Arm | ArmGroup = self.limits.arm
+        return robot
 
     def __len__(self) -> int:
         return len(self.time)
 
-    def __getitem__(self, rows: Any) -> "MotionProblem":
-        return replace(self, time=self.time[rows], targets=tuple(own[rows] for own in self.targets))
+    def __getitem__(self, rows: Rows) -> "MotionProblem":
+        arms = tuple(arm[rows] for arm in self.arms)
+        return replace(self, time=self.time[rows], arms=arms)
 
-    def weighing(self, position_weight: float) -> "MotionProblem":
+    def with_position_weight(self, weight: float) -> "MotionProblem":
         """Return the problem with another weight of position errors [1/m]."""
-        costs = (
-            own.weighing(position_weight) if isinstance(own, ToleranceCost) else own
-            for own in self.costs
-        )
-        return replace(
-            self,
-            targets=tuple(own.weighing(position_weight) for own in self.targets),
-            costs=tuple(costs),
-        )
-
-    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return the root of the cost (n,), half its gradient (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
-        if len(self.targets) == 1 and not self.costs:
-            return self.targets[0].evaluate(q)
-        square = np.zeros(len(q))
-        gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
-        for own, columns in zip(self.targets, as_group(self.arm).columns, strict=True):
-            length, slope, curvature = own.evaluate(q[:, columns])
-            square += length**2
-            gradient[:, columns] += slope
-            hessian[:, columns[:, None], columns] += curvature
+        arms = tuple(arm.with_position_weight(weight) for arm in self.arms)
+        costs = []
         for cost in self.costs:
-            residual = np.ascontiguousarray(cost.residual(q, self.time), dtype=np.float64)
-            jacobian = np.ascontiguousarray(cost.jacobian(q, self.time), dtype=np.float64)
-            add_residual(residual, jacobian, square, gradient, hessian)
-        return np.sqrt(square), gradient, hessian
+            if isinstance(cost, PositionErrorCost):
+                cost = cost.with_weight(weight)
+            costs.append(cost)
+        return replace(self, arms=arms, costs=tuple(costs))
 
-    def position_error(self, q: Array) -> Array | None:
+    def normal_equations(self, q: Array) -> NormalEquations:
+        """Return the sum of all costs and its derivatives at q (n, dof)."""
+        if len(self.arms) == 1 and not self.costs:
+            return self.arms[0].normal_equations(q)
+
+        equations = NormalEquations.zeros(*q.shape)
+        for arm, columns in zip(self.arms, as_group(self.robot).columns, strict=True):
+            of_arm = arm.normal_equations(q[:, columns])
+            equations.square += of_arm.distance**2
+            equations.gradient[:, columns] += of_arm.gradient
+            equations.hessian[:, columns[:, None], columns] += of_arm.hessian
+        at = Configurations(self.robot, q, self.time)
+        for cost in self.costs:
+            equations.add(cost, at)
+        return equations
+
+    def position_errors(self, q: Array) -> Array | None:
         """Return all position errors [m], shape (n, number of them); None where no position has a cost."""
-        parts = zip(self.targets, as_group(self.arm).columns, strict=True)
-        errors = [
-            error
-            for own, columns in parts
-            if (error := own.position_error(q[:, columns])) is not None
-        ]
-        errors += [own.error(q, self.time) for own in self.costs if isinstance(own, ToleranceCost)]
-        return np.stack(errors, axis=1) if errors else None
+        errors = []
+        for arm, columns in zip(self.arms, as_group(self.robot).columns, strict=True):
+            error = arm.position_error(q[:, columns])
+            if error is not None:
+                errors.append(error)
+        at = Configurations(self.robot, q, self.time)
+        for cost in self.costs:
+            if isinstance(cost, PositionErrorCost):
+                errors.append(cost.error(at))
+        if not errors:
+            return None
+        return np.stack(errors, axis=1)

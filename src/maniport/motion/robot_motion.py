@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.motion.objective import Damping, Objective
-from maniport.motion.schedule import Schedule, speed_limits
+from maniport.motion.problem import ArmProblem
 from maniport.motion.status import ENOUGH_METRES, statuses_of
+from maniport.motion.targets import Damping, TargetTrajectory, damping_of, speed_limits
 from maniport.motion.trajectory import Clearance, Trajectory, interpolated
 from maniport.spd.ellipsoid import axis_over_time, line_angles
 from maniport.spd.regularization import Regularization
@@ -97,14 +97,20 @@ class ArmMotion(Trajectory):
         path: Array | None = None,
     ) -> "ArmMotion":
         """Evaluate a joint trajectory; arguments are those of the attributes and are not checked."""
-        schedule = Schedule(Objective.of(arm, spec, damping), time, target, path)
+        targets = TargetTrajectory(
+            time=time,
+            ellipsoids=target,
+            spec=spec,
+            damping=damping_of(arm, spec, damping),
+            positions=path,
+        )
         trajectory = Trajectory.of_positions(arm, time, control_time, control_positions)
-        return cls.of(schedule, trajectory, speed_limits(arm, None))
+        return cls.of(ArmProblem.of(arm, targets), trajectory, speed_limits(arm, None))
 
     @classmethod
     def of(
         cls,
-        schedule: Schedule,
+        problem: ArmProblem,
         trajectory: Trajectory,
         velocity_limits: Array,
         held: NDArray[np.bool_] | None = None,
@@ -112,18 +118,15 @@ class ArmMotion(Trajectory):
         **plan: Any,
     ) -> "ArmMotion":
         """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
-        objective, q, targets = schedule.objective, trajectory.joint_positions, schedule.targets()
-        arm, spec = objective.arm, objective.spec
-        error, distance, time = (
-            targets.position_error(q),
-            targets.distance(q),
-            trajectory.control_time,
-        )
-        positions, near_stop, near_speed = (
-            trajectory.control_positions,
-            1e-3,
-            0.999 * velocity_limits,
-        )
+        arm = problem.arm
+        target = problem.target
+        q = trajectory.joint_positions
+        error = problem.position_error(q)
+        distance = problem.distance(q)
+        time = trajectory.control_time
+        positions = trajectory.control_positions
+        near_stop = 1e-3  # [rad or m]
+        near_speed = 0.999 * velocity_limits
         stopped = np.zeros(len(time), bool) if held is None else held
         ends = (positions <= arm.lower + near_stop) | (positions >= arm.upper - near_stop)
         fast = np.abs(np.diff(positions, axis=0) / np.diff(time)[:, None]) >= near_speed
@@ -136,14 +139,14 @@ class ArmMotion(Trajectory):
             arm=arm.name,
             frame=arm.frame,
             joint_velocities=interpolated(time, trajectory.control_velocities, trajectory.time),
-            target=schedule.ellipsoids,
-            achieved=arm.ellipsoids(q, spec),
-            spec=spec,
-            damping=objective.damping,
+            target=target.ellipsoids,
+            achieved=arm.ellipsoids(q, target.spec),
+            spec=target.spec,
+            damping=target.damping,
             distance=distance,
-            path=schedule.positions,
+            path=target.positions,
             position_error=error,
-            orientation_error=targets.orientation_error(q),
+            orientation_error=problem.orientation_error(q),
             position_tolerance=position_tolerance,
             status=statuses_of(trajectory.time, distance, off_path, time, *steps),
             held=stopped,
@@ -249,7 +252,7 @@ class RobotMotion(NotebookDisplay):
     def of(
         cls,
         group: ArmGroup,
-        schedules: Sequence[Schedule],
+        problems: Sequence[ArmProblem],
         trajectory: Trajectory,
         collisions: Collisions | None,
         velocity_limits: Array,
@@ -260,14 +263,14 @@ class RobotMotion(NotebookDisplay):
     ) -> "RobotMotion":
         """Compare the trajectory of a group with the targets of its arms."""
         clearance, arms = Clearance.of(collisions, trajectory), []
-        for i, (schedule, columns) in enumerate(zip(schedules, group.columns, strict=True)):
+        for i, (problem, columns) in enumerate(zip(problems, group.columns, strict=True)):
             plan = {
                 "clearance": clearance,
-                "demonstrated_time": None if trajectory.limits is None else schedule.time,
+                "demonstrated_time": None if trajectory.limits is None else problem.target.time,
             }
-            own = trajectory.of_arm(schedule.objective.arm, columns)
+            own = trajectory.of_arm(problem.arm, columns)
             motion = ArmMotion.of(
-                schedule, own, velocity_limits[columns], held, position_tolerance, **plan
+                problem, own, velocity_limits[columns], held, position_tolerance, **plan
             )
             if pointwise_bests is not None:  # the achieved configuration is a candidate
                 best = np.minimum(pointwise_bests[i], motion.distance)

@@ -1,7 +1,7 @@
 """An arm, or a group of arms, follows target ellipsoids and paths step by step with the `Controller`."""
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +14,19 @@ from maniport.motion.collision_limit import Limit
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost, as_costs
 from maniport.motion.costs.orientation import axis_weights
-from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
+from maniport.motion.problem import FOLLOWING_WEIGHT, ArmProblem, CostWeights
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
+from maniport.motion.targets import (
+    Damping,
+    as_limits,
+    checked_targets,
+    linear,
+    speed_limits,
+)
 from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Part, Progress, Step, between, ignore_fraction
-from maniport.util.validation import Array, as_number
+from maniport.util.validation import Array, as_number, require_shape
 
 
 def track(
@@ -89,13 +95,14 @@ def track(
     """
     group, model = as_group(arm), as_collisions(collisions, arm)
     control_rate = as_number(rate, "rate", above=0.0)
-    position_weight, axes = (
-        as_number(position_cost, "position_cost", above=0.0),
-        axis_weights(orientation_axes),
-    )
+    position_weight = as_number(position_cost, "position_cost", above=0.0)
+    weighting = CostWeights(position_weight, axis_weights(orientation_axes))
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    schedules = schedules_of(arm, time, spec, damping, position_weight, axes, arrays, near)
+    targets = checked_targets(arm, time, spec, damping, arrays)
+    waypoint_times = targets[0].time
+    if near is not None:
+        require_shape(near, "reference", (len(waypoint_times), arm.dof), ", one row for each time")
     if start is None:
         if near is None:
             raise InvalidInputError(
@@ -105,17 +112,25 @@ def track(
     begin = group.require_within_limits(start, "start", single=True)
     speeds = speed_limits(arm, velocity_limits)
     accelerations = as_limits(arm, acceleration_limits, "acceleration_limits")
-    costs = as_costs(costs, arm, schedules[0].time)
+    costs = as_costs(costs, arm, waypoint_times)
     controller = Controller(arm, speeds, accelerations, model, costs, limits)
-    step, sampled = (
-        Step(progress, "Track trajectory"),
-        [own.sampled(control_rate) for own in schedules],
-    )
+    step = Step(progress, "Track trajectory")
+    sampled = [target.sampled(control_rate) for target in targets]
+    control_time = sampled[0].time
+    references = None
+    if near is not None:
+        references = linear(waypoint_times, near, control_time)  # splines may exceed limits
+    problems = tuple(map(partial(ArmProblem.of, weights=weighting), group.arms, sampled))
     joints, held = follow(
-        controller, np.clip(begin, arm.lower, arm.upper), sampled, between(step, 0.0, 1.0)
+        controller,
+        np.clip(begin, arm.lower, arm.upper),
+        problems,
+        references,
+        between(step, 0.0, 1.0),
     )
-    trajectory = Trajectory.of_positions(group, schedules[0].time, sampled[0].time, joints)
-    result = RobotMotion.of(group, schedules, trajectory, model, speeds, held=held)
+    trajectory = Trajectory.of_positions(group, waypoint_times, control_time, joints)
+    at_waypoints = tuple(map(partial(ArmProblem.of, weights=weighting), group.arms, targets))
+    result = RobotMotion.of(group, at_waypoints, trajectory, model, speeds, held=held)
     step.end()
     return result
 
@@ -123,38 +138,42 @@ def track(
 def follow(
     controller: Controller,
     start: Array,
-    schedules: Sequence[Schedule],
+    arms: Sequence[ArmProblem],
+    references: Array | None = None,
     progress: Part = ignore_fraction,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Follow the targets of each arm, whose m times are the same and evenly spaced, from rest at `start` (dof,).
 
-    Return configurations (m, dof), and the steps (m,) without a solution, in which the arm braked.
+    The robot stays near the `references` (m, dof) where the targets leave freedom. Return configurations (m, dof), and
+    the steps (m,) without a solution, in which the arm braked.
     """
-    times = schedules[0].time
+    times = arms[0].target.time
     dt = (times[-1] - times[0]) / (len(times) - 1)
-    targets = [schedule.targets() for schedule in schedules]
-    has_reference = schedules[0].configurations is not None
-    reference_weight = (
-        0.3 if has_reference else 1e-2
-    )  # a little for joints that no other cost determines
-    references = np.tile(start, (len(times), 1))
-    for schedule, columns in zip(schedules, controller.columns, strict=True):
-        if schedule.configurations is not None:
-            references[:, columns] = schedule.configurations
-    joints, held = np.empty((len(times), len(start))), np.zeros(len(times), bool)
-    joints[0], state = start, ControlState.at_rest(start)
+    reference_weight = 0.3
+    if references is None:
+        references = np.tile(start, (len(times), 1))
+        reference_weight = 1e-2  # for joints that no other cost determines
+    joints = np.empty((len(times), len(start)))
+    held = np.zeros(len(times), bool)
+    joints[0] = start
+    state = ControlState.at_rest(start)
     # On matrices this small, threads of BLAS only wait for one another
     with _threads().limit(limits=1, user_api="blas"):
         for i in range(1, len(times)):
-            previous = tuple(
-                None if own.positions is None else own.positions[i - 1] for own in schedules
-            )
-            rows = tuple(own[i : i + 1] for own in targets)
+            previous = []
+            for arm in arms:
+                positions = arm.target.positions
+                previous.append(None if positions is None else positions[i - 1])
             problem = ControlProblem(
-                rows, references[i], reference_weight, float(times[i]), previous
+                arms=tuple(arm[i : i + 1] for arm in arms),
+                reference=references[i],
+                reference_weight=reference_weight,
+                time=float(times[i]),
+                previous_positions=tuple(previous),
             )
             state = controller.step(problem, state, dt)
-            joints[i], held[i] = state.q, not state.solved
+            joints[i] = state.q
+            held[i] = not state.solved
             if i % 100 == 0:
                 progress(i / len(times))
     return joints, held

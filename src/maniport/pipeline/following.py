@@ -20,8 +20,8 @@ from maniport.motion import (
     plan_motion,
 )
 from maniport.motion.demands import demands_of
-from maniport.motion.objective import Damping, Objective
 from maniport.motion.search import interpolated_distance
+from maniport.motion.targets import Damping, damping_of
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult, MotionResult
 from maniport.pipeline.settings import Settings, plan_settings, with_limits
@@ -275,7 +275,7 @@ def follow_profile(
         bounded_profiles([as_finite(profile, "profile") for profile in profiles], config.spec),
         None if paths is None else tuple(as_finite(path, "path") for path in paths),
         spec,
-        Objective.of(group.arms[0], spec, damping, positive=True).damping,
+        damping_of(group.arms[0], spec, damping, positive=True),
         rotations=None
         if isinstance(orientation, str)
         else (along(orientation, len(times)),) * len(group),

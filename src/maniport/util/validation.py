@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.errors import InvalidInputError, NotSPDError, shown, spoken, unknown_name
 
 Array = NDArray[np.float64]
+Rows = slice | NDArray[np.intp] | NDArray[np.bool_]  # Selection of rows of an array
 
 MIN_DIMENSION, MAX_DIMENSION = 2, 12
 SYMMETRY_TOLERANCE = 1e-8  # Largest |A - Aᵀ| that counts as rounding, relative to the largest entry

@@ -25,8 +25,8 @@ from maniport.mocap.arm_ik import GROUP, require_person
 from maniport.motion import Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller
-from maniport.motion.objective import FOLLOWING_WEIGHT, Objective
-from maniport.motion.schedule import Schedule, speed_limits
+from maniport.motion.problem import FOLLOWING_WEIGHT, ArmProblem, CostWeights
+from maniport.motion.targets import TargetTrajectory, damping_of, speed_limits
 from maniport.motion.tracker import follow
 from maniport.pipeline.config import Config
 from maniport.pipeline.settings import load_robot
@@ -134,9 +134,7 @@ class Side:
         self.base = (
             np.zeros(3) if base is None else base
         )  # of the person's arm, in the frame of both [m]
-        self.objective = Objective.of(
-            student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT
-        )
+        self.damping = damping_of(student, VELOCITY, bank.damping)
 
     def target(self, joints: Array, method: str, chosen: LiveMap) -> Target:
         """Map the person's arm; the end effector is free. Until a method is fitted another one's map is used."""
@@ -158,18 +156,26 @@ class Side:
             nearest_feasible(self.student, target.ellipsoid[None], **options).joint_positions[0]
         )
 
-    def schedule(self, target: Target, time: Array) -> Schedule:
+    def problem(self, target: Target, time: Array) -> ArmProblem:
         """Keep a target at times (n,)."""
-        shapes = np.broadcast_to(target.ellipsoid, (len(time), 3, 3))
-        positions = (
-            None if target.position is None else np.broadcast_to(target.position, (len(time), 3))
+        count = len(time)
+        positions = None
+        if target.position is not None:
+            positions = np.broadcast_to(target.position, (count, 3))
+        constant = TargetTrajectory(
+            time=time,
+            ellipsoids=np.broadcast_to(target.ellipsoid, (count, 3, 3)),
+            spec=VELOCITY,
+            damping=self.damping,
+            positions=positions,
         )
-        return Schedule(self.objective, time, shapes, positions)
+        return ArmProblem.of(self.student, constant, CostWeights(FOLLOWING_WEIGHT))
 
     def frame(self, target: Target, q: Array) -> Frame:
         """Compare a configuration (dof,) with a target."""
-        own = self.schedule(target, np.zeros(1)).targets()
-        distance, error = own.distance(q[None]), own.position_error(q[None])
+        problem = self.problem(target, np.zeros(1))
+        distance = problem.distance(q[None])
+        error = problem.position_error(q[None])
         position_error = None if error is None else error[0]
         return Frame(target, q, self.student.manipulability(q), float(distance[0]), position_error)
 
@@ -202,8 +208,8 @@ class ViewState:
             )
         if elapsed > 0.0:
             time = np.linspace(0.0, elapsed, int(np.ceil(elapsed * rate)) + 1)
-            schedules = [side.schedule(target, time) for side, target in pairs]
-            self.joints = follow(self._controller, self.joints, schedules)[0][-1]
+            problems = [side.problem(target, time) for side, target in pairs]
+            self.joints = follow(self._controller, self.joints, problems)[0][-1]
         joints = (self.joints[columns] for columns in self.robot.columns)
         return [side.frame(target, own) for (side, target), own in zip(pairs, joints, strict=True)]
 

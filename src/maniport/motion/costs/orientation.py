@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.arms import Arm
-from maniport.util.validation import Array, as_choice
+from maniport.motion.configurations import Configurations
+from maniport.util.validation import Array, Rows, as_choice
 
 ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
 
@@ -26,33 +26,31 @@ class OrientationCost:
     of the rotation between them.
     """
 
-    arm: Arm
     rotations: Array  # A_R, (n, 3, 3), in the base frame, or one for all
     weights: tuple[float, float, float]  # c [1/rad], not all 0
 
-    def residual(self, q: Array, time: Array | None = None, poses: Array | None = None) -> Array:
+    def __getitem__(self, rows: Rows) -> "OrientationCost":
+        return OrientationCost(self.rotations[rows], self.weights)
+
+    def residual(self, at: Configurations) -> Array:
         """Return residuals, shape (n, r), with r = 3 for each axis with a weight."""
-        poses = self.arm.forward(q) if poses is None else poses
-        parts = [
-            w * (poses[:, :3, k] - self.rotations[:, :, k]) for k, w in enumerate(self.weights) if w
-        ]
-        return parts[0] if len(parts) == 1 else np.hstack(parts)
+        offsets = []
+        for axis in np.flatnonzero(self.weights):
+            offset = at.poses[:, :3, axis] - self.rotations[:, :, axis]
+            offsets.append(self.weights[axis] * offset)
+        return np.hstack(offsets)
 
-    def jacobian(
-        self, q: Array, time: Array | None = None, motion: tuple[Array, Array] | None = None
-    ) -> Array:
+    def jacobian(self, at: Configurations) -> Array:
         """Return their derivatives, shape (n, r, dof)."""
-        poses, jacobian = motion or self.arm.motion(q)
-        turns = jacobian[:, 3:]
-        parts = [
-            -w * np.cross(poses[:, :3, k, None], turns, axis=1)
-            for k, w in enumerate(self.weights)
-            if w
-        ]
-        return parts[0] if len(parts) == 1 else np.hstack(parts)
+        turns = at.jacobians[:, 3:]
+        rows = []
+        for axis in np.flatnonzero(self.weights):
+            change = np.cross(at.poses[:, :3, axis, None], turns, axis=1)
+            rows.append(-self.weights[axis] * change)
+        return np.hstack(rows)
 
-    def error(self, q: Array) -> Array:
+    def error(self, at: Configurations) -> Array:
         """Largest angle between an axis with a weight and its target, shape (n,) [rad]."""
-        offsets = self.arm.forward(q)[:, :3, :3] - self.rotations
+        offsets = at.poses[:, :3, :3] - self.rotations
         chords = np.linalg.norm(offsets[:, :, np.flatnonzero(self.weights)], axis=1)
         return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))

@@ -4,60 +4,66 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup
-from maniport.util.validation import Array
+from maniport.motion.configurations import Configurations
+from maniport.util.validation import Array, Rows
 
 
 @dataclass(frozen=True, eq=False)
 class PositionCost:
     """Cost w (p(q) − p) of the position p(q) of an end effector; p has a row for each of q, or one for all."""
 
-    arm: Arm
     positions: Array  # p, (n, 3) [m]
     weight: float  # w [1/m]
 
-    def residual(self, q: Array, time: Array | None = None, poses: Array | None = None) -> Array:
-        """Return weighted offsets, shape (n, 3)."""
-        poses = self.arm.forward(q) if poses is None else poses
-        return np.asarray(self.weight * (poses[:, :3, 3] - self.positions))
+    def __getitem__(self, rows: Rows) -> "PositionCost":
+        return PositionCost(self.positions[rows], self.weight)
 
-    def jacobian(
-        self, q: Array, time: Array | None = None, motion: tuple[Array, Array] | None = None
-    ) -> Array:
+    def with_weight(self, weight: float) -> "PositionCost":
+        """Return the cost with another weight [1/m]."""
+        return replace(self, weight=weight)
+
+    def error(self, at: Configurations) -> Array:
+        """Return the position error, shape (n,) [m]."""
+        return np.asarray(np.linalg.norm(at.poses[:, :3, 3] - self.positions, axis=1))
+
+    def residual(self, at: Configurations) -> Array:
+        """Return weighted offsets, shape (n, 3)."""
+        return np.asarray(self.weight * (at.poses[:, :3, 3] - self.positions))
+
+    def jacobian(self, at: Configurations) -> Array:
         """Return their derivatives, shape (n, 3, dof)."""
-        return np.asarray(self.weight * (motion or self.arm.motion(q))[1][:, :3])
+        return np.asarray(self.weight * at.jacobians[:, :3])
 
 
 @dataclass(frozen=True, eq=False)
 class RelativePositionCost:
-    """Cost w (p_j − p_i − v(t)) of the vector between the end effectors of two arms of a group; a `ToleranceCost`."""
+    """Cost w (p_j − p_i − v(t)) of the vector between the end effectors of two arms of a group."""
 
-    group: ArmGroup
     pair: tuple[int, int]  # i and j
     time: Array  # (n,) [s]
     vectors: Array  # v at these times in the base frame, linear between them (n, 3) [m]
-    position_weight: float = 1000.0  # w [1/m]
+    weight: float = 1000.0  # w [1/m]
 
-    def weighing(self, position_weight: float) -> "RelativePositionCost":
+    def with_weight(self, weight: float) -> "RelativePositionCost":
         """Return the cost with another weight [1/m]."""
-        return replace(self, position_weight=position_weight)
+        return replace(self, weight=weight)
 
-    def error(self, q: Array, time: Array) -> Array:
-        """Return the relative position error, shape (m,) [m]."""
-        return np.asarray(np.linalg.norm(self.residual(q, time), axis=1) / self.position_weight)
+    def error(self, at: Configurations) -> Array:
+        """Return the relative position error, shape (n,) [m]."""
+        return np.asarray(np.linalg.norm(self.residual(at), axis=1) / self.weight)
 
-    def residual(self, q: Array, time: Array) -> Array:
-        """Return weighted offsets, shape (m, 3)."""
+    def residual(self, at: Configurations) -> Array:
+        """Return weighted offsets, shape (n, 3)."""
         i, j = self.pair
-        origins = self.group.forward(q)[:, :, :3, 3]
-        return np.asarray(self.position_weight * (origins[:, j] - origins[:, i] - self.at(time)))
+        origins = at.poses[:, :, :3, 3]
+        return np.asarray(self.weight * (origins[:, j] - origins[:, i] - self.vectors_at(at.time)))
 
-    def jacobian(self, q: Array, time: Array) -> Array:
-        """Return their derivatives, shape (m, 3, dof)."""
+    def jacobian(self, at: Configurations) -> Array:
+        """Return their derivatives, shape (n, 3, dof)."""
         i, j = self.pair
-        jacobians = self.group.jacobian(q)[:, :, :3]
-        return np.asarray(self.position_weight * (jacobians[:, j] - jacobians[:, i]))
+        jacobians = at.jacobians[:, :, :3]
+        return np.asarray(self.weight * (jacobians[:, j] - jacobians[:, i]))
 
-    def at(self, time: Array) -> Array:
+    def vectors_at(self, time: Array) -> Array:
         """Return the target vectors at times (m,), shape (m, 3) [m]."""
         return np.stack([np.interp(time, self.time, column) for column in self.vectors.T], axis=1)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maniport.motion.configurations import Configurations
 from maniport.util.validation import Array
 
 
@@ -14,10 +15,11 @@ class PostureCost:
     reference: Array  # q_ref, (dof,)
     weight: float  # w [1/rad or 1/m]
 
-    def residual(self, q: Array, time: Array | None = None) -> Array:
+    def residual(self, at: Configurations) -> Array:
         """Return residuals, shape (n, dof)."""
-        return np.asarray(self.weight * (q - self.reference))
+        return np.asarray(self.weight * (at.joint_positions - self.reference))
 
-    def jacobian(self, q: Array, time: Array | None = None) -> Array:
+    def jacobian(self, at: Configurations) -> Array:
         """Return their derivatives, shape (n, dof, dof)."""
-        return np.broadcast_to(self.weight * np.eye(q.shape[1]), (*q.shape, q.shape[1]))
+        count, dof = at.joint_positions.shape
+        return np.broadcast_to(self.weight * np.eye(dof), (count, dof, dof))

@@ -10,7 +10,6 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_compatible
 from maniport.motion.demands import Demand
-from maniport.motion.objective import Damping, Objective
 from maniport.motion.placement.placement import (
     HEADING,
     OFFSET,
@@ -27,9 +26,17 @@ from maniport.motion.placement.placement import (
 from maniport.motion.placement.search import WEIGHT, best_placements
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.schedule import of_each
+from maniport.motion.problem import CostWeights
 from maniport.motion.search import bank_for, pointwise_best
+from maniport.motion.targets import (
+    Damping,
+    TargetTrajectory,
+    checked_ellipsoids,
+    damping_of,
+    of_each,
+)
 from maniport.motion.trajectory import interpolated
+from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
 from maniport.util.sampling import evenly_spaced
@@ -153,13 +160,23 @@ def place_path(
         )
     _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
     rotation = np.eye(3) if map_rotation is None else as_rotation(map_rotation, "map_rotation", 3)
-    objectives = [Objective.of(own, spec, damping, WEIGHT) for own in arms]
-    positions, targets = _checked(objectives, paths, profiles)
-    center, times = np.concatenate(positions).mean(axis=0), _times(time, positions)
-    turned = [(own - center) @ rotation.T for own in positions]
-    needed = [_turned(own, rotation, len(times)) for own in demanded]
-    members = tuple(map(ArmPath, objectives, turned, targets, maps, needed))
-    problem = PlacementProblem(members, np.concatenate(turned), times, fixed, lower, upper, bounds)
+    dampings = [damping_of(own, spec, damping) for own in arms]
+    positions, ellipsoids = _checked(spec, dampings, paths, profiles)
+    center = np.concatenate(positions).mean(axis=0)
+    times = _times(time, positions)
+    members = []
+    for i, own in enumerate(arms):
+        target = TargetTrajectory(
+            time=times,
+            ellipsoids=ellipsoids[i],
+            spec=spec,
+            damping=dampings[i],
+            positions=(positions[i] - center) @ rotation.T,
+        )
+        needed = _turned(demanded[i], rotation, len(times))
+        members.append(ArmPath(own, target, CostWeights(WEIGHT), maps[i], needed))
+    outline = np.concatenate([member.path for member in members])
+    problem = PlacementProblem(tuple(members), outline, times, fixed, lower, upper, bounds)
     results = best_placements(problem, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(results):
         raise InvalidInputError(
@@ -170,38 +187,50 @@ def place_path(
         q = interpolated(
             evenly_spaced(len(times), len(best.q[i])), best.q[i], np.arange(len(times))
         )
-        aims = member.targets(best.place)
-        q = pointwise_best(aims, samples.starts_for(aims, budget.pointwise_starts), q, part)
-        points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
-        placed.append(Placement(
-            **vars(Place.of(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
-            profile=ellipsoids, spec=spec, center=center, map_rotation=rotation,
-            base_orientation=base_rotations(best.place[None])[0], position_error=np.asarray(aims.position_error(q)),
-            joint_positions=q,
-            candidates=tuple(Place.of(other.place, other.distance[i]) for other in results),
-        ))  # fmt: skip
+        there = member.problem(best.place)
+        q = pointwise_best(
+            there, samples.starts_for(there.target, budget.pointwise_starts), q, part
+        )
+        placed.append(
+            Placement(
+                **vars(Place.of(best.place, best.distance[i])),
+                path=there.path,
+                profile=there.target.ellipsoids,
+                spec=spec,
+                center=center,
+                map_rotation=rotation,
+                base_orientation=base_rotations(best.place[None])[0],
+                position_error=np.asarray(there.position_error(q)),
+                pointwise_best=there.distance(q),
+                joint_positions=q,
+                candidates=tuple(Place.of(other.place, other.distance[i]) for other in results),
+            )
+        )
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)
     step.end(f"scale {placed[0].scale:.2f}, distance {medians} (pointwise optimum)")
     return tuple(placed) if several else placed[0]
 
 
 def _checked(
-    objectives: Sequence[Objective], paths: Sequence[Any], profiles: Sequence[Any]
+    spec: EllipsoidSpec,
+    dampings: Sequence[Regularization],
+    paths: Sequence[Any],
+    profiles: Sequence[Any],
 ) -> tuple[list[Array], list[Array]]:
     """Return the path (n, 3) and the target ellipsoids (n, d, d) of each arm."""
-    positions, targets = list[Array](), list[Array]()
-    for i, objective in enumerate(objectives):
-        index = "" if len(objectives) == 1 else f"s[{i}]"
-        targets.append(objective.checked(profiles[i], f"profile{index}"))
-        require_shape(
-            targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm"
-        )
+    positions: list[Array] = []
+    ellipsoids: list[Array] = []
+    for i, damping in enumerate(dampings):
+        index = "" if len(dampings) == 1 else f"s[{i}]"
+        name = f"profile{index}"
+        ellipsoids.append(checked_ellipsoids(profiles[i], name, spec, damping))
+        require_shape(ellipsoids[i], name, ellipsoids[0].shape, ", as many as of the first arm")
         positions.append(as_metres(paths[i], f"path{index}"))
-        shape = (len(targets[0]), 3)
+        shape = (len(ellipsoids[0]), 3)
         require_shape(
             positions[i], f"path{index}", shape, ", one point for each ellipsoid of the profile"
         )
-    return positions, targets
+    return positions, ellipsoids
 
 
 def as_workspace(workspace: Any) -> Array:

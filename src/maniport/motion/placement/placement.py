@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maniport.arms import EllipsoidSpec
+from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.chain import rotation_about
 from maniport.errors import InvalidInputError
 from maniport.motion.demands import Demand
-from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.reachability_map import ReachabilityMap
+from maniport.motion.problem import ArmProblem, CostWeights
+from maniport.motion.targets import TargetTrajectory
 from maniport.spd.kernels import congruence
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
@@ -168,18 +169,24 @@ def path_rotations(places: Array) -> Array:
 class ArmPath:
     """A path around the common center with its ellipsoids, and the arm that follows it."""
 
-    objective: Objective
-    path: Array  # (n, 3), relative to the center [m], rotated as the ellipsoids
-    profile: Array  # (n, d, d), target ellipsoids before the placement, without damping
+    arm: Arm
+    target: TargetTrajectory  # before the placement; positions relative to the center
+    weights: CostWeights
     reachability_map: ReachabilityMap
     demanded: tuple[Demand, ...] = ()  # before the placement
 
+    @property
+    def path(self) -> Array:
+        """Positions relative to the center, rotated as the ellipsoids, shape (n, 3) [m]."""
+        return self.target.path
+
     def placed(self, places: Array) -> tuple[Array, Array]:
         """Positions (k, n, 3) and ellipsoids (k, n, d, d) at placements (k, 7)."""
-        rotations, spec = path_rotations(places), self.objective.spec
+        rotations = path_rotations(places)
         scale = np.exp(places[:, SCALE])[:, None, None]
         positions = scale * self.path @ np.swapaxes(rotations, 1, 2) + places[:, None, OFFSET]
-        return positions, congruence(spec.rotation(rotations)[:, None], self.profile)
+        turns = self.target.spec.rotation(rotations)
+        return positions, congruence(turns[:, None], self.target.ellipsoids)
 
     def demands(self, places: Array) -> list[Demand]:
         """Demands with vectors (k, n, 3) at placements (k, 7)."""
@@ -189,12 +196,13 @@ class ArmPath:
     def thinned(self, rows: NDArray[np.intp]) -> "ArmPath":
         """Return the path with some of its waypoints."""
         demanded = tuple((spec, vectors[rows]) for spec, vectors in self.demanded)
-        return replace(self, path=self.path[rows], profile=self.profile[rows], demanded=demanded)
+        return replace(self, target=self.target[rows], demanded=demanded)
 
-    def targets(self, place: Array) -> Targets:
-        """Targets of the arm at a placement (7,)."""
-        positions, profile = self.placed(place[None])
-        return self.objective.targets(profile[0], positions[0])
+    def problem(self, place: Array) -> ArmProblem:
+        """Return targets and costs of the arm at a placement (7,)."""
+        positions, ellipsoids = self.placed(place[None])
+        target = replace(self.target, positions=positions[0], ellipsoids=ellipsoids[0])
+        return ArmProblem.of(self.arm, target, self.weights)
 
     def derivatives(self, place: Array) -> tuple[Array, Array, Array]:
         """Return derivatives of positions in a placement (n, 3, 7), and generators of rotations.
@@ -211,7 +219,7 @@ class ArmPath:
         shifts[:, :, SCALE] = positions
         shifts[:, :, OFFSET] = np.eye(3)
         turns = np.cross(np.eye(3), axes[:, None])
-        return shifts, self.objective.spec.rotation(turns), turns
+        return shifts, self.target.spec.rotation(turns), turns
 
 
 @dataclass(frozen=True)
@@ -245,7 +253,7 @@ class PlacementProblem:
             flat = profiles.reshape(-1, *profiles.shape[2:])
             demands = [(spec, vectors.reshape(-1, 3)) for spec, vectors in arm.demands(places)]
             costs = arm.reachability_map.costs(
-                arm.objective, flat, positions.reshape(-1, 3), samples, demands
+                arm.target.shift, flat, positions.reshape(-1, 3), samples, demands
             )
             total += costs.reshape(positions.shape[:2]).mean(axis=1)
         return total

@@ -19,6 +19,8 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.motion.configurations import Configurations
+from maniport.motion.costs.cost import NormalEquations
 from maniport.motion.demands import EXCESS_WEIGHT, inverses
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.placement.placement import SCALE, SIZE, TILT, ArmPath, PlacementProblem
@@ -151,13 +153,14 @@ def _planned(
     """Plan a trajectory of each arm at a placement: roadmap, graph search, optimizer."""
     trajectories = []
     for arm, own in zip(problem.arms, terms, strict=True):
-        targets, collisions = arm.targets(place), arm.reachability_map.collisions
-        nodes = arm.reachability_map.nodes(targets, budget.placement_nodes, seed)
+        placed = arm.problem(place)
+        collisions = arm.reachability_map.collisions
+        nodes = arm.reachability_map.nodes(placed, budget.placement_nodes, seed)
         if collisions is not None:
             nodes = nodes.without(collisions.collides(nodes.q))
-        largest = np.array([LARGEST_CHANGE[unit] for unit in arm.objective.arm.joint_units])
-        path = shortest_path(nodes, problem.time, np.tile(largest, (len(targets), 1)))
-        trajectories.append(optimize(targets, problem.time, nodes.q[path], own, FIRST_WEIGHT))
+        largest = np.array([LARGEST_CHANGE[unit] for unit in arm.arm.joint_units])
+        path = shortest_path(nodes, problem.time, np.tile(largest, (len(placed), 1)))
+        trajectories.append(optimize(placed, problem.time, nodes.q[path], own, FIRST_WEIGHT))
     return tuple(trajectories)
 
 
@@ -168,7 +171,7 @@ class PlacementTrajectoryCost:
         self.problem, self.terms = problem, terms
         self.waypoints = [MovingPathCost(arm) for arm in problem.arms]
         self.costs = [
-            TrajectoryCost(arm.objective.arm, waypoints, problem.time, own)
+            TrajectoryCost(arm.arm, waypoints, problem.time, own)
             for arm, waypoints, own in zip(problem.arms, self.waypoints, terms, strict=True)
         ]
 
@@ -187,7 +190,7 @@ class PlacementTrajectoryCost:
         cost, _ = self.evaluate(state)
         parts = zip(self.waypoints, state[1], strict=True)
         return PlannedPlacement(
-            *state, cost, tuple(waypoints.targets.distance(q) for waypoints, q in parts)
+            *state, cost, tuple(waypoints.problem.distance(q) for waypoints, q in parts)
         )
 
     def evaluate(self, state: State) -> tuple[float, Any]:
@@ -260,52 +263,49 @@ class MovingPathCost:
 
     def move(self, place: Array) -> None:
         """Move the path to a placement (7,)."""
-        self.targets = self.arm.targets(place)
-        self._roots = apply(self.targets.ellipsoid.damped, np.sqrt)
+        self.problem = self.arm.problem(place)
+        self._roots = apply(self.problem.ellipsoid.damped, np.sqrt)
         self._shifts, self._generators, self._turns = self.arm.derivatives(place)
         self._demands = [(spec, vectors[0]) for spec, vectors in self.arm.demands(place[None])]
 
-    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
-        targets, dof = self.targets, q.shape[1]
-        poses, jacobian, velocity, changes = targets.arm.posed_differentials(
-            q, targets.objective.spec.bounded
-        )
-        values, vectors, singular, changes = targets.ellipsoid.spectrum(velocity, changes)
-        assert targets.positions is not None
+    def normal_equations(self, q: Array) -> NormalEquations:
+        """As `ArmProblem.normal_equations`; all derivatives are kept in `gradient` and `hessian`."""
+        problem = self.problem
+        position = problem.position
+        assert position is not None
+        n, dof = q.shape
+        count = dof + SIZE
+        at = problem.at(q)
+        values, vectors, singular, changes = problem.ellipsoid.spectrum(at, with_changes=True)
+
         achieved = self._roots @ compose(values, vectors) @ self._roots
         turned = achieved[:, None] @ self._generators - self._generators @ achieved[:, None]
-        weight = targets.objective.position_weight
-        error = weight * (poses[:, :3, 3] - targets.positions)
-        error_slopes = weight * np.concatenate([jacobian[:, :3], -self._shifts], axis=2)
-        n, count = len(q), dof + SIZE
-        square, self.gradient, self.hessian = (
-            np.zeros(n),
-            np.zeros((n, count)),
-            np.zeros((n, count, count)),
-        )
         changes = np.concatenate([changes, turned], axis=1)
-        add_log_residual(
-            values,
-            vectors,
-            targets.ellipsoid.whitening,
-            changes,
-            square,
-            self.gradient,
-            self.hessian,
-        )
-        add_residual(error, error_slopes, square, self.gradient, self.hessian)
-        for demand in self._demands:
-            self._add_excess(q, *demand, square)
-        return (
-            np.sqrt(np.where(singular, np.inf, square)),
-            self.gradient[:, :dof],
-            self.hessian[:, :dof, :dof],
+        error_slopes = position.weight * np.concatenate(
+            [at.jacobians[:, :3], -self._shifts], axis=2
         )
 
-    def _add_excess(self, q: Array, spec: EllipsoidSpec, vectors: Array, square: Array) -> None:
+        square = np.zeros(n)
+        self.gradient = np.zeros((n, count))
+        self.hessian = np.zeros((n, count, count))
+        sums = (square, self.gradient, self.hessian)
+        add_log_residual(values, vectors, problem.ellipsoid.whitening, changes, *sums)
+        add_residual(position.residual(at), error_slopes, *sums)
+        for spec, demanded in self._demands:
+            self._add_excess(at, spec, demanded, square)
+        return NormalEquations(
+            ellipsoid_square=np.where(singular, np.inf, 0.0),
+            square=square,
+            gradient=self.gradient[:, :dof],
+            hessian=self.hessian[:, :dof, :dof],
+        )
+
+    def _add_excess(
+        self, at: Configurations, spec: EllipsoidSpec, vectors: Array, square: Array
+    ) -> None:
         """Add the cost of vectors (n, 3) that exceed ellipsoids to `square` (n,), and its derivatives."""
-        _, _, ellipsoids, changes = self.arm.objective.arm.posed_differentials(q, spec)
+        changes = at.ellipsoid_derivatives(spec)
+        ellipsoids = at.ellipsoids(spec)
         needed = (inverses(ellipsoids) @ vectors[..., None])[..., 0]
         share = np.sqrt(np.maximum(np.sum(vectors * needed, axis=1), 1e-12))
         excess = EXCESS_WEIGHT * np.maximum(share - 1.0, 0.0)
@@ -316,6 +316,7 @@ class MovingPathCost:
             ],
             axis=1,
         )
-        slopes[:, q.shape[1] + SCALE] = share**2
+        dof = at.joint_positions.shape[1]
+        slopes[:, dof + SCALE] = share**2
         slopes *= EXCESS_WEIGHT * ((share > 1.0) / share)[:, None]
         add_residual(excess[:, None], slopes[:, None], square, self.gradient, self.hessian)

@@ -12,7 +12,6 @@ from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_compatible, require_trackable
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import Targets
 from maniport.motion.plan.optimizer import (
     CLEARANCE,
     CLEARANCE_WEIGHT,
@@ -30,7 +29,7 @@ from maniport.motion.plan.planner import (
 )
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import stages_of
-from maniport.motion.problem import MotionProblem
+from maniport.motion.problem import ArmProblem, MotionProblem
 from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
 from maniport.util.progress import Part, ignore_fraction, pieces
@@ -98,21 +97,23 @@ class Planner:
         settings: PlanSettings,
         random_state: Any = 0,
         progress: Part = ignore_fraction,
-        separate: Sequence[Targets] | None = None,
+        separate: Sequence[ArmProblem] | None = None,
     ) -> tuple[Trajectory, bool]:
         """Return a motion, as fast as limits and demonstration allow, and whether arms were optimized together.
 
-        `separate` are targets of each arm while it is planned by itself; default: those of the problem.
+        `separate` are problems of each arm while it is planned by itself; default: those of the problem.
         """
-        count, random = len(self.arms), as_generator(random_state)
-        parts, shares = (
-            [],
-            zip(self.arms, separate or problem.targets, _copies(random, count), strict=True),
-        )
-        for (arm, targets, own), part in zip(shares, pieces(progress, *count * [1.0]), strict=True):
-            costs, around = problem.costs if count == 1 else (), arm.reachability_map.collisions
+        count = len(self.arms)
+        random = as_generator(random_state)
+        parts = []
+        shares = zip(self.arms, separate or problem.arms, _copies(random, count), strict=True)
+        for (arm, of_arm, own), part in zip(shares, pieces(progress, *count * [1.0]), strict=True):
             alone = replace(
-                problem, targets=(targets,), limits=arm.limits, collisions=around, costs=costs
+                problem,
+                arms=(of_arm,),
+                limits=arm.limits,
+                collisions=arm.reachability_map.collisions,
+                costs=problem.costs if count == 1 else (),
             )
             q, timed = arm.solve(alone, settings, own, part)
             parts.append(q)
@@ -143,12 +144,12 @@ class Planner:
         if not (group.shared or problem.costs or near):
             return as_early_as_possible(problem, mean, settings), False
         time, terms, _ = coarse_terms(problem, settings)
-        optimized, cost = list[Array](), TrajectoryCost(problem.arm, problem, time, terms)
+        optimized, cost = list[Array](), TrajectoryCost(problem.robot, problem, time, terms)
 
         def attempts() -> Iterator[tuple[float, list[Array]]]:
             """Factors of the position tolerance, and further starts."""
             yield 1.0, starts
-            has_paths = all(own.positions is not None for own in problem.targets)
+            has_paths = all(arm.position is not None for arm in problem.arms)
             if has_paths and not group.shared and collisions is not None:
                 yield 1.0, self._prioritized(problem, parts, settings, random)
             yield 3.0, []
@@ -180,8 +181,12 @@ class Planner:
             own = list(parts)
             for i in (first, *(k for k in range(len(parts)) if k != first)):
                 arm = self.arms[i]
-                targets, around = (problem.targets[i][rows],), arm.reachability_map.collisions
-                alone = replace(problem[rows], targets=targets, costs=(), collisions=around)
+                alone = replace(
+                    problem[rows],
+                    arms=(problem.arms[i][rows],),
+                    costs=(),
+                    collisions=arm.reachability_map.collisions,
+                )
                 nodes = arm.roadmap(alone, 150, random)
                 q = np.empty((len(nodes.q), group.dof))
                 for part, columns in zip(own, group.columns, strict=True):

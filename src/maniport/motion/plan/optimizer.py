@@ -4,7 +4,7 @@ It minimizes, over joint positions q_i at times t_i,
 
     Σ_i w_i f_i(q_i) + ∫ λ_v |q̇|² + λ_j |q⃛|² dt,
 
-with f of `maniport.motion.objective`, w_i the time around a waypoint, and derivatives by divided differences
+with f of `maniport.motion.problem`, w_i the time around a waypoint, and derivatives by divided differences
 of neighboring waypoints. The third differences couple each waypoint with three before it, so that the normal equations
 have a band of 4 · dof − 1 diagonals. Penalties are added for pairs of solids nearer than the clearance c, w_c² Σ
 (c − distance)², and for what exceeds limits, ∫ w_l Σ (|q̇| / limit − 1)² + (|q̈| / limit − 1)² dt. Steps are damped after
@@ -23,7 +23,7 @@ from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
 from maniport.motion.costs.smoothness import SmoothnessCost
 from maniport.motion.problem import MotionProblem
-from maniport.motion.search import LARGEST_DAMPING, LEAST_GAIN, PathCost
+from maniport.motion.search import LARGEST_DAMPING, LEAST_GAIN, WaypointProblem
 from maniport.motion.status import FAR
 from maniport.util.validation import Array
 
@@ -48,15 +48,16 @@ class TrajectoryTerms:
 
 
 def optimize(
-    targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float
+    problem: WaypointProblem, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float
 ) -> Array:
     """Descend from joint positions q (n, dof); they end within the limits."""
-    cost = TrajectoryCost(targets.arm, targets.weighing(position_weight), time, terms)
+    weighted = problem.with_position_weight(position_weight)
+    cost = TrajectoryCost(problem.robot, weighted, time, terms)
     return np.asarray(levenberg_marquardt(cost, cost.within(q), terms.rel_tol))
 
 
 def optimize_to_tolerance(
-    targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float
+    problem: MotionProblem, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float
 ) -> Array:
     """Raise the position weight, then smooth less, until the 95th percentile of the error is within the tolerance."""
     less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
@@ -67,12 +68,12 @@ def optimize_to_tolerance(
     ):
         if weight < min(needed, POSITION_WEIGHTS[-1]):
             continue
-        q = optimize(targets, time, q, own, weight)
-        error = targets.position_error(q)
-        if (
-            error is None
-            or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance
-        ):
+        q = optimize(problem, time, q, own, weight)
+        errors = problem.position_errors(q)
+        if errors is None:
+            break
+        reached = float(np.percentile(errors, 95.0, axis=0).max())
+        if reached <= tolerance:
             break
         needed = (
             0.7 * weight * np.sqrt(reached / tolerance)
@@ -91,8 +92,10 @@ def relaxed(
     """Optimize again with half the clearance and 1.5 times the duration around large errors, as long as that helps."""
 
     def largest_error(q: Array) -> Array:
-        error = problem.position_error(q)
-        return np.zeros(len(q)) if error is None else np.asarray(error.max(axis=1))
+        errors = problem.position_errors(q)
+        if errors is None:
+            return np.zeros(len(q))
+        return np.asarray(errors.max(axis=1))
 
     clearance, error = np.full(len(time), CLEARANCE), largest_error(q)
     for _ in range(rounds):
@@ -148,7 +151,7 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
 
 
 class TrajectoryCost:
-    """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `evaluate` of a `PathCost`."""
+    """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `normal_equations` of a problem."""
 
     def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
@@ -165,8 +168,10 @@ class TrajectoryCost:
 
     def evaluate(self, q: Array) -> tuple[float, Any]:
         """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
-        length, gradient, hessian = self.waypoints.evaluate(q)
-        square = length**2
+        equations = self.waypoints.normal_equations(q)
+        square = equations.distance**2
+        gradient = equations.gradient
+        hessian = equations.hessian
         if self.terms.collisions is not None:
             rows, distance, slope = self.terms.collisions.gradient(
                 q, float(self.clearance.max()), scaled=True

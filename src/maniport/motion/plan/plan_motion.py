@@ -9,23 +9,25 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.motion.configurations import Configurations
 from maniport.motion.costs.cost import Cost, as_costs
 from maniport.motion.costs.orientation import axis_weights
 from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import EXACT_WEIGHT, Damping
 from maniport.motion.plan.group_planner import Planner
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
-from maniport.motion.problem import MotionProblem
+from maniport.motion.problem import EXACT_WEIGHT, ArmProblem, CostWeights, MotionProblem
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import of_each, require_few, schedules_of
 from maniport.motion.search import interpolated_distance, pointwise_best
+from maniport.motion.targets import Damping, checked_targets, of_each, require_few
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_finite, as_generator, require_shape
+
+LONGEST_GAP = 0.16  # Between waypoints at the planning time scale [s]
 
 
 def plan_motion(
@@ -89,11 +91,12 @@ def plan_motion(
         planner.require_fits(arms, spec)
     settings = settings.resolved(arms, planner)
     arrays = {"profiles": profiles, "paths": paths, "weights": weights, "rotations": rotations}
-    axes = axis_weights(settings.orientation_axes)
-    schedules = schedules_of(arms, time, spec, damping, EXACT_WEIGHT, axes, arrays)
-    if len({schedule.positions is None for schedule in schedules}) > 1:
+    cost_weights = CostWeights(EXACT_WEIGHT, axis_weights(settings.orientation_axes))
+    targets = checked_targets(arms, time, spec, damping, arrays)
+    waypoint_times = targets[0].time
+    if len({target.positions is None for target in targets}) > 1:
         raise InvalidInputError("paths must be of all arms or of none")
-    require_few(np.ptp(schedules[0].time) / settings.speed_scale * settings.rate)
+    require_few(np.ptp(waypoint_times) / settings.speed_scale * settings.rate)
     bests: list[Array] | None = None
     if pointwise_bests is not None:
         bests = [
@@ -101,58 +104,64 @@ def plan_motion(
             for best in of_each(pointwise_bests, "pointwise_bests", arms)
         ]
         for best in bests:
-            require_shape(best, "pointwise_bests", (len(schedules[0]),), ", one row for each time")
+            require_shape(
+                best, "pointwise_bests", (len(waypoint_times),), ", one row for each time"
+            )
     relative = as_choice(hand_targets, "hand_targets", ("placed", "relative")) == "relative"
-    if relative and (paths is None or len(schedules) < 2):
+    if relative and (paths is None or len(targets) < 2):
         raise InvalidInputError(
             "hand_targets='relative' keeps vectors between end effectors; give several arms with paths"
         )
-    extra, generator = as_costs(costs, arms, schedules[0].time), as_generator(random_state)
+    further_costs = as_costs(costs, arms, waypoint_times)
+    generator = as_generator(random_state)
     step = Step(progress, "Plan trajectory")
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
         planner = Planner.of(settings.motion_limits, spec, settings.collisions, generator)
-    group, limits, collisions = planner.group, planner.limits, planner.collisions
-    schedules = [
-        replace(schedule, objective=replace(schedule.objective, arm=arm))
-        for schedule, arm in zip(schedules, group.arms, strict=True)
-    ]
+    group = planner.group
+    limits = planner.limits
+    collisions = planner.collisions
+
     # waypoints are inserted between distant ones
-    finer, rows = zip(
-        *(own.finer(0.16 / planning_time_scale(settings)) for own in schedules), strict=True
+    gap = LONGEST_GAP / planning_time_scale(settings)
+    problems = []
+    for arm, target in zip(group.arms, targets, strict=True):
+        refined, rows = target.refined(gap)  # the same rows for all arms
+        problems.append(ArmProblem.of(arm, refined, cost_weights))
+    separate = tuple(problems)
+    refined_time = refined.time
+
+    vectors: tuple[RelativePositionCost, ...] = ()
+    joint_problems = separate
+    if relative:  # vectors from the first end effector to the others take the place of all paths
+        vectors = _vectors_between(separate, refined_time)
+        joint_problems = tuple(problem.without_positions() for problem in separate)
+        targets = [replace(target, positions=None) for target in targets]
+    problem = MotionProblem(
+        refined_time, joint_problems, limits, collisions, (*further_costs, *vectors)
     )
-    targets, at, vectors = (
-        tuple(own.targets() for own in finer),
-        finer[0].time,
-        tuple[RelativePositionCost, ...](),
-    )
-    separate = targets
-    if (
-        relative
-    ):  # the vectors from the first end effector to the others take the place of all paths
-        first, *others = (own.positions for own in targets)
-        vectors = tuple(
-            RelativePositionCost(group, (0, i), at, own - first) for i, own in enumerate(others, 1)
-        )
-        targets = tuple(replace(own, positions=None) for own in targets)
-        schedules = [replace(schedule, positions=None) for schedule in schedules]
-    problem = MotionProblem(at, targets, limits, collisions, (*extra, *vectors))
     trajectory, coupled = planner.solve(
         problem, settings, generator, between(step, 0.2, 0.9), separate
     )
-    problem, q = problem[rows[0]], trajectory.joint_positions[rows[0]]  # without those inserted
-    trajectory = replace(trajectory, time=trajectory.time[rows[0]], joint_positions=q)
+
+    problem = problem[rows]  # without the inserted waypoints
+    q = trajectory.joint_positions[rows]
+    trajectory = replace(trajectory, time=trajectory.time[rows], joint_positions=q)
     if settings.home is not None:
         trajectory = with_approach(trajectory, limits, np.asarray(settings.home))
-    step.end(f"{trajectory.control_time[-1]:.1f} s (human {np.ptp(schedules[0].time):.1f} s)")
+    step.end(f"{trajectory.control_time[-1]:.1f} s (human {np.ptp(waypoint_times):.1f} s)")
     step, kept = Step(progress, "Evaluate trajectory"), dict[str, Any]()
     if bests is None:
         bests = _pointwise_bests(planner, problem, vectors, q)
     if relative:
-        kept["relative"] = np.stack([cost.at(problem.time) for cost in vectors], axis=1)
-        kept["relative_error"] = np.stack([cost.error(q, problem.time) for cost in vectors], axis=1)
+        at = Configurations(group, q, problem.time)
+        kept["relative"] = np.stack([cost.vectors_at(problem.time) for cost in vectors], axis=1)
+        kept["relative_error"] = np.stack([cost.error(at) for cost in vectors], axis=1)
+    at_waypoints = []
+    for arm, target in zip(group.arms, targets, strict=True):
+        at_waypoints.append(ArmProblem.of(arm, target, cost_weights))
     motion = RobotMotion.of(
-        group, schedules, trajectory, collisions, limits.velocity, coupled=coupled,
+        group, at_waypoints, trajectory, collisions, limits.velocity, coupled=coupled,
         position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, **kept,
     )  # fmt: skip
     step.end()
@@ -160,27 +169,43 @@ def plan_motion(
 
 
 def _pointwise_bests(
-    planner: Planner, problem: MotionProblem, vectors: tuple[Cost, ...], q: Array, most: int = 250
+    planner: Planner,
+    problem: MotionProblem,
+    vectors: tuple[RelativePositionCost, ...],
+    q: Array,
+    most: int = 250,
 ) -> list[Array]:
     """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
-    rows, count = evenly_spaced(len(q), most), PlanSettings.budget.pointwise_starts
-    targets, columns = (
-        tuple(replace(own[rows], rotations=None) for own in problem.targets),
-        planner.group.columns,
-    )
-    banks = [
-        own.bank.starts_for(part, count) for own, part in zip(planner.arms, targets, strict=True)
-    ]
+    rows = evenly_spaced(len(q), most)
+    count = PlanSettings.budget.pointwise_starts
+    columns = planner.group.columns
+    arms = tuple(arm[rows].without_rotations() for arm in problem.arms)
+    starts = []
+    for arm_planner, arm in zip(planner.arms, arms, strict=True):
+        starts.append(arm_planner.bank.starts_for(arm.target, count))
+
     if vectors:
-        starts = np.empty((len(rows), count, q.shape[1]))
-        for bank, own in zip(banks, columns, strict=True):
-            starts[..., own] = bank
-        best = pointwise_best(
-            replace(problem[rows], targets=targets, costs=vectors), starts, q[rows]
-        )
-        parts = [best[:, own] for own in columns]
+        joined = np.empty((len(rows), count, q.shape[1]))
+        for arm_starts, arm_columns in zip(starts, columns, strict=True):
+            joined[..., arm_columns] = arm_starts
+        coupled = replace(problem[rows], arms=arms, costs=vectors)
+        best = pointwise_best(coupled, joined, q[rows])
+        configurations = [best[:, arm_columns] for arm_columns in columns]
     else:
-        shares = zip(targets, banks, columns, strict=True)
-        parts = [pointwise_best(part, bank, q[rows][:, own]) for part, bank, own in shares]
-    pairs = zip(targets, parts, strict=True)
-    return [interpolated_distance(rows, own.distance(best), len(q)) for own, best in pairs]
+        configurations = []
+        for arm, arm_starts, arm_columns in zip(arms, starts, columns, strict=True):
+            configurations.append(pointwise_best(arm, arm_starts, q[rows][:, arm_columns]))
+
+    distances = []
+    for arm, best in zip(arms, configurations, strict=True):
+        distances.append(interpolated_distance(rows, arm.distance(best), len(q)))
+    return distances
+
+
+def _vectors_between(arms: Sequence[ArmProblem], time: Array) -> tuple[RelativePositionCost, ...]:
+    """Return costs of the vectors from the first end effector to the others."""
+    first = arms[0].path
+    costs = []
+    for i, arm in enumerate(arms[1:], 1):
+        costs.append(RelativePositionCost((0, i), time, arm.path - first))
+    return tuple(costs)

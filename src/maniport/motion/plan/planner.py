@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError
+from maniport.motion.configurations import Configurations
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.optimizer import (
     POSITION_WEIGHTS,
@@ -101,24 +102,25 @@ class ArmPlanner:
 
     def roadmap(self, problem: MotionProblem, count: int, random: np.random.Generator) -> Roadmap:
         """Make nodes on the path, or, without one, with similar ellipsoids; collision-free where possible."""
-        (targets,) = problem.targets
-        if targets.positions is not None:
-            nodes = self.reachability_map.nodes(targets, count, random)
+        (arm,) = problem.arms
+        if arm.target.positions is not None:
+            nodes = self.reachability_map.nodes(arm, count, random)
         else:  # joints that do not change the ellipsoid are in their middle
-            q, idle = self.bank.starts_for(targets, count), self.reachability_map.idle
+            q = self.bank.starts_for(arm.target, count)
+            idle = self.reachability_map.idle
             q[..., idle] = (0.5 * (self.limits.arm.lower + self.limits.arm.upper))[idle]
-            first, own = (
-                np.arange(len(q) + 1) * q.shape[1],
-                targets[np.repeat(np.arange(len(q)), q.shape[1])],
-            )
-            q = q.reshape(-1, q.shape[-1])
-            q = q if targets.orientation is None else turned_to_rotations(own, q)
-            nodes = Roadmap(q, own.cost(q), first)
+            stages, nodes_per_stage, dof = q.shape
+            first = np.arange(stages + 1) * nodes_per_stage
+            arm_at_nodes = arm[np.repeat(np.arange(stages), nodes_per_stage)]
+            q = q.reshape(-1, dof)
+            if arm.orientation is not None:
+                q = turned_to_rotations(arm_at_nodes, q)
+            nodes = Roadmap(q, arm_at_nodes.cost(q), first)
         time = np.repeat(problem.time, np.diff(nodes.first))
+        at = Configurations(problem.robot, nodes.q, time)
         for cost in problem.costs:
-            nodes = replace(
-                nodes, cost=nodes.cost + np.sum(cost.residual(nodes.q, time) ** 2, axis=1)
-            )
+            square = np.sum(cost.residual(at) ** 2, axis=1)
+            nodes = replace(nodes, cost=nodes.cost + square)
         nodes = self._held(nodes, problem.time) if self.limits.arm.chain.payload else nodes
         return (
             nodes

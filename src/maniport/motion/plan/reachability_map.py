@@ -19,8 +19,8 @@ from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions, free_configurations
 from maniport.motion.arm_model import Axis
 from maniport.motion.demands import EXCESS_WEIGHT, Demand, inverses
-from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
+from maniport.motion.problem import ArmProblem
 from maniport.spd.kernels import compose, congruence, distances, eigh
 from maniport.util.validation import SPD_TOLERANCE, Array, as_count, as_generator
 
@@ -117,13 +117,15 @@ class ReachabilityMap:
 
     def costs(
         self,
-        objective: Objective,
+        shift: Array,
         ellipsoids: Array,
         positions: Array,
         count: int,
         demands: Sequence[Demand] = (),
     ) -> Array:
         """Cost d² + (`GAP_WEIGHT` · gap)² of samples next to positions (n, 3), for ellipsoids (n, d, d); shape (n,).
+
+        d is the distance between ellipsoids after the matrix `shift` (d, d) is added to both.
 
         It is the mean of the best sixteenth of `count` samples, since a trajectory may not reach the best one. The gap
         is from a position to a sample that is turned there as far as the first joint's limits allow. Demands that
@@ -133,7 +135,7 @@ class ReachabilityMap:
         for begin in range(0, len(positions), BLOCK):
             part = slice(begin, begin + BLOCK)
             rows, gaps, first, angles, cost = self._near(
-                objective, ellipsoids[part], positions[part], count
+                shift, ellipsoids[part], positions[part], count
             )
             beyond, radius = (
                 first - np.clip(first, *self._first_limits),
@@ -151,13 +153,13 @@ class ReachabilityMap:
         return result
 
     def _near(
-        self, objective: Objective, ellipsoids: Array, positions: Array, count: int
+        self, shift: Array, ellipsoids: Array, positions: Array, count: int
     ) -> tuple[NDArray[np.intp], Array, Array, Array, Array]:
         """Return rows of near samples, gaps [m], first joints turned there (n, k), angles (n,), and d² (n, k)."""
         (coordinates, angles), (tree, samples) = self.coordinates(positions), self._located
         gaps, rows = tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])
-        damped = objective.damped(congruence(self.spec.rotation(self._turns(-angles)), ellipsoids))
-        square = distances(damped[:, None], objective.damped(samples[rows])) ** 2
+        damped = congruence(self.spec.rotation(self._turns(-angles)), ellipsoids) + shift
+        square = distances(damped[:, None], samples[rows] + shift) ** 2
         first = self.q[rows, 0]
         if self.axis is not None:  # next to the middle of its limits
             lowest = 0.5 * (self.arm.lower[0] + self.arm.upper[0]) - np.pi
@@ -170,7 +172,7 @@ class ReachabilityMap:
             self._allowed[spec] = inverses(self.arm.ellipsoids(self.q, spec))
         return self._allowed[spec]
 
-    def nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Roadmap:
+    def nodes(self, problem: ArmProblem, count: int, random: np.random.Generator) -> Roadmap:
         """At most `count` configurations for each target, with the end effector at its position.
 
         Of the samples next to that position half are those with the nearest ellipsoids, half are random. Newton steps
@@ -178,7 +180,8 @@ class ReachabilityMap:
         more than once, the same configurations a turn away are nodes, too.
         """
         # few samples next to a position have similar orientations: more are needed where the orientation counts
-        q, cost = self._turned_samples(targets, (2 if targets.orientation is None else 8) * count)
+        nearest_samples = 2 * count if problem.orientation is None else 8 * count
+        q, cost = self._turned_samples(problem, nearest_samples)
         order = np.argsort(cost, axis=1, kind="stable")
         half = count // 2
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
@@ -188,12 +191,11 @@ class ReachabilityMap:
             np.take_along_axis(q, chosen[..., None], axis=1)[possible],
             np.nonzero(possible)[0],
         )
-        if targets.orientation is not None:
-            q = turned_to_rotations(targets[owner], q)
-        assert targets.positions is not None
-        q, error = moved_to_positions(self.arm, q, targets.positions[owner])
+        if problem.orientation is not None:
+            q = turned_to_rotations(problem[owner], q)
+        q, error = moved_to_positions(self.arm, q, problem.path[owner])
         kept = error <= IN_PLACE
-        short = np.bincount(owner[kept], minlength=len(targets)) < MIN_NODES
+        short = np.bincount(owner[kept], minlength=len(problem)) < MIN_NODES
         if short.any():
             order = np.lexsort((error, owner))
             rank = np.arange(len(order)) - np.searchsorted(owner[order], owner[order])
@@ -201,25 +203,26 @@ class ReachabilityMap:
             kept[nearest] |= short[owner[nearest]]
         q, owner = self._with_whole_turns(q[kept], owner[kept])
         return Roadmap(
-            q, targets[owner].cost(q), np.searchsorted(owner, np.arange(len(targets) + 1))
+            q, problem[owner].cost(q), np.searchsorted(owner, np.arange(len(problem) + 1))
         )
 
-    def _turned_samples(self, targets: Targets, count: int) -> tuple[Array, Array]:
+    def _turned_samples(self, problem: ArmProblem, count: int) -> tuple[Array, Array]:
         """Return samples next to each target's position, turned there (n, k, dof), and their costs (n, k)."""
-        assert targets.positions is not None
-        near = self._near(targets.objective, targets.ellipsoids, targets.positions, count)
-        (rows, _, first, _, cost), q = near, self.q[near[0]]
+        target = problem.target
+        ellipsoids = target.damped_ellipsoids - target.shift
+        rows, _, first, _, cost = self._near(target.shift, ellipsoids, target.path, count)
+        q = self.q[rows]
         beyond = (first < self._first_limits[0]) | (first > self._first_limits[1])
         beyond &= ~beyond.all(axis=1, keepdims=True)  # better off the position than nothing at all
         cost[beyond] = np.inf
         first = np.clip(first, *self._first_limits)
-        if targets.orientation is not None:
-            assert targets.rotations is not None
-            weights = np.array(targets.objective.axis_weights)
+        if problem.orientation is not None:
+            weights = np.array(problem.orientation.weights)
             needed = self._idle_turns @ (weights > 0.0)
             rotations = self._turns(first - q[..., 0]) @ self._orientations[rows]
             q[..., needed] = self._samples[rows][..., needed]
-            cost += np.sum((weights * (rotations - targets.rotations[:, None])) ** 2, axis=(-2, -1))
+            offsets = weights * (rotations - problem.orientation.rotations[:, None])
+            cost += np.sum(offsets**2, axis=(-2, -1))
         q[..., 0] = first
         return q, cost
 

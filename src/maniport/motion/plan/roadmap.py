@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import Arm
-from maniport.motion.objective import SEARCH_WEIGHT, Targets
+from maniport.motion.costs.cost import NormalEquations
 from maniport.motion.plan.optimizer import time_weights
+from maniport.motion.problem import SEARCH_WEIGHT, ArmProblem
 from maniport.util.jit import kernel
 from maniport.util.validation import Array
 
@@ -111,16 +112,18 @@ def moved_to_positions(arm: Arm, q: Array, positions: Array) -> tuple[Array, Arr
     return q, error
 
 
-def turned_to_rotations(targets: Targets, q: Array) -> Array:
+def turned_to_rotations(problem: ArmProblem, q: Array) -> Array:
     """Turn end effectors at q (n, dof) toward their target rotations, and bring them near their positions."""
-    arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
+    arm = problem.arm
+    pose_costs = problem.with_position_weight(SEARCH_WEIGHT).pose_costs
     for _ in range(NEWTON_STEPS):
-        gradient, hessian = (
-            np.zeros(q.shape),
-            np.tile(np.eye(arm.dof), (len(q), 1, 1)),
-        )  # a little weight on motion
-        targets.add_pose(q, arm.motion(q), gradient, hessian)
-        q = _stepped(arm, q, -np.linalg.solve(hessian, gradient[..., None])[..., 0])
+        at = problem.at(q)
+        equations = NormalEquations.zeros(*q.shape)
+        equations.hessian[:] = np.eye(arm.dof)  # a little weight on motion
+        for cost in pose_costs:
+            equations.add(cost, at)
+        change = -np.linalg.solve(equations.hessian, equations.gradient[..., None])[..., 0]
+        q = _stepped(arm, q, change)
     return q
 
 

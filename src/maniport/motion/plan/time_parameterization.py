@@ -20,7 +20,7 @@ from scipy.ndimage import uniform_filter1d
 
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
-from maniport.motion.schedule import require_few
+from maniport.motion.targets import require_few
 from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import RATE
 from maniport.util.jit import kernel, part
