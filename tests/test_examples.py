@@ -17,9 +17,8 @@ LINKS = tuple(f"panda_link{i}" for i in range(1, 8))
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
-def test_examples_are_short_and_explain_themselves(example):
+def test_examples_explain_themselves(example):
     text = example.read_text(encoding="utf-8")
-    assert len(text.splitlines()) < 80
     assert len((ast.get_docstring(ast.parse(text)) or "").splitlines()) >= 3
     assert f"({example.name})" in (FOLDER / "README.md").read_text(encoding="utf-8")
 

@@ -137,7 +137,7 @@ def test_a_person_who_returns_is_followed_in_the_same_configuration(session, lim
         assert state.state == "following"
         assert state.position_error < 0.01
     after = session.run(1.0).joint_positions
-    assert_allclose(after, before, atol=0.2)
+    assert_allclose(after, before, atol=0.5)  # [rad]; another branch differs by more than 1 rad
     session.require_limits(limits)
 
 
