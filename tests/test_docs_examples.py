@@ -26,6 +26,8 @@ from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
 from sizes import SMALL, little_search
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
     *(f"start/{name}.md" for name in ("end_effector", "distances", "sending")),

@@ -78,6 +78,7 @@ def test_messages_are_printable_and_short(kind):
     assert str(kind("a plain one: ≤ 3°, in 'Datei ä.c3d'")) == "a plain one: ≤ 3°, in 'Datei ä.c3d'"
 
 
+@pytest.mark.slow
 def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
     path = tmp_path / "walk\x1b[2J.npz"
     points = np.broadcast_to([[0.0, 0.0, 1.4], [0.0, 0.0, 1.1], [0.0, 0.0, 0.85]], (9, 3, 3))

@@ -11,6 +11,8 @@ from maniport.errors import InvalidInputError, ManiportError, OutputError, Recor
 from maniport.report.values import report_of
 from sizes import SMALL, little_search
 
+pytestmark = pytest.mark.slow
+
 SIDES = "left", "right"
 OPTIONS = {"method": "parallel-transport", **SMALL}
 

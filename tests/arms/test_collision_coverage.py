@@ -30,6 +30,7 @@ OVERLAPPING = (
 DEPTH = 1e-3  # contacts that are less deep do not count [m]
 
 
+@pytest.mark.slow
 @NEEDS_ROBOTS
 @pytest.mark.parametrize("name", NAMES)
 def test_configurations_reported_free_are_free(name):

@@ -1,6 +1,7 @@
 """Meshes: solids, reduction, every file format, search paths, hostile files, surfaces of arms."""
 
 import os
+from itertools import product
 from pathlib import Path
 from time import process_time
 
@@ -232,19 +233,16 @@ def test_ends_of_absolute_names_are_searched(tmp_path, case, suffix):
     assert Collisions.of(arm).shapes.missing == {}
 
 
-@pytest.mark.parametrize("suffix", ["urdf", "xml"])
 @pytest.mark.parametrize(
-    "name",
+    ("name", "suffix"),
     [
-        "/home/else/kit/meshes/part.stl",
-        "package://kit/meshes/part.stl",
-        "meshes/part.stl",
-        "part.stl",
+        ("package://kit/meshes/part.stl", "urdf"),  # MJCF has no packages
+        *product(
+            ["/home/else/kit/meshes/part.stl", "meshes/part.stl", "part.stl"], ["urdf", "xml"]
+        ),
     ],
 )
 def test_mesh_folders_reach_every_name(tmp_path, name, suffix):
-    if suffix == "xml" and "package" in name:
-        pytest.skip("MJCF has no packages")
     (tmp_path / "far" / "meshes").mkdir(parents=True)
     (tmp_path / "far" / "meshes" / "part.stl").write_bytes(stl())
     arm = with_mesh(tmp_path / "robot" / "urdf", name, suffix)

@@ -43,6 +43,8 @@ from maniport.report import results
 from maniport.util.process import in_background, settled
 from sizes import little_search
 
+pytestmark = pytest.mark.slow
+
 SMALL = {
     "method": "parallel-transport",
     "n_teacher": 32,

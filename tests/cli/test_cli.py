@@ -138,6 +138,7 @@ def test_the_printed_template_completes_the_arm(run, tmp_path):
     assert "unknown robot 'nobody'" in err  # the recording was accepted
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_search")
 def test_transfer_writes_a_folder(run, tmp_path):
     out = tmp_path / "out"
@@ -160,6 +161,7 @@ def test_transfer_writes_a_folder(run, tmp_path):
     assert (code, "unknown key 'fsp'" in err) == (2, True)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_search")
 def test_track_and_place(run, tmp_path):
     """`place` ranks placements above the table and writes one, `track` writes joints.csv; run.yaml repeats both."""
@@ -263,6 +265,7 @@ def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, com
     assert (code, "holds other things ('notes.txt')" in err) == (2, True)
 
 
+@pytest.mark.slow
 def test_every_command_has_help_with_an_example(run):
     for command in cli.ORDER:
         code, out, _ = run(command, "--help")

@@ -49,6 +49,7 @@ def profile(tmp_path, monkeypatch):
     return "my profile.npz"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_search")
 def test_commands_write_to_a_new_folder_by_default(run, profile, tmp_path):
     """Named after input and robot, numbered where it exists, and printed, also with --quiet and as JSON."""
@@ -63,6 +64,7 @@ def test_commands_write_to_a_new_folder_by_default(run, profile, tmp_path):
     assert len([entry for entry in tmp_path.iterdir() if entry.is_dir()]) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_search")
 def test_a_transfer_without_output_repeats_by_its_own_command(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -35,6 +35,7 @@ def test_ctrl_c_during_imports(name):
     )
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_the_middle_of_the_work_leaves_nothing(tmp_path):
     command = [*COMMAND, "demo", "-o", str(tmp_path / "out")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -58,6 +59,7 @@ def test_an_output_that_cannot_be_written_is_an_error(closing):
     assert "cannot print the result" in ended.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="descriptors of POSIX")
 def test_no_file_takes_the_number_of_a_closed_output(tmp_path):
     words = [
@@ -76,6 +78,7 @@ def test_no_file_takes_the_number_of_a_closed_output(tmp_path):
     assert len(load_ellipsoids(tmp_path / "domain.npz")[0]) == 10
 
 
+@pytest.mark.slow
 def test_a_broken_pipe_loses_no_result(tmp_path):
     reading, writing = os.pipe()
     words = [*COMMAND, "domain", "panda", "-n", "10", "-o", str(tmp_path / "domain.npz")]

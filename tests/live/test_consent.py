@@ -141,6 +141,7 @@ def test_a_person_who_returns_is_followed_in_the_same_configuration(session, lim
     session.require_limits(limits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_limits_are_kept_whatever_happens(small_result, second, limits, seed):
     """Random consent, stops, losses, slow steps, pauses, and measured joints with lag and noise."""

@@ -98,6 +98,7 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
 
+@pytest.mark.slow
 def test_robot_keeps_the_pace_of_the_person(second):
     with little_search(candidates=256):
         result = mp.transfer_recording(second, real_time=True, **SMALL)
@@ -111,6 +112,7 @@ def test_robot_keeps_the_pace_of_the_person(second):
     require_safe(result.arm.motion, result.arm.collisions, second.time, states)
 
 
+@pytest.mark.slow
 def test_gaps_of_the_calibration_do_not_make_the_motion_small():
     """The hand is elsewhere after a gap, which is no speed: the scale is near that of the whole recording."""
     time = np.arange(0.0, 6.0, 1.0 / 60.0)

@@ -50,6 +50,7 @@ def live(monkeypatch, capfdbinary, small_result):
     return call
 
 
+@pytest.mark.slow
 def test_every_line_is_answered(live, recorded, small_result):
     """First the expected points, then a line for each frame; at the end the robot rests, and a summary is printed."""
     path, lines, time = recorded

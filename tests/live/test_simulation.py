@@ -86,6 +86,7 @@ def test_a_missing_package_is_named(monkeypatch):
         SimulatedRobot(mp.load_arm("panda"), np.zeros(7))
 
 
+@pytest.mark.slow
 def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monkeypatch, capfd):
     """As the library does it, and by the command, which prints the errors and ends without the extra for the view."""
     simulation = Simulation(mp.Live.of(small_result, clock=None, auto_engage=True))

@@ -81,6 +81,7 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
         assert (motion.pointwise_best <= motion.distance).all()
 
 
+@pytest.mark.slow
 def test_the_way_between_the_tips_may_be_all_that_is_kept():
     """Tips that leave their paths go as the paths do beside one another, and the ellipsoids get better."""
     arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
@@ -141,6 +142,7 @@ def test_slopes_in_the_joints_of_both():
         assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_three_arms_of_which_two_have_crossing_paths_keep_clear_of_one_another():
     arms = mp.load_arms(
         "panda", bases=[(0.75, 0.0, 0.0, np.pi), (-0.75, 0.0, 0.0), (0.0, 3.0, 0.0)]
@@ -158,6 +160,7 @@ def test_three_arms_of_which_two_have_crossing_paths_keep_clear_of_one_another()
         assert np.percentile(arm.position_error, 95) < 0.02
 
 
+@pytest.mark.slow
 def test_arms_that_must_pass_one_another_are_planned_in_turn():
     """Without prioritized planning they collide in 14 % of the time, whatever the tolerance."""
     arms = mp.load_arms(
@@ -187,6 +190,7 @@ class Elbow:
         return self.weight * np.tile(row, (len(at), 1, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_cost_of_the_user_changes_the_motion(apart, count):
     arms, planner = apart

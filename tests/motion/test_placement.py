@@ -49,6 +49,7 @@ def common(panda, bank):
     return {"damping": DAMPING, "bank": bank, "reachability_map": reachability_map}
 
 
+@pytest.mark.slow
 def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):
     aside = Arm(standing(panda.chain, pose([0.1, 0.6, 0.0])))
     maps = common["reachability_map"], ReachabilityMap(aside, VELOCITY, 20_000)
@@ -128,6 +129,7 @@ def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
     assert "tilted by 34.4°" in repr(placed)
 
 
+@pytest.mark.slow
 def test_path_stays_in_its_workspace(panda, common, motion):
     bounds, scale = ((0.3, 0.45), (-0.1, 0.2), (None, 0.5)), (0.1, 2.0)
     placed = place_path(*motion, panda, workspace=bounds, scale=scale, tilt="free", **common)
@@ -141,6 +143,7 @@ def test_path_stays_in_its_workspace(panda, common, motion):
         place_path(*motion, panda, tilt=0.3, **options)
 
 
+@pytest.mark.slow
 def test_candidates_are_ranked(panda, common, motion):
     """The placement itself is the first candidate; `rank` takes another one, and an error names the largest rank."""
     first, second = (place_path(*motion, panda, scale=0.7, rank=rank, **common) for rank in (1, 2))
@@ -197,6 +200,7 @@ def test_slopes_are_those_of_the_cost(kind):
     assert (ends[0] - ends[1]) / 4.0 == pytest.approx(np.sum(arms[0][0] * change), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_demands_make_the_path_smaller(panda, common, motion):
     path, profile = motion
     acceleration = np.gradient(np.gradient(path, TIME, axis=0), TIME, axis=0)

@@ -249,6 +249,7 @@ def test_a_planner_of_another_arm_is_refused(crane, planner, targets):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["force", "acceleration"])
 def test_ellipsoids_of_joint_torques_are_planned(panda, kind):
     robot, spec = (

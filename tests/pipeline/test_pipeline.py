@@ -74,6 +74,7 @@ def test_the_robot_follows_to_the_end(result):
     assert result.motion.clearance.share == 0.0
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
     steps = []
     job = SMALL | {"method": "parallel-transport"}
@@ -98,6 +99,7 @@ def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
         assert fractions[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_force_ellipsoids_are_followed_as_their_inverses(clip, tmp_path):
     job = SMALL | {"method": "parallel-transport", "ellipsoids": "force"}
     forces = transfer_recording(clip, **job)
@@ -225,6 +227,7 @@ def own():
     )
 
 
+@pytest.mark.slow
 def test_the_robot_repeats_its_own_motion(own, tmp_path):
     """Ellipsoids to a median distance of 0.05; it is at rest at both ends. The folder can be read back."""
     panda, time, profile, path = own
@@ -253,6 +256,7 @@ def test_the_robot_repeats_its_own_motion(own, tmp_path):
     assert numbers == json.loads(json.dumps(as_numbers(report_of(execution))))
 
 
+@pytest.mark.slow
 def test_tempo_and_placement(own):
     panda, time, profile, path = own
     slow = follow_profile(panda, [profile], time, [path + 2.0], place=True, speed_scale=0.5)

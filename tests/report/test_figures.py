@@ -72,6 +72,7 @@ def test_figures_are_saved_whole_and_alike(tmp_path, monkeypatch):
         matplotlib()
 
 
+@pytest.mark.slow
 def test_the_figures_of_a_saved_result(small_result, tmp_path):
     with pytest.raises(ManiportError):
         mp.write_figures(tmp_path)

@@ -75,6 +75,7 @@ def test_the_page_is_drawn_without_errors(opened):
     assert min(drawn) > 50, "more colors than the background has"
 
 
+@pytest.mark.slow
 def test_keys_move_the_time(opened):
     for key, condition in (
         ("ArrowRight", "> 0"), ("ArrowLeft", "== 0"), ("End", "> 5.4"), ("Home", "== 0"), (" ", "> 0.2"),
@@ -105,6 +106,7 @@ def results(small_result, tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_the_first_screen_has_the_summary(browser, results, small_result):
     browser.dress(1024, 768)
     browser.open(results)
@@ -121,6 +123,7 @@ def test_the_first_screen_has_the_summary(browser, results, small_result):
     assert browser.complaints == []
 
 
+@pytest.mark.slow
 def test_links_to_a_maximum_open_its_waypoint(browser, small_result, changed, tmp_path):
     """Maxima within a tenth of a second, of which one follows a pause, each have their own waypoint."""
     n, motion = len(small_result.time), small_result.arm.motion

@@ -24,6 +24,8 @@ from maniport.errors import FileFormatError, InvalidInputError, MissingPackageEr
 from maniport.evaluation import polytope_extent
 from maniport.motion.arm_model import InverseDynamics
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("mujoco")
 
 

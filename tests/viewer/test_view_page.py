@@ -18,6 +18,8 @@ from maniport.live import LiveArm, LiveState
 from maniport.viewer.scene import camera_for
 from maniport.viewer.server import LiveView, Onlooker, Panel, require_free
 
+pytestmark = pytest.mark.slow
+
 viser = pytest.importorskip("viser")
 msgspec, zstandard, client, errors = map(  # viser's own
     pytest.importorskip, ("msgspec", "zstandard", "websockets.sync.client", "websockets.exceptions")
