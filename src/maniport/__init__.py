@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from maniport.util.notebook import render_with
+
 
 def names_of_stub(package: str, file: str) -> tuple[list[str], Callable[[str], Any]]:
     """Return `__all__` and `__getattr__` of a package, which load the names that its stub imports on first use."""
@@ -33,3 +35,13 @@ __all__, __getattr__ = names_of_stub(__name__, __file__)
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def _markdown(value: object) -> str:
+    """Return the Markdown that a notebook displays; the report is loaded on first use."""
+    from maniport.report import as_markdown, report_of
+
+    return as_markdown(report_of(value), details=True)
+
+
+render_with(_markdown)
