@@ -3,6 +3,6 @@
 The names are loaded on first use, since the command line needs the configuration alone.
 """
 
-from maniport import names_of_stub
+from maniport.util.lazy_names import names_of_stub
 
 __all__, __getattr__ = names_of_stub(__name__, __file__)

@@ -1,0 +1,25 @@
+"""Names of a package that are loaded on first use."""
+
+import ast
+import importlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def names_of_stub(package: str, file: str) -> tuple[list[str], Callable[[str], Any]]:
+    """Return `__all__` and `__getattr__` of a package, which load the names that its stub imports on first use."""
+    stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    modules = {alias.name: node.module for node in imports for alias in node.names if alias.asname}
+
+    def load(name: str) -> Any:
+        if name not in modules:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        is_module = modules[name] == package
+        value = importlib.import_module(f"{package}.{name}" if is_module else str(modules[name]))
+        setattr(sys.modules[package], name, value if is_module else getattr(value, name))
+        return getattr(sys.modules[package], name)
+
+    return sorted(modules), load
