@@ -1,6 +1,3 @@
-from collections.abc import Callable
-from typing import Any
-
 from maniport import arms as arms
 from maniport import batch as batch
 from maniport import domain as domain
@@ -51,5 +48,3 @@ from maniport.transfer import ParallelTransport as ParallelTransport
 from maniport.transfer import RiemannianICP as RiemannianICP
 from maniport.transfer import load_adapter as load_adapter
 from maniport.version import __version__ as __version__
-
-def names_of_stub(package: str, file: str) -> tuple[list[str], Callable[[str], Any]]: ...
