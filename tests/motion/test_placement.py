@@ -262,8 +262,8 @@ def test_placement_and_motion_improve_together(fixed):
         problem.arms,
     )
     moved, (improved,) = PlacementTrajectoryCost(problem, [TERMS]).improved((place, (q,)))
-    alone = TrajectoryCost(FOUR, arm.targets(place), problem.time, TERMS)
-    there = TrajectoryCost(FOUR, arm.targets(moved), problem.time, TERMS)
+    alone = TrajectoryCost(FOUR, arm.problem(place), problem.time, TERMS)
+    there = TrajectoryCost(FOUR, arm.problem(moved), problem.time, TERMS)
     without = levenberg_marquardt(alone, q, TERMS.rel_tol)
     assert there.evaluate(improved)[0] < alone.evaluate(without)[0] < alone.evaluate(q)[0]
     assert np.all((improved >= FOUR.lower) & (improved <= FOUR.upper))
