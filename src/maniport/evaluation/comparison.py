@@ -1,6 +1,5 @@
 """Comparison of a fitted adapter with baselines by all metrics, and selection of a method."""
 
-import copy
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,7 +14,7 @@ from maniport.evaluation.metrics import BASELINES, STILL, Evaluation, Gaps, Row
 from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
-from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
+from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.util.progress import Progress, Step
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, as_points, as_positive_semidefinite
@@ -31,16 +30,11 @@ def with_feasible_set(
     random_state: Any = 0,
 ) -> DomainAdapter:
     """Return an adapter that uses the feasible set of a robot, where its method does and none is set."""
-    parameters = adapter.get_params()
-    if (
-        robot is None
-        or parameters.get("projector", robot) is not None
-        or getattr(adapter, "from_samples_", False)
-    ):
+    if robot is None:
         return adapter
-    projector = FeasibleProjector(robot, spec, bank=bank, random_state=random_state)
-    aware: DomainAdapter = copy.copy(adapter).set_params(projector=projector)
-    return aware
+    return adapter.with_projector(
+        lambda: FeasibleProjector(robot, spec, bank=bank, random_state=random_state)
+    )
 
 
 def baselines_for(
@@ -142,9 +136,7 @@ def evaluate(
                 rmse=None if wanted is None else metrics.rmse(wanted, mapped),
                 step_ratio=metrics.step_ratio(mapped, original) if moves else None,
                 preservation=metrics.distance_preservation(mapped, original) if moves else None,
-                failures=tuple(method.report_.failures())
-                if isinstance(method, LengthField)
-                else (),
+                failures=method.failures(),
             )
         measured.append(replace(result, warnings=tuple(texts)))
     measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
@@ -211,13 +203,13 @@ def select_method(
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
-    adapter: Any = with_feasible_set(method_of("length-field", **shared), robot, spec, bank)
+    adapter = with_feasible_set(method_of("length-field", **shared), robot, spec, bank)
     failures: tuple[str, ...] = (
         "it is fitted to ellipsoids of up to 3×3",
     )  # a fit to 6×6 takes half a minute
     if spec.size <= 3:
         try:
-            failures = tuple(adapter.fit(*domains).report_.failures())
+            failures = adapter.fit(*domains).failures()
         except InvalidInputError as error:
             failures = (str(error),)
     step(0.7)

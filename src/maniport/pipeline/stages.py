@@ -38,7 +38,7 @@ from maniport.pipeline.following import (
 )
 from maniport.pipeline.results import ArmTransfer, TransferResult
 from maniport.pipeline.settings import Settings, fit_options, read_part, settings_of
-from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
+from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -250,10 +250,10 @@ def fit_map(
         method_of(settings.adapter), settings.arms[arm], spec, bank, config.seed
     )
     adapter.fit(teacher, student)
-    if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
-        text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(
-            failures
-        )
+    failures = adapter.failures()
+    if failures:
+        text = "the length field maps this robot badly, parallel-transport does not: "
+        text += "; ".join(failures)
         warnings.warn(text, ManiportWarning, stacklevel=2)
     step.end(f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
     return FittedMap(adapter, teacher)

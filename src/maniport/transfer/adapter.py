@@ -7,6 +7,7 @@ rotation, damping and files are here.
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from copy import copy
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -88,6 +89,23 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
     def _settle(self) -> None:
         """Prepare what the map needs from the fitted attributes, after a fit or the reading of a file."""
+
+    def with_projector(self, make: Callable[[], object]) -> Self:
+        """Return a copy with a projector onto the student's feasible set, if the method uses one and has none.
+
+        Parameters
+        ----------
+        make : callable
+            Makes the projector, such as `maniport.motion.FeasibleProjector`; not called where none is needed.
+        """
+        is_free = self.get_params().get("projector", self) is None
+        if not is_free or getattr(self, "from_samples_", False):
+            return self
+        return copy(self).set_params(projector=make())
+
+    def failures(self) -> tuple[str, ...]:
+        """Return the checks that the fitted map fails, in words; empty where it may be used."""
+        return ()
 
     def _map_rotation(self) -> Array:
         """Rotation of ellipsoids by the map in the student's frame, shape (d, d)."""

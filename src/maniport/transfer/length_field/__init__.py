@@ -157,6 +157,10 @@ class LengthField(DomainAdapter):
         points = held_out if len(held_out) else seen[:HELD_OUT]
         self.report_ = reported(field, Samples(field, points, projector, damping), len(held_out))
 
+    def failures(self) -> tuple[str, ...]:
+        """Return the checks that the map fails at held-out samples; see `FieldReport`."""
+        return self.report_.failures()
+
     def _damping(self) -> Regularization:
         return Regularization(
             getattr(self.projector, "damping", None) if self.damping is None else self.damping
