@@ -5,6 +5,7 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 
 from maniport.motion.arm_model import robot_model
 from maniport.motion.collision_limit import Limit
+from maniport.motion.configurations import Configurations
 from maniport.motion.costs.cost import Cost
 from maniport.motion.exports import export_motion
 from maniport.motion.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
@@ -22,6 +23,7 @@ from maniport.motion.trajectory import Clearance, Trajectory
 __all__ = [
     "ArmMotion",
     "Clearance",
+    "Configurations",
     "Cost",
     "FeasibleEllipsoids",
     "FeasibleProjector",
