@@ -41,6 +41,7 @@ def test_bundled_recordings_have_no_differences(name, person):
     side = "both" if name == "both-arms" else "auto"
     motion = fit_arms(read_recording(name), person, side=side)
     assert not differences(motion)
+    assert all(fit.model_warnings == () for fit in motion.arms)
 
 
 def test_another_model_is_advised_where_it_fits_better_only(record, monkeypatch):

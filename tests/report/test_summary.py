@@ -56,7 +56,9 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
         np.tile(np.diag(axes), (n, 1, 1)) for axes in ([1.0, 2.0, 4.0], [4.0, 2.0, 1.0])
     )
     outlier = np.where(np.arange(n) == 0, 3.1 * motion.position_tolerance, 0.0)
-    fit = replace(complete.arm.fit, quality_warnings=("model and person differ",))
+    text = "model and person differ"
+    fit = replace(complete.arm.fit, quality_warnings=(text,), model_warnings=(text,))
+    jumping = replace(complete.arm.fit, quality_warnings=("joints jump",))
     for key, status, changes in (
         ("assumed-acceleration-limits", "amber", {"limits": assumed}),
         ("unchecked-collisions", "amber", {"clearance": Clearance()}),
@@ -74,6 +76,7 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
         ),
         ("infeasible-targets", "amber", {"arm": {"gap": np.ones(n)}}),
         ("human-model", "amber", {"arm": {"fit": fit}}),
+        ("recording", "amber", {"arm": {"fit": jumping}}),
         ("limits-exceeded", "red", {"control_time": 0.5 * motion.control_time}),
         ("collision", "red", {"clearance": Clearance(True, "", 0.25, -0.01, 0.0, ("a", "b"))}),
         ("held", "red", {"held": np.arange(len(motion.held)) == 0}),

@@ -51,6 +51,8 @@ class ArmFit(NotebookDisplay):
         Interpolated and omitted frames.
     quality_warnings : tuple of str
         Data-quality warnings: large differences of model and person, and repairs that change the result.
+    model_warnings : tuple of str
+        Those of the warnings that report differences of model and person.
     smoothed : bool
         Whether points were noisy and were smoothed; `maniport.Live` then filters frames of the same points.
     """
@@ -68,6 +70,7 @@ class ArmFit(NotebookDisplay):
     roles: dict[str, Any]
     notes: tuple[str, ...]
     quality_warnings: tuple[str, ...] = ()
+    model_warnings: tuple[str, ...] = ()
     smoothed: bool = False
 
     def __post_init__(self) -> None:

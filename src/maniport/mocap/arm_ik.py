@@ -132,11 +132,13 @@ def fit_arms(
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
         fit = _fit(observation, person, step)
         warnings = [*observation.used.quality_warnings, *gap_warning(fit, observation.used.time)]
+        differences: list[str] = []
         if exchanged:  # differences and jumps follow from it
             warnings = [*exchanged, *warnings]
         else:
-            warnings = [*model_warnings(fit, fitting, i), *warnings, *jump_warning(fit)]
-        fit = replace(fit, quality_warnings=tuple(warnings))
+            differences = model_warnings(fit, fitting, i)
+            warnings = [*differences, *warnings, *jump_warning(fit)]
+        fit = replace(fit, quality_warnings=tuple(warnings), model_warnings=tuple(differences))
         step.end(fit.summary)
         fits.append(fit)
         from_neck = direction(observation.used, (fit.roles["trunk_up"][1], fit.roles["shoulder"]))

@@ -202,7 +202,8 @@ def person_section(fit: ArmFit) -> Section:
     by_reason: dict[str, list[str]] = {}
     for name, reason in fit.unobservable.items():
         by_reason.setdefault(reason, []).append(name)
-    section.warn(FIT, *fit.quality_warnings)
+    for text in fit.quality_warnings:
+        section.warn(FIT if text in fit.model_warnings else RECORDING, text)
     for reason, names in by_reason.items():
         section.warn(
             "undetermined-joints", f"The recording does not determine {listed(names)}: {reason}"
