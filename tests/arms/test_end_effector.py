@@ -136,6 +136,35 @@ def test_other_frames_of_a_hand_are_not(loaded, name):
     assert loaded(*hand, fingers("hand", "f1", "f2")).frame == "hand"
 
 
+SENSORS = (
+    "wrist_camera_link",
+    "wrist_camera_color_optical_frame",
+    "d435i_link",
+    "realsense_link",
+    "cam0",
+    "ft_sensor",
+    "force_torque",
+    "imu_link",
+    "aruco_marker",
+)
+
+
+@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("carrier", ["tool0", "flange", "plate"])
+def test_a_sensor_at_the_end_is_not_the_end_effector(loaded, name, carrier):
+    robot = loaded(arm(), fixed("l6", carrier), fixed(carrier, name), fixed(name, f"{name}_frame"))
+    assert robot.frame == carrier
+    assert loaded(arm(), fixed("l6", name)).frame == "l6"
+
+
+def test_a_tool_on_a_sensor_is_the_end_effector(loaded):
+    sensor = fixed("l6", "tool0", "0 0 0") + fixed("tool0", "ft_sensor")
+    assert loaded(arm(), sensor, fixed("ft_sensor", "plate")).frame == "plate"
+    assert loaded(arm(), sensor, fixed("ft_sensor", "wrist_ft_tool_link")).frame == (
+        "wrist_ft_tool_link"
+    )
+
+
 def test_a_tool_frame_with_bodies_on_it_or_on_a_finger_is_not_the_end(loaded):
     robot = loaded(arm(), fixed("l6", "tool0"), fixed("tool0", "hand"), fingers("hand", "f1", "f2"))
     assert robot.frame == "hand"

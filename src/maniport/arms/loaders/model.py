@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,10 +37,13 @@ _LEGS = (
 _HEADS = ("head", "neck", "eye", "camera", "tail", "antenna")
 """Parts of words in names of joints and bodies; turns are joints that turn a gripper, rather than open it."""
 _FILLERS = ("link", "frame", "body", "site", "point", "pose", *_SIDES)
-_NO_TOOLS = (
-    *("camera", "optical", "sensor", "imu", "marker", "aruco", "led", "light"),
-    *("mount", "adapter", "changer", "cover", "collision"),
+_SENSORS = (
+    *("camera", "optical", "sensor", "marker", "aruco", "apriltag", "lidar", "scanner", "light"),
+    *("realsense", "kinect", "xtion", "rgbd"),
 )
+_SHORT_SENSORS = ("cam", "imu", "led", "ft", "ati", "rgb", "depth", "zed")
+_CAMERA_MODEL = re.compile(r"(^|_)(d4[0-9]{2}[a-z]?|l515|sr300|t265|zed[0-9][a-z]*)(_|$)")
+_NO_TOOLS = ("mount", "adapter", "changer", "cover", "collision")
 _NO_RANK = 9  # of names that are not those of tool frames
 _PINCH = ("pinch_site", "pinch")
 _ATTACHMENT = ("attachment_site",)
@@ -272,7 +276,6 @@ class Limbs:
 
     def _tool(self, end: str) -> tuple[str, str]:
         """Return the end effector of a moving body, and why it is that frame."""
-        bodies = self.model.bodies
         rigid = [name for name, path in self._paths.items() if path and path[-1].name == end]
         sites = self._sites_on(rigid)
         marked = _with_usual_name(sites, _PINCH)
@@ -282,8 +285,7 @@ class Limbs:
         carriers = {str(child.parent) for child in self._below[end]}
         hand = self._common(carriers) if carriers else None
         poses = self._poses(end, rigid)
-        above = {str(bodies[name].parent) for name in bodies}
-        outermost = [name for name in rigid if name not in above]
+        outermost = self._outermost(end, rigid)
         if hand is None:
             marked = _with_usual_name(sites, _ATTACHMENT)
             if marked:
@@ -310,6 +312,19 @@ class Limbs:
         if marked:
             return marked, "the flange"
         return link, "the outermost link"
+
+    def _outermost(self, end: str, rigid: Sequence[str]) -> list[str]:
+        """Return the bodies rigid with a moving one that carry no others; sensors at the ends do not count."""
+        carried = Counter(body.parent for body in self.model.bodies.values())
+        outermost = []
+        for name in reversed(rigid):  # children first
+            if carried[name]:
+                continue
+            if name != end and _is_sensor(name):
+                carried[self.model.bodies[name].parent] -= 1
+            else:
+                outermost.append(name)
+        return outermost[::-1]
 
     def _sites_on(self, bodies: Collection[str]) -> list[str]:
         """Return the sites on bodies, without those that have the name of a body."""
@@ -351,8 +366,9 @@ class Limbs:
             for name, path in self._paths.items()
             if path and path[-1].name == body.name and _has(name, _HANDS)
         ]
-        first = self._paths[body.name][0].joints[0].name
-        named = not _has(first, (*_FINGERS, *_GRIPPERS))  # else all joints may have that prefix
+        first = self._paths[body.name][0]
+        # else all joints or bodies may have that prefix
+        named = not _has(first.joints[0].name, (*_FINGERS, *_GRIPPERS))
         for joint in moved.joints:
             followed = {  # branches beyond, whose joints follow this one
                 child.name
@@ -436,22 +452,36 @@ def _is_gripper(joint: str, body: str, *, slides: bool, on_hand: bool) -> bool:
     return _has(body, _GRIPPERS) and (slides or on_hand)
 
 
+def _is_sensor(name: str) -> bool:
+    """Whether the name of a body or site is that of a camera, another sensor or a marker."""
+    words = _words(name)
+    if any(word.startswith(_SENSORS) for word in words):
+        return True
+    if "tool" in words:  # it is fixed to the sensor
+        return False
+    if any(word in _SHORT_SENSORS for word in words) or {"force", "torque"} <= set(words):
+        return True
+    return _CAMERA_MODEL.search(name.lower()) is not None
+
+
 def _tool_rank(name: str) -> int:
     """Return the rank of the name of a tool frame, the lowest first; `_NO_RANK` for other names."""
     words = _words(name)
+    if _is_sensor(name):
+        return _NO_RANK
     if any(word.startswith(_NO_TOOLS) or word in ("x", "y", "z") for word in words):
         return _NO_RANK
     core = [word for word in words if word not in _FILLERS]
     text = "_".join(words)
     if "tcp" in core or "tool_center" in text or "tool_centre" in text:
         return 0
-    if core and core[-1] == "tool":
+    if core and (core[-1] in ("tool", "tooltip") or core[-2:] == ["tool", "tip"]):
         return 1
     if core and (core[-1].startswith("grasp") or "grasp_center" in text):
         return 2
-    if {"ee", "eef", "endeffector"} & set(core) or "end_effector" in text:
+    if {"ee", "eef", "eoat", "endeffector"} & set(core) or "end_effector" in text:
         return 3
-    if re.search("grip(per)?_?(frame|center|centre|point|site)", text):
+    if re.search("grip(per)?_?(frame|center|centre|point|site|tip)", text):
         return 4
     return _NO_RANK
 
