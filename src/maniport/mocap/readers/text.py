@@ -155,9 +155,9 @@ def encoding_of(content: bytes) -> str:
     for encoding, (period, places) in WIDE.items():
         letters = content[:256]
         zeros = [letters[place::period] for place in places]
-        if len(letters) >= 2 * period and letters[:period].strip(b"\0"):
-            if all(part.count(0) > 0.6 * len(part) for part in zeros):
-                return encoding
+        is_text = len(letters) >= 2 * period and letters[:period].strip(b"\0") != b""
+        if is_text and all(part.count(0) > 0.6 * len(part) for part in zeros):
+            return encoding
     if content.isascii() or _is_decodable(content, "utf-8"):
         return "utf-8-sig"
     for encoding in JAPANESE:
