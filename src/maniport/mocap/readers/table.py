@@ -308,8 +308,8 @@ def _one_row_a_point(
     stated = FileTimes(frame_numbers=times)
     if clock is not None:
         stated = FileTimes({"time": times / per_second})
-    positions = positions.reshape(len(times), -1, 3)
-    return options.recording(file, list(names), positions, stated, table.unit)
+    points = positions.reshape(len(times), -1, 3)
+    return options.recording(file, list(names), points, stated, table.unit)
 
 
 def _frames_of(counts: Array) -> tuple[Array, NDArray[np.int64]]:
