@@ -130,7 +130,10 @@ def _table(file: Path, nodes: list[_Node], motion: _Motion, frames: slice) -> Ar
     """Return the channels of some frames, shape (n_frames, n_channels)."""
     width = sum(len(node.channels) for node in nodes)
     blocks = sliced(row_blocks(file, motion.first), frames)
-    (table,) = NumberTable(width, [range(width)]).read(map(_without_separators, blocks))
+    possible = file.stat().st_size // max(2 * width, 1)  # a digit and a blank for each number
+    expected = min(int(motion.declared), frames.stop - frames.start, possible)
+    reader = NumberTable(width, [range(width)], expected=expected)
+    (table,) = reader.read(map(_without_separators, blocks))
     return table
 
 

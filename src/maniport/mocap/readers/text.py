@@ -253,6 +253,8 @@ class NumberTable:
         Separator of the fields; default: blanks.
     short : bool
         Whether fields may be missing at the end of a row.
+    expected : int
+        Number of rows for which memory is reserved; there may be more or fewer.
     """
 
     def __init__(
@@ -261,6 +263,7 @@ class NumberTable:
         groups: Sequence[Sequence[int]],
         separator: str | None = None,
         short: bool = False,
+        expected: int = 0,
     ) -> None:
         self.width = width
         self.groups = groups
@@ -269,7 +272,7 @@ class NumberTable:
         self.used = [column for group in groups for column in group]
         self.count = 0
         self._has_gaps = False  # whether empty fields are to be expected
-        self.arrays = [np.empty((0, len(group))) for group in groups]
+        self.arrays = [np.empty((expected, len(group))) for group in groups]
 
     def read(self, blocks: Iterable[Block]) -> list[Array]:
         """Return the arrays, each of shape (n_rows, len(group)); placeholders are nan.
