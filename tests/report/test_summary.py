@@ -19,7 +19,7 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.results import RESULT_FILES, ArmResult
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.report.console import Console
-from maniport.report.metrics import add_statistics
+from maniport.report.describe.motions import add_statistics
 from maniport.report.page import as_html as as_page
 from maniport.report.page.animation import animation_of
 from maniport.report.values import Metric, Report, Section

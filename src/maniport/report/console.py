@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console as RichConsole
 
 from maniport.errors import ManiportWarning, printable
-from maniport.report.renderings import as_markdown, as_numbers, as_terminal, plain
+from maniport.report.render import as_markdown, as_numbers, as_terminal, plain
 from maniport.report.values import Report
 from maniport.util.progress import Progress
 

@@ -20,7 +20,7 @@ from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.report.page import content
 from maniport.report.page.animation import semi_axis_panels
 from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Line, Panel
-from maniport.report.renderings import ENDINGS, PAGE
+from maniport.report.render import ENDINGS, PAGE
 from maniport.spd.ellipsoid import axes
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole

@@ -1,12 +1,11 @@
-"""Values that a report consists of: metrics, tables and sections, and `report_of`."""
+"""Values that a report consists of: metrics, tables and sections."""
 
 import contextlib
 import os
 import platform
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import singledispatch
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
@@ -347,29 +346,3 @@ def software(seed: int | None) -> list[Metric]:
         Metric("Seed", "none" if seed is None else str(seed), about, "random_state", seed),
         Metric("Versions", listed(map(" ".join, versions.items())), key="versions", value=versions),
     ]
-
-
-def report_of(thing: Any) -> Report:
-    """Return the `Report` of a result, an arm, a recording, an adapter or another object of maniport.
-
-    Parameters
-    ----------
-    thing : any object
-        Of an unknown object only the prompt is reported.
-
-    Returns
-    -------
-    Report
-    """
-    import maniport.report.results  # noqa: F401 - it and what it imports register all classes; slow to load
-
-    described = describe(thing)
-    if isinstance(described, Report):
-        return described
-    return Report(described.title, "", (replace(described, title="", folded=False),))
-
-
-@singledispatch
-def describe(thing: Any) -> Report | Section:
-    """Describe an object; `describe.register` adds a class."""
-    return Report(type(thing).__name__, repr(thing))

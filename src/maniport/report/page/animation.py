@@ -13,7 +13,7 @@ from maniport.errors import FileFormatError
 from maniport.learning.alignment import axis_deviations
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report.metrics import STATISTICS
+from maniport.report.describe.motions import STATISTICS
 from maniport.report.page.content import (
     ACHIEVED,
     HUMAN_JOINTS,

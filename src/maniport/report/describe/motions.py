@@ -1,6 +1,6 @@
 """Metrics of a robot's motion with their warnings: those of each arm, and those of all arms together.
 
-Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page (`maniport.report.page`) and the table of
+Terminal, Markdown, JSON and notebook (`maniport.report.render`), the page (`maniport.report.page`) and the table of
 a batch render the same `Report`.
 """
 
@@ -18,8 +18,8 @@ from maniport.motion.motion_limits import DERIVATIVES, TORQUES
 from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
-from maniport.report.robot import add_collision_shapes, warn_of_collisions, warn_of_limits
-from maniport.report.values import Report, Section, at_time, describe, listed
+from maniport.report.describe.robots import add_collision_shapes, warn_of_collisions, warn_of_limits
+from maniport.report.values import Report, Section, at_time, listed
 from maniport.util.sampling import statistics
 from maniport.util.validation import Array
 
@@ -74,7 +74,6 @@ def add_statistics(
     return numbers
 
 
-@describe.register
 def motion_report(motion: ArmMotion | RobotMotion) -> Report:
     """Describe the motion of one or several arms."""
     arms = motion.arms if isinstance(motion, RobotMotion) else (motion,)

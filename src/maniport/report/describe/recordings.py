@@ -29,7 +29,7 @@ from maniport.mocap.roles import (
     usual_names,
 )
 from maniport.pipeline.demonstrations import LearnedProfile
-from maniport.report.renderings import escaped
+from maniport.report.render import escaped
 from maniport.report.values import (
     FIT,
     RECORDING,
@@ -37,7 +37,6 @@ from maniport.report.values import (
     Report,
     Section,
     Table,
-    describe,
     in_axes,
     listed,
     software,
@@ -45,7 +44,6 @@ from maniport.report.values import (
 from maniport.util.defaults import AUTO
 
 
-@describe.register
 def recording_report(
     recording: Recording,
     markers: Mapping[str, Any] | None = None,
@@ -172,7 +170,6 @@ def _completion(
     return section
 
 
-@describe.register
 def fit_report(fit: HumanMotion) -> Report:
     """Describe the fits of the arms of a person."""
     arms = (
@@ -185,7 +182,6 @@ def fit_report(fit: HumanMotion) -> Report:
     )
 
 
-@describe.register
 def person_section(fit: ArmFit) -> Section:
     """Describe the fit of a human arm and what the recording does not determine."""
     residuals = fit.residual_summary()
@@ -237,7 +233,6 @@ AGREEMENT = {"agree": 0.2, "agree in part": 0.5, "do not agree": np.inf}
 """Largest shares of the variance between demonstrations by words."""
 
 
-@describe.register
 def learned_report(learned: LearnedProfile) -> Report:
     """Report a learned profile, agreement of the demonstrations first."""
     agreement, parts, seconds = (

@@ -20,7 +20,7 @@ from maniport.errors import argument
 from maniport.motion import Placement
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.trajectory import Clearance
-from maniport.report.values import Metric, Report, Section, Severity, Table, describe, listed
+from maniport.report.values import Metric, Report, Section, Severity, Table, listed
 
 REMARKS: dict[str, tuple[Severity, str]] = {
     SOFT_LIMITS: (
@@ -42,7 +42,6 @@ REMARKS: dict[str, tuple[Severity, str]] = {
 """Severity and text of remarks about the description of a robot."""
 
 
-@describe.register
 def arm_report(arm: Arm) -> Report:
     """Describe an arm: its joints with their limits, fixed joints, and frames."""
     unknown, inertia = np.full(arm.dof, np.inf), arm.chain.inertia
@@ -246,7 +245,6 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
     return replace(report, sections=(*report.sections, *ends))
 
 
-@describe.register
 def placement_section(placed: Placement) -> Section:
     """Describe the placement of a path, whether the robot reaches it, and alternatives."""
     values = [

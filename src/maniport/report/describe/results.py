@@ -10,11 +10,11 @@ import numpy as np
 from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline.config import CONFIG, OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report.metrics import MISSED_SHARE, group_section, motion_section
-from maniport.report.recording import person_section, recording_section
-from maniport.report.robot import chain_metrics, placement_section
-from maniport.report.transfer import adapter_section, evaluation_section, label
-from maniport.report.values import Metric, Report, Section, describe, in_axes, sentence, software
+from maniport.report.describe.motions import MISSED_SHARE, group_section, motion_section
+from maniport.report.describe.recordings import person_section, recording_section
+from maniport.report.describe.robots import chain_metrics, placement_section
+from maniport.report.describe.transfers import adapter_section, evaluation_section, label
+from maniport.report.values import Metric, Report, Section, in_axes, sentence, software
 from maniport.util.defaults import POSITION_TOLERANCE
 
 POSITION_GRADES = {
@@ -30,7 +30,6 @@ Metrics = Mapping[str, Metric]
 Result = TransferResult | MotionResult
 
 
-@describe.register
 def result_report(result: TransferResult | MotionResult) -> Report:
     """Report a transfer, or a robot's motion along target ellipsoids."""
     several, robot = len(result.arms) > 1, result.robot.name

@@ -5,14 +5,13 @@ from dataclasses import asdict
 import numpy as np
 
 from maniport.evaluation.metrics import RELEVANT_RATIO, Evaluation, Row
-from maniport.report.values import Report, Section, Table, describe, listed, sentence
+from maniport.report.values import Report, Section, Table, listed, sentence
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
 from maniport.transfer.identifiability import describe_free_axes
 from maniport.transfer.rotation_group import rotation_angle
 
 
-@describe.register
 def adapter_section(adapter: DomainAdapter) -> Section:
     """Describe the fit of an adapter."""
     section = Section("Adapter", key="adapter", folded=True)
@@ -65,7 +64,6 @@ def adapter_section(adapter: DomainAdapter) -> Section:
     return section
 
 
-@describe.register
 def evaluation_report(evaluation: Evaluation) -> Report:
     """Describe the comparison of an adapter with baselines, or the selection of a method."""
     settings = Section("Settings")
