@@ -5,8 +5,8 @@ a batch render the same `Report`.
 """
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,9 +17,9 @@ from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.motion_limits import DERIVATIVES, TORQUES
 from maniport.motion.status import FAR, NEAR_DISTANCE, REACHED
 from maniport.motion.trajectory import Clearance, Trajectory
-from maniport.pipeline.results import ArmResult
+from maniport.pipeline.results import ArmResult, ArmTransfer
 from maniport.report.describe.robots import add_collision_shapes, warn_of_collisions, warn_of_limits
-from maniport.report.values import Report, Section, at_time, listed
+from maniport.report.values import Report, Section, Statistics, Value, at_time, listed
 from maniport.util.sampling import statistics
 from maniport.util.validation import Array
 
@@ -54,32 +54,46 @@ MISSED_SHARE = 0.05
 
 
 def add_statistics(
-    section: Section, key: str, values: ArrayLike, time: ArrayLike, **more: Any
-) -> dict[str, float]:
-    """Add and return median, 95th percentile and maximum of values (n,) at times [s]; `more` are in JSON only."""
-    (label, unit, about), numbers = STATISTICS[key], statistics(values, time)
-    text = "median {median:.2f}, 95th percentile {p95:.2f}, max {max:.2f} ".format(**numbers)
-    main = key in ("distance", "position_error", "orientation_error")
-    largest_at = numbers["max_at_s"]
+    section: Section,
+    key: str,
+    values: ArrayLike,
+    time: ArrayLike,
+    tolerance: float | None = None,
+    far_share: float | None = None,
+) -> Statistics:
+    """Add and return statistics of values (n,) at times [s]; tolerance and share are in JSON only."""
+    label, unit, about = STATISTICS[key]
+    numbers = statistics(values, time)
+    result = Statistics(
+        median=numbers["median"],
+        p95=numbers["p95"],
+        maximum=numbers["max"],
+        time_of_maximum=numbers["max_at_s"],
+        tolerance=tolerance,
+        far_share=far_share,
+    )
+    text = f"median {result.median:.2f}, 95th percentile {result.p95:.2f}, max {result.maximum:.2f}"
     section.add(
         label,
         key,
-        numbers | more,
-        text + at_time(largest_at),
+        result,
+        f"{text} {at_time(result.time_of_maximum)}",
         about,
         unit=unit,
-        main=main,
-        times=(largest_at,),
+        main=key in ("distance", "position_error", "orientation_error"),
+        times=(result.time_of_maximum,),
     )
-    return numbers
+    return result
 
 
 def motion_report(motion: ArmMotion | RobotMotion) -> Report:
     """Describe the motion of one or several arms."""
     arms = motion.arms if isinstance(motion, RobotMotion) else (motion,)
-    lead = f"{len(arms[0].time)} target ellipsoids in {np.ptp(arms[0].time):.2f} s."
+    time = arms[0].time
+    title = " and ".join(f"{arm.arm} at {arm.frame}" for arm in arms)
+    lead = f"{len(time)} target ellipsoids in {np.ptp(time):.2f} s."
     sections = tuple(motion_section(arm, arm.time) for arm in arms)
-    return Report(" and ".join(f"{arm.arm} at {arm.frame}" for arm in arms), lead, sections)
+    return Report(title, lead, sections)
 
 
 def motion_section(
@@ -91,77 +105,72 @@ def motion_section(
     """
     section = Section("Robot motion", key="motion")
     add_statistics(section, "distance", motion.distance, time)
-    if (error := motion.position_error) is not None:
-        share, tolerance = (
-            float(np.mean(error > FAR * motion.position_tolerance)),
-            1e3 * motion.position_tolerance,
-        )
-        own = add_statistics(
-            section, "position_error", 1e3 * error, time, tolerance=tolerance, far_share=share
-        )
-        if share > 0.0:
-            text = f"the position error is up to {own['max']:.1f} mm (at {own['max_at_s']:.1f} s)"
-            times = (own["max_at_s"],)
-            section.warn("position-error", f"{text}; tolerance {tolerance:g} mm", times=times)
+    _add_position_error(section, motion, time)
     if motion.orientation_error is not None:
         add_statistics(section, "orientation_error", np.degrees(motion.orientation_error), time)
     if alone:
         _add_trajectory(section, motion, motion.clearance, motion.demonstrated_time, time)
     if result is not None:
-        for capability in getattr(result, "capabilities", ()):
-            main = (capability.kind == "velocity") == (result.spec.kind == "velocity")
-            _add_capability(section, capability, main)
-        if result.gap is not None:
-            _add_mean_distance(section, motion, result)
+        _add_capabilities(section, result)
+        _add_mean_distance(section, motion, result)
+
     _add_waypoints(section, motion)
-    if (
-        motion.pointwise_best is not None and np.median(motion.pointwise_best) > 0.01
-    ):  # else the ratio has no meaning
+    best = motion.pointwise_best
+    if best is not None and np.median(best) > 0.01:  # else the ratio has no meaning
         _add_pointwise_ratio(section, motion)
-    if result is not None and result.gap is not None:
-        gap = add_statistics(section, "feasibility_gap", result.gap, time)["median"]
-        if gap > NEAR_DISTANCE:
-            text = f"the targets are infeasible: median distance to the feasible set {gap:.2f}"
-            section.warn("infeasible-targets", text)
-    angle = np.degrees(motion.major_axis_angle if result is None else result.major_axis_angle)
-    if np.isfinite(angle).any():
-        median = add_statistics(section, "major_axis_angle", angle, time)["median"]
-        if median > 30.0:
-            text = f"the longest axis of the ellipsoid is {median:.0f}° (median) from that of the target"
-            section.warn("longest-axis", text)
+    if result is not None:
+        _add_feasibility_gap(section, result, time)
+    _add_major_axis_angle(section, motion, result, time)
     if result is not None:
         _add_lowest_point(section, motion, time, result)
-    if motion.held.any():
-        count = motion.held.sum()
-        text = f"at {count} control steps not all limits were satisfied, or the robot braked before a collision"
-        section.warn("held", text, severity="error")
-    pairs = zip(motion.joint_names, motion.velocity_limits, strict=True)
-    if free := [name for name, limit in pairs if np.isinf(limit)]:
-        section.warn(
-            "unchecked-velocity-limits", f"no velocity limit is available for {listed(free)}"
-        )
+
+    _warn_of_motion(section, motion)
     if motion.limits is not None:
         warn_of_limits(section, motion.limits)
         if alone:
             collisions = None if result is None else result.collisions
-            warn_of_collisions(
-                section, motion.clearance, () if collisions is None else collisions.unchecked
-            )
+            unchecked = () if collisions is None else collisions.unchecked
+            warn_of_collisions(section, motion.clearance, unchecked)
     elif "velocity limit" in motion.status:
-        section.warn(
-            "too-fast", "the motion is too fast for the robot in places: give it more time"
-        )
+        text = "the motion is too fast for the robot in places: give it more time"
+        section.warn("too-fast", text)
     return section
+
+
+def _add_position_error(section: Section, motion: ArmMotion, time: Array) -> None:
+    """Add the position error of a motion that follows a path, with a warning where it is large."""
+    error = motion.position_error
+    if error is None:
+        return
+    share = float(np.mean(error > FAR * motion.position_tolerance))
+    tolerance = 1e3 * motion.position_tolerance  # [mm]
+    added = add_statistics(section, "position_error", 1e3 * error, time, tolerance, share)
+    if share > 0.0:
+        at = added.time_of_maximum
+        text = f"the position error is up to {added.maximum:.1f} mm (at {at:.1f} s)"
+        section.warn("position-error", f"{text}; tolerance {tolerance:g} mm", times=(at,))
+
+
+def _add_capabilities(section: Section, result: ArmResult) -> None:
+    """Add force and speed; that which belongs to the kind of the ellipsoids is in the summary."""
+    if not isinstance(result, ArmTransfer):
+        return
+    for capability in result.capabilities:
+        main = (capability.kind == "velocity") == (result.spec.kind == "velocity")
+        _add_capability(section, capability, main)
 
 
 def _add_mean_distance(section: Section, motion: ArmMotion, result: ArmResult) -> None:
     """Add the mean distance with its parts, as a sum of rounded numbers."""
+    if result.gap is None:
+        return
     parts = result.mean_distance
-    written = dict(parts)
+    summands = dict(parts)
     if motion.path is None:
-        written["infeasible"] += written.pop("path")
-    rounded = {name: round(part, 3) for name, part in written.items()}
-    text = f"{sum(rounded.values()):.3f} = {' + '.join(f'{name} {part:.3f}' for name, part in rounded.items())}"
+        summands["infeasible"] += summands.pop("path")
+    rounded = {name: round(part, 3) for name, part in summands.items()}
+    sum_text = " + ".join(f"{name} {part:.3f}" for name, part in rounded.items())
+    text = f"{sum(rounded.values()):.3f} = {sum_text}"
     about = "Infeasible: distance to the feasible set. Path: added by the path constraint. Motion: added by limits."
     value = {"mean": float(np.mean(motion.distance)), **parts}
     section.add("Mean distance", "mean_distance", value, text, about, main=True)
@@ -169,17 +178,21 @@ def _add_mean_distance(section: Section, motion: ArmMotion, result: ArmResult) -
 
 def _add_waypoints(section: Section, motion: ArmMotion) -> None:
     """Add how many waypoints are reached and why others are not."""
-    status, total = Counter(motion.status), len(motion.status)
+    status = Counter(motion.status)
+    total = len(motion.status)
     missed = {name: count for name, count in status.items() if name not in REACHED}
-    numbers = listed(f"{name.removesuffix(' missed')}: {count}" for name, count in missed.items())
-    reasons, count = f" ({numbers})" if missed else "", sum(missed.values())
-    if count > MISSED_SHARE * total:
-        section.warn("targets-missed", f"{count} of {total} waypoints are missed{reasons}")
+    missed_count = sum(missed.values())
+    reasons = ""
+    if missed:
+        numbers = [f"{name.removesuffix(' missed')}: {count}" for name, count in missed.items()]
+        reasons = f" ({listed(numbers)})"
+    if missed_count > MISSED_SHARE * total:
+        section.warn("targets-missed", f"{missed_count} of {total} waypoints are missed{reasons}")
+
+    value = {"count": total, "missed": missed_count, "status": dict(status)}
+    text = f"{total - missed_count} of {total} reached{reasons}"
     about = f"Distance at most {NEAR_DISTANCE:g}, position error within the tolerance."
-    value = {"count": total, "missed": count, "status": dict(status)}
-    section.add(
-        "Waypoints", "waypoints", value, f"{total - count} of {total} reached{reasons}", about
-    )
+    section.add("Waypoints", "waypoints", value, text, about)
 
 
 def _add_pointwise_ratio(section: Section, motion: ArmMotion | RobotMotion) -> None:
@@ -188,30 +201,72 @@ def _add_pointwise_ratio(section: Section, motion: ArmMotion | RobotMotion) -> N
     if ratio == 1.0:
         section.numbers(pointwise_ratio=ratio)
         return
-    label, about = "Ratio to the best pointwise distances found", "Of root mean squares; no bound."
+    label = "Ratio to the best pointwise distances found"
+    about = "Of root mean squares; no bound."
     section.add(label, "pointwise_ratio", ratio, f"{ratio:.2f}", about)
+
+
+def _add_feasibility_gap(section: Section, result: ArmResult, time: Array) -> None:
+    """Add the distance of the targets to the feasible set, with a warning where it is large."""
+    if result.gap is None:
+        return
+    gap = add_statistics(section, "feasibility_gap", result.gap, time).median
+    if gap > NEAR_DISTANCE:
+        text = f"the targets are infeasible: median distance to the feasible set {gap:.2f}"
+        section.warn("infeasible-targets", text)
+
+
+def _add_major_axis_angle(
+    section: Section, motion: ArmMotion, result: ArmResult | None, time: Array
+) -> None:
+    """Add the angle between longest axes where they exist, with a warning where it is large."""
+    angle = motion.major_axis_angle if result is None else result.major_axis_angle
+    degrees = np.degrees(angle)
+    if not np.isfinite(degrees).any():
+        return
+    median = add_statistics(section, "major_axis_angle", degrees, time).median
+    if median > 30.0:
+        text = (
+            f"the longest axis of the ellipsoid is {median:.0f}° (median) from that of the target"
+        )
+        section.warn("longest-axis", text)
 
 
 def _add_lowest_point(section: Section, motion: ArmMotion, time: Array, result: ArmResult) -> None:
     """Add the lowest point of a motion; without a table, it must be above the plane that the base stands on."""
     if not result.robot.chain.stands:
         return
-    if (lowest := result.lowest) is None:
-        section.warn(
-            "unchecked-floor", "the height above the base plane is unknown: no link has a shape"
-        )
+    lowest = result.lowest
+    if lowest is None:
+        text = "the height above the base plane is unknown: no link has a shape"
+        section.warn("unchecked-floor", text)
         return
-    height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))
-    if height < 0.0 and (result.collisions is None or result.collisions.table is None):
+
+    height = 1e3 * lowest.height  # [mm]
+    at = float(np.interp(lowest.time, motion.time, time))
+    has_table = result.collisions is not None and result.collisions.table is not None
+    if height < 0.0 and not has_table:
         text = f"{lowest.link} is up to {-height:.0f} mm below the base plane (at {at:.1f} s)"
         advice = f"{argument('table', 0)} keeps the robot above it"
         section.warn("below-base-plane", f"{text}. {advice}", times=(at,))
+
     value = {"link": lowest.link, "height_mm": height, "at_s": at}
-    text, about = (
-        f"{height:.0f} mm, {lowest.link} {at_time(at)}",
-        "Of the moving links, above the base plane.",
-    )
+    text = f"{height:.0f} mm, {lowest.link} {at_time(at)}"
+    about = "Of the moving links, above the base plane."
     section.add("Lowest point", "lowest_point", value, text, about, times=(at,))
+
+
+def _warn_of_motion(section: Section, motion: ArmMotion) -> None:
+    """Warn of control steps that violate limits, and of joints without a velocity limit."""
+    if motion.held.any():
+        count = motion.held.sum()
+        text = f"at {count} control steps not all limits were satisfied, or the robot braked before a collision"
+        section.warn("held", text, severity="error")
+    limits = zip(motion.joint_names, motion.velocity_limits, strict=True)
+    unlimited = [name for name, limit in limits if np.isinf(limit)]
+    if unlimited:
+        text = f"no velocity limit is available for {listed(unlimited)}"
+        section.warn("unchecked-velocity-limits", text)
 
 
 def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = ()) -> Section:
@@ -220,9 +275,8 @@ def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = (
     _add_trajectory(section, motion.trajectory, motion.clearance, time, time)
     _add_pointwise_ratio(section, motion)
     if motion.relative_error is not None:
-        add_statistics(
-            section, "relative_position_error", 1e3 * motion.relative_error.max(axis=1), time
-        )
+        largest = 1e3 * motion.relative_error.max(axis=1)  # [mm]
+        add_statistics(section, "relative_position_error", largest, time)
     warn_of_collisions(section, motion.clearance, unchecked)
     return section
 
@@ -236,78 +290,143 @@ def _add_trajectory(
 ) -> None:
     """Add duration, limits and collisions of a planned motion; `time`: reported times of its waypoints [s]."""
     if demonstrated is not None:
-        robot, person = (float(np.ptp(times)) for times in (trajectory.control_time, demonstrated))
-        value, text = {"robot": robot, "person": person}, f"{robot:.1f} s (human {person:.1f} s)"
+        robot = float(np.ptp(trajectory.control_time))
+        person = float(np.ptp(demonstrated))
+        value = {"robot": robot, "person": person}
+        text = f"{robot:.1f} s (human {person:.1f} s)"
         about = "Time-scaled to satisfy the limits; other times are demonstrated."
         section.add("Duration", "duration", value, text, about, unit="s", main=True)
     if trajectory.limits is None or trajectory.limit_use is None:
         return
-    largest, sources_of = trajectory.limit_use, trajectory.limits.sources
-    for key, is_torque in (("limits", False), ("torques", True)):
-        used: dict[str, dict[str, Any]] = {
-            name: {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
-            for name, (joint, share, at) in largest.items() if (name in TORQUES) == is_torque
-        }  # fmt: skip
-        if not used:
-            continue
-        exceeded = listed(f"{use['joint']} at {use['share']:.2f} times its {name} limit {at_time(use['at_s'])}"
-                          for name, use in used.items() if use["share"] > 1.001)  # fmt: skip
-        if exceeded:
-            text = f"the motion exceeds limits of the robot: {exceeded}"
-            times = [use["at_s"] for use in used.values() if use["share"] > 1.001]
-            section.warn(f"{key}-exceeded", text, severity="error", times=times)
-        sources = {
-            name: text
-            for name, text in sources_of.items()
-            if (name not in DERIVATIVES) == is_torque
-        }
-        # a position limit cannot be exceeded
-        text = listed(
-            f"{name} {100 * use['share']:.0f} %" for name, use in used.items() if name != "position"
-        )
-        about = f"Largest value relative to the limit{', by inverse dynamics' * is_torque}."
-        section.add(
-            key.capitalize(),
-            key,
-            {"used": used, "sources": sources},
-            text,
-            about,
-            main=not is_torque,
-        )
-    _add_collisions(section, clearance, float(np.interp(clearance.time, trajectory.time, time)))
+
+    sources = trajectory.limits.sources
+    limit_uses: dict[str, LimitUse] = {}
+    torque_uses: dict[str, LimitUse] = {}
+    for name, (joint, share, at) in trajectory.limit_use.items():
+        reported_at = float(np.interp(at, trajectory.time, time))
+        use = LimitUse(joint, share, reported_at)
+        if name in TORQUES:
+            torque_uses[name] = use
+        else:
+            limit_uses[name] = use
+
+    about = "Largest value relative to the limit"
+    limit_sources = {name: text for name, text in sources.items() if name in DERIVATIVES}
+    _add_limit_uses(section, "limits", limit_uses, limit_sources, f"{about}.")
+    torque_sources = {name: text for name, text in sources.items() if name not in DERIVATIVES}
+    _add_limit_uses(
+        section, "torques", torque_uses, torque_sources, f"{about}, by inverse dynamics."
+    )
+    at = float(np.interp(clearance.time, trajectory.time, time))
+    _add_collisions(section, clearance, at)
+
+
+class LimitUse(NamedTuple):
+    """Largest use of a limit of the robot."""
+
+    joint: str
+    share: float  # value over limit
+    time: float  # reported [s]
+
+    @property
+    def exceeds(self) -> bool:
+        """Whether the limit is exceeded by more than the rounding of a report."""
+        return self.share > 1.001
+
+
+def _add_limit_uses(
+    section: Section,
+    key: str,
+    uses: Mapping[str, LimitUse],
+    sources: Mapping[str, str],
+    about: str,
+) -> None:
+    """Add the use of limits, or of torques, by name, with an error where one is exceeded."""
+    if not uses:
+        return
+    exceeded = {name: use for name, use in uses.items() if use.exceeds}
+    if exceeded:
+        texts = []
+        for name, use in exceeded.items():
+            times_limit = f"{use.joint} at {use.share:.2f} times its {name} limit"
+            texts.append(f"{times_limit} {at_time(use.time)}")
+        text = f"the motion exceeds limits of the robot: {listed(texts)}"
+        times = [use.time for use in exceeded.values()]
+        section.warn(f"{key}-exceeded", text, severity="error", times=times)
+
+    used = {}
+    shares = []
+    for name, use in uses.items():
+        used[name] = {"joint": use.joint, "share": use.share, "at_s": use.time}
+        if name != "position":  # its limit cannot be exceeded
+            shares.append(f"{name} {100 * use.share:.0f} %")
+    value = {"used": used, "sources": sources}
+    is_main = key == "limits"
+    section.add(key.capitalize(), key, value, listed(shares), about, main=is_main)
 
 
 def _add_collisions(section: Section, clearance: Clearance, at: float) -> None:
     """Add collisions and the least clearance, which is at a time [s]."""
-    millimeters, text = None, "none possible" if clearance.checked else "not checked"
-    if clearance.checked and np.isfinite(clearance.distance):
-        millimeters, pair = (
-            1e3 * clearance.distance,
-            f"{' and '.join(clearance.pair)} {at_time(at)}",
-        )
-        share = f"in {100 * clearance.share:.1f} % of the time"
+    millimeters = None
+    if not clearance.checked:
+        text = "not checked"
+    elif not np.isfinite(clearance.distance):
+        text = "none possible"
+    else:
+        millimeters = 1e3 * clearance.distance
+        pair = f"{' and '.join(clearance.pair)} {at_time(at)}"
+        share = "none"
+        if clearance.share:
+            share = f"in {100 * clearance.share:.1f} % of the time"
         if clearance.share > 0.0:
-            text = f"the robot collides {share}: {pair}"
-            section.warn("collision", text, severity="error", times=(at,))
-        text = f"{share if clearance.share else 'none'}; clearance {millimeters:.0f} mm ({pair})"
-    value = {"checked": clearance.checked, "share": clearance.share, "at_s": at, "pair": clearance.pair,
-             "clearance_mm": millimeters}  # fmt: skip
+            error = f"the robot collides {share}: {pair}"
+            section.warn("collision", error, severity="error", times=(at,))
+        text = f"{share}; clearance {millimeters:.0f} mm ({pair})"
+
+    value = {
+        "checked": clearance.checked,
+        "share": clearance.share,
+        "at_s": at,
+        "pair": clearance.pair,
+        "clearance_mm": millimeters,
+    }
     about = "Between shapes of links, table and obstacles."
     section.add("Collisions", "collisions", value, text, about, main=True, times=(at,))
     add_collision_shapes(section, clearance.shapes)
 
 
-def _add_capability(section: Section, own: Capability, main: bool) -> None:
+def _add_capability(section: Section, capability: Capability, main: bool) -> None:
     """Add force or speed of a motion, of one along the positions alone, and of the person."""
-    series = {"robot": own.robot, "position_only": own.position_only, "person": own.person}
-    value: dict[str, Any] = {
-        name: {"median": float(np.median(values)), "p5": float(np.percentile(values, 5)), "min": float(values.min())}
-        for name, values in series.items() if values is not None
-    }  # fmt: skip
-    texts = [f"{name.replace('_', ' ')} {numbers['median']:.3g}" for name, numbers in value.items()]
-    texts[0] += f" (min {value['robot']['min']:.3g})"
-    value |= {"min_at_s": float(own.time[own.robot.argmin()]), "resemblance": own.resemblance,
-              "position_only_resemblance": own.position_only_resemblance}  # fmt: skip
-    label, unit = ("Force", "N") if own.kind == "force" else ("Speed", "m/s")
+    lowest = float(capability.robot.min())
+    robot = _levels(capability.robot)
+    position_only = _levels(capability.position_only)
+    value: dict[str, Value] = {"robot": robot, "position_only": position_only}
+    texts = [
+        f"robot {robot['median']:.3g} (min {lowest:.3g})",
+        f"position only {position_only['median']:.3g}",
+    ]
+    if capability.person is not None:
+        person = _levels(capability.person)
+        value["person"] = person
+        texts.append(f"person {person['median']:.3g}")
+    value["min_at_s"] = float(capability.time[capability.robot.argmin()])
+    value["resemblance"] = capability.resemblance
+    value["position_only_resemblance"] = capability.position_only_resemblance
+
+    label = "Speed"
+    unit = "m/s"
+    if capability.kind == "force":
+        label = "Force"
+        unit = "N"
+    text = f"{listed(texts)} {unit}"
     about = "Median along the direction of the person's largest value."
-    section.add(label, own.kind, value, f"{listed(texts)} {unit}", about, unit=unit, main=main)
+    section.add(label, capability.kind, value, text, about, unit=unit, main=main)
+
+
+def _levels(values: Array) -> dict[str, float]:
+    """Return median, 5th percentile and minimum of values (n,)."""
+    return {
+        "median": float(np.median(values)),
+        "p5": float(np.percentile(values, 5)),
+        "min": float(values.min()),
+    }

@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from maniport.arms import Arm
+from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline.config import CONFIG, OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
@@ -14,7 +16,16 @@ from maniport.report.describe.motions import MISSED_SHARE, group_section, motion
 from maniport.report.describe.recordings import person_section, recording_section
 from maniport.report.describe.robots import chain_metrics, placement_section
 from maniport.report.describe.transfers import adapter_section, evaluation_section, label
-from maniport.report.values import Metric, Report, Section, in_axes, sentence, software
+from maniport.report.values import (
+    Metric,
+    Report,
+    Section,
+    Statistics,
+    Value,
+    in_axes,
+    sentence,
+    software,
+)
 from maniport.util.defaults import POSITION_TOLERANCE
 
 POSITION_GRADES = {
@@ -22,59 +33,95 @@ POSITION_GRADES = {
     "position mostly tracked": MISSED_SHARE,
     "position not tracked": np.inf,
 }
-DISTANCE_GRADES = {"ellipsoids tracked": ENOUGH_DISTANCE, "ellipsoids approximated": NEAR_DISTANCE,
-                   "ellipsoids approximated in part": 1.2, "ellipsoids not tracked": np.inf}  # fmt: skip
+DISTANCE_GRADES = {
+    "ellipsoids tracked": ENOUGH_DISTANCE,
+    "ellipsoids approximated": NEAR_DISTANCE,
+    "ellipsoids approximated in part": 1.2,
+    "ellipsoids not tracked": np.inf,
+}
 """Largest shares of waypoints far from the path, and median distances, by words; 1.2: one axis 82 % too long."""
 
 Metrics = Mapping[str, Metric]
 Result = TransferResult | MotionResult
 
 
+class Advice(NamedTuple):
+    """What improves a result most, and its command as in `Report`."""
+
+    text: str = ""
+    command: str = ""
+
+
 def result_report(result: TransferResult | MotionResult) -> Report:
     """Report a transfer, or a robot's motion along target ellipsoids."""
-    several, robot = len(result.arms) > 1, result.robot.name
-    sections, motions = [_settings(result)], dict[str, Metrics]()
+    is_group = len(result.arms) > 1
+    sections = []
+    metrics_of_arms = dict[str, Metrics]()
+    if is_group and result.motion is not None:
+        sections.append(_group_section(result, result.motion))
+    for arm in result.arms:
+        arm_sections = _arm_sections(arm, alone=not is_group)
+        metrics_of_arms[arm.name] = _metrics_by_key(arm_sections[0])
+        if is_group:
+            arm_sections = _named(arm.name, arm_sections)
+        sections += arm_sections
     if isinstance(result, TransferResult):
-        sections.insert(0, recording_section(result.recording))
-        source, spec, count = (
-            Path(result.recording.source).stem or "A recording",
-            result.config.spec,
-            len(result.time),
-        )
-        person = " and ".join(str(arm.fit.arm.side) for arm in result.arms)
-        methods = " and ".join(dict.fromkeys(label(arm.method) for arm in result.arms))
-        lead = (
-            f"{np.ptp(result.time):.1f} s of the {person} arm{'s'[:several]}, {count} {spec.kind} ellipsoids "
-            f"({spec.part}), transferred to {robot} by the method {methods}."
-        )
-        named = robot if robot != robot.lower() else robot[:1].upper() + robot[1:]
-        title = f"{source[:1].upper()}{source[1:]} → {named}: transfer result"
+        sections.append(recording_section(result.recording))
+    sections.append(_settings(result))
+    sections.sort(key=lambda section: section.folded)
+
+    if isinstance(result, TransferResult):
+        title, lead = _transfer_heading(result)
     else:
-        assert result.motion is not None
-        time = result.motion.trajectory.control_time
-        lead = f"{len(result.motion.trajectory.time)} target ellipsoids, followed by {robot} in {np.ptp(time):.1f} s."
-        title = (
-            f"{Path(result.config.profile).stem} → {robot}"
-            if result.config.profile
-            else f"The motion of {robot}"
-        )
-    for arm in reversed(result.arms):
-        own = _arm_sections(arm, alone=not several)
-        motions = {
-            arm.name: {metric.key: metric for metric in own[0].metrics if not metric.is_warning}
-        } | motions
-        sections[:0] = _named(arm.name, own) if several else own
-    if several and result.motion is not None:
-        time = result.time if isinstance(result, TransferResult) else result.motion.trajectory.time
-        collisions = result.arms[0].collisions
-        sections.insert(
-            0,
-            group_section(result.motion, time, () if collisions is None else collisions.unchecked),
-        )
-    report = Report(title, lead, tuple(sorted(sections, key=lambda section: section.folded)))
+        title, lead = _motion_heading(result)
+    report = Report(title, lead, tuple(sections))
     if result.motion is not None:
-        return _with_outcome(report, result, motions)
-    return replace(report, outcome=f"{robot} has its targets and was not moved.", graded=False)
+        return _with_outcome(report, result, metrics_of_arms)
+    outcome = f"{result.robot.name} has its targets and was not moved."
+    return replace(report, outcome=outcome, graded=False)
+
+
+def _transfer_heading(result: TransferResult) -> tuple[str, str]:
+    """Return title and lead of a transfer."""
+    robot = result.robot.name
+    spec = result.config.spec
+    sides = " and ".join(str(arm.fit.arm.side) for arm in result.arms)
+    noun = "arms" if len(result.arms) > 1 else "arm"
+    methods = [label(arm.method) for arm in result.arms]
+    method = " and ".join(dict.fromkeys(methods))
+    lead = (
+        f"{np.ptp(result.time):.1f} s of the {sides} {noun}, {len(result.time)} {spec.kind} ellipsoids "
+        f"({spec.part}), transferred to {robot} by the method {method}."
+    )
+    source = Path(result.recording.source).stem or "A recording"
+    if robot == robot.lower():
+        robot = f"{robot[:1].upper()}{robot[1:]}"
+    return f"{source[:1].upper()}{source[1:]} → {robot}: transfer result", lead
+
+
+def _motion_heading(result: MotionResult) -> tuple[str, str]:
+    """Return title and lead of a motion without a person."""
+    assert result.motion is not None
+    robot = result.robot.name
+    trajectory = result.motion.trajectory
+    seconds = np.ptp(trajectory.control_time)
+    lead = f"{len(trajectory.time)} target ellipsoids, followed by {robot} in {seconds:.1f} s."
+    title = f"The motion of {robot}"
+    if result.config.profile:
+        title = f"{Path(result.config.profile).stem} → {robot}"
+    return title, lead
+
+
+def _group_section(result: Result, motion: RobotMotion) -> Section:
+    """Describe what concerns all arms of a robot together."""
+    time = result.time if isinstance(result, TransferResult) else motion.trajectory.time
+    collisions = result.arms[0].collisions
+    unchecked = () if collisions is None else collisions.unchecked
+    return group_section(motion, time, unchecked)
+
+
+def _metrics_by_key(section: Section) -> Metrics:
+    return {metric.key: metric for metric in section.metrics if not metric.is_warning}
 
 
 def _arm_sections(arm: ArmResult, alone: bool) -> list[Section]:
@@ -85,143 +132,177 @@ def _arm_sections(arm: ArmResult, alone: bool) -> list[Section]:
         sections = [motion_section(arm.motion, time, arm, alone)]
         if arm.placement is not None:
             sections.append(placement_section(arm.placement))
-    if isinstance(arm, ArmTransfer):
-        if arm.evaluation is not None:
-            sections.append(evaluation_section(arm.evaluation))
-        sections += [adapter_section(arm.adapter), person_section(arm.fit)]
-        human, robot = len(arm.teacher_domain), len(arm.student_domain)
-        text = f"{human} samples of the person, {robot} samples of the robot"
-        sections[-2].add("Domains", "samples", {"teacher": human, "student": robot}, text)
-    return sections
+    if not isinstance(arm, ArmTransfer):
+        return sections
+
+    if arm.evaluation is not None:
+        sections.append(evaluation_section(arm.evaluation))
+    adapter = adapter_section(arm.adapter)
+    samples = {"teacher": len(arm.teacher_domain), "student": len(arm.student_domain)}
+    text = f"{samples['teacher']} samples of the person, {samples['student']} samples of the robot"
+    adapter.add("Domains", "samples", samples, text)
+    return [*sections, adapter, person_section(arm.fit)]
 
 
 def _named(arm: str, sections: Sequence[Section]) -> list[Section]:
     """Name one of several arms in all texts of its sections, and fold these."""
     name = arm.capitalize()
+    named = []
+    for section in sections:
+        title = f"{name} arm: {section.title[:1].lower()}{section.title[1:]}"
+        metrics = tuple(_named_metric(metric, name) for metric in section.metrics)
+        key = f"{arm}_{section.key}"
+        named.append(replace(section, title=title, key=key, metrics=metrics, folded=True))
+    return named
 
-    def named(metric: Metric) -> Metric:
-        if metric.severity != "info" and metric.text:
-            return replace(metric, text=f"{name} arm: {metric.text}")
-        return (
-            replace(metric, label=f"{name}: {metric.label[:1].lower()}{metric.label[1:]}")
-            if metric.main
-            else metric
-        )
 
-    return [
-        replace(
-            section,
-            title=f"{name} arm: {section.title[:1].lower()}{section.title[1:]}",
-            key=f"{arm}_{section.key}",
-            metrics=tuple(map(named, section.metrics)),
-            folded=True,
-        )
-        for section in sections
-    ]
+def _named_metric(metric: Metric, arm: str) -> Metric:
+    """Name an arm in a warning, a note, or a metric of the summary."""
+    if metric.severity != "info" and metric.text:
+        return replace(metric, text=f"{arm} arm: {metric.text}")
+    if metric.main:
+        return replace(metric, label=f"{arm}: {metric.label[:1].lower()}{metric.label[1:]}")
+    return metric
 
 
 def _settings(result: Result) -> Section:
     """Describe the robot and the settings of a run."""
+    config = result.config
     section = Section("Settings", key="run", folded=True)
     if isinstance(result, TransferResult):
-        spec, count = result.config.spec, len(result.time)
+        spec = config.spec
+        count = len(result.time)
         value = {"kind": spec.kind, "part": spec.part, "count": count}
         about = "Human: trunk frame (x forward, y left, z up); robot: base frame."
         section.warn("step", *result.warnings)
         section.add("Ellipsoids", "ellipsoids", value, f"{count}, {spec.kind}, {spec.part}", about)
-        rotation = result.config.rotation.round(6).tolist()
-        section.numbers(method=[arm.method for arm in result.arms], base_rotation=rotation)
+        methods = [arm.method for arm in result.arms]
+        section.numbers(method=methods, base_rotation=config.rotation.round(6).tolist())
     else:
-        section.add(
-            "Files",
-            "sources",
-            [file for file in (result.config.profile, result.config.path) if file],
-        )
+        files = [file for file in (config.profile, config.path) if file]
+        section.add("Files", "sources", files)
     for arm in result.arms:
-        chain = chain_metrics(arm.robot)
-        base, _, fixed = (metric.text for metric in chain)
-        text = f"{arm.robot.name}, {arm.robot.dof} joints, from {base} to {arm.robot.frame}"
-        value = {
-            "name": arm.robot.name,
-            "joints": arm.robot.dof,
-            **{metric.key: metric.value for metric in chain},
-        }
         key = "robot" if len(result.arms) == 1 else f"{arm.name}_robot"
-        section.add("Robot", key, value, text, f"Fixed joints: {fixed}" if fixed else "")
-    section.metrics += tuple(software(result.config.seed))
+        _add_robot(section, arm.robot, key)
+    section.metrics += tuple(software(config.seed))
     return section
 
 
-def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]) -> Report:
-    """Add outcome, cause and advice to a report; `motions` are the metrics of each arm."""
-    titles, texts = [], []
-    for name, metrics in motions.items():
-        start = f"{name.capitalize()}: " if len(motions) > 1 else ""
-        median, count = metrics["distance"].value["median"], metrics["waypoints"].value
-        levels = [(DISTANCE_GRADES, median)]
+def _add_robot(section: Section, robot: Arm, key: str) -> None:
+    """Add joints and frames of an arm of the robot."""
+    base, frame, fixed = chain_metrics(robot)
+    value: dict[str, Value] = {"name": robot.name, "joints": robot.dof}
+    for metric in (base, frame, fixed):
+        value[metric.key] = metric.value
+    text = f"{robot.name}, {robot.dof} joints, from {base.text} to {robot.frame}"
+    about = f"Fixed joints: {fixed.text}" if fixed.text else ""
+    section.add("Robot", key, value, text, about)
+
+
+def _with_outcome(report: Report, result: Result, metrics_of_arms: Mapping[str, Metrics]) -> Report:
+    """Add outcome, cause and advice to a report."""
+    outcomes = []
+    causes = []
+    for name, metrics in metrics_of_arms.items():
+        start = f"{name.capitalize()}: " if len(metrics_of_arms) > 1 else ""
+        distance = _statistics(metrics, "distance").median
+        grades = [_grade(DISTANCE_GRADES, distance)]
         if "position_error" in metrics:
-            levels.insert(0, (POSITION_GRADES, metrics["position_error"].value["far_share"]))
-        grades = (
-            next(words for words, bound in table.items() if level <= bound)
-            for table, level in levels
-        )
-        reached = f"{count['count'] - count['missed']} of {count['count']} waypoints reached"
-        titles.append(sentence(f"{start}{'; '.join(grades)}: {reached}"))
-        if median > ENOUGH_DISTANCE:
-            texts.append(sentence(f"{start}median distance {median:.2f}: {in_axes(median)}."))
-    report = replace(report, outcome=" ".join(titles), cause=" ".join(texts))
-    advice, command = _advice(result, motions, report)
-    return replace(report, advice=advice, command=command)
+            far_share = _statistics(metrics, "position_error").far_share
+            assert far_share is not None
+            grades.insert(0, _grade(POSITION_GRADES, far_share))
+        waypoints = metrics["waypoints"]
+        count = int(waypoints.number("count"))
+        reached = count - int(waypoints.number("missed"))
+        outcome = f"{start}{'; '.join(grades)}: {reached} of {count} waypoints reached"
+        outcomes.append(sentence(outcome))
+        if distance > ENOUGH_DISTANCE:
+            cause = f"{start}median distance {distance:.2f}: {in_axes(distance)}."
+            causes.append(sentence(cause))
+
+    report = replace(report, outcome=" ".join(outcomes), cause=" ".join(causes))
+    text, command = _advice(result, metrics_of_arms, report)
+    return replace(report, advice=text, command=command)
 
 
-def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> tuple[str, str]:
+def _statistics(metrics: Metrics, key: str) -> Statistics:
+    statistics = metrics[key].statistics
+    assert statistics is not None
+    return statistics
+
+
+def _grade(grades: Mapping[str, float], value: float) -> str:
+    """Return the first words whose bound a value does not exceed."""
+    return next(words for words, bound in grades.items() if value <= bound)
+
+
+def _advice(result: Result, metrics_of_arms: Mapping[str, Metrics], report: Report) -> Advice:
     """Advise what improves the result most, with its command; of several arms the first with an advice decides."""
-    slower = _repeated(result, "slower", speed_scale=0.5 * result.config.speed_scale)
     if report.status == "red":
-        exceeded = "limits-exceeded" in report.warning_keys
-        return (
-            ("Do not execute: reduce the speed scale.", slower)
-            if exceeded
-            else ("Do not execute.", "")
-        )
-    for arm, metrics in zip(result.arms, motions.values(), strict=True):
-        motion, error = arm.motion, metrics.get("position_error")
-        assert motion is not None
-        if error is not None and error.value["far_share"] > MISSED_SHARE:
-            if arm.placement is None:
-                return "Place the path in the workspace.", _repeated(result, "placed", place=True)
-            if motion.position_tolerance > POSITION_TOLERANCE:
-                nearer = _repeated(result, "nearer", position_tolerance=POSITION_TOLERANCE)
-                return "Reduce the position tolerance.", nearer
-            return "The path exceeds the robot's speed: reduce the speed scale.", slower
-        if metrics["distance"].value["median"] <= NEAR_DISTANCE:
-            continue
-        parts = arm.mean_distance
-        if motion.path is not None and parts["path"] >= max(parts["infeasible"], parts["motion"]):
-            free = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG} --orientation free"
-            command = f"{free} --no-place -o {{folder}}-no-path"
-            placed_by = result.config.workspace, result.config.scale
-            if len(result.arms) > 1 or placed_by != (None, None):  # are refused with --no-place
-                command = ""
-            return "The path constraint dominates the distance: try without it.", command
-        if parts["motion"] > parts["infeasible"]:
-            text = "Limits dominate the distance: use the whole range of the joints."
-            return text, _repeated(result, "all", joint_limit_margin=0.0)
-        evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
-        if evaluation is not None and evaluation.rejected is None:
-            better = evaluation.recommended
-            if better and better != evaluation.adapter.name:
-                text = (
-                    f"The targets are infeasible: those of {better} are nearer to the feasible set."
-                )
-                return text, _repeated(result, better, method=better)
-        text = "The targets are infeasible: try other methods and base rotations."
-        return text, f"maniport view --config {{folder}}/{CONFIG}"
-    return "", ""
+        if "limits-exceeded" in report.warning_keys:
+            return Advice("Do not execute: reduce the speed scale.", _slower(result))
+        return Advice("Do not execute.")
+    for arm, metrics in zip(result.arms, metrics_of_arms.values(), strict=True):
+        assert arm.motion is not None
+        if "position_error" in metrics:
+            far_share = _statistics(metrics, "position_error").far_share
+            assert far_share is not None
+            if far_share > MISSED_SHARE:
+                return _position_advice(result, arm, arm.motion)
+        if _statistics(metrics, "distance").median > NEAR_DISTANCE:
+            return _distance_advice(result, arm, arm.motion)
+    return Advice()
 
 
-def _repeated(result: Result, suffix: str, **options: Any) -> str:
-    """Return the command that repeats a run of the command line with other options, into another folder."""
+def _position_advice(result: Result, arm: ArmResult, motion: ArmMotion) -> Advice:
+    """Advise what brings the end effector nearer to its path."""
+    if arm.placement is None:
+        command = _repeated(result, "placed", "place", True)
+        return Advice("Place the path in the workspace.", command)
+    if motion.position_tolerance > POSITION_TOLERANCE:
+        command = _repeated(result, "nearer", "position_tolerance", POSITION_TOLERANCE)
+        return Advice("Reduce the position tolerance.", command)
+    text = "The path exceeds the robot's speed: reduce the speed scale."
+    return Advice(text, _slower(result))
+
+
+def _distance_advice(result: Result, arm: ArmResult, motion: ArmMotion) -> Advice:
+    """Advise what reduces the distance, by its largest part."""
+    parts = arm.mean_distance
+    largest_other = max(parts["infeasible"], parts["motion"])
+    if motion.path is not None and parts["path"] >= largest_other:
+        text = "The path constraint dominates the distance: try without it."
+        return Advice(text, _without_path(result))
+    if parts["motion"] > parts["infeasible"]:
+        text = "Limits dominate the distance: use the whole range of the joints."
+        return Advice(text, _repeated(result, "all", "joint_limit_margin", 0.0))
+
+    evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
+    if evaluation is not None and evaluation.rejected is None:
+        better = evaluation.recommended
+        if better and better != evaluation.adapter.name:
+            text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
+            return Advice(text, _repeated(result, better, "method", better))
+    text = "The targets are infeasible: try other methods and base rotations."
+    return Advice(text, f"maniport view --config {{folder}}/{CONFIG}")
+
+
+def _without_path(result: Result) -> str:
+    """Return the command that tracks the ellipsoids of a result without its path, if there is one."""
+    config = result.config
+    is_placed = config.workspace is not None or config.scale is not None
+    if len(result.arms) > 1 or is_placed:  # are refused with --no-place
+        return ""
+    track = f"maniport track {{folder}}/placed_profile.npz --config {{folder}}/{CONFIG}"
+    return f"{track} --orientation free --no-place -o {{folder}}-no-path"
+
+
+def _slower(result: Result) -> str:
+    return _repeated(result, "slower", "speed_scale", 0.5 * result.config.speed_scale)
+
+
+def _repeated(result: Result, suffix: str, option: str, value: str | float | bool) -> str:
+    """Return the command that repeats a run of the command line with another option, into another folder."""
     config = result.config
     if config.profile:
         verb = "track"
@@ -231,6 +312,5 @@ def _repeated(result: Result, suffix: str, **options: Any) -> str:
         verb = "transfer"
     else:
         return ""
-    command = f"maniport {verb} --config {{folder}}/{CONFIG}"
-    words = [word for name, value in options.items() for word in OPTIONS[name].words(value)]
-    return " ".join([command, *words, f"-o {{folder}}-{suffix}"])
+    words = " ".join(OPTIONS[option].words(value))
+    return f"maniport {verb} --config {{folder}}/{CONFIG} {words} -o {{folder}}-{suffix}"
