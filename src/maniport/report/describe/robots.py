@@ -44,62 +44,87 @@ REMARKS: dict[str, tuple[Severity, str]] = {
 
 def arm_report(arm: Arm) -> Report:
     """Describe an arm: its joints with their limits, fixed joints, and frames."""
-    unknown, inertia = np.full(arm.dof, np.inf), arm.chain.inertia
-    speeds, efforts = (
-        unknown if own is None else own for own in (arm.velocity_limits, arm.effort_limits)
-    )
-
-    def limit(value: float, unit: str) -> str:
-        return f"{value:.3g} {unit}" if value < np.inf else "unknown"
-
-    joints = zip(
-        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, efforts, strict=True
-    )
-    rows = tuple(
-        (name, f"{low:.3f} to {high:.3f} {unit}" + f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" * angle,
-         limit(speed, f"{unit}/s"), limit(effort, "N m" if angle else "N"))
-        for name, unit, low, high, speed, effort in joints for angle in [unit == "rad"]
-    )  # fmt: skip
-    limits = dict(zip(arm.joint_names, np.transpose([arm.lower, arm.upper]).tolist(), strict=True))
-    columns = "joint", "position limits", "velocity limit", "effort limit"
-    section = Section("", (), (Table(columns, rows, key="joints", value=limits),))
-    section.add(
-        "Arm", "arm", arm.name, arm.name + (f", a human {arm.side} arm" if arm.side else "")
-    )
+    section = Section("", tables=(_joint_table(arm),))
+    text = f"{arm.name}, a human {arm.side} arm" if arm.side else arm.name
+    section.add("Arm", "arm", arm.name, text)
     section.add("Degrees of freedom", "degrees_of_freedom", arm.dof)
-    section.metrics += tuple(chain_metrics(arm))
+    section.metrics += chain_metrics(arm)
     if not arm.side:
-        mass = None if inertia is None else float(inertia[1:, 0, 0].sum())
-        section.add(
-            "Moving mass", "moving_mass_kg", mass, "unknown" if mass is None else f"{mass:.3g} kg"
-        )
-        warn_of_limits(
-            section, MotionLimits.of(arm, joint_limit_margin=0.0)
-        )  # no motion of a person is planned
+        _add_mass(section, arm)
+        limits = MotionLimits.of(arm, joint_limit_margin=0.0)  # no motion of a person is planned
+        warn_of_limits(section, limits)
     section.add("Frames", "frames", list(arm.frames))
     return Report(arm.name, "", (section,))
 
 
-def chain_metrics(arm: Arm) -> list[Metric]:
+def _joint_table(arm: Arm) -> Table:
+    """Return the joints of an arm with their limits."""
+    unknown = np.full(arm.dof, np.inf)
+    speeds = unknown if arm.velocity_limits is None else arm.velocity_limits
+    efforts = unknown if arm.effort_limits is None else arm.effort_limits
+    rows = []
+    limits = {}
+    for i, name in enumerate(arm.joint_names):
+        low = arm.lower[i]
+        high = arm.upper[i]
+        unit = arm.joint_units[i]
+        effort_unit = "N"
+        positions = f"{low:.3f} to {high:.3f} {unit}"
+        if unit == "rad":
+            effort_unit = "N m"
+            positions += f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)"
+        speed = _limit(speeds[i], f"{unit}/s")
+        effort = _limit(efforts[i], effort_unit)
+        rows.append((name, positions, speed, effort))
+        limits[name] = [float(low), float(high)]
+
+    columns = ("joint", "position limits", "velocity limit", "effort limit")
+    return Table(columns, tuple(rows), key="joints", value=limits)
+
+
+def _limit(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}" if value < np.inf else "unknown"
+
+
+def _add_mass(section: Section, arm: Arm) -> None:
+    inertia = arm.chain.inertia
+    if inertia is None:
+        section.add("Moving mass", "moving_mass_kg", None, "unknown")
+        return
+    mass = float(inertia[1:, 0, 0].sum())
+    section.add("Moving mass", "moving_mass_kg", mass, f"{mass:.3g} kg")
+
+
+def chain_metrics(arm: Arm) -> tuple[Metric, Metric, Metric]:
     """Return base frame, end effector and fixed joints."""
     chain = arm.chain
-    still = (
-        name
-        for name, at in chain.frames.items()
-        if not at.joint and np.allclose(at.placement, np.eye(4))
-    )
-    base = chain.base or next(
-        still, "the base"
-    )  # the first frame at its place where none was chosen
+    base = chain.base or _first_frame_at_base(arm)
     sliding = {joint.name for joint in chain.joints if joint.kind == PRISMATIC}
-    locked = {name: float(value) for name, value in chain.locked.items()}
-    text = listed(f"{name} at {value:.3g} m" if name in sliding else f"{name} at {np.degrees(value):.3g}°"
-                  for name, value in locked.items())  # fmt: skip
-    return [
+    locked = {}
+    texts = []
+    for name, position in chain.locked.items():
+        value = float(position)
+        locked[name] = value
+        if name in sliding:
+            texts.append(f"{name} at {value:.3g} m")
+        else:
+            texts.append(f"{name} at {np.degrees(value):.3g}°")
+    return (
         Metric("Base", base, "Frame of positions and directions.", "base", base),
         Metric("End effector", arm.frame, "", "frame", arm.frame),
-        Metric("Fixed joints", text, "", "fixed_joints", locked),
-    ]
+        Metric("Fixed joints", listed(texts), "", "fixed_joints", locked),
+    )
+
+
+def _first_frame_at_base(arm: Arm) -> str:
+    """Return the name of the base where none was chosen: the first frame that stands there."""
+    for name, frame in arm.chain.frames.items():
+        if not frame.joint and np.allclose(frame.placement, np.eye(4)):
+            return name
+    return "the base"
+
+
+UNITS_OF_RATES = {"position": "", "velocity": "/s", "acceleration": "/s²", "jerk": "/s³"}
 
 
 def warn_of_limits(section: Section, limits: MotionLimits) -> None:
@@ -107,65 +132,69 @@ def warn_of_limits(section: Section, limits: MotionLimits) -> None:
 
     Notes and warnings about limits and masses in the robot's description are added.
     """
-    arm, advice = (
-        limits.arm,
-        f"Give the real ones with {argument('motion_limits', option='--limits')}",
-    )
-    for suffix, quantity in zip(("", "/s", "/s²", "/s³"), ("position", *DERIVATIVES), strict=True):
-        joints_of: dict[str, list[str]] = {}
-        for name in limits.assumed[quantity]:
-            i = arm.joint_names.index(name)
-            value = (f"{arm.lower[i]:.3g} to {arm.upper[i]:.3g}" if quantity == "position"
-                     else f"{getattr(limits, quantity)[i]:.4g}")  # fmt: skip
-            joints_of.setdefault(f"{value} {arm.joint_units[i]}{suffix}", []).append(name)
-        texts = [f"{text} for {listed(joints) if len(joints) < arm.dof else 'all joints'}"
-                 for text, joints in joints_of.items()]  # fmt: skip
+    arm = limits.arm
+    advice = f"Give the real ones with {argument('motion_limits', option='--limits')}"
+    for quantity in ("position", *DERIVATIVES):
+        texts = []
+        for value, joints in _joints_by_assumed_limit(limits, quantity).items():
+            names = listed(joints) if len(joints) < arm.dof else "all joints"
+            texts.append(f"{value} for {names}")
         if texts:
-            section.warn(
-                f"assumed-{quantity}-limits",
-                f"{quantity} limits are assumed: {'; '.join(texts)}. {advice}",
-            )
+            text = f"{quantity} limits are assumed: {'; '.join(texts)}. {advice}"
+            section.warn(f"assumed-{quantity}-limits", text)
     warn_of_description(section, arm)
-    unknown = listed(
-        name
-        for name, effort in zip(arm.joint_names, limits.effort, strict=True)
-        if np.isinf(effort)
-    )
+
+    efforts = zip(arm.joint_names, limits.effort, strict=True)
+    unknown = listed(name for name, effort in efforts if np.isinf(effort))
     if limits.dynamics is None:
-        section.warn(
-            "unchecked-torques", "torques are not checked: the robot's description has no masses"
-        )
+        text = "torques are not checked: the robot's description has no masses"
+        section.warn("unchecked-torques", text)
     elif unknown:
-        section.warn(
-            "unchecked-torques",
-            f"torques of {unknown} are not checked: effort limits are unknown. {advice}",
-        )
+        text = f"torques of {unknown} are not checked: effort limits are unknown. {advice}"
+        section.warn("unchecked-torques", text)
+
+
+def _joints_by_assumed_limit(limits: MotionLimits, quantity: str) -> dict[str, list[str]]:
+    """Return the joints with an assumed limit of a quantity, by the limit with its unit."""
+    arm = limits.arm
+    joints: dict[str, list[str]] = {}
+    for name in limits.assumed[quantity]:
+        i = arm.joint_names.index(name)
+        if quantity == "position":
+            value = f"{arm.lower[i]:.3g} to {arm.upper[i]:.3g}"
+        else:
+            value = f"{getattr(limits, quantity)[i]:.4g}"
+        text = f"{value} {arm.joint_units[i]}{UNITS_OF_RATES[quantity]}"
+        joints.setdefault(text, []).append(name)
+    return joints
 
 
 def warn_of_description(section: Section, arm: Arm | ArmGroup) -> None:
     """Warn of masses in a robot's description that are impossible, and note how its limits are read."""
     for member in as_group(arm).arms:
         chain = member.chain
-        remarks = {kind: dict(details) for kind, details in chain.remarks.items()}
-        for kind in (SOFT_LIMITS, IGNORED_SOFT_LIMITS):
-            own = remarks.get(kind, {})
-            remarks[kind] = {name: own[name] for name in own if name in chain.coordinates}
         moving = {name for name, frame in chain.frames.items() if frame.joint}
         moving |= {name for name, body in (chain.others or {}).items() if body.joint}
-        own = remarks.get(IMPLAUSIBLE_INERTIA, {})
-        remarks[IMPLAUSIBLE_INERTIA] = {name: own[name] for name in own if name in moving}
+        concerned = {
+            SOFT_LIMITS: chain.coordinates,
+            IGNORED_SOFT_LIMITS: chain.coordinates,
+            IMPLAUSIBLE_INERTIA: moving,
+        }
         for kind, (severity, text) in REMARKS.items():
-            details = remarks.get(kind, {})
+            details = dict(chain.remarks.get(kind, {}))
+            if kind in concerned:
+                names = [name for name in details if name in concerned[kind]]
+                details = {name: details[name] for name in names}
             if details:
                 section.warn(kind, text.format(_detailed(details)), severity=severity)
 
 
 def _detailed(details: Mapping[str, str], most: int = 8) -> str:
     """List names with their details."""
-    parts = [f"{name} ({detail})" if detail else name for name, detail in details.items()]
-    if len(parts) > most:
-        parts[most:] = [f"{len(parts) - most} more"]
-    return listed(parts)
+    texts = [f"{name} ({detail})" if detail else name for name, detail in details.items()]
+    if len(texts) > most:
+        texts[most:] = [f"{len(texts) - most} more"]
+    return listed(texts)
 
 
 def warn_of_collisions(
@@ -177,20 +206,19 @@ def warn_of_collisions(
         return
     shapes = result.shapes
     if result.stand_ins:
-        text = "these links are drawn by their collision shapes"
-        section.warn("missing-meshes", f"meshes of {listed(result.stand_ins)} are missing; {text}")
+        meshes = f"meshes of {listed(result.stand_ins)} are missing"
+        section.warn("missing-meshes", f"{meshes}; these links are drawn by their collision shapes")
     if shapes.replaced:
+        meshes = f"collision shapes of {listed(shapes.replaced)} cannot be read"
         reason = next(iter(shapes.replaced.values()))
-        text = f"their visual shapes are checked instead: {reason}"
-        section.warn(
-            "missing-meshes",
-            f"collision shapes of {listed(shapes.replaced)} cannot be read; {text}",
-        )
+        text = f"{meshes}; their visual shapes are checked instead: {reason}"
+        section.warn("missing-meshes", text)
     if unchecked:
-        text = "their shapes are unknown, convex hulls always meet, or the description excludes contacts"
+        reason = "their shapes are unknown, convex hulls always meet, or the description excludes contacts"
         if shapes.missing:
-            text = next(iter(shapes.missing.values()))
-        section.warn("unchecked-links", f"not checked for collisions: {listed(unchecked)}; {text}")
+            reason = next(iter(shapes.missing.values()))
+        text = f"not checked for collisions: {listed(unchecked)}; {reason}"
+        section.warn("unchecked-links", text)
 
 
 def add_collision_shapes(section: Section, shapes: CheckedShapes) -> None:
@@ -214,24 +242,18 @@ def add_collision_shapes(section: Section, shapes: CheckedShapes) -> None:
 
 def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
     """Describe the file of a robot: the chosen chain, if there is one, and the other end effectors."""
-    others = [limb for limb in limbs if arm is None or limb.frame != arm.frame]
-    rows = tuple((limb.frame, str(len(limb.joints)), " … ".join(dict.fromkeys((limb.joints[0], limb.joints[-1]))),
-                  limb.fork or "") for limb in others)  # fmt: skip
-    value = {limb.frame: {"joints": list(limb.joints), "fork": limb.fork} for limb in others}
-    table = Table(("--frame", "joints", "from … to", "--base"), rows, key="ends", value=value)
-    title, text = (
-        "Other ends" if arm else "Ends",
-        "Fingers are omitted. With --base the chain begins at a branch.",
-    )
-    ends = [Section(title, (), (table,), text=text)] if others else []
     if arm is None:
+        lead = "Several limbs are of equal length: choose one with --frame"
         arms = " or ".join(arm_names(name))
-        lead = f"Several limbs are of equal length: choose one with --frame{f', or name {arms}' if arms else ''}."
-        return Report(name, lead, tuple(ends))
+        if arms:
+            lead += f", or name {arms}"
+        return Report(name, f"{lead}.", _limb_sections("Ends", limbs))
+
+    others = [limb for limb in limbs if limb.frame != arm.frame]
     report = arm_report(arm)
+    section = report.sections[0]
     chosen = [limb for limb in limbs if limb.frame == arm.frame]
     if chosen:
-        section = report.sections[0]
         metrics = []
         for metric in section.metrics:
             if metric.key == "frame":
@@ -240,43 +262,88 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
         section.metrics = tuple(metrics)
     if not arm.side:
         collisions = Collisions.of(arm)
-        add_collision_shapes(report.sections[0], collisions.shapes)
-        warn_of_collisions(report.sections[0], collisions, collisions.unchecked)
-    return replace(report, sections=(*report.sections, *ends))
+        add_collision_shapes(section, collisions.shapes)
+        warn_of_collisions(section, collisions, collisions.unchecked)
+    return replace(report, sections=(*report.sections, *_limb_sections("Other ends", others)))
+
+
+def _limb_sections(title: str, limbs: Sequence[Limb]) -> tuple[Section, ...]:
+    """Return a section with a table of limbs, if there are any."""
+    if not limbs:
+        return ()
+    rows = []
+    value = {}
+    for limb in limbs:
+        ends = dict.fromkeys((limb.joints[0], limb.joints[-1]))  # one, where both are the same
+        rows.append((limb.frame, str(len(limb.joints)), " … ".join(ends), limb.fork or ""))
+        value[limb.frame] = {"joints": list(limb.joints), "fork": limb.fork}
+    columns = ("--frame", "joints", "from … to", "--base")
+    table = Table(columns, tuple(rows), key="ends", value=value)
+    text = "Fingers are omitted. With --base the chain begins at a branch."
+    return (Section(title, tables=(table,), text=text),)
+
+
+PLACEMENT_COLUMNS = {
+    "rank": "{rank}",
+    "scale": "{scale:.3f}",
+    "yaw [°]": "{yaw_deg:.1f}",
+    "tilt [°]": "{tilt_deg:.1f} to {heading_deg:.1f}",
+    "middle [m]": "{offset_m[0]:.3f}, {offset_m[1]:.3f}, {offset_m[2]:.3f}",
+    "distance, rms / max": "{rms:.2f} / {max:.2f}",
+}
+"""Format strings of the columns of the table of placements."""
 
 
 def placement_section(placed: Placement) -> Section:
     """Describe the placement of a path, whether the robot reaches it, and alternatives."""
-    values = [
-        {"rank": rank, "scale": item.scale, "yaw_deg": float(np.degrees(item.yaw)), "offset_m": item.offset.tolist(),
-         "tilt_deg": float(np.degrees(item.tilt)), "heading_deg": float(np.degrees(item.heading)), "rms": item.rms,
-         "max": float(item.planned_distance.max())}
-        for rank, item in enumerate(placed.candidates, 1)
-    ]  # fmt: skip
-    columns = {
-        "rank": "{rank}", "scale": "{scale:.3f}", "yaw [°]": "{yaw_deg:.1f}",
-        "tilt [°]": "{tilt_deg:.1f} to {heading_deg:.1f}",
-        "middle [m]": "{offset_m[0]:.3f}, {offset_m[1]:.3f}, {offset_m[2]:.3f}",
-        "distance, rms / max": "{rms:.2f} / {max:.2f}",
-    }  # fmt: skip
-    caption = "Placements by motions planned through some waypoints, the best first; of equal ones, the least rotated."
-    tables = (Table.of(values, columns, caption, "candidates"),) if values else ()
-    section = Section("Placement", (), tables, "placement", folded=True)
-    yaw, tilt, heading = np.degrees([placed.yaw, placed.tilt, placed.heading]).tolist()
-    offset, out = placed.offset.tolist(), int((~placed.reachable).sum())
-    far = 1e3 * float(placed.position_error.max()) if out else 0.0
-    if out:
-        text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
-        section.warn("path-out-of-reach", text)
+    section = Section("Placement", key="placement", folded=True)
+    section.tables = _candidate_tables(placed)
+    yaw = float(np.degrees(placed.yaw))
+    tilt = float(np.degrees(placed.tilt))
+    heading = float(np.degrees(placed.heading))
+    offset = placed.offset.tolist()
+    unreachable = int((~placed.reachable).sum())
+    farthest = 0.0
+    if unreachable:
+        farthest = 1e3 * float(placed.position_error.max())  # [mm]
+        points = f"{unreachable} of {len(placed.path)} waypoints of the path"
+        section.warn("path-out-of-reach", f"{points} are out of reach, by up to {farthest:.1f} mm")
+
     middle = listed(f"{value:.3f}" for value in offset)
     text = f"scale {placed.scale:.3f}, yaw {yaw:.1f}°, middle at ({middle}) m in the base frame"
     section.add("Path", "", None, text, "The target ellipsoids are rotated with the path.")
     base = {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.base_orientation.tolist()}
-    text = (
-        f"tilted by {tilt:.1f}° toward {heading:.1f}° from its x axis to its y axis" if tilt else ""
-    )
+    text = ""
+    if tilt:
+        text = f"tilted by {tilt:.1f}° toward {heading:.1f}° from its x axis to its y axis"
     about = "Rotation from the upright base about a horizontal axis."
     section.add("Base", "base_orientation", base, text, about)
-    section.numbers(scale=float(placed.scale), yaw_deg=yaw, offset_m=offset, points_out_of_reach=out,
-                    farthest_out_of_reach_mm=far)  # fmt: skip
+    section.numbers(
+        scale=float(placed.scale),
+        yaw_deg=yaw,
+        offset_m=offset,
+        points_out_of_reach=unreachable,
+        farthest_out_of_reach_mm=farthest,
+    )
     return section
+
+
+def _candidate_tables(placed: Placement) -> tuple[Table, ...]:
+    """Return a table of all placements, if there are any."""
+    records = []
+    for rank, candidate in enumerate(placed.candidates, 1):
+        record = {
+            "rank": rank,
+            "scale": candidate.scale,
+            "yaw_deg": float(np.degrees(candidate.yaw)),
+            "offset_m": candidate.offset.tolist(),
+            "tilt_deg": float(np.degrees(candidate.tilt)),
+            "heading_deg": float(np.degrees(candidate.heading)),
+            "rms": candidate.rms,
+            "max": float(candidate.planned_distance.max()),
+        }
+        records.append(record)
+    if not records:
+        return ()
+    caption = "Placements by motions planned through some waypoints, the best first; of equal ones, the least rotated."
+    return (Table.of(records, PLACEMENT_COLUMNS, caption, "candidates"),)

@@ -1,67 +1,78 @@
 """Reports of a fitted adapter, of what the domains determine, and of the comparison with baselines."""
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from typing import Literal
 
 import numpy as np
 
 from maniport.evaluation.metrics import RELEVANT_RATIO, Evaluation, Row
-from maniport.report.values import Report, Section, Table, listed, sentence
+from maniport.report.values import Report, Section, Severity, Table, listed, sentence
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
 from maniport.transfer.identifiability import describe_free_axes
 from maniport.transfer.rotation_group import rotation_angle
+from maniport.util.validation import Array
 
 
 def adapter_section(adapter: DomainAdapter) -> Section:
     """Describe the fit of an adapter."""
     section = Section("Adapter", key="adapter", folded=True)
-    parameters = listed(f"{name} {value}" for name, value in adapter.get_params().items()
-                        if name != "base_rotation" and value is not None)  # fmt: skip
-    section.add(
-        "Method", "method", type(adapter).__name__, about=f"{parameters}." if parameters else ""
-    )
+    parameters = []
+    for name, value in adapter.get_params().items():
+        if name != "base_rotation" and value is not None:
+            parameters.append(f"{name} {value}")
+    about = f"{listed(parameters)}." if parameters else ""
+    section.add("Method", "method", type(adapter).__name__, about=about)
     if not is_fitted(adapter):
         section.add("State", "", None, "not fitted; call fit(teacher, student)")
         return section
-    if (axes := getattr(adapter, "free_axes_", None)) is not None:
-        text = describe_free_axes(axes)
-        section.warn(
-            "identifiability", text, severity="warning" if len(axes) else "note", value=text
-        )
-    rotation, turn = adapter.base_rotation_, adapter.map_rotation_
-    matrix = None if rotation is None else np.asarray(rotation).round(6).tolist()
-    text = (
-        "unknown"
-        if adapter.base_rotation is None
-        else "none: both base frames have the same orientation"
-    )
-    if rotation is not None:
-        text = (
-            f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in rotation[:3, :3])}]"
-        )
-    section.add(
-        "Base rotation",
-        "base_rotation",
-        matrix,
-        text,
-        "From the teacher's base frame to the student's.",
-    )
-    text = f"{np.degrees(rotation_angle(np.eye(len(turn)), turn)):.1f}° with the base rotation"
-    section.add("Rotation", "rotation", np.asarray(adapter.rotation_).round(6).tolist(), text)
-    text = f"{adapter.n_iter_} iterations, cost {adapter.history_[0]:.4f} → {adapter.cost_:.4f}; {adapter.stop_reason_}"
+
+    free_axes = getattr(adapter, "free_axes_", None)
+    if free_axes is not None:
+        text = describe_free_axes(free_axes)
+        severity: Severity = "warning" if len(free_axes) else "note"
+        section.warn("identifiability", text, severity=severity, value=text)
+    _add_rotations(section, adapter)
+
     converged = bool(adapter.converged_)
-    section.add(
-        "Fit",
-        "iterations",
-        int(adapter.n_iter_),
-        f"{text} ({'' if converged else 'not '}converged)",
-    )
+    iterations = int(adapter.n_iter_)
+    costs = f"cost {adapter.history_[0]:.4f} → {adapter.cost_:.4f}"
+    state = "converged" if converged else "not converged"
+    text = f"{iterations} iterations, {costs}; {adapter.stop_reason_} ({state})"
+    section.add("Fit", "iterations", iterations, text)
     section.numbers(converged=converged, cost=float(adapter.cost_), damping=adapter.damping)
     if hasattr(adapter, "report_"):
-        section.add(
-            "Held-out samples", "report", asdict(adapter.report_), adapter.report_.in_words()
-        )
+        samples = adapter.report_
+        section.add("Held-out samples", "report", asdict(samples), samples.in_words())
     return section
+
+
+def _add_rotations(section: Section, adapter: DomainAdapter) -> None:
+    """Add the rotation between the base frames, and that of the adapter."""
+    base_rotation = adapter.base_rotation_
+    matrix = None
+    if base_rotation is not None:
+        matrix = np.asarray(base_rotation).round(6).tolist()
+        text = _matrix_text(base_rotation[:3, :3])
+    elif adapter.base_rotation is None:
+        text = "unknown"
+    else:
+        text = "none: both base frames have the same orientation"
+    about = "From the teacher's base frame to the student's."
+    section.add("Base rotation", "base_rotation", matrix, text, about)
+
+    map_rotation = adapter.map_rotation_
+    angle = np.degrees(rotation_angle(np.eye(len(map_rotation)), map_rotation))
+    rotation = np.asarray(adapter.rotation_).round(6).tolist()
+    section.add("Rotation", "rotation", rotation, f"{angle:.1f}° with the base rotation")
+
+
+def _matrix_text(matrix: Array) -> str:
+    rows = []
+    for row in matrix:
+        numbers = [f"{value:.3f}" for value in row]
+        rows.append(" ".join(numbers))
+    return f"[{'; '.join(rows)}]"
 
 
 def evaluation_report(evaluation: Evaluation) -> Report:
@@ -74,54 +85,94 @@ def evaluation_report(evaluation: Evaluation) -> Report:
     return Report(evaluation.adapter.name, "", (evaluation_section(evaluation), settings))
 
 
-COLUMNS = {
-    "RMSE": ("rmse", ("undivided", "per_dispersion"),
-             "distance to the truth: undivided / divided by the mean distance"),
-    "feasibility gap": ("feasibility_gap", ("mean", "p95", "largest"),
-                        "distance from the targets to the feasible set, an upper bound: mean / 95 % / max"),
-    "rank correlation": ("preservation", ("rank_correlation",), "of pairwise distances"),
-}  # fmt: skip
-"""Columns of the comparison by name: measure of a row, its attributes and their meaning; JSON has all."""
+@dataclass(frozen=True)
+class Column:
+    """A column of the comparison: attributes of a measure of a row, and their meaning."""
+
+    name: str
+    measure: Literal["rmse", "feasibility_gap", "preservation"]
+    attributes: tuple[str, ...]
+    meaning: str
+
+    def cell(self, row: Row) -> str:
+        """Write the attributes of a row, or a dash where the measure does not apply."""
+        measured = getattr(row, self.measure)
+        if not measured:
+            return "–"
+        numbers = [f"{getattr(measured, attribute):.3f}" for attribute in self.attributes]
+        return " / ".join(numbers)
+
+
+COLUMNS = (
+    Column(
+        name="RMSE",
+        measure="rmse",
+        attributes=("undivided", "per_dispersion"),
+        meaning="distance to the truth: undivided / divided by the mean distance",
+    ),
+    Column(
+        name="feasibility gap",
+        measure="feasibility_gap",
+        attributes=("mean", "p95", "largest"),
+        meaning="distance from the targets to the feasible set, an upper bound: mean / 95 % / max",
+    ),
+    Column(
+        name="rank correlation",
+        measure="preservation",
+        attributes=("rank_correlation",),
+        meaning="of pairwise distances",
+    ),
+)
+"""Columns of the comparison; JSON has all metrics."""
 
 
 def evaluation_section(evaluation: Evaluation) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, adapter = evaluation.rows, evaluation.adapter
-    columns = [
-        name
-        for name, (measure, *_) in COLUMNS.items()
-        if any(getattr(row, measure) for row in rows)
-    ]
-
-    def cell(row: Row, column: str) -> str:
-        measure, names, _ = COLUMNS[column]
-        measured = getattr(row, measure)
-        return " / ".join(f"{getattr(measured, name):.3f}" for name in names) if measured else "–"
-
-    cells = [(row.name, *(cell(row, column) for column in columns)) for row in rows]
-    caption = " ".join(sentence(f"{column}: {COLUMNS[column][2]}") for column in columns)
-    values = {
-        row.name: {key: value for key, value in asdict(row).items() if key != "name"}
-        for row in rows
-    }
-    measured = tuple(line for line in cells if set(line[1:]) != {"–"})
-    table = Table(("", *columns), measured, caption, "rows", values)
-    section = Section("Comparison with baselines", (), (table,), "evaluation", folded=True)
+    adapter = evaluation.adapter
+    section = Section("Comparison with baselines", key="evaluation", folded=True)
+    section.tables = (_comparison_table(evaluation),)
     _compare(section, evaluation)
-    summary = {key: getattr(evaluation, key) for key in ("measure", "values", "recommended")}
-    section.numbers(summary=summary | {"weaknesses": adapter.weaknesses})
-    for code, value in adapter.weaknesses.items():
-        text = f"{label(adapter.name)}: {code.replace('_', ' ')} {value:.3g}{'°' * (code == 'rotated_axes')}"
-        section.warn(
-            code.replace("_", "-"),
-            text,
-            severity="warning" if code == "rank_correlation" else "note",
-        )
-    section.warn("evaluation", *(f"{adapter.name}: {text}" for text in adapter.warnings))
-    section.note(
-        *(f"{row.name}: {text}" for row in rows[1:] for text in (row.note, *row.warnings) if text)
-    )
+    summary = {
+        "measure": evaluation.measure,
+        "values": evaluation.values,
+        "recommended": evaluation.recommended,
+        "weaknesses": adapter.weaknesses,
+    }
+    section.numbers(summary=summary)
+
+    for weakness, value in adapter.weaknesses.items():
+        unit = "°" if weakness == "rotated_axes" else ""
+        text = f"{label(adapter.name)}: {weakness.replace('_', ' ')} {value:.3g}{unit}"
+        severity: Severity = "warning" if weakness == "rank_correlation" else "note"
+        section.warn(weakness.replace("_", "-"), text, severity=severity)
+    for text in adapter.warnings:
+        section.warn("evaluation", f"{adapter.name}: {text}")
+    for row in evaluation.rows[1:]:
+        for text in (row.note, *row.warnings):
+            if text:
+                section.note(f"{row.name}: {text}")
     return section
+
+
+def _comparison_table(evaluation: Evaluation) -> Table:
+    """Return the measures of all methods; JSON has all metrics of each."""
+    columns = []
+    for column in COLUMNS:
+        if any(getattr(row, column.measure) for row in evaluation.rows):
+            columns.append(column)
+
+    lines = []
+    value = {}
+    for row in evaluation.rows:
+        cells = [column.cell(row) for column in columns]
+        if set(cells) != {"–"}:
+            lines.append((row.name, *cells))
+        metrics = asdict(row)
+        del metrics["name"]
+        value[row.name] = metrics
+    names = [column.name for column in columns]
+    meanings = [sentence(f"{column.name}: {column.meaning}") for column in columns]
+    return Table(("", *names), tuple(lines), " ".join(meanings), "rows", value)
 
 
 def label(name: str) -> str:
@@ -129,35 +180,45 @@ def label(name: str) -> str:
     return name.replace("-", " ")
 
 
+MEASURES = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}
+"""Names of the measures of a comparison."""
+
+
 def _compare(section: Section, evaluation: Evaluation) -> None:
     """Compare the method with the baselines, as a warning unless it is better; or report the selected method."""
-    method, values = evaluation.adapter.name, dict(evaluation.values)
-    name, own = sentence(label(method))[:-1], values.pop(method, None)
-    nearest = min(values, key=lambda row: values[row], default="")
-    others = {row: values[row] for row in dict.fromkeys(("identity", nearest)) if row in values}
-    if own is None or "identity" not in {method, *values}:
+    method = evaluation.adapter.name
+    name = sentence(label(method)).removesuffix(".")
+    values = dict(evaluation.values)
+    is_compared = method in values and "identity" in values
+    if not is_compared:
         section.note(f"{name} is not compared: neither the truth nor the robot is available")
         return
-    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[evaluation.measure]
-    compared = "; ".join(
-        [f"{measure} {own:.3f}", *(f"{label(row)} {value:.3f}" for row, value in others.items())]
-    )
-    worse = [label(row) for row, value in others.items() if own >= RELEVANT_RATIO * value]
-    if (failures := evaluation.rejected) is not None:
-        reason = (
-            f"the length field was rejected: {'; '.join(failures)}"
-            if failures
-            else "it passes its checks"
-        )
-        value = {"method": method, "failures": list(failures)}
+
+    achieved = values.pop(method)
+    nearest = min(values, key=lambda baseline: values[baseline], default="")
+    texts = [f"{MEASURES[evaluation.measure]} {achieved:.3f}"]
+    as_good = []  # baselines
+    for baseline in dict.fromkeys(("identity", nearest)):
+        if baseline in values:
+            texts.append(f"{label(baseline)} {values[baseline]:.3f}")
+            if achieved >= RELEVANT_RATIO * values[baseline]:
+                as_good.append(label(baseline))
+    compared = "; ".join(texts)
+
+    failures = evaluation.rejected
+    if failures is not None:
+        reason = "it passes its checks"
+        if failures:
+            reason = f"the length field was rejected: {'; '.join(failures)}"
         text = f"Selected {label(method)}: {reason}. {sentence(compared)}"
-        section.warn("choice", text, severity="note", value=value)
-    elif not worse or method == "identity":
-        section.note(f"{name}{' is better than all baselines' * (not worse)}: {compared}")
+        choice = {"method": method, "failures": list(failures)}
+        section.warn("choice", text, severity="note", value=choice)
+    elif not as_good:
+        section.note(f"{name} is better than all baselines: {compared}")
+    elif method == "identity":
+        section.note(f"{name}: {compared}")
     else:
-        recommended = evaluation.recommended
-        advice = f". Use {recommended}" if recommended not in ("", method) else ""
-        section.warn(
-            "not-better",
-            f"{name} is not clearly better than {' or '.join(worse)}: {compared}{advice}",
-        )
+        text = f"{name} is not clearly better than {' or '.join(as_good)}: {compared}"
+        if evaluation.recommended not in ("", method):
+            text += f". Use {evaluation.recommended}"
+        section.warn("not-better", text)
