@@ -91,14 +91,12 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
 
 def _person(arm: ArmTransfer, spec: EllipsoidSpec) -> Body:
     """Return an arm of the person, about the middle of the neck."""
-    skeleton = arm.fit.arm.skeleton(arm.fit.joint_angles) - np.array(
-        [0.0, middle_of(arm.fit.arm), 0.0]
-    )
-    return Body(
-        "Person",
-        skeleton,
-        {role: own for role, own in _profiles_of(arm, spec).items() if role == PERSON.name},
-    )
+    model = arm.fit.arm
+    neck = np.array([0.0, middle_of(model), 0.0])
+    skeleton = model.skeleton(arm.fit.joint_angles) - neck
+    profiles = _profiles_of(arm, spec)
+    drawn = {role: profile for role, profile in profiles.items() if role == PERSON.name}
+    return Body("Person", skeleton, drawn)
 
 
 def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
