@@ -26,7 +26,8 @@ from maniport.pipeline.following import SampledRobot, move
 from maniport.pipeline.results import RESULT_FILES
 from maniport.pipeline.settings import read_part
 from maniport.pipeline.stages import FittedMap, Human
-from maniport.report.values import listed, report_of
+from maniport.report.describe import report_of
+from maniport.report.values import listed
 from maniport.report.write import export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, write_text
