@@ -4,7 +4,7 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,6 +27,10 @@ from maniport.util.atomic_io import folder_written_whole, require_free, written
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.process import ending_in_order
 from maniport.util.validation import as_times
+
+if TYPE_CHECKING:
+    from maniport.mocap import Recording
+    from maniport.pipeline.settings import Settings
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 
@@ -65,8 +69,9 @@ def transfer(
     folder = output_folder(output, [named_recording(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
     with console.progress() as progress:
-        recording = only_recording(config, console)
-        result = pipeline.transfer_recording(recording, config, progress=progress)
+        settings = pipeline.settings_of(config, progress)
+        recording = only_recording(settings, console)
+        result = pipeline.transfer_part(recording, settings)
         report = write_results(result, folder, progress, config.export, overwrite=overwrite)
     console.name_folder(folder, chosen=output is None)
     console.print_report(report, output=str(folder))
@@ -81,9 +86,9 @@ def named_recording(config: Config) -> str:
     return config.recording[0]
 
 
-def only_recording(config: Config, console: Console) -> Any:
+def only_recording(settings: "Settings", console: Console) -> "Recording":
     """Read the recording of a configuration; print its warnings before the long work."""
-    recording = pipeline.read_part(named_recording(config), config)
+    recording = pipeline.load(named_recording(settings.config), settings)
     for text in recording.quality_warnings:
         console.warn(text)
     return recording

@@ -87,12 +87,20 @@ def transfer_recording(
         allowed=("human", "robot", "transfer", "motion"), **options
     )
     settings = settings_of(_with_source(config, recording), progress)
+    if isinstance(recording, LearnedProfile):
+        return transfer_part(recording, settings)
+    with collected_warnings() as texts:
+        part = load(recording, settings)
+    result = transfer_part(part, settings)
+    return replace(result, warnings=tuple(dict.fromkeys((*texts, *result.warnings))))
+
+
+def transfer_part(recording: Recording | LearnedProfile, settings: Settings) -> TransferResult:
+    """Transfer the part of a recording that is used."""
     with (
         threadpool_limits(1),
         collected_warnings() as texts,
     ):  # one thread: sums round equally with any number of cores
-        if not isinstance(recording, LearnedProfile):
-            recording = load(recording, settings)
         human = fit_human(recording, settings)
         robot = sample_robot(settings)
         maps = fit_transfer(human, robot, settings)
