@@ -210,7 +210,7 @@ def place(
     from maniport.motion import place_path
     from maniport.pipeline.following import bounded_profiles
     from maniport.pipeline.results import RESULT_FILES
-    from maniport.pipeline.settings import plan_settings
+    from maniport.pipeline.settings import plan_options
 
     folder = output_folder(output, [_profile(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
@@ -218,7 +218,7 @@ def place(
     if positions is None:
         raise InvalidInputError("--path is needed: a file of positions of the hand")
     spec, arm = config.spec, pipeline.load_single_arm(config)
-    (targets,), control = bounded_profiles([target], spec), plan_settings(config, arm)
+    (targets,), control = bounded_profiles([target], spec), plan_options(config, arm)
     with console.progress() as progress:
         placed = place_path(
             positions, targets, arm, time=time, scale=config.scale, tilt=config.tilt, workspace=config.bounds.T,

@@ -17,14 +17,14 @@ from maniport.motion import (
     SeedBank,
     nearest_feasible,
     place_path,
-    plan_motion,
 )
 from maniport.motion.demands import demands_of
+from maniport.motion.plan.plan_motion import plan_checked
 from maniport.motion.search import interpolated_distance
 from maniport.motion.targets import Damping, TargetTrajectory, damping_of
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult, MotionResult
-from maniport.pipeline.settings import Settings, plan_settings, with_limits
+from maniport.pipeline.settings import Settings, plan_options, with_limits
 from maniport.util.progress import Progress, Step, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, as_points, as_times
@@ -88,13 +88,11 @@ def along(direction: Sequence[float], count: int) -> Array:
 
 def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     """Sample the robot within its limits."""
-    assert settings.control is not None
-    limits = settings.control.motion_limits
+    assert settings.plan is not None
+    limits = settings.plan.motion_limits
     assert isinstance(limits, MotionLimits)
     step = Step(settings.progress, "Sample robot")
-    planner = Planner.of(
-        limits, settings.config.spec.bounded, settings.control.collisions, generator
-    )
+    planner = Planner.of(limits, settings.config.spec.bounded, settings.plan.collisions, generator)
     step.end()
     return planner
 
@@ -166,36 +164,25 @@ def plan(
 ) -> RobotMotion:
     """Plan a motion of all arms along targets in the base frame; placements have their pointwise optima."""
     assert robot.planner is not None
-    assert settings.control is not None
-    config = settings.config
-    time = targets[0].time
-    rotations: list[Array] | None = None
-    if not isinstance(config.orientation, str):
-        rotations = [along(config.orientation, len(time))] * len(targets)
-    elif targets[0].rotations is not None:
-        rotations = [target.rotations for target in targets if target.rotations is not None]
+    assert settings.plan is not None
+    count = len(targets[0])
+    orientation = settings.config.orientation
+    if not isinstance(orientation, str):
+        rotations = along(orientation, count)
+        targets = [replace(target, rotations=rotations) for target in targets]
     bests = None
     if placements is not None:
-        rows = placement_rows(len(time))
+        rows = placement_rows(count)
         bests = [
-            interpolated_distance(rows, placement.pointwise_best, len(time))
-            for placement in placements
+            interpolated_distance(rows, placement.pointwise_best, count) for placement in placements
         ]
-    return plan_motion(
-        robot.planner.group,
-        [target.ellipsoids for target in targets],
-        time=time,
-        paths=None if targets[0].positions is None else [target.path for target in targets],
-        rotations=rotations,
-        spec=targets[0].spec,
-        damping=_common_damping(targets),
-        costs=config.costs,
-        hand_targets=config.hand_targets,
-        planner=robot.planner,
+    return plan_checked(
+        robot.planner,
+        targets,
+        settings.plan,
         pointwise_bests=bests,
-        random_state=robot.random,
+        random=robot.random,
         progress=settings.progress,
-        **vars(settings.control),
     )
 
 
@@ -210,8 +197,8 @@ def measure(
     results = []
     for i, (name, arm, spec) in enumerate(zip(names, settings.arms, settings.specs, strict=True)):
         result = ArmResult(name=name, robot=arm, spec=spec)
-        if motion is not None and planner is not None and settings.control is not None:
-            own, part, budget = planner.arms[i], motion.arms[i], settings.control.budget
+        if motion is not None and planner is not None and settings.plan is not None:
+            own, part, budget = planner.arms[i], motion.arms[i], settings.plan.budget
             rows = evenly_spaced(len(part.target), budget.gap_points)
             nearest = nearest_feasible(
                 own.limits.arm, part.target[rows], bank=own.bank, spec=part.spec, damping=part.damping,
@@ -282,7 +269,7 @@ def follow_profile(
         raise InvalidInputError(text)
     robot = with_limits(robot, config)
     settings = Settings(
-        config, robot, plan_settings(config, robot), progress=progress or no_progress
+        config, robot, plan_options(config, robot), progress=progress or no_progress
     )
     for name in ("workspace", "scale"):
         if getattr(config, name) is not None and (paths is None or not config.place):
@@ -300,9 +287,15 @@ def follow_profile(
     )
     ellipsoids = bounded_profiles([as_finite(one, "profile") for one in profiles], config.spec)
     targets = []
-    for i, arm_ellipsoids in enumerate(ellipsoids):
-        positions = None if paths is None else as_finite(paths[i], "path")
-        target = TargetTrajectory(times, arm_ellipsoids, spec, regularization, positions)
+    for i, (arm, arm_spec) in enumerate(zip(group.arms, group.specs(spec), strict=True)):
+        target = TargetTrajectory.checked(
+            arm,
+            times,
+            ellipsoids[i],
+            positions=None if paths is None else paths[i],
+            spec=arm_spec,
+            damping=regularization,
+        )
         targets.append(target)
     sampled = SampledRobot(
         planner_of(settings, generator) if planner is None else planner, (), generator

@@ -206,7 +206,7 @@ def sample_robot(settings: Settings) -> SampledRobot:
         None,
         settings.config.seed + 1,
     )
-    if settings.control is not None:
+    if settings.plan is not None:
         try:
             for arm, spec in zip(settings.arms, settings.specs, strict=True):
                 require_trackable(arm, spec)
