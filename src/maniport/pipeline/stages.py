@@ -118,8 +118,14 @@ def _with_source(config: Config, recording: Recording | LearnedProfile | str | P
         return config
     if not isinstance(recording, Recording):
         return config.changed(recording=recording)
-    part: dict[str, Any] = {"start": float(recording.time[0]), "stop": float(recording.time[-1])}
-    return config.changed(recording=str(recording.source), **part) if recording.source else config
+    if not recording.source:
+        return config
+    part: dict[str, Any] = {}
+    if config.start is None:
+        part["start"] = float(recording.time[0])
+    if config.stop is None:
+        part["stop"] = float(recording.time[-1])
+    return config.changed(recording=str(recording.source), **part)
 
 
 @dataclass(frozen=True, eq=False)
