@@ -27,7 +27,7 @@ from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner
 from maniport.motion.placement import search
 from maniport.motion.plan import planner
-from maniport.motion.plan.plan_settings import PlanSettings
+from maniport.motion.plan.plan_options import PlanOptions
 from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
@@ -86,8 +86,8 @@ def load(name: str) -> Arm:
 def changed(variant: str) -> ExitStack:
     """Set the search budget of a variant, and patch what the variant changes."""
     stack = ExitStack()
-    budget = replace(PlanSettings.budget, **BUDGETS.get(variant, {}))
-    stack.enter_context(mock.patch.object(PlanSettings, "budget", budget))
+    budget = replace(PlanOptions.budget, **BUDGETS.get(variant, {}))
+    stack.enter_context(mock.patch.object(PlanOptions, "budget", budget))
     if variant in PATCHES:
         stack.enter_context(mock.patch.object(*PATCHES[variant]))
     return stack

@@ -10,7 +10,15 @@ import numpy as np
 
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
-from maniport.motion import MotionLimits, Planner, place_path, plan_motion, track
+from maniport.motion import (
+    MotionLimits,
+    Planner,
+    PlanOptions,
+    TargetTrajectory,
+    place_path,
+    plan_motion,
+    track,
+)
 from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 
 from .inputs import DAMPING, Array
@@ -77,15 +85,11 @@ def transferred(name: str, motion: Motion) -> Comparison:
         bank=bank,
         damping=damping,
     )
-    (plan,) = plan_motion(
-        robot,
-        placed.profile,
-        time=time,
-        paths=placed.path,
-        damping=damping,
-        planner=planner,
-        position_tolerance=1e-3,
-    ).arms
+    targets = TargetTrajectory.checked(
+        robot, time, placed.profile, positions=placed.path, damping=damping
+    )
+    options = PlanOptions(position_tolerance=1e-3)
+    (plan,) = plan_motion(robot, targets, options, planner=planner).arms
     seconds = clock.process_time() - begin
     # the tracker has the same margin of the joint limits as the plan
     (tracked,) = track(

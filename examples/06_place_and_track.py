@@ -15,7 +15,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.mocap import shipped_recording
-from maniport.motion import place_path, plan_motion
+from maniport.motion import PlanOptions, TargetTrajectory, place_path, plan_motion
 
 TOLERANCE = (
     0.005  # of the end-effector position [m]; the planner uses it to reduce the ellipsoid distance
@@ -48,14 +48,10 @@ def main(folder):
     print(placed)
 
     # 4. Plan the trajectory: position within the tolerance, smallest ellipsoid distance, within the Panda's limits.
-    (motion,) = plan_motion(
-        robot,
-        placed.profile,
-        time=person.time,
-        paths=placed.path,
-        damping=damping,
-        position_tolerance=TOLERANCE,
-    ).arms
+    targets = TargetTrajectory.checked(
+        robot, person.time, placed.profile, positions=placed.path, damping=damping
+    )
+    (motion,) = plan_motion(robot, targets, PlanOptions(position_tolerance=TOLERANCE)).arms
     print(
         f"duration {motion.control_time[-1]:.1f} s; ratio to the pointwise optimum {motion.pointwise_ratio:.2f}"
     )

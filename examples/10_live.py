@@ -18,7 +18,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.mocap import shipped_recording
-from maniport.motion import place_path, plan_motion
+from maniport.motion import TargetTrajectory, place_path, plan_motion
 
 CALIBRATION = 24.0  # end of the part that is used for calibration [s]
 GAP = 24.5, 25.0  # missing points [s]
@@ -34,9 +34,8 @@ def calibrate(recording, robot, clock):
     path = place_path(
         person.arm.forward(joints)[:, :3, 3], target, robot, map_rotation=adapter.map_rotation_
     )
-    plan = plan_motion(
-        robot, path.profile, paths=path.path, time=person.time[::8]
-    ).trajectory.joint_positions
+    targets = TargetTrajectory.checked(robot, person.time[::8], path.profile, positions=path.path)
+    plan = plan_motion(robot, targets).trajectory.joint_positions
     return person, mp.Live(
         person,
         adapter,

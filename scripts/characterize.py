@@ -31,7 +31,7 @@ from benchmarks.inputs import DAMPING, domains, spd_matrices
 from benchmarks.motions import motions
 from benchmarks.robots import FILES, ROBOTS, transferred
 from maniport.mocap import shipped_recording
-from maniport.motion import plan_motion
+from maniport.motion import TargetTrajectory, plan_motion
 
 Row = tuple[str, dict[str, float]]
 
@@ -147,7 +147,10 @@ def both_arms(whole: bool) -> Iterator[Row]:
         )
         for side, arm, output in zip(("left", "right"), arms.arms, result.arms, strict=True):
             motion, clearance = output.motion, result.motion.clearance
-            alone = plan_motion(arm, motion.target, time=output.time, paths=motion.path).arms[0]
+            target = TargetTrajectory.checked(
+                arm, output.time, motion.target, positions=motion.path
+            )
+            alone = plan_motion(arm, target).arms[0]
             row = statistics(
                 motion.distance,
                 motion.position_error,

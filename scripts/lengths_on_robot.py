@@ -21,7 +21,14 @@ from lengths_table import FILES, ROBOTS
 from maniport.arms import VELOCITY, Arm
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import fit_arm, read_recording, shipped_recording
-from maniport.motion import MotionLimits, Planner, nearest_feasible, place_path, plan_motion
+from maniport.motion import (
+    MotionLimits,
+    Planner,
+    TargetTrajectory,
+    nearest_feasible,
+    place_path,
+    plan_motion,
+)
 from maniport.studies.trajectories import human_arm, human_evaluation
 from maniport.transfer import method_of
 from maniport.util.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
@@ -149,15 +156,10 @@ def compare(
                     damping=damping, random_state=seed,
                 )  # fmt: skip
                 asked, rigid, path = placed.profile, placed.turned(targets[RIGID]), placed.path
-            (plan,) = plan_motion(
-                robot,
-                asked,
-                time=time,
-                paths=path,
-                damping=damping,
-                planner=planner,
-                random_state=seed,
-            ).arms
+            placed_target = TargetTrajectory.checked(
+                robot, time, asked, positions=path, damping=damping
+            )
+            (plan,) = plan_motion(robot, placed_target, planner=planner, random_state=seed).arms
             made = damping.apply(robot.manipulability(plan.joint_positions))
             tip = None if path is None else 1e3 * float(np.percentile(plan.position_error, 95))
             spreads = spread(plan.distance), spread(mp.spd.distance(damping.apply(rigid), made))

@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 
 from maniport.arms import load_arm
-from maniport.motion.plan.plan_settings import PlanSettings
+from maniport.motion.plan.plan_options import PlanOptions
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 
@@ -24,9 +24,9 @@ def little_search(**budget):
     """Patch the search budget so that little is searched, with a small reachability map, for results that any do."""
     less = {"candidates": 64, "placement_nodes": 24, "nodes": 150, "stage": 1.0, "rel_tol": 1e-3}
     gap = {"pointwise_starts": 8, "gap_points": 40, "gap_starts": 16}
-    few = replace(PlanSettings.budget, **less | gap | budget)
+    few = replace(PlanOptions.budget, **less | gap | budget)
     with (
-        mock.patch.object(PlanSettings, "budget", few),
+        mock.patch.object(PlanOptions, "budget", few),
         mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 10_000),
     ):
         yield

@@ -13,7 +13,7 @@ from maniport import cli, load_arm, pipeline
 from maniport.errors import ManiportError
 from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
-from maniport.pipeline.settings import plan_settings
+from maniport.pipeline.settings import plan_options
 from maniport.report import write
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from sizes import little_search, panda_profile
@@ -286,7 +286,7 @@ def track(run, monkeypatch, tmp_path):
     configs = []
 
     def stop(arm, profiles, time, paths, config, **_):
-        plan_settings(config, arm)
+        plan_options(config, arm)
         configs.append(config)
         raise ManiportError("no work")
 
@@ -317,7 +317,7 @@ def test_units_of_the_command_line_are_converted(track):
     assert asked.orientation == (0.0, 0.0, -1.0)
     np.testing.assert_allclose(asked.home, np.radians([float(word) for word in home.split(",")]))
     lower = panda.lower + 0.05 * (panda.upper - panda.lower)
-    control = plan_settings(asked, panda)
+    control = plan_options(asked, panda)
     np.testing.assert_allclose(control.motion_limits.arm.lower, lower, atol=1e-12)
     assert "table" in np.array(control.collisions.pairs)
 

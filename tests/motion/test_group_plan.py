@@ -10,11 +10,12 @@ import maniport as mp
 from arm_problems import arm_problem
 from crane import two_arms
 from maniport.errors import InvalidInputError
-from maniport.motion import Planner, plan_motion
+from maniport.motion import Planner, TargetTrajectory, plan_motion
 from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.problem import MotionProblem
+from motion_plans import planned_arm, planned_motion
 from sizes import little_search
 
 TIME = np.linspace(0.0, 3.0, 10)
@@ -54,7 +55,7 @@ def apart():
 @pytest.fixture(scope="module")
 def separate(apart):
     arms, planner = apart
-    return plan_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner)
+    return planned_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner)
 
 
 def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
@@ -72,9 +73,13 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
                       for name in ("distance", "pointwise_best"))  # fmt: skip
     assert_allclose(separate.pointwise_ratio, np.linalg.norm(distance) / np.linalg.norm(best))
     for i, motion in enumerate(separate.arms):
-        alone = plan_motion(
-            arms.arms[i], targets["profiles"][i], time=TIME, paths=targets["paths"][i], planner=single(planner, i),
-        ).arms[0]  # fmt: skip
+        alone = planned_arm(
+            arms.arms[i],
+            targets["profiles"][i],
+            targets["paths"][i],
+            time=TIME,
+            planner=single(planner, i),
+        ).arms[0]
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
         assert_allclose(motion.distance, alone.distance, atol=1e-3)
         assert_allclose(motion.pointwise_best, alone.pointwise_best, atol=1e-3)
@@ -88,7 +93,7 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept():
     planner = planner_of(arms, True)
     targets = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
     targets["profiles"] = [1.5 * profile for profile in targets["profiles"]]
-    placed, plan = (plan_motion(arms, **targets, planner=planner, hand_targets=kind)
+    placed, plan = (planned_motion(arms, **targets, planner=planner, hand_targets=kind)
                     for kind in ("placed", "relative"))  # fmt: skip
     assert_allclose(plan.relative[:, 0], targets["paths"][1] - targets["paths"][0])
     tips = arms.forward(plan.trajectory.joint_positions)[:, :, :3, 3]
@@ -150,7 +155,7 @@ def test_three_arms_of_which_two_have_crossing_paths_keep_clear_of_one_another()
     options = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
     *crossing, other = options["paths"]
     options["paths"] = [*(path - 0.8 * path.mean(axis=0) * [1, 1, 0] for path in crossing), other]
-    plan = plan_motion(arms, **options, planner=planner_of(arms, True), position_tolerance=0.02)
+    plan = planned_motion(arms, **options, planner=planner_of(arms, True), position_tolerance=0.02)
     assert plan.coupled  # only where arms come near one another
     assert plan.trajectory.control_positions.shape[1] == 21
     assert plan.clearance.checked
@@ -168,7 +173,7 @@ def test_arms_that_must_pass_one_another_are_planned_in_turn():
     )
     options = task(arms, swung(), swung(0.28))
     options["paths"] = [path - 0.77 * path.mean(axis=0) * [1, 1, 0] for path in options["paths"]]
-    plan = plan_motion(arms, **options, planner=planner_of(arms, True), position_tolerance=0.01)
+    plan = planned_motion(arms, **options, planner=planner_of(arms, True), position_tolerance=0.01)
     assert plan.clearance.share == 0.0 < plan.clearance.distance
     for arm in plan.arms:
         assert np.percentile(arm.position_error, 95) < 0.01
@@ -196,19 +201,19 @@ def test_a_cost_of_the_user_changes_the_motion(apart, count):
     arms, planner = apart
     targets, joint = task(arms, swung(), swung(1.0)), 3
     if count == 1:
-        targets = {"profiles": targets["profiles"][0], "paths": targets["paths"][0], "time": TIME}
+        targets = {"profiles": targets["profiles"][:1], "paths": targets["paths"][:1], "time": TIME}
         arms, planner = arms.arms[0], single(planner, 0)
     errors = []
     for weight in (0.01, 10.0):
         cost = Elbow(joint, weight)
-        plan = plan_motion(arms, **targets, costs=[cost], planner=planner)
+        plan = planned_motion(arms, **targets, costs=[cost], planner=planner)
         errors.append(np.abs(plan.trajectory.joint_positions[:, joint] - cost.wanted(TIME)).mean())
     assert errors[1] < 0.5 * errors[0]
     assert plan.coupled == (count > 1)
     wrong = Elbow(joint, 1.0)
     wrong.jacobian = lambda at: np.zeros((len(at), 1, 2))
     with pytest.raises(InvalidInputError, match=r"costs\[0\].jacobian"):
-        plan_motion(arms, **targets, costs=[wrong], planner=planner)
+        planned_motion(arms, **targets, costs=[wrong], planner=planner)
 
 
 def test_files_name_the_joints_of_both(separate, apart, tmp_path):
@@ -226,18 +231,32 @@ def test_files_name_the_joints_of_both(separate, apart, tmp_path):
         )
 
 
-def test_wrong_arguments_are_named(apart, panda):
+def test_wrong_arguments_are_named(apart):
     arms, planner = apart
     options = task(arms, swung(), swung()) | {"planner": planner}
-    (profile, _), (path, other) = options["profiles"], options["paths"]
+    (path, other) = options["paths"]
     for change, message in (
-        ({"profiles": [profile]}, "profiles must be a sequence of 2"),
         ({"paths": [path, other[:-1]]}, "path"),
-        ({"paths": [path, None]}, "paths must be of all arms or of none"),
+        ({"paths": [path, None]}, "positions must be of all arms or of none"),
         ({"hand_targets": "absolute"}, "unknown hand_targets 'absolute'"),
         ({"paths": None, "hand_targets": "relative"}, "hand_targets='relative'"),
     ):
         with pytest.raises(InvalidInputError, match=message):
-            plan_motion(arms, **options | change)
-    with pytest.raises(InvalidInputError, match="arms must be an Arm"):
-        plan_motion("panda", **options)
+            planned_motion(arms, **options | change)
+
+
+def test_targets_are_one_for_each_arm_at_the_same_times(apart):
+    arms, planner = apart
+    profiles = task(arms, swung(), swung())["profiles"]
+    first = TargetTrajectory.checked(arms.arms[0], TIME, profiles[0])
+    later = TargetTrajectory.checked(arms.arms[1], TIME + 1.0, profiles[1])
+    for targets, message in (
+        (first, "targets must be 2"),
+        ([first, later], r"targets\[1\] must have the times"),
+        ([first, profiles[1]], r"targets\[1\] must be a TargetTrajectory"),
+        (None, "targets must be a TargetTrajectory"),
+    ):
+        with pytest.raises(InvalidInputError, match=message):
+            plan_motion(arms, targets, planner=planner)
+    with pytest.raises(InvalidInputError, match="robot must be an Arm"):
+        plan_motion("panda", [first, first])

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import load_arm
 from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError
-from maniport.motion import plan_motion, track
+from maniport.motion import track
+from motion_plans import planned_arm
 
 TIME = np.linspace(0.0, 2.0, 12)
 
@@ -42,10 +43,10 @@ def test_the_hand_points_from_the_wrist_along_itself(name):
 def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, axes):
     profile, path, rotations = motion
     rotations = rotations @ Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
-    options = {"time": 2.0 * TIME, "paths": path, "damping": 0.01, "planner": planner}
-    free = plan_motion(panda, profile, **options).arms[0]
+    options = {"time": 2.0 * TIME, "path": path, "damping": 0.01, "planner": planner}
+    free = planned_arm(panda, profile, **options).arms[0]
     assert free.orientation_error is None
-    kept = plan_motion(panda, profile, rotations=rotations, orientation_axes=axes, **options).arms[
+    kept = planned_arm(panda, profile, rotations=rotations, orientation_axes=axes, **options).arms[
         0
     ]
     assert max(share for _, share, _ in kept.limit_use.values()) <= 1.0 + 1e-9
@@ -66,6 +67,6 @@ def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, axe
 def test_wrong_orientations_are_named(panda, motion):
     profile, path, rotations = motion
     with pytest.raises(InvalidInputError, match=r"rotations\[0\] must be a rotation"):
-        plan_motion(panda, profile, rotations=2.0 * rotations, time=TIME, paths=path)
+        planned_arm(panda, profile, rotations=2.0 * rotations, time=TIME, path=path)
     with pytest.raises(InvalidInputError, match=r"rotations must have shape \(12, 3, 3\)"):
         track(panda, profile, rotations=rotations[:5], time=TIME, path=path)

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 
 from arm_problems import arm_problem
-from maniport import motion
 from maniport.arms import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion import MotionLimits, Planner
@@ -16,13 +15,10 @@ from maniport.motion.problem import MotionProblem
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_numbers, report_of
+from motion_plans import planned_arm
 from sizes import little_search
 
 TIME = 3.0 + np.linspace(0.0, 1.2, 13)
-
-
-def plan_motion(arm, profile, path=None, **options):
-    return motion.plan_motion(arm, profile, paths=path, **options)
 
 
 def targets_of(arm, stretch=1.0, pace=1.5, seed=0):
@@ -50,7 +46,7 @@ def targets(panda):
 
 @pytest.fixture(scope="module")
 def planned(panda, planner, targets):
-    return plan_motion(panda, **targets, planner=planner)
+    return planned_arm(panda, **targets, planner=planner)
 
 
 def require_laws(plan, speed_scale=1.0):
@@ -66,7 +62,7 @@ def require_laws(plan, speed_scale=1.0):
 
 def test_path_is_followed_between_sparse_waypoints(panda, planner):
     sparse = rows_of(targets_of(panda, 2.0, pace=1.0, seed=2), slice(None, None, 3))
-    plan = plan_motion(panda, **sparse, planner=planner, rate=200.0).arms[0]
+    plan = planned_arm(panda, **sparse, planner=planner, rate=200.0).arms[0]
     path = CubicSpline(sparse["time"], sparse["path"])(np.linspace(TIME[0], TIME[-1], 400))
     tips = panda.forward(plan.control_positions)[:, :3, 3]
     assert np.linalg.norm(tips[:, None] - path, axis=2).min(axis=1).max() < 0.02
@@ -97,7 +93,7 @@ def test_clearance_is_measured_between_the_waypoints(planned, planner):
 @pytest.mark.parametrize("name", ["panda", "crane"])
 def test_any_arm_follows_itself(panda, crane, planner, name):
     arm = {"panda": panda, "crane": crane}[name]
-    plan = plan_motion(
+    plan = planned_arm(
         arm, **targets_of(arm), rate=500.0, planner=planner if name == "panda" else None
     )
     result = require_laws(plan)
@@ -123,7 +119,7 @@ def test_the_achieved_configuration_is_a_candidate_of_the_pointwise_optimum(
 ):
     """Where a search found nothing better than the motion, no comparison is reported."""
     bests = np.full(len(TIME), best)
-    plan = plan_motion(panda, **targets, planner=planner, pointwise_bests=bests)
+    plan = planned_arm(panda, **targets, planner=planner, pointwise_bests=[bests])
     arm = require_laws(plan)
     assert_array_equal(arm.distance, planned.arms[0].distance)
     assert_array_equal(arm.pointwise_best, np.minimum(arm.distance, best))
@@ -132,7 +128,7 @@ def test_the_achieved_configuration_is_a_candidate_of_the_pointwise_optimum(
 
 
 def test_a_smaller_tolerance_keeps_the_end_effector_nearer(panda, planner, targets, planned):
-    near = plan_motion(panda, **targets, planner=planner, position_tolerance=2e-4).arms[0]
+    near = planned_arm(panda, **targets, planner=planner, position_tolerance=2e-4).arms[0]
     errors = [np.percentile(arm.position_error, 95) for arm in (near, planned.arms[0])]
     assert errors[0] <= 2e-4 < errors[1] <= 5e-3
     assert np.mean(planned.arms[0].distance ** 2) < np.mean(near.distance**2)
@@ -141,7 +137,7 @@ def test_a_smaller_tolerance_keeps_the_end_effector_nearer(panda, planner, targe
 
 def test_speed_scale_is_the_largest_speed(panda, planner):
     options = targets_of(panda, pace=0.7) | {"planner": planner, "rate": 500.0}
-    slow, fast = (plan_motion(panda, **options, speed_scale=scale) for scale in (0.5, 20.0))
+    slow, fast = (planned_arm(panda, **options, speed_scale=scale) for scale in (0.5, 20.0))
     assert 2.4 <= require_laws(slow, 0.5).control_time[-1] < 2.6
     assert require_laws(fast, 20.0).control_time[-1] < 1.0
     assert (
@@ -153,14 +149,14 @@ def test_speed_scale_is_the_largest_speed(panda, planner):
 
 
 def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, targets, planned):
-    alone = require_laws(plan_motion(panda, targets["profile"], time=TIME, planner=planner))
+    alone = require_laws(planned_arm(panda, targets["profile"], time=TIME, planner=planner))
     assert alone.position_error is None
     for name in ("pointwise_best", "distance"):
         assert np.mean(getattr(alone, name)) < np.mean(getattr(planned.arms[0], name))
 
 
 def test_out_of_reach_is_reported_and_no_error(panda, planner, targets):
-    far = plan_motion(
+    far = planned_arm(
         panda, **targets | {"path": targets["path"] + [2.0, 0.0, 0.0]}, planner=planner
     )
     arm = require_laws(far)
@@ -171,11 +167,11 @@ def test_out_of_reach_is_reported_and_no_error(panda, planner, targets):
 
 def test_two_waypoints_are_a_motion(panda, planner, targets):
     home = 0.5 * (planner.limits.arm.lower + planner.limits.arm.upper)
-    arm = require_laws(plan_motion(panda, **rows_of(targets, slice(2)), planner=planner, home=home))
+    arm = require_laws(planned_arm(panda, **rows_of(targets, slice(2)), planner=planner, home=home))
     assert_allclose(arm.control_positions[[0, -1]], [home, home], atol=1e-9)
     assert 0.0 < arm.time[0] < arm.time[-1] < arm.control_time[-1]
     same = rows_of(targets, [0, 0]) | {"time": TIME[:2]}
-    rest = require_laws(plan_motion(panda, **same, planner=planner))
+    rest = require_laws(planned_arm(panda, **same, planner=planner))
     assert np.ptp(rest.control_positions, axis=0).max() < 0.01
 
 
@@ -205,7 +201,7 @@ def test_the_lowest_point_is_below_all_links(panda, planned):
 ])  # fmt: skip
 def test_bad_arguments_are_named(panda, targets, change, error, words):
     with pytest.raises(error, match=words):
-        plan_motion(panda, **{"collisions": False} | targets | change)
+        planned_arm(panda, **{"collisions": False} | targets | change)
 
 
 def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(panda):
@@ -215,8 +211,8 @@ def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(
     ends = np.array([[0.0, -0.6, 0.0, -2.6, 0.0, 2.0, 0.0], [0.0, 1.1, 0.0, -0.6, 0.0, 1.7, 0.0]])
     q = ends[0] + np.linspace(0.0, 1.0, len(TIME))[:, None] * (ends[1] - ends[0])
     targets = {
-        "profiles": robot.manipulability(q),
-        "paths": robot.forward(q)[:, :3, 3],
+        "profile": robot.manipulability(q),
+        "path": robot.forward(q)[:, :3, 3],
         "time": TIME,
     }
     with little_search():
@@ -225,8 +221,8 @@ def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(
             InvalidInputError,
             match=r"on the path [01]\.\d+ s after the start; at best panda_joint2 needs .* is 25 N m",
         ):
-            motion.plan_motion(robot, **targets, planner=loaded)
-    part = arm_problem(loaded.limits.arm, targets["profiles"][:4], targets["paths"][:4])
+            planned_arm(robot, **targets, planner=loaded)
+    part = arm_problem(loaded.limits.arm, targets["profile"][:4], targets["path"][:4])
     problem = MotionProblem(TIME[:4], (part,), loaded.limits)
     nodes = loaded.arms[0].roadmap(problem, 100, np.random.default_rng(0))
     torques = np.abs(loaded.limits.arm.gravity_torques(nodes.q))
@@ -242,9 +238,9 @@ def test_a_planner_of_another_arm_is_refused(crane, planner, targets):
     with pytest.raises(
         InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'crane'"
     ):
-        plan_motion(crane, **targets, planner=planner)
+        planned_arm(crane, **targets, planner=planner)
     with pytest.raises(InvalidInputError, match="does not fit"):
-        plan_motion(
+        planned_arm(
             planner.limits.arm, **targets, planner=planner, spec=EllipsoidSpec(part="rotation")
         )
 

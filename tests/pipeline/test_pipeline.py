@@ -290,3 +290,13 @@ def test_each_search_has_the_configurations_of_the_narrower_one(request, name):
         assert (arm.motion.pointwise_best <= arm.motion.distance).all()
         assert min(arm.mean_distance.values()) >= 0.0
         assert sum(arm.mean_distance.values()) == pytest.approx(arm.motion.distance.mean())
+
+
+def test_a_part_of_a_recording_object_is_what_is_transferred(panda):
+    recording = mp.read_recording("freeform", start=2.0, stop=3.0)
+    options = {"method": "identity", "n_teacher": 64, "n_student": 64, "move": False}
+    result = transfer_recording(recording, robot=panda, start=2.2, stop=2.6, **options)
+    assert 2.2 <= result.recording.time[0] < result.recording.time[-1] <= 2.6
+    assert (result.config.start, result.config.stop) == (2.2, 2.6)
+    whole = transfer_recording(recording, robot=panda, **options)
+    assert (whole.config.start, whole.config.stop) == (recording.time[0], recording.time[-1])

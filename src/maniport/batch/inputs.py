@@ -159,8 +159,8 @@ def find_robots(
             if not option.is_file
         }
         values |= {"maniport": __version__, "robot": job.robot, "markers": marker_roles(job.config)}
-        if job.control is not None:  # contents replace files
-            values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
+        if job.plan is not None:  # contents replace files
+            values |= {"limits": job.plan.motion_limits, "collisions": job.plan.collisions}
         settings = {name: digest(value) for name, value in values.items()}
         if (key := digest(settings)) not in distinct:
             distinct[key] = Robot(key, _as_folder(job.robot.name, names), job, settings)

@@ -241,9 +241,9 @@ def _transfer(
     with collected_warnings() as of_motion:
         moved = None
         if sampled.planner is not None:
-            targets = stages.targets_of(human, maps, job)
+            targets = stages.targets_of(human, maps, sampled.planner, job)
             own = replace(sampled, random=copy.deepcopy(sampled.random))
-            moved = move(targets, own, job)
+            moved = move(targets, own, job, stages.mean_rotation(maps))
         result = stages.evaluate(human, sampled, maps, moved, job, baselines=selects)
     config = replace(job.config, recording=(str(pair.source.path),), verb="batch")
     texts = tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion)))

@@ -77,8 +77,9 @@ def live(
         transport = (
             None if simulate else _opened(udp, host, send)
         )  # raises where a port cannot be opened
-        recording = only_recording(config, console)
-        result = pipeline.transfer_recording(recording, config, progress=progress)
+        settings = pipeline.settings_of(config, progress)
+        recording = only_recording(settings, console)
+        result = pipeline.transfer_part(recording, settings)
         clock = None if transport is None else monotonic
         for arm in result.arms:
             for text in arm.fit.quality_warnings:

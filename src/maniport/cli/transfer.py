@@ -4,7 +4,7 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,6 +27,10 @@ from maniport.util.atomic_io import folder_written_whole, require_free, written
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.process import ending_in_order
 from maniport.util.validation import as_times
+
+if TYPE_CHECKING:
+    from maniport.mocap import Recording
+    from maniport.pipeline.settings import Settings
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 
@@ -65,8 +69,9 @@ def transfer(
     folder = output_folder(output, [named_recording(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
     with console.progress() as progress:
-        recording = only_recording(config, console)
-        result = pipeline.transfer_recording(recording, config, progress=progress)
+        settings = pipeline.settings_of(config, progress)
+        recording = only_recording(settings, console)
+        result = pipeline.transfer_part(recording, settings)
         report = write_results(result, folder, progress, config.export, overwrite=overwrite)
     console.name_folder(folder, chosen=output is None)
     console.print_report(report, output=str(folder))
@@ -81,9 +86,9 @@ def named_recording(config: Config) -> str:
     return config.recording[0]
 
 
-def only_recording(config: Config, console: Console) -> Any:
+def only_recording(settings: "Settings", console: Console) -> "Recording":
     """Read the recording of a configuration; print its warnings before the long work."""
-    recording = pipeline.read_part(named_recording(config), config)
+    recording = pipeline.load(named_recording(settings.config), settings)
     for text in recording.quality_warnings:
         console.warn(text)
     return recording
@@ -205,7 +210,7 @@ def place(
     from maniport.motion import place_path
     from maniport.pipeline.following import bounded_profiles
     from maniport.pipeline.results import RESULT_FILES
-    from maniport.pipeline.settings import plan_settings
+    from maniport.pipeline.settings import plan_options
 
     folder = output_folder(output, [_profile(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
@@ -213,7 +218,7 @@ def place(
     if positions is None:
         raise InvalidInputError("--path is needed: a file of positions of the hand")
     spec, arm = config.spec, pipeline.load_single_arm(config)
-    (targets,), control = bounded_profiles([target], spec), plan_settings(config, arm)
+    (targets,), control = bounded_profiles([target], spec), plan_options(config, arm)
     with console.progress() as progress:
         placed = place_path(
             positions, targets, arm, time=time, scale=config.scale, tilt=config.tilt, workspace=config.bounds.T,

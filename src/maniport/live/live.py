@@ -26,11 +26,11 @@ from maniport.live.state import (
 from maniport.live.targets import Target, TargetQueue
 from maniport.live.transport import as_frame, as_joints
 from maniport.mocap import ArmFit, HumanMotion
-from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanSettings
+from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanOptions
 from maniport.motion.costs.cost import as_costs
-from maniport.motion.plan.plan_settings import require_free
+from maniport.motion.plan.plan_options import require_free
 from maniport.pipeline import TransferResult
-from maniport.pipeline.settings import plan_settings
+from maniport.pipeline.settings import plan_options
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -62,7 +62,7 @@ class Live:
     spec : EllipsoidSpec
         Ellipsoids of the adapter.
     motion_limits, collisions
-        As in `maniport.motion.PlanSettings`.
+        As in `maniport.motion.PlanOptions`.
     start : array_like, shape (dof,)
         Configuration of the robot, at rest, such as the first of a plan. It may be within the margin of joint limits,
         from where the robot moves inward only.
@@ -135,7 +135,7 @@ class Live:
             )
             for own, map_, base, placement in zip(persons, adapters, bases, paths, strict=True)
         ]
-        control = PlanSettings(motion_limits=motion_limits, collisions=collisions).resolved(robot)
+        control = PlanOptions(motion_limits=motion_limits, collisions=collisions).resolved(robot)
         bounds = control.motion_limits
         assert isinstance(bounds, MotionLimits)
         self.robot, own_collisions = bounds.arm, control.collisions or None
@@ -211,7 +211,7 @@ class Live:
         robot = result.robot if len(result.arms) > 1 else result.arm.robot
         if result.motion is None:
             raise InvalidInputError("result has no motion; transfer the recording with move=True")
-        control = plan_settings(result.config, robot)
+        control = plan_options(result.config, robot)
         paths = [arm.placement for arm in result.arms if arm.placement is not None]
         joints = result.motion.trajectory.joint_positions
         defaults: dict[str, Any] = {

@@ -1,6 +1,6 @@
 """Motions of robots: feasible ellipsoids, placement of paths, planning, time parameterization and control.
 
-Target ellipsoids and positions are plain arrays, in the arm's base frame.
+Targets are in the arm's base frame.
 """
 
 from maniport.motion.arm_model import robot_model
@@ -14,9 +14,10 @@ from maniport.motion.placement.place_path import place_path
 from maniport.motion.placement.placement import Place, Placement
 from maniport.motion.plan.group_planner import Planner
 from maniport.motion.plan.plan_motion import plan_motion
-from maniport.motion.plan.plan_settings import PlanSettings
+from maniport.motion.plan.plan_options import PlanOptions
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search import SeedBank
+from maniport.motion.targets import TargetTrajectory
 from maniport.motion.tracker import track
 from maniport.motion.trajectory import Clearance, Trajectory
 
@@ -31,10 +32,11 @@ __all__ = [
     "MotionLimits",
     "Place",
     "Placement",
-    "PlanSettings",
+    "PlanOptions",
     "Planner",
     "RobotMotion",
     "SeedBank",
+    "TargetTrajectory",
     "Trajectory",
     "export_motion",
     "nearest_feasible",

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation, Slerp
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.joint_space import JointSpace
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
@@ -17,6 +17,7 @@ from maniport.spd.affine_invariant import geodesic
 from maniport.spd.kernels import congruence, roots, symmetrize
 from maniport.spd.matrix_functions import apply
 from maniport.spd.regularization import Regularization
+from maniport.util.defaults import DAMPING
 from maniport.util.validation import (
     Array,
     Rows,
@@ -66,6 +67,36 @@ class TargetTrajectory:
     positions: Array | None = None
     rotations: Array | None = None
     direction_weights: Array | None = None
+
+    @classmethod
+    def checked(
+        cls,
+        arm: Arm,
+        time: ArrayLike,
+        ellipsoids: ArrayLike,
+        *,
+        positions: ArrayLike | None = None,
+        rotations: ArrayLike | None = None,
+        spec: EllipsoidSpec = VELOCITY,
+        damping: Damping = DAMPING,
+        direction_weights: ArrayLike | None = None,
+    ) -> "TargetTrajectory":
+        """Check targets of an arm, n ≥ 2, and copy them; the arguments are the attributes.
+
+        A number as damping is relative to the mean eigenvalue of the arm's ellipsoids.
+
+        Raises
+        ------
+        InvalidInputError, NotSPDError
+            When an argument has a wrong shape or value, an ellipsoid is asymmetric or, with the damping, not
+            positive-definite, or the arm cannot follow such ellipsoids.
+        """
+        arm_damping = damping_of(arm, spec, damping, positive=True)  # also checks the arm
+        require_trackable(arm, spec)
+        checked_spec = arm.checked_spec(spec)
+        return _checked_target(
+            time, checked_spec, arm_damping, ellipsoids, positions, direction_weights, rotations
+        )
 
     def __len__(self) -> int:
         return len(self.time)
@@ -244,6 +275,46 @@ def checked_targets(
         arm_damping = damping_of(arm, arm_spec, damping, positive=True)
         targets.append(_checked_target(time, arm_spec, arm_damping, *values))
     return targets
+
+
+def targets_of_arms(
+    robot: Arm | ArmGroup, targets: TargetTrajectory | Sequence[TargetTrajectory]
+) -> list[TargetTrajectory]:
+    """Check the targets of each arm of a group, or of an arm, which have the same times."""
+    group = as_group(robot)
+    if isinstance(targets, TargetTrajectory):
+        targets = (targets,)
+    if not isinstance(targets, Sequence):
+        raise InvalidInputError(
+            f"targets must be a TargetTrajectory for each arm; found {type(targets).__name__}"
+        )
+    if len(targets) != len(group):
+        raise InvalidInputError(
+            f"targets must be {len(group)}, one for each arm; found {len(targets)}"
+        )
+
+    checked = []
+    for i, (arm, target) in enumerate(zip(group.arms, targets, strict=True)):
+        if not isinstance(target, TargetTrajectory):
+            raise InvalidInputError(
+                f"targets[{i}] must be a TargetTrajectory; found {type(target).__name__}"
+            )
+        if not np.array_equal(target.time, targets[0].time):
+            raise InvalidInputError(f"targets[{i}] must have the times of targets[0]")
+        if (target.positions is None) != (targets[0].positions is None):
+            raise InvalidInputError("positions must be of all arms or of none")
+        again = TargetTrajectory.checked(
+            arm,
+            target.time,
+            target.ellipsoids,
+            positions=target.positions,
+            rotations=target.rotations,
+            spec=target.spec,
+            damping=target.damping,
+            direction_weights=target.direction_weights,
+        )
+        checked.append(again)
+    return checked
 
 
 def _checked_target(

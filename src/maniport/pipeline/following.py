@@ -17,14 +17,14 @@ from maniport.motion import (
     SeedBank,
     nearest_feasible,
     place_path,
-    plan_motion,
 )
 from maniport.motion.demands import demands_of
+from maniport.motion.plan.plan_motion import plan_checked
 from maniport.motion.search import interpolated_distance
-from maniport.motion.targets import Damping, damping_of
+from maniport.motion.targets import Damping, TargetTrajectory, damping_of
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult, MotionResult
-from maniport.pipeline.settings import Settings, plan_settings, with_limits
+from maniport.pipeline.settings import Settings, plan_options, with_limits
 from maniport.util.progress import Progress, Step, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, as_points, as_times
@@ -48,52 +48,28 @@ class SampledRobot:
         return None if self.planner is None or spec.bounded != spec else self.planner.arms[arm].bank
 
 
-@dataclass(frozen=True, eq=False)
-class MotionTargets:
-    """Velocity ellipsoids (n, d, d), and paths (n, 3) [m] and rotations (n, 3, 3) of the end effectors, of each arm."""
+def placement_rows(count: int) -> NDArray[np.intp]:
+    """Rows of the waypoints that paths are placed by, evenly spaced; more than 80 change little."""
+    return np.arange(0, count, 1 + (count - 1) // 80)
 
-    time: Array  # (n,) [s]
-    profiles: tuple[Array, ...]
-    paths: tuple[Array, ...] | None
-    spec: EllipsoidSpec
-    damping: Damping
-    map_rotation: Array | None = (
-        None  # rotation of the ellipsoids by the maps, and of the paths (3, 3)
-    )
-    hand_rotations: tuple[Array, ...] | None = (
-        None  # they become `rotations` where the paths are placed
-    )
-    rotations: tuple[Array, ...] | None = None  # in the base frame
-    pointwise_bests: tuple[Array, ...] | None = (
-        None  # distances of the pointwise optima (n,), once placed
-    )
 
-    @property
-    def rows(self) -> NDArray[np.intp]:
-        """Rows of the waypoints that the paths are placed by, evenly spaced; more than 80 change little."""
-        return np.arange(0, len(self.time), 1 + (len(self.time) - 1) // 80)
-
-    def placed(self, placements: tuple[Placement, ...]) -> "MotionTargets":
-        """Return the targets where the paths were placed, in the robot's base frame."""
-        assert self.paths is not None
-        rotations = self.rotations
-        if self.hand_rotations is not None:
-            pairs = zip(placements, self.hand_rotations, strict=True)
-            rotations = tuple(
-                np.asarray(own.rotation @ own.map_rotation @ hand) for own, hand in pairs
-            )
-        return replace(
-            self,
-            profiles=tuple(
-                own.turned(profile) for own, profile in zip(placements, self.profiles, strict=True)
-            ),
-            paths=tuple(own.apply(path) for own, path in zip(placements, self.paths, strict=True)),
+def placed_targets(
+    targets: Sequence[TargetTrajectory], placements: Sequence[Placement]
+) -> tuple[TargetTrajectory, ...]:
+    """Return the targets where their paths were placed, in the robot's base frame."""
+    placed = []
+    for target, placement in zip(targets, placements, strict=True):
+        rotations = None
+        if target.rotations is not None:
+            rotations = placement.rotation @ placement.map_rotation @ target.rotations
+        moved = replace(
+            target,
+            ellipsoids=placement.turned(target.ellipsoids),
+            positions=placement.apply(target.path),
             rotations=rotations,
-            pointwise_bests=tuple(
-                interpolated_distance(self.rows, own.pointwise_best, len(self.time))
-                for own in placements
-            ),
         )
+        placed.append(moved)
+    return tuple(placed)
 
 
 def bounded_profiles(profiles: Sequence[Array], spec: EllipsoidSpec) -> tuple[Array, ...]:
@@ -112,66 +88,102 @@ def along(direction: Sequence[float], count: int) -> Array:
 
 def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     """Sample the robot within its limits."""
-    assert settings.control is not None
-    limits = settings.control.motion_limits
+    assert settings.plan is not None
+    limits = settings.plan.motion_limits
     assert isinstance(limits, MotionLimits)
     step = Step(settings.progress, "Sample robot")
-    planner = Planner.of(
-        limits, settings.config.spec.bounded, settings.control.collisions, generator
-    )
+    planner = Planner.of(limits, settings.config.spec.bounded, settings.plan.collisions, generator)
     step.end()
     return planner
 
 
+def _common_damping(targets: Sequence[TargetTrajectory]) -> Damping:
+    """Return the damping of all arms, or where it is relative to each arm, its ratio."""
+    damping = targets[0].damping
+    if any(target.damping != damping for target in targets):
+        return damping.damping
+    return damping
+
+
 def move(
-    targets: MotionTargets, robot: SampledRobot, settings: Settings, placed: bool = True
+    targets: tuple[TargetTrajectory, ...],
+    robot: SampledRobot,
+    settings: Settings,
+    map_rotation: Array | None = None,
+    placed: bool = True,
 ) -> tuple[RobotMotion, tuple[Placement, ...] | None]:
-    """Place the paths and plan a motion along them; where it collides, again with the second best placement."""
+    """Place the paths and plan a motion along them; where it collides, again with the second best placement.
+
+    `map_rotation` (3, 3) is that of the ellipsoids by the maps, which the paths get, too.
+    """
     if not placed:
         return plan(targets, robot, settings), None
-    placements = place(targets, robot, settings)
-    motion = plan(targets.placed(placements), robot, settings)
+    placements = place(targets, robot, settings, map_rotation)
+    motion = plan(placed_targets(targets, placements), robot, settings, placements)
     if motion.clearance.share > 0.0 and len(placements[0].candidates) > 1:
-        others = place(targets, robot, settings, rank=2)
-        other = plan(targets.placed(others), robot, settings)
+        others = place(targets, robot, settings, map_rotation, rank=2)
+        other = plan(placed_targets(targets, others), robot, settings, others)
         if other.clearance.share < motion.clearance.share:
             placements, motion = others, other
     return motion, placements if settings.config.hand_targets == "placed" else None
 
 
 def place(
-    targets: MotionTargets, robot: SampledRobot, settings: Settings, rank: int = 1
+    targets: tuple[TargetTrajectory, ...],
+    robot: SampledRobot,
+    settings: Settings,
+    map_rotation: Array | None,
+    rank: int = 1,
 ) -> tuple[Placement, ...]:
     """Place the paths relative to the robot, by some of their waypoints; `rank` as in `place_path`."""
-    assert targets.paths is not None
     assert robot.planner is not None
-    arms, config, rows, demands = robot.planner.arms, settings.config, targets.rows, None
+    arms, config, demands = robot.planner.arms, settings.config, None
+    time = targets[0].time
+    rows = placement_rows(len(time))
     scale: Any = config.scale
     if config.real_time:
         scale = REAL_TIME_SCALES if scale is None else scale
-        pairs = zip(arms, targets.paths, strict=True)
-        demands = [demands_of(own.limits, targets.time, path, rows) for own, path in pairs]
+        pairs = zip(arms, targets, strict=True)
+        demands = [demands_of(own.limits, time, target.path, rows) for own, target in pairs]
     placements: tuple[Placement, ...] = place_path(
-        [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
-        [own.limits.arm for own in arms], time=targets.time[rows], map_rotation=targets.map_rotation,
+        [target.path[rows] for target in targets], [target.ellipsoids[rows] for target in targets],
+        [own.limits.arm for own in arms], time=time[rows], map_rotation=map_rotation,
         demands=demands, scale=scale, workspace=config.bounds.T,
         reachability_map=[own.reachability_map for own in arms],
-        bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
+        bank=[own.bank for own in arms], rank=rank, spec=targets[0].spec, damping=_common_damping(targets),
         random_state=robot.random, progress=settings.progress,
     )  # fmt: skip
     return placements
 
 
-def plan(targets: MotionTargets, robot: SampledRobot, settings: Settings) -> RobotMotion:
-    """Plan a motion of all arms along targets in the base frame."""
+def plan(
+    targets: Sequence[TargetTrajectory],
+    robot: SampledRobot,
+    settings: Settings,
+    placements: Sequence[Placement] | None = None,
+) -> RobotMotion:
+    """Plan a motion of all arms along targets in the base frame; placements have their pointwise optima."""
     assert robot.planner is not None
-    assert settings.control is not None
-    return plan_motion(
-        robot.planner.group, targets.profiles, time=targets.time, paths=targets.paths, rotations=targets.rotations,
-        spec=targets.spec, damping=targets.damping, costs=settings.config.costs,
-        hand_targets=settings.config.hand_targets, planner=robot.planner, pointwise_bests=targets.pointwise_bests,
-        random_state=robot.random, progress=settings.progress, **vars(settings.control),
-    )  # fmt: skip
+    assert settings.plan is not None
+    count = len(targets[0])
+    orientation = settings.config.orientation
+    if not isinstance(orientation, str):
+        rotations = along(orientation, count)
+        targets = [replace(target, rotations=rotations) for target in targets]
+    bests = None
+    if placements is not None:
+        rows = placement_rows(count)
+        bests = [
+            interpolated_distance(rows, placement.pointwise_best, count) for placement in placements
+        ]
+    return plan_checked(
+        robot.planner,
+        targets,
+        settings.plan,
+        pointwise_bests=bests,
+        random=robot.random,
+        progress=settings.progress,
+    )
 
 
 def measure(
@@ -185,8 +197,8 @@ def measure(
     results = []
     for i, (name, arm, spec) in enumerate(zip(names, settings.arms, settings.specs, strict=True)):
         result = ArmResult(name=name, robot=arm, spec=spec)
-        if motion is not None and planner is not None and settings.control is not None:
-            own, part, budget = planner.arms[i], motion.arms[i], settings.control.budget
+        if motion is not None and planner is not None and settings.plan is not None:
+            own, part, budget = planner.arms[i], motion.arms[i], settings.plan.budget
             rows = evenly_spaced(len(part.target), budget.gap_points)
             nearest = nearest_feasible(
                 own.limits.arm, part.target[rows], bank=own.bank, spec=part.spec, damping=part.damping,
@@ -257,7 +269,7 @@ def follow_profile(
         raise InvalidInputError(text)
     robot = with_limits(robot, config)
     settings = Settings(
-        config, robot, plan_settings(config, robot), progress=progress or no_progress
+        config, robot, plan_options(config, robot), progress=progress or no_progress
     )
     for name in ("workspace", "scale"):
         if getattr(config, name) is not None and (paths is None or not config.place):
@@ -269,21 +281,28 @@ def follow_profile(
             raise InvalidInputError(
                 f"{name} must be {len(group)}, one for each arm, of shape ({len(times)}, ...) as time; found {shapes}"
             )
-    spec, damping = config.spec.bounded, config.damping if damping is None else damping
-    targets = MotionTargets(
-        times,
-        bounded_profiles([as_finite(profile, "profile") for profile in profiles], config.spec),
-        None if paths is None else tuple(as_finite(path, "path") for path in paths),
-        spec,
-        damping_of(group.arms[0], spec, damping, positive=True),
-        rotations=None
-        if isinstance(orientation, str)
-        else (along(orientation, len(times)),) * len(group),
+    spec = config.spec.bounded
+    regularization = damping_of(
+        group.arms[0], spec, config.damping if damping is None else damping, positive=True
     )
+    ellipsoids = bounded_profiles([as_finite(one, "profile") for one in profiles], config.spec)
+    targets = []
+    for i, (arm, arm_spec) in enumerate(zip(group.arms, group.specs(spec), strict=True)):
+        target = TargetTrajectory.checked(
+            arm,
+            times,
+            ellipsoids[i],
+            positions=None if paths is None else paths[i],
+            spec=arm_spec,
+            damping=regularization,
+        )
+        targets.append(target)
     sampled = SampledRobot(
         planner_of(settings, generator) if planner is None else planner, (), generator
     )
-    motion, placements = move(targets, sampled, settings, placed=config.place and paths is not None)
+    motion, placements = move(
+        tuple(targets), sampled, settings, placed=config.place and paths is not None
+    )
     names = group.names if len(group) > 1 else (group.arms[0].name,)
     arms = measure(motion, placements, sampled.planner, names, settings)
     return MotionResult(robot=group, arms=arms, motion=motion, config=config)

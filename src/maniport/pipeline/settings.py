@@ -13,7 +13,7 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import FileFormatError, InvalidInputError, argument, shown
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.arm_ik import require_person
-from maniport.motion import MotionLimits, PlanSettings
+from maniport.motion import MotionLimits, PlanOptions
 from maniport.pipeline.config import Config
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import AUTO, BOTH
@@ -28,7 +28,7 @@ class Settings:
 
     config: Config
     robot: Arm | ArmGroup
-    control: PlanSettings | None  # resolved for the robot; None where it is not moved
+    plan: PlanOptions | None  # resolved for the robot; None where it is not moved
     adapter: DomainAdapter | None = None  # unfitted; None where a method is selected
     progress: Progress = no_progress
 
@@ -65,8 +65,8 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
         and as_choice(config.method, "method", (AUTO, *METHODS)) == AUTO
     )
     adapter = None if selects else adapter_of(config)
-    control = plan_settings(config, robot) if config.move else None
-    return Settings(config, robot, control, adapter, progress or no_progress)
+    plan = plan_options(config, robot) if config.move else None
+    return Settings(config, robot, plan, adapter, progress or no_progress)
 
 
 def adapter_of(config: Config) -> DomainAdapter:
@@ -203,8 +203,8 @@ def with_limits(robot: Arm | ArmGroup, config: Config) -> Arm | ArmGroup:
     return robot.with_limits(velocity, limits.effort if np.isfinite(limits.effort).all() else None)
 
 
-def plan_settings(config: Config, arm: Arm | ArmGroup) -> PlanSettings:
-    """Return the settings of `maniport.motion.plan_motion` for a robot, with its limits and collisions, checked."""
+def plan_options(config: Config, arm: Arm | ArmGroup) -> PlanOptions:
+    """Return the options of `maniport.motion.plan_motion` for a robot, with its limits and collisions, checked."""
     if config.hand_targets == "relative" and len(as_group(arm)) == 1:
         raise InvalidInputError(
             f"{argument('hand_targets', 'relative')} needs several arms; found {arm.name}"
@@ -219,6 +219,6 @@ def plan_settings(config: Config, arm: Arm | ArmGroup) -> PlanSettings:
     around = {name: getattr(config, name) for name in ("table", "obstacles", "srdf")}
     surrounded = any(value is not None for value in around.values())
     model = Collisions.of(limits.arm, **around) if surrounded else config.collisions
-    names = {item.name for item in fields(PlanSettings)} - {"motion_limits", "collisions"}
+    names = {item.name for item in fields(PlanOptions)} - {"motion_limits", "collisions"}
     options = {name: getattr(config, name) for name in names}
-    return PlanSettings(**options, motion_limits=limits, collisions=model).resolved(arm)
+    return PlanOptions(**options, motion_limits=limits, collisions=model).resolved(arm)

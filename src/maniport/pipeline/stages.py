@@ -22,15 +22,14 @@ from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, 
 from maniport.evaluation import Capability, Evaluation, compare_capabilities, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
 from maniport.evaluation.comparison import with_feasible_set
-from maniport.mocap import HumanMotion, Recording, fit_arms
-from maniport.motion import Placement, RobotMotion
+from maniport.mocap import ArmFit, HumanMotion, Recording, fit_arms
+from maniport.motion import Placement, Planner, RobotMotion
 from maniport.motion.arm_model import require_trackable
+from maniport.motion.targets import TargetTrajectory, damping_of
 from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.following import (
-    MotionTargets,
     SampledRobot,
-    along,
     bounded_profiles,
     measure,
     move,
@@ -38,6 +37,7 @@ from maniport.pipeline.following import (
 )
 from maniport.pipeline.results import ArmTransfer, TransferResult
 from maniport.pipeline.settings import Settings, fit_options, read_part, settings_of
+from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.defaults import DAMPING
@@ -87,20 +87,27 @@ def transfer_recording(
         allowed=("human", "robot", "transfer", "motion"), **options
     )
     settings = settings_of(_with_source(config, recording), progress)
+    if isinstance(recording, LearnedProfile):
+        return transfer_part(recording, settings)
+    with collected_warnings() as texts:
+        part = load(recording, settings)
+    result = transfer_part(part, settings)
+    return replace(result, warnings=tuple(dict.fromkeys((*texts, *result.warnings))))
+
+
+def transfer_part(recording: Recording | LearnedProfile, settings: Settings) -> TransferResult:
+    """Transfer the part of a recording that is used."""
     with (
         threadpool_limits(1),
         collected_warnings() as texts,
     ):  # one thread: sums round equally with any number of cores
-        if not isinstance(recording, LearnedProfile):
-            recording = load(recording, settings)
         human = fit_human(recording, settings)
         robot = sample_robot(settings)
         maps = fit_transfer(human, robot, settings)
-        moved = (
-            None
-            if robot.planner is None
-            else move(targets_of(human, maps, settings), robot, settings)
-        )
+        moved = None
+        if robot.planner is not None:
+            targets = targets_of(human, maps, robot.planner, settings)
+            moved = move(targets, robot, settings, mean_rotation(maps))
         result = evaluate(human, robot, maps, moved, settings)
     return replace(result, warnings=tuple(texts))
 
@@ -111,8 +118,14 @@ def _with_source(config: Config, recording: Recording | LearnedProfile | str | P
         return config
     if not isinstance(recording, Recording):
         return config.changed(recording=recording)
-    part: dict[str, Any] = {"start": float(recording.time[0]), "stop": float(recording.time[-1])}
-    return config.changed(recording=str(recording.source), **part) if recording.source else config
+    if not recording.source:
+        return config
+    part: dict[str, Any] = {}
+    if config.start is None:
+        part["start"] = float(recording.time[0])
+    if config.stop is None:
+        part["stop"] = float(recording.time[-1])
+    return config.changed(recording=str(recording.source), **part)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,17 +134,19 @@ class Human:
 
     recording: Recording
     motion: HumanMotion
-    profiles: tuple[Array, ...]
-    hands: tuple[Array, ...]
+    ellipsoids: tuple[Array, ...]
+    hand_paths: tuple[Array, ...]
 
     def subsampled(self, rate: float) -> "Human":
         """Keep at most so many frames a second [Hz], evenly spaced."""
         count = max(MIN_FRAMES, int(np.ceil(np.ptp(self.motion.time) * rate)) + 1)
         rows = evenly_spaced(len(self.motion), count)
-        profiles, hands = (
-            tuple(values[rows] for values in arms) for arms in (self.profiles, self.hands)
+        return Human(
+            self.recording,
+            self.motion.only(rows),
+            tuple(ellipsoids[rows] for ellipsoids in self.ellipsoids),
+            tuple(path[rows] for path in self.hand_paths),
         )
-        return Human(self.recording, self.motion.only(rows), profiles, hands)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,25 +180,29 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
             raise InvalidInputError(
                 f"spec must be that of the learned profile, {recording.config.spec}; found {settings.config.spec}"
             )
-        parts, reference = recording.each_arm(), recording.reference
-        profiles, hands = [part.profile for part in parts], [part.path for part in parts]
-        recording, motion = reference.recording, reference.motion
+        demonstrated = recording.each_arm()
+        ellipsoids = [arm.profile for arm in demonstrated]
+        hand_paths = [arm.path for arm in demonstrated]
+        motion = recording.reference.motion
+        recording = recording.reference.recording
     else:
         motion = fit_arms(recording, **fit_options(settings.config), progress=settings.progress)
         _require_frames(recording, len(motion), "frames with the arm fully observed")
-        profiles = [
-            fit.arm.ellipsoids(fit.joint_angles, settings.config.spec) for fit in motion.arms
-        ]
-        hands = list(motion.hands)
-    own, count = len(motion.arms), len(settings.arms)
-    if own > count:
-        raise InvalidInputError(f"the profile is of {own} arms, and the robot has {count}")
-    if own < count:  # each robot arm moves in front of its own base
+        spec = settings.config.spec
+        ellipsoids = [fit.arm.ellipsoids(fit.joint_angles, spec) for fit in motion.arms]
+        hand_paths = list(motion.hands)
+
+    arms = len(motion.arms)
+    count = len(settings.arms)
+    if arms > count:
+        raise InvalidInputError(f"the profile is of {arms} arms, and the robot has {count}")
+    if arms < count:  # each robot arm moves in front of its own base
         origins = as_group(settings.robot).base_positions
         bases = origins - origins.mean(axis=0)
-        motion, profiles = HumanMotion(motion.arms * count, bases), profiles * count
-        hands = [hands[0] + base for base in bases]
-    return Human(recording, motion, tuple(profiles), tuple(hands))
+        motion = HumanMotion(motion.arms * count, bases)
+        ellipsoids = ellipsoids * count
+        hand_paths = [hand_paths[0] + base for base in bases]
+    return Human(recording, motion, tuple(ellipsoids), tuple(hand_paths))
 
 
 def sample_robot(settings: Settings) -> SampledRobot:
@@ -193,7 +212,7 @@ def sample_robot(settings: Settings) -> SampledRobot:
         None,
         settings.config.seed + 1,
     )
-    if settings.control is not None:
+    if settings.plan is not None:
         try:
             for arm, spec in zip(settings.arms, settings.specs, strict=True):
                 require_trackable(arm, spec)
@@ -224,7 +243,7 @@ def sample_robot(settings: Settings) -> SampledRobot:
 
 def fit_transfer(human: Human, robot: SampledRobot, settings: Settings) -> tuple[FittedMap, ...]:
     """Fit the map of ellipsoids for each arm, by the method of the settings or a selected one."""
-    pairs = enumerate(zip(human.motion.arms, human.profiles, strict=True))
+    pairs = enumerate(zip(human.motion.arms, human.ellipsoids, strict=True))
     return tuple(fit_map(fit.arm, profile, robot, settings, arm) for arm, (fit, profile) in pairs)
 
 
@@ -270,46 +289,65 @@ def sample_teacher(person: Arm, settings: Settings) -> Array:
 
 
 def targets_of(
-    human: Human, maps: Sequence[FittedMap], settings: Settings, largest_turn: float = 5.0
-) -> MotionTargets:
-    """Map the demonstrated ellipsoids; collect all targets of the robot's motion.
+    human: Human, maps: Sequence[FittedMap], planner: Planner, settings: Settings
+) -> tuple[TargetTrajectory, ...]:
+    """Map the demonstrated ellipsoids of each arm; paths and rotations of the hands are those of the person.
 
-    All paths get the mean rotation of the maps, with a warning where two differ by more than `largest_turn` [deg].
+    The ellipsoids are those of `EllipsoidSpec.bounded`: the inverses of force ellipsoids. All arms have the strongest
+    damping of the maps.
     """
-    adapters, spec, orientation = (
-        [own.adapter for own in maps],
-        settings.config.spec,
-        settings.config.orientation,
-    )
-    profiles = [
-        adapter.transform(profile)
-        for adapter, profile in zip(adapters, human.profiles, strict=True)
-    ]
-    strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
-    turns = [adapter.map_rotation_ for adapter in adapters]
-    angle = max(
-        (float(np.degrees(rotation_angle(turns[0], turn))) for turn in turns[1:]), default=0.0
-    )
+    spec = settings.config.spec
+    adapters = [fitted.adapter for fitted in maps]
+    strongest = max((each.student_regularization for each in adapters), key=_epsilon)
+    maps_damp = strongest.epsilon > 0.0 and spec.kind != "force"
+
+    targets = []
+    arms = zip(adapters, human.ellipsoids, human.hand_paths, human.motion.arms, strict=True)
+    for i, (adapter, ellipsoids, hand_path, fit) in enumerate(arms):
+        (mapped,) = bounded_profiles([adapter.transform(ellipsoids)], spec)
+        damping = strongest
+        if not maps_damp:
+            damping = damping_of(planner.arms[i].limits.arm, spec.bounded, DAMPING)
+        target = TargetTrajectory(
+            time=human.motion.time,
+            ellipsoids=mapped,
+            spec=spec.bounded,
+            damping=damping,
+            positions=hand_path,
+            rotations=_hand_rotations(fit, settings.config.orientation),
+        )
+        targets.append(target)
+    return tuple(targets)
+
+
+def _epsilon(regularization: Regularization) -> float:
+    return regularization.epsilon
+
+
+def _hand_rotations(fit: ArmFit, orientation: str | Sequence[float]) -> Array | None:
+    """Return the rotations of the hand (n, 3, 3) that the end effector shall have, unless it is free or has others."""
+    if not isinstance(orientation, str) or orientation == "free":
+        return None
+    rotations = hand_rotations(fit.arm, fit.joint_angles)
+    if orientation == "constant":
+        return np.broadcast_to(rotations[0], rotations.shape)
+    return rotations
+
+
+def mean_rotation(maps: Sequence[FittedMap], largest_turn: float = 5.0) -> Array:
+    """Return the mean rotation (3, 3) of the maps, which all paths get.
+
+    There is a warning where two differ by more than `largest_turn` [deg].
+    """
+    rotations = [fitted.adapter.map_rotation_ for fitted in maps]
+    if len(rotations) == 1:
+        return rotations[0]
+    angles = [np.degrees(rotation_angle(rotations[0], rotation)) for rotation in rotations[1:]]
+    angle = float(max(angles))
     if angle > largest_turn:
         text = f"the adapters rotate ellipsoids by up to {angle:.0f}° differently; the paths get their mean rotation"
         warnings.warn(text, ManiportWarning, stacklevel=2)
-    time, rotations, hands = human.motion.time, None, None
-    if not isinstance(orientation, str):
-        rotations = (along(orientation, len(time)),) * len(maps)
-    elif orientation != "free":
-        hands = tuple(hand_rotations(fit.arm, fit.joint_angles) for fit in human.motion.arms)
-        if orientation == "constant":
-            hands = tuple(np.broadcast_to(hand[0], hand.shape) for hand in hands)
-    return MotionTargets(
-        time,
-        bounded_profiles(profiles, spec),
-        human.hands,
-        spec.bounded,
-        strongest if strongest.epsilon > 0.0 and spec.kind != "force" else DAMPING,
-        turns[0] if len(turns) == 1 else orthonormal(np.sum(turns, axis=0)),
-        hands,
-        rotations,
-    )
+    return orthonormal(np.sum(rotations, axis=0))
 
 
 def evaluate(
@@ -328,7 +366,7 @@ def evaluate(
     motion, placements = moved or (None, None)
     parts = measure(motion, placements, robot.planner, names, settings)
     for i, (part, own, profile, fit) in enumerate(
-        zip(parts, maps, human.profiles, fits, strict=True)
+        zip(parts, maps, human.ellipsoids, fits, strict=True)
     ):
         evaluation, place, capabilities = own.evaluation, part.placement, tuple[Capability, ...]()
         if evaluation is None and baselines:

@@ -13,7 +13,7 @@ from maniport.pipeline.results import RESULT_FILES, MotionResult, TransferResult
 from maniport.report.describe import report_of
 from maniport.report.render import PAGE, SUMMARY, write_report
 from maniport.report.values import Report
-from maniport.util.atomic_io import folder_written_whole, require_free
+from maniport.util.atomic_io import folder_written_whole
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
 
@@ -67,9 +67,9 @@ def write_results(
         raise InvalidInputError(
             f"exports are of a robot's motion, of which there is none; found {sorted(formats)}"
         )
-    require_free(Path(folder), RESULT_FILES, overwrite)
-    step, report = Step(progress, "Write results"), report_of(result)
+    step = Step(progress, "Write results")
     with folder_written_whole(folder, RESULT_FILES, overwrite) as staging:
+        report = report_of(result)
         write_run(result, report, formats, staging, os.path.abspath(folder))
         result.config.save(staging / CONFIG)
     step.end()

@@ -20,7 +20,7 @@ from maniport.motion.plan.optimizer import (
     optimize,
     optimize_to_tolerance,
 )
-from maniport.motion.plan.plan_settings import PlanSettings
+from maniport.motion.plan.plan_options import PlanOptions
 from maniport.motion.plan.planner import (
     ArmPlanner,
     as_early_as_possible,
@@ -83,18 +83,21 @@ class Planner:
         """All arms, with the margin of their limits."""
         return as_group(self.limits.arm)
 
-    def require_fits(self, arm: Arm | ArmGroup, spec: EllipsoidSpec) -> None:
-        """Raise InvalidInputError unless this plans for such arms, within limits of their own, and `spec`."""
-        own, other = self.group.arms, as_group(arm).arms
-        if len(own) != len(other):
-            raise InvalidInputError(f"the planner was made for {len(own)} arms; found {len(other)}")
-        for pair in zip(own, other, strict=True):
-            require_compatible("the planner was made for", pair, (self.spec, spec))
+    def require_fits(self, robot: Arm | ArmGroup, specs: Sequence[EllipsoidSpec]) -> None:
+        """Raise InvalidInputError unless this plans for such arms, within limits of their own, and their ellipsoids."""
+        arms = as_group(robot).arms
+        if len(self.arms) != len(arms):
+            raise InvalidInputError(
+                f"the planner was made for {len(self.arms)} arms; found {len(arms)}"
+            )
+        for own, arm, spec in zip(self.arms, arms, specs, strict=True):
+            pair = (own.limits.arm, arm)
+            require_compatible("the planner was made for", pair, (own.bank.spec, spec))
 
     def solve(
         self,
         problem: MotionProblem,
-        settings: PlanSettings,
+        options: PlanOptions,
         random_state: Any = 0,
         progress: Part = ignore_fraction,
         separate: Sequence[ArmProblem] | None = None,
@@ -115,15 +118,15 @@ class Planner:
                 collisions=arm.reachability_map.collisions,
                 costs=problem.costs if count == 1 else (),
             )
-            q, timed = arm.solve(alone, settings, own, part)
+            q, timed = arm.solve(alone, options, own, part)
             parts.append(q)
-        return (timed, False) if count == 1 else self._joined(problem, parts, settings, random)
+        return (timed, False) if count == 1 else self._joined(problem, parts, options, random)
 
     def _joined(
         self,
         problem: MotionProblem,
         parts: Sequence[Array],
-        settings: PlanSettings,
+        options: PlanOptions,
         random: np.random.Generator,
     ) -> tuple[Trajectory, bool]:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact."""
@@ -142,8 +145,8 @@ class Planner:
         near = collisions is not None and collisions.between.checked
         near = near and bool(np.any(collisions.between.clearance(mean) < CLEARANCE))  # type: ignore[union-attr]
         if not (group.shared or problem.costs or near):
-            return as_early_as_possible(problem, mean, settings), False
-        time, terms, _ = coarse_terms(problem, settings)
+            return as_early_as_possible(problem, mean, options), False
+        time, terms, _ = coarse_terms(problem, options)
         optimized, cost = list[Array](), TrajectoryCost(problem.robot, problem, time, terms)
 
         def attempts() -> Iterator[tuple[float, list[Array]]]:
@@ -151,16 +154,16 @@ class Planner:
             yield 1.0, starts
             has_paths = all(arm.position is not None for arm in problem.arms)
             if has_paths and not group.shared and collisions is not None:
-                yield 1.0, self._prioritized(problem, parts, settings, random)
+                yield 1.0, self._prioritized(problem, parts, options, random)
             yield 3.0, []
             yield np.inf, []
 
         for factor, more in attempts():
-            tolerance = factor * settings.position_tolerance
+            tolerance = factor * options.position_tolerance
             optimized += [optimize(problem, time, q, terms, POSITION_WEIGHTS[0]) for q in more]
             best = min(optimized, key=lambda q: cost.evaluate(q)[0])
             q = optimize_to_tolerance(problem, time, best, terms, tolerance)
-            timed = time_parameterized(problem, q, settings, tolerance)[1]
+            timed = time_parameterized(problem, q, options, tolerance)[1]
             if collisions is None or not collisions.collides(timed.control_positions).any():
                 break
         return timed, True
@@ -169,14 +172,14 @@ class Planner:
         self,
         problem: MotionProblem,
         parts: Sequence[Array],
-        settings: PlanSettings,
+        options: PlanOptions,
         random: np.random.Generator,
     ) -> list[Array]:
         """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others."""
         group, collisions, motions = self.group, problem.collisions, []
         assert collisions is not None
-        time, _, joint_motion_weight = coarse_terms(problem, settings)
-        rows = stages_of(time, settings.budget.stage)
+        time, _, joint_motion_weight = coarse_terms(problem, options)
+        rows = stages_of(time, options.budget.stage)
         for first in reversed(range(len(parts))):
             own = list(parts)
             for i in (first, *(k for k in range(len(parts)) if k != first)):

@@ -2,51 +2,41 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.configurations import Configurations
-from maniport.motion.costs.cost import Cost, as_costs
+from maniport.motion.costs.cost import as_costs
 from maniport.motion.costs.orientation import axis_weights
 from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.group_planner import Planner
-from maniport.motion.plan.plan_settings import PlanSettings
+from maniport.motion.plan.plan_options import PlanOptions
 from maniport.motion.plan.planner import planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import EXACT_WEIGHT, ArmProblem, CostWeights, MotionProblem
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.search import interpolated_distance, pointwise_best
-from maniport.motion.targets import Damping, checked_targets, of_each, require_few
-from maniport.util.defaults import DAMPING
+from maniport.motion.targets import TargetTrajectory, require_few, targets_of_arms
 from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_finite, as_generator, require_shape
+from maniport.util.validation import Array, as_finite, as_generator, require_shape
 
 LONGEST_GAP = 0.16  # Between waypoints at the planning time scale [s]
 
 
 def plan_motion(
-    arms: Arm | ArmGroup,
-    profiles: ArrayLike | Sequence[ArrayLike],
+    robot: Arm | ArmGroup,
+    targets: TargetTrajectory | Sequence[TargetTrajectory],
+    options: PlanOptions | None = None,
     *,
-    time: ArrayLike,
-    paths: ArrayLike | Sequence[ArrayLike] | None = None,
-    spec: EllipsoidSpec = VELOCITY,
-    damping: Damping = DAMPING,
-    weights: ArrayLike | Sequence[ArrayLike] | None = None,
-    rotations: ArrayLike | Sequence[ArrayLike] | None = None,
-    costs: Sequence[Cost] = (),
-    hand_targets: str = "placed",
     planner: Planner | None = None,
-    pointwise_bests: ArrayLike | Sequence[ArrayLike] | None = None,
-    random_state: Any = 0,
+    pointwise_bests: Sequence[ArrayLike] | None = None,
+    random_state: int | np.random.Generator | None = 0,
     progress: Progress | None = None,
-    **control: Any,
 ) -> RobotMotion:
     """Plan a motion whose velocity ellipsoids come as near to target ones as possible, with end effectors on paths.
 
@@ -56,74 +46,111 @@ def plan_motion(
 
     Parameters
     ----------
-    arms : Arm or ArmGroup
-        With a group, `profiles`, `paths`, `weights`, `rotations` and `pointwise_bests` are sequences with one array for
-        each arm; with an arm they are the array itself.
-    profiles : array_like, shape (n, d, d), or a sequence of them
-        Target velocity ellipsoids in the base frame, without damping, n ≥ 2.
-    time : array_like, shape (n,)
-        Demonstrated times, increasing [s].
-    paths : array_like, shape (n, 3), or a sequence of them, optional
-        Target positions of the end effectors in the base frame [m].
-    spec, damping, weights, progress
-        As in `maniport.motion.track`.
-    rotations : array_like, shape (n, 3, 3), or a sequence of them, optional
-        Target orientations of the end effectors in the base frame; `orientation_axes` sets which axes count. The
-        pointwise optimum ignores them.
-    costs : sequence of Cost, optional
-        Further costs, over all joints; see `maniport.motion.Cost`. The pointwise optimum ignores them.
-    hand_targets : {"placed", "relative"}
-        Whether the end effectors follow their paths, or only keep the vectors from the first end effector to the
-        others; the arms of the result then have no paths.
+    robot : Arm or ArmGroup
+    targets : TargetTrajectory or sequence of them
+        Of the arm, or of each arm of a group: velocity ellipsoids at the same demonstrated times and, optionally,
+        positions and rotations of the end effector, in the base frame. `TargetTrajectory.checked` makes them. The
+        pointwise optimum ignores rotations.
+    options : PlanOptions, optional
+        Limits, collisions and the home configuration are for all joints.
     planner : Planner, optional
-        A planner of these arms, ellipsoids and limits. Default: a new one (0.5 s for an arm).
-    pointwise_bests : array_like, shape (n,), or a sequence of them, optional
-        The pointwise optimum, as from `place_path`. Default: searched (0.6 s for an arm).
+        A planner of these arms, ellipsoids and limits, whose limits and collisions are used. Default: a new one (0.5 s
+        for an arm).
+    pointwise_bests : sequence of array_like, shape (n,), optional
+        The pointwise optimum of each arm, as from `place_path`. Default: searched (0.6 s for an arm).
     random_state : None, int or numpy.random.Generator
-    **control
-        Options of `maniport.motion.PlanSettings`; limits, collisions and the home configuration are for all joints.
+    progress : callable, optional
+        Called with the name of a step, the fraction done and, at its end, a message.
 
+    Raises
+    ------
+    InvalidInputError, NotSPDError
+        When a target or an option is wrong, or a planner is of other arms or ellipsoids.
     """
-    settings = PlanSettings(**control)
-    if not isinstance(arms, Arm | ArmGroup):
-        raise InvalidInputError(f"arms must be an Arm or an ArmGroup; found {type(arms).__name__}")
-    if planner is not None:
-        planner.require_fits(arms, spec)
-    settings = settings.resolved(arms, planner)
-    arrays = {"profiles": profiles, "paths": paths, "weights": weights, "rotations": rotations}
-    cost_weights = CostWeights(EXACT_WEIGHT, axis_weights(settings.orientation_axes))
-    targets = checked_targets(arms, time, spec, damping, arrays)
-    waypoint_times = targets[0].time
-    if len({target.positions is None for target in targets}) > 1:
-        raise InvalidInputError("paths must be of all arms or of none")
-    require_few(np.ptp(waypoint_times) / settings.speed_scale * settings.rate)
-    bests: list[Array] | None = None
-    if pointwise_bests is not None:
-        bests = [
-            as_finite(best, "pointwise_bests").copy()
-            for best in of_each(pointwise_bests, "pointwise_bests", arms)
-        ]
-        for best in bests:
-            require_shape(
-                best, "pointwise_bests", (len(waypoint_times),), ", one row for each time"
-            )
-    relative = as_choice(hand_targets, "hand_targets", ("placed", "relative")) == "relative"
-    if relative and (paths is None or len(targets) < 2):
+    if not isinstance(robot, Arm | ArmGroup):
         raise InvalidInputError(
-            "hand_targets='relative' keeps vectors between end effectors; give several arms with paths"
+            f"robot must be an Arm or an ArmGroup; found {type(robot).__name__}"
         )
-    further_costs = as_costs(costs, arms, waypoint_times)
+    if options is None:
+        options = PlanOptions()
+    checked = targets_of_arms(robot, targets)
+    bests = None
+    if pointwise_bests is not None:
+        bests = _checked_bests(pointwise_bests, checked)
+    specs = [target.spec for target in checked]
+    if planner is not None:
+        planner.require_fits(robot, specs)
+    options = options.resolved(robot, planner)
     generator = as_generator(random_state)
-    step = Step(progress, "Plan trajectory")
     if planner is None:
-        assert isinstance(settings.motion_limits, MotionLimits)
-        planner = Planner.of(settings.motion_limits, spec, settings.collisions, generator)
+        assert isinstance(options.motion_limits, MotionLimits)
+        spec = group_spec(as_group(robot), specs)
+        planner = Planner.of(options.motion_limits, spec, options.collisions, generator)
+    return plan_checked(
+        planner,
+        checked,
+        options,
+        pointwise_bests=bests,
+        random=generator,
+        progress=progress,
+    )
+
+
+def _checked_bests(
+    pointwise_bests: Sequence[ArrayLike], targets: Sequence[TargetTrajectory]
+) -> list[Array]:
+    if len(pointwise_bests) != len(targets):
+        raise InvalidInputError(
+            f"pointwise_bests must be {len(targets)}, one for each arm; found {len(pointwise_bests)}"
+        )
+    bests = []
+    for best, target in zip(pointwise_bests, targets, strict=True):
+        checked = as_finite(best, "pointwise_bests").copy()
+        require_shape(checked, "pointwise_bests", (len(target),), ", one row for each time")
+        bests.append(checked)
+    return bests
+
+
+def group_spec(group: ArmGroup, specs: Sequence[EllipsoidSpec]) -> EllipsoidSpec:
+    """Return the ellipsoids of a group, whose numbers as joint weights are those of the arms."""
+    weights = specs[0].joint_weights
+    if len(specs) == 1 or weights is None or isinstance(weights, str):
+        if any(spec != specs[0] for spec in specs):
+            raise InvalidInputError("targets must have one spec for all arms without a planner")
+        return specs[0]
+    joined = np.ones(group.dof)
+    for columns, spec in zip(group.columns, specs, strict=True):
+        joined[columns] = spec.joint_weights
+    return replace(specs[0], joint_weights=tuple(joined))
+
+
+def plan_checked(
+    planner: Planner,
+    targets: Sequence[TargetTrajectory],
+    options: PlanOptions,
+    *,
+    pointwise_bests: Sequence[Array] | None,
+    random: np.random.Generator,
+    progress: Progress | None,
+) -> RobotMotion:
+    """Plan a motion as `plan_motion` does, with targets that are checked and options that are resolved."""
     group = planner.group
     limits = planner.limits
     collisions = planner.collisions
+    waypoint_times = targets[0].time
+    duration = float(np.ptp(waypoint_times))
+    require_few(duration / options.speed_scale * options.rate)
+    relative = options.hand_targets == "relative"
+    if relative and (targets[0].positions is None or len(targets) < 2):
+        raise InvalidInputError(
+            "hand_targets='relative' keeps vectors between end effectors; give several arms with paths"
+        )
+    further_costs = as_costs(options.costs, group, waypoint_times)
+    step = Step(progress, "Plan trajectory")
 
     # waypoints are inserted between distant ones
-    gap = LONGEST_GAP / planning_time_scale(settings)
+    gap = LONGEST_GAP / planning_time_scale(options)
+    cost_weights = CostWeights(EXACT_WEIGHT, axis_weights(options.orientation_axes))
     problems = []
     for arm, target in zip(group.arms, targets, strict=True):
         refined, rows = target.refined(gap)  # the same rows for all arms
@@ -140,30 +167,38 @@ def plan_motion(
     problem = MotionProblem(
         refined_time, joint_problems, limits, collisions, (*further_costs, *vectors)
     )
-    trajectory, coupled = planner.solve(
-        problem, settings, generator, between(step, 0.2, 0.9), separate
-    )
+    trajectory, coupled = planner.solve(problem, options, random, between(step, 0.2, 0.9), separate)
 
     problem = problem[rows]  # without the inserted waypoints
     q = trajectory.joint_positions[rows]
     trajectory = replace(trajectory, time=trajectory.time[rows], joint_positions=q)
-    if settings.home is not None:
-        trajectory = with_approach(trajectory, limits, np.asarray(settings.home))
-    step.end(f"{trajectory.control_time[-1]:.1f} s (human {np.ptp(waypoint_times):.1f} s)")
-    step, kept = Step(progress, "Evaluate trajectory"), dict[str, Any]()
-    if bests is None:
-        bests = _pointwise_bests(planner, problem, vectors, q)
-    if relative:
-        at = Configurations(group, q, problem.time)
-        kept["relative"] = np.stack([cost.vectors_at(problem.time) for cost in vectors], axis=1)
-        kept["relative_error"] = np.stack([cost.error(at) for cost in vectors], axis=1)
+    if options.home is not None:
+        trajectory = with_approach(trajectory, limits, np.asarray(options.home))
+    step.end(f"{trajectory.control_time[-1]:.1f} s (human {duration:.1f} s)")
+
+    step = Step(progress, "Evaluate trajectory")
+    if pointwise_bests is None:
+        pointwise_bests = _pointwise_bests(planner, problem, vectors, q)
     at_waypoints = []
     for arm, target in zip(group.arms, targets, strict=True):
         at_waypoints.append(ArmProblem.of(arm, target, cost_weights))
     motion = RobotMotion.of(
-        group, at_waypoints, trajectory, collisions, limits.velocity, coupled=coupled,
-        position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, **kept,
-    )  # fmt: skip
+        group,
+        at_waypoints,
+        trajectory,
+        collisions,
+        limits.velocity,
+        position_tolerance=float(options.position_tolerance),
+        pointwise_bests=pointwise_bests,
+        coupled=coupled,
+    )
+    if relative:
+        at = Configurations(group, q, problem.time)
+        motion = replace(
+            motion,
+            relative=np.stack([cost.vectors_at(problem.time) for cost in vectors], axis=1),
+            relative_error=np.stack([cost.error(at) for cost in vectors], axis=1),
+        )
     step.end()
     return motion
 
@@ -177,7 +212,7 @@ def _pointwise_bests(
 ) -> list[Array]:
     """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
     rows = evenly_spaced(len(q), most)
-    count = PlanSettings.budget.pointwise_starts
+    count = PlanOptions.budget.pointwise_starts
     columns = planner.group.columns
     arms = tuple(arm[rows].without_rotations() for arm in problem.arms)
     starts = []

@@ -20,7 +20,7 @@ from maniport.motion.plan.optimizer import (
     relaxed,
     time_weights,
 )
-from maniport.motion.plan.plan_settings import PlanSettings
+from maniport.motion.plan.plan_options import PlanOptions
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import (
     JOINT_MOTION_WEIGHT,
@@ -44,18 +44,18 @@ SMOOTHNESS = 0.04
 accurate, but the limits then slow the trajectory down: by about the same share, more seconds for a long recording."""
 
 
-def planning_time_scale(settings: PlanSettings) -> float:
+def planning_time_scale(options: PlanOptions) -> float:
     """Return how many times the demonstrated time a trajectory is planned for."""
-    return max(1.0 / settings.speed_scale, 1.0 if settings.real_time else PLANNING_TIME_SCALE)
+    return max(1.0 / options.speed_scale, 1.0 if options.real_time else PLANNING_TIME_SCALE)
 
 
 def coarse_terms(
-    problem: MotionProblem, settings: PlanSettings
+    problem: MotionProblem, options: PlanOptions
 ) -> tuple[Array, TrajectoryTerms, float]:
     """Return times of the waypoints and terms on the planning time scale, and the joint motion weight of the search."""
-    time = planning_time_scale(settings) * (problem.time - problem.time[0])
+    time = planning_time_scale(options) * (problem.time - problem.time[0])
     share = SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
-    speeds, tolerance = SPEED_SHARE * problem.limits.velocity, settings.budget.rel_tol
+    speeds, tolerance = SPEED_SHARE * problem.limits.velocity, options.budget.rel_tol
     terms = TrajectoryTerms(
         share * 0.12,
         share * 4e-3,
@@ -77,16 +77,16 @@ class ArmPlanner:
     def solve(
         self,
         problem: MotionProblem,
-        settings: PlanSettings,
+        options: PlanOptions,
         random: np.random.Generator,
         progress: Part = ignore_fraction,
     ) -> tuple[Array, Trajectory]:
         """Plan a motion; return the configurations at the waypoints (n, dof), and the timed motion."""
-        time, terms, joint_motion_weight = coarse_terms(problem, settings)
-        stages = stages_of(time, settings.budget.stage)
+        time, terms, joint_motion_weight = coarse_terms(problem, options)
+        stages = stages_of(time, options.budget.stage)
         # short paths get more nodes: of a UR5's motion of 10 s the distance is 14 % less with 700 than with 300
         more = float(np.clip(150.0 / len(stages), 1.0, 2.4))
-        nodes = self.roadmap(problem[stages], int(more * settings.budget.nodes), random)
+        nodes = self.roadmap(problem[stages], int(more * options.budget.nodes), random)
         progress(0.4)
         path = self.search(nodes, time[stages], joint_motion_weight)
         progress(0.6)
@@ -96,9 +96,9 @@ class ArmPlanner:
             1e-3,
         )  # [m]; less than this is met with the time
         q = optimize_to_tolerance(
-            problem, time, q, terms, max(settings.position_tolerance, coarse_tolerance)
+            problem, time, q, terms, max(options.position_tolerance, coarse_tolerance)
         )
-        return time_parameterized(problem, q, settings, settings.position_tolerance)
+        return time_parameterized(problem, q, options, options.position_tolerance)
 
     def roadmap(self, problem: MotionProblem, count: int, random: np.random.Generator) -> Roadmap:
         """Make nodes on the path, or, without one, with similar ellipsoids; collision-free where possible."""
@@ -155,32 +155,32 @@ class ArmPlanner:
         return shortest_path(nodes, time, largest, joint_motion_weight)
 
 
-def as_early_as_possible(problem: MotionProblem, q: Array, settings: PlanSettings) -> Trajectory:
+def as_early_as_possible(problem: MotionProblem, q: Array, options: PlanOptions) -> Trajectory:
     """Time a trajectory (n, dof) within the limits, no faster than the speed scale allows."""
-    earliest = (problem.time - problem.time[0]) / settings.speed_scale
-    return retime(problem.limits, earliest, q, rate=settings.rate)
+    earliest = (problem.time - problem.time[0]) / options.speed_scale
+    return retime(problem.limits, earliest, q, rate=options.rate)
 
 
 def time_parameterized(
-    problem: MotionProblem, q: Array, settings: PlanSettings, tolerance: float
+    problem: MotionProblem, q: Array, options: PlanOptions, tolerance: float
 ) -> tuple[Array, Trajectory]:
     """Time a trajectory, optimize it with the smoothness that this time demands, relax it, and time it again."""
     time, limits, collisions = (
-        as_early_as_possible(problem, q, settings).time,
+        as_early_as_possible(problem, q, options).time,
         problem.limits,
         problem.collisions,
     )
     weights = time_weights(problem.time) * np.ptp(time) / np.ptp(problem.time)
     speeds, accelerations = SPEED_SHARE * limits.velocity, SPEED_SHARE * limits.acceleration
     terms = TrajectoryTerms(
-        3e-3, 1e-6, weights, speeds, accelerations, collisions, settings.budget.rel_tol
+        3e-3, 1e-6, weights, speeds, accelerations, collisions, options.budget.rel_tol
     )
     q = optimize_to_tolerance(problem, time, q, terms, tolerance)
-    timed = as_early_as_possible(problem, q, settings)
+    timed = as_early_as_possible(problem, q, options)
     other = relaxed(problem, time, q, terms, tolerance)
     if other is q:
         return q, timed
-    other_timed = as_early_as_possible(problem, other, settings)
+    other_timed = as_early_as_possible(problem, other, options)
     if collisions is not None:
         before, after = (
             collisions.collides(motion.control_positions).mean() for motion in (timed, other_timed)
