@@ -75,21 +75,14 @@ def transferred(name: str, motion: Motion) -> Comparison:
     damping, time = adapter.student_regularization, motion.robot_time
     begin = clock.process_time()
     planner = Planner.of(MotionLimits.of(robot), VELOCITY)
-    bank = planner.arms[0].bank
-    placed = place_path(
-        motion.hand,
-        adapter.transform(motion.profile),
-        planner.limits.arm,
-        time=time,
-        reachability_map=planner.arms[0].reachability_map,
-        bank=bank,
-        damping=damping,
-    )
     targets = TargetTrajectory.checked(
-        robot, time, placed.profile, positions=placed.path, damping=damping
+        robot, time, adapter.transform(motion.profile), positions=motion.hand, damping=damping
     )
     options = PlanOptions(position_tolerance=1e-3)
-    (plan,) = plan_motion(robot, targets, options, planner=planner).arms
+    placed = place_path(robot, targets, planner=planner, plan=options)[0]
+    (plan,) = plan_motion(
+        robot, placed.moved(targets), options, planner=planner, starts=[placed.joint_positions]
+    ).arms
     seconds = clock.process_time() - begin
     # the tracker has the same margin of the joint limits as the plan
     (tracked,) = track(

@@ -15,7 +15,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.mocap import shipped_recording
-from maniport.motion import PlanOptions, TargetTrajectory, place_path, plan_motion
+from maniport.motion import PlacementOptions, PlanOptions, TargetTrajectory, place_path, plan_motion
 
 TOLERANCE = (
     0.005  # of the end-effector position [m]; the planner uses it to reduce the ellipsoid distance
@@ -42,16 +42,17 @@ def main(folder):
     target, damping = adapter.transform(profile), adapter.student_regularization
 
     # 3. Place the path where the robot reaches the target ellipsoids best; it rotates with the ellipsoids.
+    targets = TargetTrajectory.checked(robot, person.time, target, positions=hand, damping=damping)
     placed = place_path(
-        hand, target, robot, map_rotation=adapter.map_rotation_, scale=(0.5, 1.0), damping=damping
-    )
+        robot, targets, PlacementOptions(scale=(0.5, 1.0)), map_rotation=adapter.map_rotation_
+    )[0]
     print(placed)
 
     # 4. Plan the trajectory: position within the tolerance, smallest ellipsoid distance, within the Panda's limits.
-    targets = TargetTrajectory.checked(
-        robot, person.time, placed.profile, positions=placed.path, damping=damping
-    )
-    (motion,) = plan_motion(robot, targets, PlanOptions(position_tolerance=TOLERANCE)).arms
+    options = PlanOptions(position_tolerance=TOLERANCE)
+    (motion,) = plan_motion(
+        robot, placed.moved(targets), options, starts=[placed.joint_positions]
+    ).arms
     print(
         f"duration {motion.control_time[-1]:.1f} s; ratio to the pointwise optimum {motion.pointwise_ratio:.2f}"
     )

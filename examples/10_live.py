@@ -31,11 +31,11 @@ def calibrate(recording, robot, clock):
     adapter.fit(mp.sample_domain(person.arm, 2048, 0), mp.sample_domain(robot, 8192, 1))
     joints = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(joints))
-    path = place_path(
-        person.arm.forward(joints)[:, :3, 3], target, robot, map_rotation=adapter.map_rotation_
-    )
-    targets = TargetTrajectory.checked(robot, person.time[::8], path.profile, positions=path.path)
-    plan = plan_motion(robot, targets).trajectory.joint_positions
+    hand = person.arm.forward(joints)[:, :3, 3]
+    targets = TargetTrajectory.checked(robot, person.time[::8], target, positions=hand)
+    path = place_path(robot, targets, map_rotation=adapter.map_rotation_)[0]
+    motion = plan_motion(robot, path.moved(targets), starts=[path.joint_positions])
+    plan = motion.trajectory.joint_positions
     return person, mp.Live(
         person,
         adapter,

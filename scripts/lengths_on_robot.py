@@ -150,11 +150,12 @@ def compare(
             begin = clock.process_time()
             asked, rigid, path = target, targets[RIGID], None
             if with_path:
-                placed = place_path(
-                    motion.hand, target, planner.limits.arm, time=time, bank=planner.arms[0].bank,
-                    reachability_map=planner.arms[0].reachability_map,
-                    damping=damping, random_state=seed,
-                )  # fmt: skip
+                demonstrated_target = TargetTrajectory.checked(
+                    robot, time, target, positions=motion.hand, damping=damping
+                )
+                placed = place_path(robot, demonstrated_target, planner=planner, random_state=seed)[
+                    0
+                ]
                 asked, rigid, path = placed.profile, placed.turned(targets[RIGID]), placed.path
             placed_target = TargetTrajectory.checked(
                 robot, time, asked, positions=path, damping=damping

@@ -6,7 +6,7 @@ from maniport.arms import VELOCITY
 from maniport.motion import PlanOptions, RobotMotion, TargetTrajectory, plan_motion
 from maniport.util.defaults import DAMPING
 
-ARGUMENTS = ("planner", "pointwise_bests", "random_state", "progress")
+ARGUMENTS = ("planner", "starts", "random_state", "progress")
 
 
 def planned_motion(

@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 
 from maniport.arms import load_arm
-from maniport.motion.plan.plan_options import PlanOptions
+from maniport.motion.plan.plan_options import PlacementRound, PlanOptions
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 
@@ -22,7 +22,12 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 @contextmanager
 def little_search(**budget):
     """Patch the search budget so that little is searched, with a small reachability map, for results that any do."""
-    less = {"candidates": 64, "placement_nodes": 24, "nodes": 150, "stage": 1.0, "rel_tol": 1e-3}
+    rounds = (
+        PlacementRound(32, 8, 30.0, 4),
+        PlacementRound(8, 12, 60.0, 6),
+        PlacementRound(2, 24, 200.0, 20),
+    )
+    less = {"candidates": 64, "rounds": rounds, "nodes": 150, "stage": 1.0, "rel_tol": 1e-3}
     gap = {"pointwise_starts": 8, "gap_points": 40, "gap_starts": 16}
     few = replace(PlanOptions.budget, **less | gap | budget)
     with (

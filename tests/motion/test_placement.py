@@ -1,6 +1,7 @@
 """Where a hand path lets an arm make the target ellipsoids."""
 
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -8,19 +9,22 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import block_diag
 
 from arm_problems import arm_problem
-from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.arms.chain import pose, rotation_about
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arms
+from maniport.arms.chain import rotation_about
 from maniport.arms.collisions import Collisions
-from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import MotionLimits, SeedBank, place_path
+from maniport.motion import (
+    MotionLimits,
+    PlacementOptions,
+    Planner,
+    PlanOptions,
+    TargetTrajectory,
+    place_path,
+)
 from maniport.motion.demands import demands_of
-from maniport.motion.placement.place_path import as_workspace, fixed_place
+from maniport.motion.placement.cost import PlacedMotions, PlacementCost
 from maniport.motion.placement.placement import SCALE, TILT, ArmPath, PlacementProblem
-from maniport.motion.placement.search import PlacementTrajectoryCost
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
-from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.problem import CostWeights
 from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
@@ -32,7 +36,7 @@ FOUR = Arm.from_dh(
     "four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2
 )
 COUNT = 6
-TERMS = TrajectoryTerms(0.02, 1e-4, np.full(COUNT, 1.0 / COUNT))
+TERMS = TrajectoryTerms(0.02, 1e-4)
 PLACE = np.array([0.1, 0.5, 0.4, 0.7, 0.4, 0.1, 0.5])
 
 
@@ -42,59 +46,89 @@ def motion(panda):
     return panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_samples():
+    """A small reachability map suffices."""
+    with mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 20_000):
+        yield
+
+
 @pytest.fixture(scope="module")
-def common(panda, bank):
-    """Options of all searches: little effort and a small reachability map suffice."""
-    reachability_map = ReachabilityMap(panda, VELOCITY, 20_000)
-    return {"damping": DAMPING, "bank": bank, "reachability_map": reachability_map}
+def planner(panda, few_samples):
+    """Return a planner without collisions."""
+    return planner_of(panda)
+
+
+def planner_of(robot, spec=VELOCITY, collisions=False):
+    """Return a planner within the whole ranges of the joints."""
+    limits = MotionLimits.of(robot, joint_limit_margin=0.0)
+    return Planner.of(limits, spec, collisions)
+
+
+def target_of(arm, path, profile, spec=VELOCITY, damping=DAMPING):
+    """Return targets at even times."""
+    time = np.linspace(0.0, 2.0, len(path))
+    return TargetTrajectory.checked(arm, time, profile, positions=path, spec=spec, damping=damping)
+
+
+def placed_best(path, profile, planner, spec=VELOCITY, **options):
+    """Return the best placement of one arm."""
+    arm = planner.group.arms[0]
+    target = target_of(arm, path, profile, spec)
+    return place_path(arm, target, PlacementOptions(**options), planner=planner)[0]
 
 
 @pytest.mark.slow
-def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):
-    aside = Arm(standing(panda.chain, pose([0.1, 0.6, 0.0])))
-    maps = common["reachability_map"], ReachabilityMap(aside, VELOCITY, 20_000)
-    both = common | {"reachability_map": maps, "bank": (common["bank"], SeedBank(aside, 4096))}
-    path, profile = motion
-    tips, turn = (path, path[::-1] + np.array([0.1, 0.6, 0.0])), rotation_about(2, 0.7)
+def test_own_paths_of_two_arms_keep_their_relation():
+    pandas = load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    planner = planner_of(pandas)
+    joints = START + 0.4 * np.sin(np.outer(TIME, [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5]))
+    tips = []
+    ellipsoids = []
+    for arm, q in zip(pandas.arms, (joints, joints[::-1]), strict=True):
+        tips.append(arm.forward(q)[:, :3, 3])
+        ellipsoids.append(arm.manipulability(q))
+    turn = rotation_about(2, 0.7)
     middle = np.concatenate(tips).mean(axis=0)
     world = [(tip - middle) @ turn for tip in tips]
-    turned = [congruence(turn.T, ellipsoids) for ellipsoids in (profile, profile[::-1])]
-    placements = place_path(
-        world, turned, (panda, aside), scale=1.0, yaw=0.7, offset=middle, **both
-    )
-    for placed, tip in zip(placements, tips, strict=True):
+    targets = []
+    for arm, path, profile in zip(planner.group.arms, world, ellipsoids, strict=True):
+        targets.append(target_of(arm, path, congruence(turn.T, profile)))
+    fixed = PlacementOptions(scale=1.0, yaw=0.7, offset=middle)
+    best = place_path(pandas, targets, fixed, planner=planner)[0]
+    for placed, tip in zip(best, tips, strict=True):
         assert_allclose(placed.path, tip, atol=1e-12)
-        assert placed.pointwise_best.max() < 1e-3
-    first, second = place_path(world, turned, (panda, aside), **both, workspace=[(0.2, 0.8)] * 3)
+        assert np.median(placed.distance) < 0.3
+    inside = PlacementOptions(scale=(0.2, 2.0), workspace=[(0.1, 0.9)] * 3)
+    first, second = place_path(pandas, targets, inside, planner=planner)[0]
     assert (first.scale, first.yaw, *first.offset) == (second.scale, second.yaw, *second.offset)
     assert_allclose(
         first.path - second.path, first.scale * (world[0] - world[1]) @ first.rotation.T, atol=1e-12
     )
-    assert min(first.path.min(), second.path.min()) >= 0.2 - 1e-8
+    assert min(first.path.min(), second.path.min()) >= 0.1 - 1e-8
 
 
-def test_own_path_is_found_again(panda, common, motion):
+def test_own_path_is_found_again(planner, motion):
     path, profile = motion
     turn = rotation_about(2, 0.7)
     moved, turned = 0.8 * (path - [1.0, 2.0, 3.0]) @ turn.T, congruence(turn, profile)
-    placed = place_path(moved, turned, panda, **common)
-    fixed = place_path(moved, turned, panda, scale=1.0, yaw=0.0, offset=(0.45, 0.0, 0.4), **common)
+    placed = placed_best(moved, turned, planner)
+    fixed = placed_best(moved, turned, planner, scale=1.0, yaw=0.0, offset=(0.45, 0.0, 0.4))
     assert placed.reachable.all()
-    assert np.median(placed.pointwise_best) < min(0.15, 0.5 * np.median(fixed.pointwise_best))
+    assert placed.rms < min(0.2, 0.5 * fixed.rms)
     assert_allclose(placed.path, placed.apply(moved), atol=1e-12)
 
 
-def test_far_path_is_reported(panda, common, motion):
+def test_far_path_is_reported(panda, planner, motion):
     path, profile = motion
     far = path.copy()
     far[5:] += [0.0, 0.0, 2.0]
-    placed = place_path(far, profile, panda, scale=1.0, yaw=0.0, offset=far.mean(axis=0), **common)
-    assert_array_equal(placed.reachable, np.arange(12) < 5)
-    assert placed.position_error[5:].min() > 1.0
-    assert "7 of 12" in " ".join(report_of(placed).warnings)
-    assert "7 out of reach" in repr(placed)
+    placed = placed_best(far, profile, planner, scale=1.0, yaw=0.0, offset=far.mean(axis=0))
+    assert not placed.reachable[6:].any()
+    assert placed.position_error[6:].min() > 1.0
+    assert "path-out-of-reach" in report_of(placed).warning_keys
     assert np.all(panda.within_limits(placed.joint_positions))
-    assert np.all(np.isfinite(placed.pointwise_best))
+    assert np.all(np.isfinite(placed.distance))
 
 
 @pytest.mark.parametrize("part", ["rotation", "full"])
@@ -103,19 +137,17 @@ def test_other_parts_turn_too(panda, motion, part):
     joints, spec = START + 0.2 * np.sin(np.outer(TIME[:6], np.ones(7))), EllipsoidSpec(part=part)
     path, profile = panda.forward(joints)[:, :3, 3], panda.ellipsoids(joints, spec)
     turn = rotation_about(2, -0.5)
-    placed = place_path(
-        path @ turn.T, congruence(block_diag(turn, turn) if part == "full" else turn, profile), panda, scale=1.0,
-        yaw=0.5, offset=path.mean(axis=0), damping=DAMPING, spec=spec,
-        reachability_map=ReachabilityMap(panda, spec, 4096), bank=SeedBank(panda, 4096, spec=spec),
-    )  # fmt: skip
+    turned = congruence(block_diag(turn, turn) if part == "full" else turn, profile)
+    planner = planner_of(panda, spec)
+    center = path.mean(axis=0)
+    placed = placed_best(path @ turn.T, turned, planner, spec, scale=1.0, yaw=0.5, offset=center)
     assert_allclose(placed.profile, profile, atol=1e-12)
-    assert placed.pointwise_best.max() < 1e-2
 
 
-def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
+def test_leaning_base_sees_the_path_turned_the_other_way(planner, motion):
     path, profile = motion
-    placed = place_path(
-        path, profile, panda, tilt=0.6, scale=0.8, yaw=0.2, offset=(None, None, 0.5), **common
+    placed = placed_best(
+        path, profile, planner, tilt=0.6, scale=0.8, yaw=0.2, offset=(None, None, 0.5)
     )
     assert (placed.scale, placed.yaw, placed.offset[2]) == pytest.approx((0.8, 0.2, 0.5), abs=1e-12)
     lean = [np.sin(0.6) * np.cos(placed.heading), np.sin(0.6) * np.sin(placed.heading), np.cos(0.6)]
@@ -130,33 +162,39 @@ def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
 
 
 @pytest.mark.slow
-def test_path_stays_in_its_workspace(panda, common, motion):
+def test_path_stays_in_its_workspace(panda, planner, motion):
     bounds, scale = ((0.3, 0.45), (-0.1, 0.2), (None, 0.5)), (0.1, 2.0)
-    placed = place_path(*motion, panda, workspace=bounds, scale=scale, tilt="free", **common)
+    placed = placed_best(*motion, planner, workspace=bounds, scale=scale, tilt="free")
     low, high = np.array([0.3, -0.1, -np.inf]), np.array([0.45, 0.2, 0.5])
     assert np.all((placed.path >= low - 1e-8) & (placed.path <= high + 1e-8))
-    above = ReachabilityMap(panda, VELOCITY, 4096, collisions=Collisions.of(panda, table=0.0))
-    options = common | {"reachability_map": above}
-    placed = place_path(*motion, panda, offset=(0.4, 0.0, None), scale=(0.8, 1.0), **options)
+    above = planner_of(panda, collisions=Collisions.of(panda, table=0.0))
+    placed = placed_best(*motion, above, offset=(0.4, 0.0, None), scale=(0.8, 1.0))
     assert placed.path[:, 2].min() >= -1e-8
     with pytest.raises(InvalidInputError, match="a table is level in the frame of the base"):
-        place_path(*motion, panda, tilt=0.3, **options)
+        placed_best(*motion, above, tilt=0.3)
 
 
-@pytest.mark.slow
-def test_candidates_are_ranked(panda, common, motion):
-    """The placement itself is the first candidate; `rank` takes another one, and an error names the largest rank."""
-    first, second = (place_path(*motion, panda, scale=0.7, rank=rank, **common) for rank in (1, 2))
-    for placed, candidate in ((first, first.candidates[0]), (second, second.candidates[1])):
-        assert_array_equal(placed.offset, candidate.offset)
-        assert placed.yaw == candidate.yaw
-        assert candidate.planned_distance.shape == (12,)
+def test_placements_are_ranked_and_have_their_own_trajectories(panda, planner, motion):
+    target = target_of(panda, *motion)
+    ranked = place_path(panda, target, PlacementOptions(scale=0.7), planner=planner)
+    assert len(ranked) > 1
+    for placed in ranked:
         assert_allclose(placed.apply(motion[0]), placed.path, atol=1e-12)
-    assert [place.rms for place in second.candidates] == [place.rms for place in first.candidates]
-    assert not np.allclose(second.path, first.path)
-    for rank in (0, len(first.candidates) + 1):
-        with pytest.raises(InvalidInputError, match="rank"):
-            place_path(*motion, panda, scale=0.7, rank=rank, **common)
+        there = arm_problem(panda, placed.profile, placed.path, damping=DAMPING)
+        assert_allclose(there.distance(placed.joint_positions), placed.distance, atol=1e-6)
+        assert_allclose(
+            there.position_error(placed.joint_positions), placed.position_error, atol=1e-9
+        )
+    changes = np.abs(ranked[0].joint_positions - ranked[1].joint_positions)
+    assert changes.max() > 0.2
+
+
+def test_a_placement_moves_other_targets_of_the_motion(panda, planner, motion):
+    target = target_of(panda, *motion)
+    placed = place_path(panda, target, planner=planner)[0]
+    moved = placed.moved(target[:5])
+    assert_allclose(moved.path, placed.path[:5], atol=1e-12)
+    assert_allclose(moved.ellipsoids, placed.profile[:5], atol=1e-12)
 
 
 def problem_of(spec=VELOCITY, demands=(), **fixed):
@@ -165,11 +203,22 @@ def problem_of(spec=VELOCITY, demands=(), **fixed):
         FOUR.ellipsoids(FOUR.sample(COUNT, 1), spec),
         np.random.default_rng(0).normal(size=(COUNT, 3)),
     )
-    place = fixed_place(*(fixed.get(name) for name in ("scale", "yaw", "tilt", "offset")))
-    weights = CostWeights(200.0)
+    options = PlacementOptions(**fixed)
     target = arm_problem(FOUR, profile, 0.1 * path, spec=spec, damping=0.05).target
-    arm = ArmPath(FOUR, target, weights, None, demands)
-    return PlacementProblem((arm,), arm.path, np.arange(COUNT) * 0.3, *place, as_workspace(None))
+    arm = ArmPath(FOUR, target, None, demanded=demands)
+    place = options.components((0.5, 2.0))
+    return PlacementProblem((arm,), arm.path, np.arange(COUNT) * 0.3, *place, options.bounds())
+
+
+def cost_of(problem):
+    """Return the cost of placements with trajectories, without collisions."""
+    return PlacementCost(problem, TERMS, 200.0, avoiding=False)
+
+
+def motions_of(problem, place, *trajectories):
+    """Return one placement (7,) with trajectories (n, dof) of the arms."""
+    q = tuple(trajectory[None] for trajectory in trajectories)
+    return PlacedMotions(problem.time, place[None], q, np.full(1, np.nan))
 
 
 @pytest.mark.parametrize("kind", ["velocity", "force"])
@@ -187,39 +236,46 @@ def test_slopes_are_those_of_the_cost(kind):
     (arm,) = problem.arms
     backwards = replace(arm.target, positions=arm.path[::-1])
     turned_around = replace(arm, target=backwards)
-    both = PlacementTrajectoryCost(replace(problem, arms=(arm, turned_around)), [TERMS, TERMS])
-    _, (arms, place_gradient, place_hessian) = both.evaluate((PLACE, (q, q)))
+    pair = replace(problem, arms=(arm, turned_around))
+    both = cost_of(pair)
+    equations = both.evaluate(motions_of(pair, PLACE, q, q))
     for k, change in enumerate(step * np.eye(len(PLACE))):
-        ends = [both.evaluate((PLACE + side * change, (q, q))) for side in (1.0, -1.0)]
-        assert (ends[0][0] - ends[1][0]) / (4.0 * step) == pytest.approx(
-            place_gradient[k], rel=1e-5, abs=1e-4
-        )
-    assert np.linalg.eigvalsh(place_hessian).min() > -1e-9 * np.trace(place_hessian)
+        ahead = both.evaluate(motions_of(pair, PLACE + change, q, q)).cost[0]
+        behind = both.evaluate(motions_of(pair, PLACE - change, q, q)).cost[0]
+        slope = (ahead - behind) / (4.0 * step)
+        assert slope == pytest.approx(equations.gradient[0, k], rel=1e-5, abs=1e-4)
+    hessian = equations.hessian[0]
+    assert np.linalg.eigvalsh(hessian).min() > -1e-9 * np.trace(hessian)
     change = step * np.random.default_rng(5).normal(size=q.shape)
-    ends = [both.evaluate((PLACE, (q + side * change, q)))[0] for side in (1.0, -1.0)]
-    assert (ends[0] - ends[1]) / 4.0 == pytest.approx(np.sum(arms[0][0] * change), rel=1e-3)
+    ahead = both.evaluate(motions_of(pair, PLACE, q + change, q)).cost[0]
+    behind = both.evaluate(motions_of(pair, PLACE, q - change, q)).cost[0]
+    expected = np.sum(equations.arms[0].gradient[0] * change)
+    assert (ahead - behind) / 4.0 == pytest.approx(expected, rel=1e-3)
+
+
+def test_many_placements_at_once_are_as_each_alone():
+    problem = problem_of(tilt="free")
+    cost = cost_of(problem)
+    places = np.stack([PLACE, PLACE + 0.1])
+    q = np.stack([FOUR.sample(COUNT, 3), FOUR.sample(COUNT, 4)])
+    together = cost.improved(PlacedMotions(problem.time, places, (q,), np.full(2, np.nan)), 20)
+    for i in range(2):
+        alone = cost.improved(motions_of(problem, places[i], q[i]), 20)
+        assert_allclose(together.cost[i], alone.cost[0], rtol=1e-9)
+        assert_allclose(together.q[0][i], alone.q[0][0], atol=1e-6)
 
 
 @pytest.mark.slow
-def test_demands_make_the_path_smaller(panda, common, motion):
+def test_real_time_makes_the_path_smaller(panda, planner, motion):
+    """The same motion in less time has larger velocities and accelerations."""
     path, profile = motion
-    acceleration = np.gradient(np.gradient(path, TIME, axis=0), TIME, axis=0)
-    spec, options = (
-        EllipsoidSpec(joint_weights=MotionLimits.of(panda).acceleration),
-        common | {"scale": (0.2, 1.0)},
-    )
-    free, slow, fast = (
-        place_path(path, profile, panda, **options, demands=[(spec, factor * acceleration)])
-        for factor in (0.0, 1e-3, 30.0)
-    )
-    assert_array_equal(slow.path, free.path)
-    assert fast.scale < 0.7 * free.scale
-    fixed = place_path(
-        path, profile, panda, **common | {"scale": 0.8}, demands=[(spec, 30.0 * acceleration)]
-    )
-    assert fixed.scale == pytest.approx(0.8)
-    with pytest.raises(InvalidInputError, match="demands must have shape"):
-        place_path(path, profile, panda, **common, demands=[(spec, acceleration[1:])])
+    scales = []
+    for seconds in (60.0, 0.6):
+        target = replace(target_of(panda, path, profile), time=np.linspace(0.0, seconds, len(path)))
+        options = PlacementOptions(scale=(0.2, 1.0))
+        plan = PlanOptions(real_time=True)
+        scales.append(place_path(panda, target, options, planner=planner, plan=plan)[0].scale)
+    assert scales[1] < 0.8 * scales[0]
 
 
 def test_demands_of_a_circle(panda):
@@ -251,6 +307,11 @@ def test_gaps_of_a_recording_demand_nothing(panda, missing):
     assert np.median(sizes) == pytest.approx(0.45, rel=0.1)
 
 
+def problem_at(arm, place):
+    """Return the costs of an arm at a placement (7,)."""
+    return arm.problem(place[None]).with_position_weight(200.0)
+
+
 @pytest.mark.parametrize(
     "fixed", [{}, {"tilt": "free"}, {"scale": 0.9, "offset": (None, 0.1, None)}]
 )
@@ -261,12 +322,15 @@ def test_placement_and_motion_improve_together(fixed):
         FOUR.sample(COUNT, 3),
         problem.arms,
     )
-    moved, (improved,) = PlacementTrajectoryCost(problem, [TERMS]).improved((place, (q,)))
-    alone = TrajectoryCost(FOUR, arm.problem(place), problem.time, TERMS)
-    there = TrajectoryCost(FOUR, arm.problem(moved), problem.time, TERMS)
+    improved = cost_of(problem).improved(motions_of(problem, place, q), 60)
+    moved = improved.places[0]
+    after = improved.q[0][0]
+    alone = TrajectoryCost(FOUR, problem_at(arm, place), problem.time, TERMS)
+    there = TrajectoryCost(FOUR, problem_at(arm, moved), problem.time, TERMS)
     without = levenberg_marquardt(alone, q, TERMS.rel_tol)
-    assert there.evaluate(improved)[0] < alone.evaluate(without)[0] < alone.evaluate(q)[0]
-    assert np.all((improved >= FOUR.lower) & (improved <= FOUR.upper))
+    assert there.evaluate(after)[0] < alone.evaluate(without)[0] < alone.evaluate(q)[0]
+    assert improved.cost[0] == pytest.approx(there.evaluate(after)[0])
+    assert np.all((after >= FOUR.lower) & (after <= FOUR.upper))
     assert np.all(
         (moved[SCALE:TILT] >= problem.lower[SCALE:TILT])
         & (moved[SCALE:TILT] <= problem.upper[SCALE:TILT])
@@ -274,28 +338,42 @@ def test_placement_and_motion_improve_together(fixed):
     assert_array_equal(moved[~problem.free], place[~problem.free])
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"path": np.zeros((3, 3))}, "path"), ({"profile": np.tile(np.eye(2), (12, 1, 1))}, "profile"),
-    ({"map_rotation": -np.eye(3)}, "map_rotation"), ({"scale": 0.0}, "scale"),
-    ({"scale": (1.0, 0.5)}, "scale.1. must be a number above 1"), ({"yaw": "left"}, "yaw"),
-    ({"offset": (0.0, 1.0)}, "offset"), ({"spec": EllipsoidSpec(part="rotation")}, "does not fit"),
-    ({"tilt": 4.0}, "tilt"), ({"collisions": 3, "reachability_map": None}, "collisions"),
-    ({"workspace": ((0.0, 1.0), (0.5, 0.5), (None, None))}, "workspace.1..1. must be a number above 0.5"),
-    ({"workspace": ((3.0, 4.0), (None, None), (None, None))}, "reaches nothing in x 3.00 to 4.00"),
-    ({"workspace": ((0.4, 0.41), (None, None), (None, None))}, "does not fit into it"),
-])  # fmt: skip
-def test_bad_input_is_refused(panda, common, motion, change, message):
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"scale": 0.0}, "scale"),
+        ({"scale": (1.0, 0.5)}, "scale.1. must be a number above 1"),
+        ({"yaw": "left"}, "yaw"),
+        ({"offset": (0.0, 1.0)}, "offset"),
+        ({"tilt": 4.0}, "tilt"),
+        (
+            {"workspace": ((0.0, 1.0), (0.5, 0.5), (None, None))},
+            "workspace.1..1. must be a number above 0.5",
+        ),
+    ],
+)
+def test_bad_options_are_refused(options, message):
     with pytest.raises(InvalidInputError, match=message):
-        place_path(**{"path": motion[0], "profile": motion[1], "arm": panda, **common} | change)
+        PlacementOptions(**options)
 
 
-def test_paths_of_several_arms_must_be_as_many(panda, common, motion):
-    path, profile = motion
-    both = {"reachability_map": (common["reachability_map"],) * 2, "bank": (common["bank"],) * 2}
-    for paths, profiles, message in (
-        ((path, path), (profile,), "profile"),
-        ((path, path[:-1]), (profile, profile), r"paths\[1\] must have shape"),
-        ((path, path), (profile, profile[:-1]), r"profiles\[1\] must have shape"),
-    ):
-        with pytest.raises(InvalidInputError, match=message):
-            place_path(paths, profiles, (panda, panda), **both)
+@pytest.mark.parametrize(
+    ("workspace", "message"),
+    [
+        (((3.0, 4.0), (None, None), (None, None)), "reaches nothing in x 3.00 to 4.00"),
+        (((0.4, 0.41), (None, None), (None, None)), "does not fit into it"),
+    ],
+)
+def test_a_workspace_out_of_reach_is_refused(planner, motion, workspace, message):
+    with pytest.raises(InvalidInputError, match=message):
+        placed_best(*motion, planner, workspace=workspace)
+
+
+def test_bad_targets_are_refused(panda, planner, motion):
+    target = target_of(panda, *motion)
+    with pytest.raises(InvalidInputError, match="positions"):
+        place_path(panda, replace(target, positions=None), planner=planner)
+    with pytest.raises(InvalidInputError, match="targets must be 1"):
+        place_path(panda, [target, target], planner=planner)
+    with pytest.raises(InvalidInputError, match="map_rotation"):
+        place_path(panda, target, planner=planner, map_rotation=-np.eye(3))

@@ -1,6 +1,7 @@
 """A planned motion: from rest to rest within all limits, never quicker than the person, near its pointwise optimum."""
 
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -119,7 +120,8 @@ def test_the_achieved_configuration_is_a_candidate_of_the_pointwise_optimum(
 ):
     """Where a search found nothing better than the motion, no comparison is reported."""
     bests = np.full(len(TIME), best)
-    plan = planned_arm(panda, **targets, planner=planner, pointwise_bests=[bests])
+    with mock.patch("maniport.motion.plan.plan_motion._pointwise_bests", return_value=[bests]):
+        plan = planned_arm(panda, **targets, planner=planner)
     arm = require_laws(plan)
     assert_array_equal(arm.distance, planned.arms[0].distance)
     assert_array_equal(arm.pointwise_best, np.minimum(arm.distance, best))

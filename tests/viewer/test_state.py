@@ -148,9 +148,8 @@ def test_both_arms_move_as_each_alone(pandas):
             np.testing.assert_allclose(frame.joints, expected.joints, atol=1e-5)
     with little_search():
         maps = [side.maps.get(METHOD, np.eye(3)) for side in pair.sides]
-        pair.places = in_background(
-            pair.find_places, [side.teacher.sample(4, 0) for side in pair.sides], maps
-        )
+        joints = [side.teacher.sample(4, 0) for side in pair.sides]
+        pair.places = in_background(pair.find_places, np.arange(4.0), joints, maps)
         scales = [place.scale for place in pair.places.result()]
     left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
     hands = [side.teacher.skeleton(POSE)[-1] + side.base for side in pair.sides]

@@ -207,31 +207,53 @@ def place(
     config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
 ) -> None:
     """Find the best placements of a path relative to a robot."""
-    from maniport.motion import place_path
+    from maniport.motion import TargetTrajectory, place_path
     from maniport.pipeline.following import bounded_profiles
     from maniport.pipeline.results import RESULT_FILES
     from maniport.pipeline.settings import plan_options
+    from maniport.report.describe.robots import placements_table
 
     folder = output_folder(output, [_profile(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
     target, positions, time = _targets(config)
+    if time is None:
+        raise InvalidInputError(
+            "the profile has no times; write it with an array 'time' (n,) in seconds"
+        )
     if positions is None:
         raise InvalidInputError("--path is needed: a file of positions of the hand")
     spec, arm = config.spec, pipeline.load_single_arm(config)
     (targets,), control = bounded_profiles([target], spec), plan_options(config, arm)
     with console.progress() as progress:
-        placed = place_path(
-            positions, targets, arm, time=time, scale=config.scale, tilt=config.tilt, workspace=config.bounds.T,
-            rank=config.rank, spec=spec.bounded, damping=config.damping or 0.0, collisions=control.collisions,
-            random_state=config.seed, progress=progress,
-        )  # fmt: skip
+        ranked = place_path(
+            arm,
+            TargetTrajectory.checked(
+                arm,
+                time,
+                targets,
+                spec=spec.bounded,
+                damping=config.damping,
+                positions=positions,
+            ),
+            config.placement,
+            plan=control,
+            random_state=config.seed,
+            progress=progress,
+        )
+    if config.rank > len(ranked):
+        raise InvalidInputError(
+            f"--rank must be at most {len(ranked)}, the number of placements; found {config.rank}"
+        )
+    placed = ranked[config.rank - 1]
     with folder_written_whole(folder, RESULT_FILES, overwrite) as staging:
         placed.write_data(staging, time)
         (profile,) = bounded_profiles([placed.profile], spec)  # of the kind of the options
         save_ellipsoids(staging / "placed_profile.npz", profile, time)
         config.save(staging / CONFIG)
     console.name_folder(folder, chosen=output is None)
-    console.print_report(report_of(placed), output=str(folder))
+    report = report_of(placed)
+    report.sections[0].tables = (placements_table(ranked),)
+    console.print_report(report, output=str(folder))
 
 
 @command(

@@ -10,8 +10,9 @@ from maniport.motion.costs.cost import Cost
 from maniport.motion.exports import export_motion
 from maniport.motion.feasible import FeasibleEllipsoids, FeasibleProjector, nearest_feasible
 from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.placement.options import PlacementOptions
 from maniport.motion.placement.place_path import place_path
-from maniport.motion.placement.placement import Place, Placement
+from maniport.motion.placement.placement import Placement
 from maniport.motion.plan.group_planner import Planner
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.plan_options import PlanOptions
@@ -30,8 +31,8 @@ __all__ = [
     "FeasibleProjector",
     "Limit",
     "MotionLimits",
-    "Place",
     "Placement",
+    "PlacementOptions",
     "PlanOptions",
     "Planner",
     "RobotMotion",

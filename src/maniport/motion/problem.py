@@ -156,6 +156,7 @@ class MotionProblem:
     limits: MotionLimits
     collisions: Collisions | None = None
     costs: tuple[Cost, ...] = ()  # further ones, over all joints
+    start: Array | None = None  # a motion to start from besides others, (n, dof)
 
     @property
     def robot(self) -> Arm | ArmGroup:
@@ -168,7 +169,8 @@ class MotionProblem:
 
     def __getitem__(self, rows: Rows) -> "MotionProblem":
         arms = tuple(arm[rows] for arm in self.arms)
-        return replace(self, time=self.time[rows], arms=arms)
+        start = None if self.start is None else self.start[rows]
+        return replace(self, time=self.time[rows], arms=arms, start=start)
 
     def with_position_weight(self, weight: float) -> "MotionProblem":
         """Return the problem with another weight of position errors [1/m]."""

@@ -127,6 +127,10 @@ class TargetTrajectory:
         assert self.positions is not None
         return self.positions
 
+    def centered(self, center: Array, rotation: Array) -> "TargetTrajectory":
+        """Return the targets with positions relative to a center (3,), then rotated (3, 3)."""
+        return replace(self, positions=(self.path - center) @ rotation.T)
+
     def sampled(self, rate: float) -> "TargetTrajectory":
         """Sample splines at evenly spaced times, `rate` per second, at least as many as there are times."""
         steps = max(int(np.ceil((self.time[-1] - self.time[0]) * rate - 1e-9)), len(self) - 1)

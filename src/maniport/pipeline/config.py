@@ -30,6 +30,7 @@ from maniport.version import __version__
 
 if TYPE_CHECKING:
     from maniport.arms import EllipsoidSpec
+    from maniport.motion import PlacementOptions
 
 CONFIG = "run.yaml"  # file of the configuration in a result folder
 MOST_SAMPLES = 1_000_000  # of a domain; more change no result and need gigabytes
@@ -254,7 +255,7 @@ class Config:
                 f"{argument('export')} needs a trajectory; found {argument('no_move')}"
             )
         if self.workspace is not None:
-            _ = self.bounds  # raises where it is wrong
+            _ = self.placement  # raises where it is wrong
 
     @property
     def spec(self) -> "EllipsoidSpec":
@@ -282,16 +283,14 @@ class Config:
         return as_rotation(value, "base_rotation", 3)
 
     @property
-    def bounds(self) -> Array:
-        """Bounds of the placed path, shape (2, 3), infinite where it is open [m]."""
-        from maniport.motion.placement.place_path import as_workspace
+    def placement(self) -> "PlacementOptions":
+        """What is fixed of a placement."""
+        from maniport.motion.placement.options import PlacementOptions
 
         box: Any = self.workspace
-        return as_workspace(
-            [box[i : i + 2] for i in (0, 2, 4)]
-            if isinstance(box, list | tuple) and len(box) == 6
-            else box
-        )
+        if isinstance(box, list | tuple) and len(box) == 6:
+            box = (box[0:2], box[2:4], box[4:6])
+        return PlacementOptions(scale=self.scale, tilt=self.tilt or 0.0, workspace=box)
 
     def changed(self, *, allowed: Collection[str] = SECTIONS, **options: Any) -> Self:
         """Return the same with other values of options.

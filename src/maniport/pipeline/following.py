@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.errors import InvalidInputError, argument
@@ -18,9 +18,7 @@ from maniport.motion import (
     nearest_feasible,
     place_path,
 )
-from maniport.motion.demands import demands_of
 from maniport.motion.plan.plan_motion import plan_checked
-from maniport.motion.search import interpolated_distance
 from maniport.motion.targets import Damping, TargetTrajectory, damping_of
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult, MotionResult
@@ -48,30 +46,6 @@ class SampledRobot:
         return None if self.planner is None or spec.bounded != spec else self.planner.arms[arm].bank
 
 
-def placement_rows(count: int) -> NDArray[np.intp]:
-    """Rows of the waypoints that paths are placed by, evenly spaced; more than 80 change little."""
-    return np.arange(0, count, 1 + (count - 1) // 80)
-
-
-def placed_targets(
-    targets: Sequence[TargetTrajectory], placements: Sequence[Placement]
-) -> tuple[TargetTrajectory, ...]:
-    """Return the targets where their paths were placed, in the robot's base frame."""
-    placed = []
-    for target, placement in zip(targets, placements, strict=True):
-        rotations = None
-        if target.rotations is not None:
-            rotations = placement.rotation @ placement.map_rotation @ target.rotations
-        moved = replace(
-            target,
-            ellipsoids=placement.turned(target.ellipsoids),
-            positions=placement.apply(target.path),
-            rotations=rotations,
-        )
-        placed.append(moved)
-    return tuple(placed)
-
-
 def bounded_profiles(profiles: Sequence[Array], spec: EllipsoidSpec) -> tuple[Array, ...]:
     """Return profiles (n, d, d) as `EllipsoidSpec.bounded` has them: the inverses of force ellipsoids."""
     if spec.kind != "force":
@@ -97,14 +71,6 @@ def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     return planner
 
 
-def _common_damping(targets: Sequence[TargetTrajectory]) -> Damping:
-    """Return the damping of all arms, or where it is relative to each arm, its ratio."""
-    damping = targets[0].damping
-    if any(target.damping != damping for target in targets):
-        return damping.damping
-    return damping
-
-
 def move(
     targets: tuple[TargetTrajectory, ...],
     robot: SampledRobot,
@@ -112,20 +78,28 @@ def move(
     map_rotation: Array | None = None,
     placed: bool = True,
 ) -> tuple[RobotMotion, tuple[Placement, ...] | None]:
-    """Place the paths and plan a motion along them; where it collides, again with the second best placement.
+    """Place the paths and plan a motion along them; where it collides, along the next best placements.
 
     `map_rotation` (3, 3) is that of the ellipsoids by the maps, which the paths get, too.
     """
     if not placed:
         return plan(targets, robot, settings), None
-    placements = place(targets, robot, settings, map_rotation)
-    motion = plan(placed_targets(targets, placements), robot, settings, placements)
-    if motion.clearance.share > 0.0 and len(placements[0].candidates) > 1:
-        others = place(targets, robot, settings, map_rotation, rank=2)
-        other = plan(placed_targets(targets, others), robot, settings, others)
-        if other.clearance.share < motion.clearance.share:
-            placements, motion = others, other
-    return motion, placements if settings.config.hand_targets == "placed" else None
+    motions = []
+    ranked = place(targets, robot, settings, map_rotation)
+    for placements in ranked:
+        placed_targets = []
+        starts = []
+        for placement, target in zip(placements, targets, strict=True):
+            placed_targets.append(placement.moved(target))
+            starts.append(placement.joint_positions)
+        motions.append(plan(placed_targets, robot, settings, starts))
+        if motions[-1].clearance.share == 0.0:
+            break
+    shares = [motion.clearance.share for motion in motions]
+    best = shares.index(min(shares))
+    if settings.config.hand_targets != "placed":
+        return motions[best], None
+    return motions[best], ranked[best]
 
 
 def place(
@@ -133,36 +107,28 @@ def place(
     robot: SampledRobot,
     settings: Settings,
     map_rotation: Array | None,
-    rank: int = 1,
-) -> tuple[Placement, ...]:
-    """Place the paths relative to the robot, by some of their waypoints; `rank` as in `place_path`."""
+) -> list[tuple[Placement, ...]]:
+    """Return placements of the paths relative to the robot, from the best to the worst."""
     assert robot.planner is not None
-    arms, config, demands = robot.planner.arms, settings.config, None
-    time = targets[0].time
-    rows = placement_rows(len(time))
-    scale: Any = config.scale
-    if config.real_time:
-        scale = REAL_TIME_SCALES if scale is None else scale
-        pairs = zip(arms, targets, strict=True)
-        demands = [demands_of(own.limits, time, target.path, rows) for own, target in pairs]
-    placements: tuple[Placement, ...] = place_path(
-        [target.path[rows] for target in targets], [target.ellipsoids[rows] for target in targets],
-        [own.limits.arm for own in arms], time=time[rows], map_rotation=map_rotation,
-        demands=demands, scale=scale, workspace=config.bounds.T,
-        reachability_map=[own.reachability_map for own in arms],
-        bank=[own.bank for own in arms], rank=rank, spec=targets[0].spec, damping=_common_damping(targets),
-        random_state=robot.random, progress=settings.progress,
-    )  # fmt: skip
-    return placements
+    return place_path(
+        robot.planner.group,
+        targets,
+        settings.config.placement,
+        map_rotation=map_rotation,
+        planner=robot.planner,
+        plan=settings.plan,
+        random_state=robot.random,
+        progress=settings.progress,
+    )
 
 
 def plan(
     targets: Sequence[TargetTrajectory],
     robot: SampledRobot,
     settings: Settings,
-    placements: Sequence[Placement] | None = None,
+    starts: Sequence[Array] | None = None,
 ) -> RobotMotion:
-    """Plan a motion of all arms along targets in the base frame; placements have their pointwise optima."""
+    """Plan a motion of all arms along targets in the base frame; `starts` as in `plan_motion`."""
     assert robot.planner is not None
     assert settings.plan is not None
     count = len(targets[0])
@@ -170,17 +136,11 @@ def plan(
     if not isinstance(orientation, str):
         rotations = along(orientation, count)
         targets = [replace(target, rotations=rotations) for target in targets]
-    bests = None
-    if placements is not None:
-        rows = placement_rows(count)
-        bests = [
-            interpolated_distance(rows, placement.pointwise_best, count) for placement in placements
-        ]
     return plan_checked(
         robot.planner,
         targets,
         settings.plan,
-        pointwise_bests=bests,
+        starts=starts,
         random=robot.random,
         progress=settings.progress,
     )

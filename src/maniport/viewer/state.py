@@ -22,7 +22,13 @@ from maniport.errors import InvalidInputError, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import fit_arms
 from maniport.mocap.arm_ik import GROUP, require_person
-from maniport.motion import Placement, SeedBank, nearest_feasible, place_path
+from maniport.motion import (
+    Placement,
+    PlacementOptions,
+    SeedBank,
+    nearest_feasible,
+    place_path,
+)
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller
 from maniport.motion.problem import FOLLOWING_WEIGHT, ArmProblem, CostWeights
@@ -192,7 +198,9 @@ class ViewState:
         self.robot, self.sides, self.playback = as_group(robot), tuple(sides), playback
         self._controller = Controller(robot, speed_limits(robot, None), np.full(robot.dof, np.inf))
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
-        self.places: Future[list[Placement]] | None = None  # of the hands' paths, of each side
+        self.places: Future[tuple[Placement, ...]] | None = (
+            None  # of the hands' paths, of each side
+        )
         self.jump = True  # whether the next step starts from the best configuration found
 
     def frames(
@@ -214,22 +222,30 @@ class ViewState:
         return [side.frame(target, own) for (side, target), own in zip(pairs, joints, strict=True)]
 
     def find_places(
-        self, motion: Sequence[Array], maps: Sequence[LiveMap], points: int = 32
-    ) -> list[Placement]:
+        self,
+        time: Array,
+        motion: Sequence[Array],
+        maps: Sequence[LiveMap],
+        points: int = 32,
+    ) -> tuple[Placement, ...]:
         """Find one placement for the hands' paths, along joints (n, dof) of each of the person's arms."""
         rows = evenly_spaced(len(motion[0]), points)
-        hands, targets = [], []
+        targets = []
         for side, chosen, joints in zip(self.sides, maps, motion, strict=True):
             ellipsoids = side.teacher.manipulability(joints[rows])
-            targets.append(np.array([chosen.transform(ellipsoid) for ellipsoid in ellipsoids]))
-            hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
-        banks = [side.bank for side in self.sides]
-        options: dict[str, Any] = {
-            "map_rotation": _mean_rotation(maps),
-            "damping": banks[0].damping,
-            "bank": banks,
-        }
-        return list(place_path(hands, targets, self.robot.arms, yaw=0.0, **options))
+            mapped = np.array([chosen.transform(ellipsoid) for ellipsoid in ellipsoids])
+            target = TargetTrajectory.checked(
+                side.student,
+                time[rows],
+                mapped,
+                positions=side.teacher.forward(joints[rows])[:, :3, 3] + side.base,
+                damping=self.sides[0].bank.damping,
+            )
+            targets.append(target)
+        placements = place_path(
+            self.robot, targets, PlacementOptions(yaw=0.0), map_rotation=_mean_rotation(maps)
+        )
+        return placements[0]
 
     def _targets(self, command: Command) -> list[Target]:
         """Return the target of each arm; the maps do not change the relation of the hands."""
@@ -288,6 +304,7 @@ def prepare(
         ]
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in persons])
         motion, playback = [arm.sample(32, seed) for arm in persons], None
+        time = np.arange(32.0)
     else:
         used = read_part(recording, config.changed(side=side))
         fits = fit_arms(used, config.person, marker_roles(config), side=side, progress=progress)
@@ -296,7 +313,8 @@ def prepare(
             fits.bases,
             [fit.joint_angles for fit in fits.arms],
         )
-        playback = make_interp_spline(fits.time - fits.time[0], np.concatenate(motion, axis=1), k=1)
+        time = fits.time - fits.time[0]
+        playback = make_interp_spline(time, np.concatenate(motion, axis=1), k=1)
     progress("Prepare page", 0.0)
     sides = []
     for teacher, student, base in zip(persons, robot.arms, bases, strict=True):
@@ -307,8 +325,7 @@ def prepare(
         )
         sides.append(Side(teacher, student, Maps(*domains, student, bank), bank, base))
     state = ViewState(robot, sides, playback)
-    state.places = in_background(
-        state.find_places, motion, [side.maps.get(AT_ONCE, config.rotation) for side in sides]
-    )
+    maps = [side.maps.get(AT_ONCE, config.rotation) for side in sides]
+    state.places = in_background(state.find_places, time, motion, maps)
     progress("Prepare page", 1.0, f"{AT_ONCE}; the placement follows")
     return state

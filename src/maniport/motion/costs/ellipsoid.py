@@ -24,7 +24,8 @@ class Spectrum(NamedTuple):
     values: Array  # (n, d), ascending; 1 where the achieved ellipsoid is singular
     vectors: Array  # (n, d, d), in columns
     singular: NDArray[np.bool_]  # (n,)
-    changes: Array  # (n, dof, d, d), derivatives of the achieved ellipsoid; empty without them
+    achieved: Array  # M + ε I, (n, d, d)
+    changes: Array  # (n, dof, d, d), derivatives of the achieved ellipsoid M; empty without them
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +85,9 @@ class EllipsoidCost:
         spectrum = self.spectrum(at, with_changes=True)
         sums = (equations.ellipsoid_square, equations.gradient, equations.hessian)
         if self.root_weights is None:
-            values, vectors, _, changes = spectrum
-            add_log_residual(values, vectors, self.whitening, changes, *sums)
+            add_log_residual(
+                spectrum.values, spectrum.vectors, self.whitening, spectrum.changes, *sums
+            )
         else:
             add_residual(self._weighted_log(spectrum), self._weighted_log_changes(spectrum), *sums)
         equations.ellipsoid_square[spectrum.singular] = np.inf
@@ -116,7 +118,7 @@ class EllipsoidCost:
         vectors = np.empty((len(singular), *achieved.shape[1:]))
         shifted = achieved + self.shift
         fill_spectrum(shifted, self.whitening, values, vectors, singular, SPD_TOLERANCE)
-        return Spectrum(values, vectors, singular, changes)
+        return Spectrum(values, vectors, singular, shifted, changes)
 
     def _weighted_log(self, spectrum: Spectrum) -> Array:
         logs = to_vector(compose(np.log(spectrum.values), spectrum.vectors))

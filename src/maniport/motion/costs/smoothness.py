@@ -1,7 +1,7 @@
 """Cost of the velocity and jerk of a trajectory, and of exceeding limits, which couples its waypoints."""
 
 import numpy as np
-from scipy.sparse import diags_array
+from scipy.sparse import csr_array, diags_array
 
 from maniport.util.validation import Array
 
@@ -23,19 +23,22 @@ class SmoothnessCost:
             (Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k
         ]
 
-    def add(self, q: Array, cost: float, gradient: Array, band: Array) -> float:
-        """Add to a cost, which is returned, half its gradient (n, dof) and lower diagonals (4, n, dof) of joints."""
+    def add(self, q: Array, cost: float | Array, gradient: Array, band: Array) -> float | Array:
+        """Add to costs, which are returned, half the gradient (n, ..., dof) and lower diagonals (4, n, ..., dof).
+
+        The joints q (n, ..., dof) are of one trajectory, or of several in the middle axis.
+        """
         for difference, smoothness, limit in self._derivatives:
-            value, spans = difference.matrix @ q, difference.spans
+            spans = difference.spans.reshape(-1, *[1] * (q.ndim - 1))
+            value = difference.apply(difference.matrix, q)
             share = value / limit
             excess = np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0)
-            cost += float(np.sum(spans * (smoothness * value**2 + LIMIT_WEIGHT * excess**2)))
-            gradient += difference.matrix.T @ (
-                spans * (smoothness * value + LIMIT_WEIGHT * excess / limit)
-            )
-            difference.add_normal(
-                spans * (smoothness + LIMIT_WEIGHT * (excess != 0.0) / limit**2), band
-            )
+            square = spans * (smoothness * value**2 + LIMIT_WEIGHT * excess**2)
+            cost = cost + square.sum(axis=(0, -1))
+            slope = spans * (smoothness * value + LIMIT_WEIGHT * excess / limit)
+            gradient += difference.apply(difference.matrix.T, slope)
+            weights = spans * (smoothness + LIMIT_WEIGHT * (excess != 0.0) / limit**2)
+            difference.add_normal(weights, band)
         return cost
 
 
@@ -49,16 +52,23 @@ class Differences:
         for level in range(1, order + 1):
             gap = at[:, level:] - at[:, : at.shape[1] - level]
             rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
-        self.rows, self.spans = rows[:, 0], (at[:, -1:] - at[:, :1]) / order
+        self.rows = rows[:, 0]
+        self.spans = (at[:, -1] - at[:, 0]) / order
         self.matrix = diags_array(
             list(self.rows.T), offsets=range(order + 1), shape=(count, len(time)), format="csr"
         )
 
+    @staticmethod
+    def apply(matrix: csr_array, values: Array) -> Array:
+        """Multiply the first axis of values (n, ..., dof) by a matrix (m, n)."""
+        product = matrix @ values.reshape(len(values), -1)
+        return np.asarray(product.reshape(-1, *values.shape[1:]))
+
     def add_normal(self, weights: Array, band: Array) -> None:
-        """Add lower diagonals of Dᵀ W D of each joint to (k + 1, n, dof); W is diagonal, `weights` (n − k, dof)."""
+        """Add lower diagonals of Dᵀ W D to (k + 1, n, ..., dof); W is diagonal, `weights` (n − k, ..., dof)."""
         m, width = self.rows.shape
         for below in range(width):
             for k in range(width - below):
-                band[below, k : m + k] += (
-                    weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
-                )
+                product = self.rows[:, k] * self.rows[:, k + below]
+                product = product.reshape(-1, *[1] * (weights.ndim - 1))
+                band[below, k : m + k] += weights * product

@@ -16,7 +16,7 @@ from maniport.arms.chain import rotation_about
 from maniport.errors import InvalidInputError
 from maniport.motion.demands import Demand
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.problem import ArmProblem, CostWeights
+from maniport.motion.problem import ArmProblem
 from maniport.motion.targets import TargetTrajectory
 from maniport.spd.kernels import congruence
 from maniport.util.files import save_ellipsoids, save_path
@@ -27,11 +27,14 @@ from maniport.util.validation import Array, as_finite, require_shape
 DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.write_data` writes
 SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)
 SIZE = 7
+REACHED = 5e-3  # Largest position error of a waypoint that counts as reached [m]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Place:
-    """A possible placement of a path.
+class Placement(NotebookDisplay):
+    """A placed path in a robot's workspace, with its ellipsoids and a trajectory; made by `place_path`.
+
+    p_robot = scale · rotation · map_rotation · (p − center) + offset, with rotation = base_orientationᵀ · Rz(yaw).
 
     Attributes
     ----------
@@ -41,50 +44,6 @@ class Place:
         Lean of the base from upright, and its direction: 0 is that of its own x axis, π/2 of y [rad].
     offset : ndarray, shape (3,)
         Position of the path's center in the robot's base frame [m].
-    planned_distance : ndarray, shape (m,)
-        Affine-invariant distances of a trajectory that was planned through some waypoints of the path.
-    """
-
-    scale: float
-    yaw: float
-    tilt: float
-    heading: float
-    offset: Array
-    planned_distance: Array
-
-    @classmethod
-    def of(cls, place: Array, planned_distance: Array) -> "Place":
-        """Make a placement from its components (7,) and the distances of the trajectory there."""
-        yaw, heading = np.remainder(place[[YAW, HEADING]] + np.pi, 2.0 * np.pi) - np.pi
-        tilt = float(place[TILT])
-        return Place(
-            scale=float(np.exp(place[SCALE])),
-            yaw=float(yaw),
-            tilt=tilt,
-            heading=float(heading) if tilt else 0.0,
-            offset=place[OFFSET],
-            planned_distance=planned_distance,
-        )
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the distances."""
-        return float(np.sqrt(np.mean(self.planned_distance**2)))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Placement(Place, NotebookDisplay):
-    """A placed path in a robot's workspace, with its ellipsoids; made by `place_path`.
-
-    p_robot = scale · rotation · map_rotation · (p − center) + offset, with rotation = base_orientationᵀ · Rz(yaw).
-
-    Attributes
-    ----------
-    scale, yaw, tilt, heading, offset, planned_distance
-        As in `Place`.
-    pointwise_best : ndarray, shape (n,)
-        Distances of the pointwise optimum: the smallest that was found for each waypoint by itself, with the end
-        effector there.
     path : ndarray, shape (n, 3)
         Target positions of the end effector in the robot's base frame [m].
     profile : ndarray, shape (n, d, d)
@@ -97,29 +56,69 @@ class Placement(Place, NotebookDisplay):
         Mean of the waypoints of the path before the placement [m].
     map_rotation : ndarray, shape (3, 3)
         Rotation of the ellipsoids by the adapter, which also rotates the path.
-    position_error : ndarray, shape (n,)
-        Distance of the end effector from the waypoint there [m].
     joint_positions : ndarray, shape (n, dof)
-        Joint positions of the pointwise optimum [rad or m]: not a motion, they may jump.
-    candidates : tuple of Place
-        The best placements, this one included.
+        Trajectory by which the placement was chosen [rad or m], a start for a plan: its times are not yet chosen.
+    distance, position_error : ndarray, shape (m,)
+        Affine-invariant distances and position errors [m] of this trajectory at its waypoints.
     """
 
+    scale: float
+    yaw: float
+    tilt: float
+    heading: float
+    offset: Array
     path: Array
     profile: Array
     spec: EllipsoidSpec
     base_orientation: Array
     center: Array
     map_rotation: Array
-    position_error: Array
-    pointwise_best: Array
     joint_positions: Array
-    candidates: tuple[Place, ...] = ()
+    distance: Array
+    position_error: Array
+
+    @classmethod
+    def of(
+        cls,
+        place: Array,
+        *,
+        path: Array,
+        profile: Array,
+        spec: EllipsoidSpec,
+        center: Array,
+        map_rotation: Array,
+        joint_positions: Array,
+        distance: Array,
+        position_error: Array,
+    ) -> "Placement":
+        """Make a placement of its components (7,)."""
+        tilt = float(place[TILT])
+        return cls(
+            scale=float(np.exp(place[SCALE])),
+            yaw=_within_half_turn(place[YAW]),
+            tilt=tilt,
+            heading=_within_half_turn(place[HEADING]) if tilt else 0.0,
+            offset=place[OFFSET],
+            path=path,
+            profile=profile,
+            spec=spec,
+            base_orientation=base_rotations(place[None])[0],
+            center=center,
+            map_rotation=map_rotation,
+            joint_positions=joint_positions,
+            distance=distance,
+            position_error=position_error,
+        )
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the distances."""
+        return float(np.sqrt(np.mean(self.distance**2)))
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
-        """Whether each position error is at most 1 mm, shape (n,)."""
-        return np.asarray(self.position_error <= 1e-3)
+        """Whether each position error is at most 5 mm, shape (m,)."""
+        return np.asarray(self.position_error <= REACHED)
 
     @property
     def rotation(self) -> Array:
@@ -140,6 +139,18 @@ class Placement(Place, NotebookDisplay):
         require_shape(ellipsoids, "profile", ("n", size, size))
         return congruence(self.spec.rotation(self.rotation), ellipsoids)
 
+    def moved(self, target: TargetTrajectory) -> TargetTrajectory:
+        """Return targets of the same motion where they are placed, in the robot's base frame."""
+        rotations = None
+        if target.rotations is not None:
+            rotations = self.rotation @ self.map_rotation @ target.rotations
+        return replace(
+            target,
+            ellipsoids=self.turned(target.ellipsoids),
+            positions=self.apply(target.path),
+            rotations=rotations,
+        )
+
     def write_data(self, folder: Path, time: ArrayLike | None = None) -> None:
         """Write `DATA_FILES` into an existing folder: ellipsoids and path, with their times (n,) [s] if known."""
         save_ellipsoids(folder / DATA_FILES[0], self.profile, time)
@@ -148,8 +159,16 @@ class Placement(Place, NotebookDisplay):
     def __repr__(self) -> str:
         lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
         place = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
-        optimum = f"pointwise optimum {np.median(self.pointwise_best):.2f} (median)"
-        return f"Placement({len(self.path)} points, {place}, {optimum}, {np.sum(~self.reachable)} out of reach)"
+        missed = int(np.sum(~self.reachable))
+        return (
+            f"Placement({len(self.path)} points, {place}, distance {np.median(self.distance):.2f} (median), "
+            f"{missed} of {len(self.distance)} waypoints out of reach)"
+        )
+
+
+def _within_half_turn(angle: float) -> float:
+    """Return an angle within ±π [rad]."""
+    return float(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
 
 
 def base_rotations(places: Array) -> Array:
@@ -171,8 +190,8 @@ class ArmPath:
 
     arm: Arm
     target: TargetTrajectory  # before the placement; positions relative to the center
-    weights: CostWeights
     reachability_map: ReachabilityMap
+    velocity: Array | float = np.inf  # largest speeds of the joints (dof,)
     demanded: tuple[Demand, ...] = ()  # before the placement
 
     @property
@@ -180,13 +199,25 @@ class ArmPath:
         """Positions relative to the center, rotated as the ellipsoids, shape (n, 3) [m]."""
         return self.target.path
 
-    def placed(self, places: Array) -> tuple[Array, Array]:
-        """Positions (k, n, 3) and ellipsoids (k, n, d, d) at placements (k, 7)."""
-        rotations = path_rotations(places)
+    def rotations(self, places: Array) -> Array:
+        """Rotations of ellipsoids at placements (b, 7), shape (b, d, d)."""
+        return self.target.spec.rotation(path_rotations(places))
+
+    def positions(self, places: Array) -> Array:
+        """Positions at placements (b, 7), shape (b, n, 3) [m]."""
+        rotations = np.swapaxes(path_rotations(places), 1, 2)
         scale = np.exp(places[:, SCALE])[:, None, None]
-        positions = scale * self.path @ np.swapaxes(rotations, 1, 2) + places[:, None, OFFSET]
-        turns = self.target.spec.rotation(rotations)
-        return positions, congruence(turns[:, None], self.target.ellipsoids)
+        return np.asarray(scale * self.path @ rotations + places[:, None, OFFSET])
+
+    def placed(self, places: Array) -> TargetTrajectory:
+        """Targets at placements (b, 7), those of all waypoints of a placement before those of the next."""
+        ellipsoids = congruence(self.rotations(places)[:, None], self.target.ellipsoids)
+        return replace(
+            self.target,
+            time=np.tile(self.target.time, len(places)),
+            positions=self.positions(places).reshape(-1, 3),
+            ellipsoids=ellipsoids.reshape(-1, *ellipsoids.shape[2:]),
+        )
 
     def demands(self, places: Array) -> list[Demand]:
         """Demands with vectors (k, n, 3) at placements (k, 7)."""
@@ -198,28 +229,29 @@ class ArmPath:
         demanded = tuple((spec, vectors[rows]) for spec, vectors in self.demanded)
         return replace(self, target=self.target[rows], demanded=demanded)
 
-    def problem(self, place: Array) -> ArmProblem:
-        """Return targets and costs of the arm at a placement (7,)."""
-        positions, ellipsoids = self.placed(place[None])
-        target = replace(self.target, positions=positions[0], ellipsoids=ellipsoids[0])
-        return ArmProblem.of(self.arm, target, self.weights)
+    def problem(self, places: Array) -> ArmProblem:
+        """Return targets and costs of the arm at placements (b, 7)."""
+        return ArmProblem.of(self.arm, self.placed(places))
 
-    def derivatives(self, place: Array) -> tuple[Array, Array, Array]:
-        """Return derivatives of positions in a placement (n, 3, 7), and generators of rotations.
+    def derivatives(self, places: Array, free: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Return derivatives of positions in k free components of placements (b, 7), shape (b, n, 3, k).
 
-        The generators are those of ellipsoids (7, d, d) and of vectors (7, 3, 3).
+        Further, generators of rotations of ellipsoids (b, k, d, d) and of vectors (b, k, 3, 3).
         """
-        rotation = path_rotations(place[None])[0]
-        positions, vertical = np.exp(place[SCALE]) * self.path @ rotation.T, rotation[:, 2]
-        axes = np.zeros((SIZE, 3))
-        axes[YAW] = vertical
-        axes[TILT] = np.sin(place[HEADING]), -np.cos(place[HEADING]), 0.0
-        axes[HEADING] = np.array([0.0, 0.0, 1.0]) - vertical
-        shifts = np.cross(axes, positions[:, None]).swapaxes(1, 2)
-        shifts[:, :, SCALE] = positions
-        shifts[:, :, OFFSET] = np.eye(3)
-        turns = np.cross(np.eye(3), axes[:, None])
-        return shifts, self.target.spec.rotation(turns), turns
+        rotations = path_rotations(places)
+        scale = np.exp(places[:, SCALE])[:, None, None]
+        positions = scale * self.path @ np.swapaxes(rotations, 1, 2)
+        vertical = rotations[:, :, 2]
+        axes = np.zeros((len(places), SIZE, 3))
+        axes[:, YAW] = vertical
+        axes[:, TILT, 0] = np.sin(places[:, HEADING])
+        axes[:, TILT, 1] = -np.cos(places[:, HEADING])
+        axes[:, HEADING] = np.array([0.0, 0.0, 1.0]) - vertical
+        shifts = np.cross(axes[:, None], positions[:, :, None]).swapaxes(2, 3)
+        shifts[..., SCALE] = positions
+        shifts[..., OFFSET] = np.eye(3)
+        turns = np.cross(np.eye(3), axes[:, free][:, :, None])
+        return shifts[..., free], self.target.spec.rotation(turns), turns
 
 
 @dataclass(frozen=True)
@@ -249,14 +281,23 @@ class PlacementProblem:
         """Mean cost of placements (k, 7) by the samples next to each waypoint, summed over the arms, shape (k,)."""
         total = np.zeros(len(places))
         for arm in self.arms:
-            positions, profiles = arm.placed(places)
-            flat = profiles.reshape(-1, *profiles.shape[2:])
+            target = arm.placed(places)
             demands = [(spec, vectors.reshape(-1, 3)) for spec, vectors in arm.demands(places)]
             costs = arm.reachability_map.costs(
-                arm.target.shift, flat, positions.reshape(-1, 3), samples, demands
+                target.shift, target.ellipsoids, target.path, samples, demands
             )
-            total += costs.reshape(positions.shape[:2]).mean(axis=1)
+            total += costs.reshape(len(places), -1).mean(axis=1)
         return total
+
+    def outlines(self, places: Array) -> Array:
+        """Paths (b, m, 3) at placements; of one arm turned about its first axis, to the same side [m]."""
+        paths = np.concatenate([arm.positions(places) for arm in self.arms], axis=1)
+        axis = self.arms[0].reachability_map.axis
+        if len(self.arms) > 1 or axis is None:
+            return paths
+        _, angles = axis.cylindrical(paths.mean(axis=1))
+        turns = axis.rotations(-angles)
+        return np.asarray((paths - axis.origin) @ np.swapaxes(turns, 1, 2))
 
     def inside(self, places: Array) -> Array:
         """Those of the placements (k, 7) that fit into the workspace, shifted and shrunk where free."""

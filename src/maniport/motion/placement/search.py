@@ -1,4 +1,8 @@
-"""Placement search: placements are compared by samples, then by planned trajectories, and improved together with them.
+"""Search of placements: many are compared by samples, then improved together with trajectories, in rounds.
+
+A round starts from the best results of the one before, with more waypoints. Placements that are nearly the same, and
+trajectories that are, count once, so that the rounds keep several basins of the cost. The cost is that of the planner's
+first optimization, with its time and its smoothness: what the placement gains, the plan keeps.
 
 The improvement is a banded Gauss-Newton descent over trajectory q and placement p. Rotating the path equals rotating
 the arm the other way, so the components of p act like joints. With several arms, each has its own q, and the costs
@@ -10,313 +14,169 @@ are summed. The normal equations
 are solved for the placement first, (C − Bᵀ A⁻¹ B) p = Bᵀ A⁻¹ g − h, where A is banded.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from operator import attrgetter
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.motion.configurations import Configurations
-from maniport.motion.costs.cost import NormalEquations
-from maniport.motion.demands import EXCESS_WEIGHT, inverses
-from maniport.motion.kernels import add_log_residual, add_residual
-from maniport.motion.placement.placement import SCALE, SIZE, TILT, ArmPath, PlacementProblem
-from maniport.motion.plan.optimizer import (
-    TrajectoryCost,
-    TrajectoryTerms,
-    levenberg_marquardt,
-    optimize,
-    time_weights,
-)
-from maniport.motion.plan.plan_settings import SearchBudget
-from maniport.motion.plan.roadmap import LARGEST_CHANGE, shortest_path
-from maniport.spd.kernels import compose
-from maniport.spd.matrix_functions import apply
+from maniport.motion.placement.cost import PlacedMotions, PlacementCost
+from maniport.motion.placement.placement import SCALE, TILT, PlacementProblem
+from maniport.motion.plan.optimizer import TrajectoryTerms
+from maniport.motion.plan.plan_options import SearchBudget
+from maniport.motion.plan.roadmap import LARGEST_CHANGE, Roadmap, shortest_path
 from maniport.util.progress import Part, ignore_fraction
 from maniport.util.sampling import sobol
 from maniport.util.validation import Array
 
 SAMPLES = 64  # Samples next to a waypoint that placements are compared by; with 16, force ellipsoids are 10 % farther
-PLANNED = 4  # Placements for which trajectories are planned
-SEPARATION = 0.1
-"""Smallest mean distance of the paths at these placements [m]; without it, two seeds of six end 30 % worse."""
-REFINED = (
-    2  # Placements that are improved once more, without collisions, which takes most of the time
+NODES = 32  # Of these samples, those from which a first trajectory is made
+SEPARATION = 0.05  # Smallest mean distance of the paths of two placements that are improved [m]
+BRANCH = 0.7  # Change of a joint that makes another branch of configurations [rad or m]
+SAME_MOTION = (
+    0.2  # Largest change of a joint between trajectories that count as the same [rad or m]
 )
-COARSE_TOLERANCE = (
-    1e-3  # Smallest relative decrease of the cost for another step while collisions are ignored
-)
-FIRST_WEIGHT, WEIGHT = 30.0, 200.0
-"""Weights of the position error, of a first trajectory and of the cost of a placement [1/m]."""
-
-State = tuple[Array, tuple[Array, ...]]  # A placement (7,) and joint positions (n, dof) of each arm
 
 
 @dataclass(frozen=True)
-class PlannedPlacement:
-    """A placement with trajectories of the arms there."""
+class PlacedMotion:
+    """A placement with trajectories of the arms through some waypoints there."""
 
     place: Array  # (7,)
-    q: tuple[Array, ...]  # (n, dof) of each arm
+    q: tuple[Array, ...]  # (m, dof) of each arm
     cost: float
-    distance: tuple[Array, ...]  # (n,) of each arm
+    distance: tuple[Array, ...]  # (m,) of each arm
 
 
 def best_placements(
     problem: PlacementProblem,
-    seed: np.random.Generator,
+    terms: TrajectoryTerms,
+    joint_motion_weight: float,
     budget: SearchBudget,
+    seed: np.random.Generator,
     progress: Part = ignore_fraction,
-) -> list[PlannedPlacement]:
-    """Search the free components; return placements with planned trajectories, best first."""
-    free = bool(problem.free.any())
-    places = (
-        _shortlist(problem, seed, budget.candidates)
-        if free
-        else problem.inside(problem.fixed[None])
-    )
+) -> list[PlacedMotion]:
+    """Search the free components; return placements with trajectories, best first."""
+    rounds = budget.rounds
+    if problem.free.any():
+        places = candidates(problem, budget, seed)
+    else:
+        places = problem.inside(problem.fixed[None])
     if not len(places):
         raise InvalidInputError(
             "workspace: the path does not fit into it, at its smallest scale of "
             f"{np.exp(problem.lower[SCALE]):.3g} and whatever else is free"
         )
-    coarse = problem.thinned(len(problem.time) if problem.arms[0].demanded else 64)
-    time, duration, weights = coarse.time, 1.0, np.ones(1)
-    if len(time) > 1:
-        duration = time[-1] - time[0]
-        weights = time_weights(time) / duration
-    terms = TrajectoryTerms(
-        0.06 / duration, 3e-4 / duration, weights, rel_tol=budget.rel_tol
-    )  # means over time
-    ignoring = PlacementTrajectoryCost(
-        coarse, [replace(terms, rel_tol=COARSE_TOLERANCE)] * len(coarse.arms)
-    )
-    avoiding = PlacementTrajectoryCost(
-        coarse, [replace(terms, collisions=arm.reachability_map.collisions) for arm in coarse.arms]
-    )
     progress(0.3)
-    states = [(place, _planned(coarse, place, ignoring.terms, budget, seed)) for place in places]
-    if free:
-        states = [ignoring.improved(state) for state in states]
-    placements = sorted(map(avoiding.evaluated, states), key=attrgetter("cost"))
-    progress(0.7)
-    if free:
-        best = [
-            avoiding.evaluated(avoiding.improved((own.place, own.q)))
-            for own in placements[:REFINED]
-        ]
-        placements = sorted(best + placements[REFINED:], key=attrgetter("cost"))
-    progress(1.0)
-    return placements
-
-
-def _shortlist(problem: PlacementProblem, seed: np.random.Generator, count: int) -> Array:
-    """Return the best random placements: of all at a few waypoints, then of some at more waypoints."""
-    tilted = bool(problem.free[TILT])
-    count *= 5 if tilted else 1
-    lower, upper = problem.lower[:4], problem.upper[:4]
-    unit = sobol(4, max(count - 1, 1).bit_length(), seed)[:count]
-    reached = [arm.reachability_map.reach for arm in problem.arms]
-    centers = np.mean(
-        [reach[seed.choice(len(reach), count, replace=len(reach) < count)] for reach in reached],
-        axis=0,
-    )
-    places = np.column_stack([lower + unit * (upper - lower), centers])
-    if tilted:
-        places[::5, TILT] = (
-            0.0  # upright placements may fit into the workspace where tilted ones do not
+    motions = first_motions(problem.thinned(rounds[0].waypoints), places, joint_motion_weight)
+    for i, part in enumerate(rounds):
+        progress(0.4 + 0.6 * i / len(rounds))
+        motions = motions.only(distinct(problem, motions, part.kept))
+        avoiding = i == len(rounds) - 1
+        cost = PlacementCost(
+            problem.thinned(part.waypoints), terms, part.position_weight, avoiding=avoiding
         )
+        motions = cost.improved(motions.at_waypoints(cost.problem.time), part.steps)
+    progress(1.0)
+    distances = cost.distances(motions)
+    placed = []
+    for i in np.argsort(motions.cost, kind="stable"):
+        trajectories = tuple(q[i] for q in motions.q)
+        own = tuple(distance[i] for distance in distances)
+        placed.append(PlacedMotion(motions.places[i], trajectories, float(motions.cost[i]), own))
+    return placed
+
+
+def candidates(problem: PlacementProblem, budget: SearchBudget, seed: np.random.Generator) -> Array:
+    """Return the best placements (k, 7) by samples of the arms, whose paths differ."""
+    tilted = bool(problem.free[TILT])
+    count = budget.candidates
+    if tilted:
+        count *= 5
+    lower = problem.lower[:4]
+    upper = problem.upper[:4]
+    unit = sobol(4, max(count - 1, 1).bit_length(), seed)[:count]
+    centers = np.zeros((count, 3))
+    for arm in problem.arms:
+        reached = arm.reachability_map.reach
+        rows = seed.choice(len(reached), count, replace=len(reached) < count)
+        centers += reached[rows] / len(problem.arms)
+    places = np.column_stack([lower + unit * (upper - lower), centers])
+    if tilted:  # upright placements may fit into the workspace where tilted ones do not
+        places[::5, TILT] = 0.0
     places = problem.inside(np.where(problem.free, places, problem.fixed))
     if not len(places):
         return places
-    coarse = problem.thinned(8)
-    places = places[np.argsort(coarse.costs(places, SAMPLES), kind="stable")[:64]]
-    paths = np.concatenate([arm.placed(places)[0] for arm in coarse.arms], axis=1)
+
+    coarse = problem.thinned(budget.rounds[0].waypoints)
+    places = places[np.argsort(coarse.costs(places, SAMPLES), kind="stable")]
+    return places[separate(coarse.outlines(places), budget.rounds[0].kept // 2, SEPARATION)]
+
+
+def separate(points: Array, most: int, distance: float) -> list[int]:
+    """Return the first of the point sequences (k, n, 3) that are this far from one another in the mean [m]."""
     chosen: list[int] = []
-    for i in np.argsort(problem.thinned(50).costs(places, SAMPLES), kind="stable"):
-        distances = np.linalg.norm(paths[chosen] - paths[i], axis=2).mean(axis=1)
-        if len(chosen) < PLANNED and np.all(distances >= SEPARATION):
-            chosen.append(int(i))
-    return np.asarray(places[chosen])
+    for i, own in enumerate(points):
+        gaps = np.linalg.norm(points[chosen] - own, axis=2).mean(axis=1)
+        if np.all(gaps >= distance):
+            chosen.append(i)
+        if len(chosen) == most:
+            break
+    return chosen
 
 
-def _planned(
-    problem: PlacementProblem,
-    place: Array,
-    terms: Sequence[TrajectoryTerms],
-    budget: SearchBudget,
-    seed: np.random.Generator,
-) -> tuple[Array, ...]:
-    """Plan a trajectory of each arm at a placement: roadmap, graph search, optimizer."""
+def first_motions(
+    problem: PlacementProblem, places: Array, joint_motion_weight: float
+) -> PlacedMotions:
+    """Join samples of the arms to two trajectories at each placement (k, 7), in different branches."""
     trajectories = []
-    for arm, own in zip(problem.arms, terms, strict=True):
-        placed = arm.problem(place)
-        collisions = arm.reachability_map.collisions
-        nodes = arm.reachability_map.nodes(placed, budget.placement_nodes, seed)
-        if collisions is not None:
-            nodes = nodes.without(collisions.collides(nodes.q))
+    for arm in problem.arms:
+        count = len(places)
+        waypoints = len(problem.time)
+        q, cost = arm.reachability_map.starts(arm.problem(places), SAMPLES, NODES)
+        q = q.reshape(count, waypoints, *q.shape[1:])
+        cost = cost.reshape(count, waypoints, -1)
         largest = np.array([LARGEST_CHANGE[unit] for unit in arm.arm.joint_units])
-        path = shortest_path(nodes, problem.time, np.tile(largest, (len(placed), 1)))
-        trajectories.append(optimize(placed, problem.time, nodes.q[path], own, FIRST_WEIGHT))
-    return tuple(trajectories)
+        largest = np.tile(largest, (waypoints, 1))
+        joined = []
+        for i in range(count):
+            first = joined_nodes(q[i], cost[i], problem.time, largest, joint_motion_weight)
+            near = np.abs(q[i] - first[:, None]).max(axis=2) < BRANCH
+            elsewhere = np.where(near, np.inf, cost[i])
+            second = joined_nodes(q[i], elsewhere, problem.time, largest, joint_motion_weight)
+            joined += [first, second]
+        trajectories.append(np.stack(joined))
+    repeated = np.repeat(places, 2, axis=0)
+    unknown = np.full(len(repeated), np.nan)
+    return PlacedMotions(problem.time, repeated, tuple(trajectories), unknown)
 
 
-class PlacementTrajectoryCost:
-    """Cost of a placement and the trajectories there; `terms` are of each arm."""
-
-    def __init__(self, problem: PlacementProblem, terms: Sequence[TrajectoryTerms]):
-        self.problem, self.terms = problem, terms
-        self.waypoints = [MovingPathCost(arm) for arm in problem.arms]
-        self.costs = [
-            TrajectoryCost(arm.arm, waypoints, problem.time, own)
-            for arm, waypoints, own in zip(problem.arms, self.waypoints, terms, strict=True)
-        ]
-
-    def improved(self, state: State) -> State:
-        """Descend in the placement and the trajectories; neither gets worse."""
-        place, trajectories = state
-        start = (
-            place,
-            tuple(cost.within(q) for cost, q in zip(self.costs, trajectories, strict=True)),
-        )
-        improved: State = levenberg_marquardt(self, start, self.terms[0].rel_tol)
-        return improved
-
-    def evaluated(self, state: State) -> PlannedPlacement:
-        """Return a placement with its cost and distances."""
-        cost, _ = self.evaluate(state)
-        parts = zip(self.waypoints, state[1], strict=True)
-        return PlannedPlacement(
-            *state, cost, tuple(waypoints.problem.distance(q) for waypoints, q in parts)
-        )
-
-    def evaluate(self, state: State) -> tuple[float, Any]:
-        """Cost; slopes of the trajectory of each arm with its coupling B (n, dof, k), and h (k,) and C (k, k)."""
-        (place, trajectories), free = state, self.problem.free
-        total, arms, gradient, hessian = (
-            0.0,
-            [],
-            np.zeros(free.sum()),
-            np.zeros((free.sum(), free.sum())),
-        )
-        for waypoints, cost, q in zip(self.waypoints, self.costs, trajectories, strict=True):
-            waypoints.move(place)
-            value, slopes = cost.evaluate(q)
-            weights, dof = cost.weights, q.shape[1]
-            border = waypoints.hessian[:, :, dof:][:, :, free]
-            total += value
-            gradient += weights @ waypoints.gradient[:, dof:][:, free]
-            hessian += np.tensordot(weights, border[:, dof:][:, free], 1)
-            arms.append((*slopes, weights[:, None, None] * border[:, :dof]))
-        return total, (arms, gradient, hessian)
-
-    def trial(self, state: State, slopes: Any, damping: float) -> tuple[State, float]:
-        """State after a damped step, within the limits, and the expected decrease of the cost."""
-        (place, trajectories), free, (arms, gradient, hessian) = state, self.problem.free, slopes
-        inner, pull, solutions = hessian, gradient, []
-        for cost, q, (slope, blocks, band, coupling) in zip(
-            self.costs, trajectories, arms, strict=True
-        ):
-            damped = damping * (np.einsum("nii->ni", blocks) + band[0])
-            sides = np.concatenate([slope[..., None], coupling], axis=2)
-            solution = cost.solve(sides, blocks, band, cost.blocked(q, slope), damped)
-            inner = inner - np.tensordot(coupling, solution[..., 1:], ((0, 1), (0, 1)))
-            pull = pull - np.tensordot(solution[..., 0], coupling, 2)
-            solutions.append((solution, damped))
-        at, lower, upper = place[free], self.problem.lower[free], self.problem.upper[free]
-        weight = np.diag(hessian)
-        loose = ~(
-            ((at <= lower) & (gradient > 0.0))
-            | ((at >= upper) & (gradient < 0.0))
-            | (weight <= 0.0)
-        )
-        inner = inner + np.diag(
-            (damping + 1e-9) * weight
-        )  # path and arm may turn together at no cost
-        step = np.zeros(len(at))
-        step[loose] = -np.linalg.solve(inner[np.ix_(loose, loose)], pull[loose])
-        moved = place.copy()
-        moved[free] = np.clip(at + step, lower, upper)
-        moved = self.problem.within(moved[None])[0][0]
-        expected = float(step @ (damping * weight * step - gradient))
-        trial = []
-        for cost, q, (solution, damped), (slope, *_) in zip(
-            self.costs, trajectories, solutions, arms, strict=True
-        ):
-            change = -(solution[..., 0] + solution[..., 1:] @ step)
-            expected += float(np.sum(change * (damped * change - slope)))
-            trial.append(cost.within(q + change))
-        return (moved, tuple(trial)), expected
+def joined_nodes(
+    q: Array, cost: Array, time: Array, largest: Array, joint_motion_weight: float
+) -> Array:
+    """Return the best sequence (n, dof) of one of the nodes (n, k, dof) of each waypoint."""
+    allowed = np.isfinite(cost)
+    allowed[~allowed.any(axis=1)] = True
+    cost = np.where(np.isfinite(cost), cost, 0.0)
+    first = np.concatenate([[0], np.cumsum(allowed.sum(axis=1))])
+    nodes = Roadmap(q[allowed], cost[allowed], first)
+    return nodes.q[shortest_path(nodes, time, largest, joint_motion_weight)]
 
 
-class MovingPathCost:
-    """Waypoint cost of a path at a variable placement; its derivatives have the placement after the joints."""
-
-    gradient: Array
-    hessian: Array
-
-    def __init__(self, arm: ArmPath):
-        self.arm = arm
-
-    def move(self, place: Array) -> None:
-        """Move the path to a placement (7,)."""
-        self.problem = self.arm.problem(place)
-        self._roots = apply(self.problem.ellipsoid.damped, np.sqrt)
-        self._shifts, self._generators, self._turns = self.arm.derivatives(place)
-        self._demands = [(spec, vectors[0]) for spec, vectors in self.arm.demands(place[None])]
-
-    def normal_equations(self, q: Array) -> NormalEquations:
-        """As `ArmProblem.normal_equations`; all derivatives are kept in `gradient` and `hessian`."""
-        problem = self.problem
-        position = problem.position
-        assert position is not None
-        n, dof = q.shape
-        count = dof + SIZE
-        at = problem.at(q)
-        values, vectors, singular, changes = problem.ellipsoid.spectrum(at, with_changes=True)
-
-        achieved = self._roots @ compose(values, vectors) @ self._roots
-        turned = achieved[:, None] @ self._generators - self._generators @ achieved[:, None]
-        changes = np.concatenate([changes, turned], axis=1)
-        error_slopes = position.weight * np.concatenate(
-            [at.jacobians[:, :3], -self._shifts], axis=2
-        )
-
-        square = np.zeros(n)
-        self.gradient = np.zeros((n, count))
-        self.hessian = np.zeros((n, count, count))
-        sums = (square, self.gradient, self.hessian)
-        add_log_residual(values, vectors, problem.ellipsoid.whitening, changes, *sums)
-        add_residual(position.residual(at), error_slopes, *sums)
-        for spec, demanded in self._demands:
-            self._add_excess(at, spec, demanded, square)
-        return NormalEquations(
-            ellipsoid_square=np.where(singular, np.inf, 0.0),
-            square=square,
-            gradient=self.gradient[:, :dof],
-            hessian=self.hessian[:, :dof, :dof],
-        )
-
-    def _add_excess(
-        self, at: Configurations, spec: EllipsoidSpec, vectors: Array, square: Array
-    ) -> None:
-        """Add the cost of vectors (n, 3) that exceed ellipsoids to `square` (n,), and its derivatives."""
-        changes = at.ellipsoid_derivatives(spec)
-        ellipsoids = at.ellipsoids(spec)
-        needed = (inverses(ellipsoids) @ vectors[..., None])[..., 0]
-        share = np.sqrt(np.maximum(np.sum(vectors * needed, axis=1), 1e-12))
-        excess = EXCESS_WEIGHT * np.maximum(share - 1.0, 0.0)
-        slopes = np.concatenate(
-            [
-                -0.5 * np.einsum("ni,nkij,nj->nk", needed, changes, needed),
-                np.einsum("ni,kij,nj->nk", needed, self._turns, vectors),
-            ],
-            axis=1,
-        )
-        dof = at.joint_positions.shape[1]
-        slopes[:, dof + SCALE] = share**2
-        slopes *= EXCESS_WEIGHT * ((share > 1.0) / share)[:, None]
-        add_residual(excess[:, None], slopes[:, None], square, self.gradient, self.hessian)
+def distinct(problem: PlacementProblem, motions: PlacedMotions, most: int) -> NDArray[np.intp]:
+    """Return the best motions, at most so many; of those that are the same but for the first joint, the best one."""
+    shapes = []
+    for arm, q in zip(problem.arms, motions.q, strict=True):
+        turned = q.copy()
+        if arm.reachability_map.axis is not None and len(problem.arms) == 1:
+            turned[:, :, 0] -= turned[:, :, :1].mean(axis=1)
+        shapes.append(turned)
+    joined = np.concatenate(shapes, axis=2)
+    chosen: list[int] = []
+    for i in np.argsort(motions.cost, kind="stable"):
+        changes = np.abs(joined[chosen] - joined[i]).max(axis=(1, 2))
+        if np.all(changes > SAME_MOTION):
+            chosen.append(int(i))
+        if len(chosen) == most:
+            break
+    return np.array(chosen, dtype=np.intp)

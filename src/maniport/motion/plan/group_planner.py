@@ -109,14 +109,23 @@ class Planner:
         count = len(self.arms)
         random = as_generator(random_state)
         parts = []
-        shares = zip(self.arms, separate or problem.arms, _copies(random, count), strict=True)
-        for (arm, of_arm, own), part in zip(shares, pieces(progress, *count * [1.0]), strict=True):
+        shares = zip(
+            self.arms,
+            separate or problem.arms,
+            self.group.columns,
+            _copies(random, count),
+            strict=True,
+        )
+        for (arm, of_arm, columns, own), part in zip(
+            shares, pieces(progress, *count * [1.0]), strict=True
+        ):
             alone = replace(
                 problem,
                 arms=(of_arm,),
                 limits=arm.limits,
                 collisions=arm.reachability_map.collisions,
                 costs=problem.costs if count == 1 else (),
+                start=None if problem.start is None else problem.start[:, columns],
             )
             q, timed = arm.solve(alone, options, own, part)
             parts.append(q)

@@ -157,9 +157,6 @@ class TrajectoryCost:
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
         self.clearance = np.broadcast_to(terms.clearance, len(time))
-        self.stiffness = CLEARANCE_WEIGHT * (
-            CLEARANCE / self.clearance
-        )  # contact costs the same for every c
         factors, limits = (
             (terms.velocity_cost, terms.jerk_cost),
             (terms.velocity, terms.acceleration),
@@ -173,58 +170,88 @@ class TrajectoryCost:
         gradient = equations.gradient
         hessian = equations.hessian
         if self.terms.collisions is not None:
-            rows, distance, slope = self.terms.collisions.gradient(
-                q, float(self.clearance.max()), scaled=True
-            )
-            lacking = self.stiffness[rows] * np.maximum(self.clearance[rows] - distance, 0.0)
-            slope = (self.stiffness[rows] * (lacking > 0.0))[:, None] * slope
-            np.add.at(square, rows, lacking**2)
-            np.add.at(gradient, rows, -lacking[:, None] * slope)
-            np.add.at(hessian, rows, slope[:, :, None] * slope[:, None, :])
+            add_clearance_cost(self.terms.collisions, q, square, gradient, hessian, self.clearance)
         cost, gradient = float(self.weights @ square), self.weights[:, None] * gradient
         band = np.zeros((min(4, len(q)), *q.shape))  # lower diagonals of each joint
-        cost = self.smoothness.add(q, cost, gradient, band)
+        cost = float(self.smoothness.add(q, cost, gradient, band))
         return cost, (gradient, self.weights[:, None, None] * hessian, band)
 
     def trial(self, q: Array, slopes: Any, damping: float) -> tuple[Array, float]:
         """Joint positions after a damped step, within the limits, and the expected decrease of the cost."""
         gradient, hessian, band = slopes
         damped = damping * (np.einsum("nii->ni", hessian) + band[0])
-        step = -self.solve(gradient[..., None], hessian, band, self.blocked(q, gradient), damped)[
-            ..., 0
-        ]
+        blocked = blocked_joints(self.arm, q, gradient)
+        step = -solve_banded(gradient[..., None], hessian, band, blocked, damped)[..., 0]
         return self.within(q + step), float(np.sum(step * (damped * step - gradient)))
 
     def within(self, q: Array) -> Array:
         """Joint positions within the limits."""
         return np.clip(q, self.arm.lower, self.arm.upper)
 
-    def blocked(self, q: Array, gradient: Array) -> NDArray[np.bool_]:
-        """Which joints are at a limit that the cost pushes them against, shape (n, dof)."""
-        return np.asarray(
-            ((q <= self.arm.lower) & (gradient > 0.0)) | ((q >= self.arm.upper) & (gradient < 0.0))
-        )
 
-    def solve(
-        self, sides: Array, hessian: Array, band: Array, blocked: NDArray[np.bool_], damped: Array
-    ) -> Array:
-        """Solve the normal equations for sides (n, dof, k) and joints that are not blocked; zero where singular."""
-        n, dof, k = sides.shape
-        free = ~blocked
-        blocks = hessian * free[:, :, None] * free[:, None, :]
-        lines = np.zeros((dof * len(band), n * dof))
-        table = lines.reshape(len(lines), n, dof)
-        for i in range(dof):
-            for j in range(i + 1):
-                table[i - j, :, j] = blocks[:, i, j]
-        for below in range(len(band)):
-            table[below * dof, : n - below] += band[below, : n - below] * (
-                free[below:] & free[: n - below]
-            )
-        table[0] += damped + np.where(free, 1e-12 * damped.max(), 1.0)
-        right = (sides * free[..., None]).reshape(n * dof, k)
-        try:
-            solution = solveh_banded(lines, right, lower=True, check_finite=False)
-        except LinAlgError:
-            return np.zeros_like(sides)
-        return np.asarray(solution.reshape(n, dof, k) * free[..., None])
+def add_clearance_cost(
+    collisions: Collisions,
+    q: Array,
+    square: Array,
+    gradient: Array,
+    hessian: Array,
+    clearance: Array | float = CLEARANCE,
+) -> None:
+    """Add the cost of pairs nearer than the clearance, one or (n,) [m], to squares (n,) and normal equations of q."""
+    clearance = np.broadcast_to(clearance, len(q))
+    stiffness = CLEARANCE_WEIGHT * (CLEARANCE / clearance)  # contact costs the same for every c
+    rows, distance, slope = collisions.gradient(q, float(clearance.max()), scaled=True)
+    lacking = stiffness[rows] * np.maximum(clearance[rows] - distance, 0.0)
+    slope = (stiffness[rows] * (lacking > 0.0))[:, None] * slope
+    np.add.at(square, rows, lacking**2)
+    np.add.at(gradient, rows, -lacking[:, None] * slope)
+    np.add.at(hessian, rows, slope[:, :, None] * slope[:, None, :])
+
+
+def blocked_joints(arm: Arm | ArmGroup, q: Array, gradient: Array) -> NDArray[np.bool_]:
+    """Return which joints are at a limit that the cost pushes them against, shape (..., dof)."""
+    below = (q <= arm.lower) & (gradient > 0.0)
+    above = (q >= arm.upper) & (gradient < 0.0)
+    return np.asarray(below | above)
+
+
+def solve_banded(
+    sides: Array, hessian: Array, band: Array, blocked: NDArray[np.bool_], damped: Array
+) -> Array:
+    """Solve normal equations of a trajectory for sides (n, dof, k).
+
+    Parameters
+    ----------
+    sides : ndarray, shape (n, dof, k)
+    hessian : ndarray, shape (n, dof, dof)
+        Blocks of each waypoint.
+    band : ndarray, shape (m, n, dof)
+        Lower diagonals of each joint, which couple waypoints.
+    blocked : ndarray, shape (n, dof)
+        Joints that do not move.
+    damped : ndarray, shape (n, dof)
+        What is added to the diagonal.
+
+    Returns
+    -------
+    ndarray, shape (n, dof, k)
+        Zero for blocked joints, and where the equations are singular.
+    """
+    n, dof, k = sides.shape
+    free = ~blocked
+    blocks = hessian * free[:, :, None] * free[:, None, :]
+    lines = np.zeros((dof * len(band), n * dof))
+    table = lines.reshape(len(lines), n, dof)
+    for i in range(dof):
+        for j in range(i + 1):
+            table[i - j, :, j] = blocks[:, i, j]
+    for below in range(len(band)):
+        both_free = free[below:] & free[: n - below]
+        table[below * dof, : n - below] += band[below, : n - below] * both_free
+    table[0] += damped + np.where(free, 1e-12 * damped.max(), 1.0)
+    right = (sides * free[..., None]).reshape(n * dof, k)
+    try:
+        solution = solveh_banded(lines, right, lower=True, check_finite=False)
+    except LinAlgError:
+        return np.zeros_like(sides)
+    return np.asarray(solution.reshape(n, dof, k) * free[..., None])

@@ -21,6 +21,7 @@ from maniport.motion.problem import EXACT_WEIGHT, ArmProblem, CostWeights, Motio
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.search import interpolated_distance, pointwise_best
 from maniport.motion.targets import TargetTrajectory, require_few, targets_of_arms
+from maniport.motion.trajectory import interpolated
 from maniport.util.progress import Progress, Step, between
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, as_generator, require_shape
@@ -34,7 +35,7 @@ def plan_motion(
     options: PlanOptions | None = None,
     *,
     planner: Planner | None = None,
-    pointwise_bests: Sequence[ArrayLike] | None = None,
+    starts: Sequence[ArrayLike] | None = None,
     random_state: int | np.random.Generator | None = 0,
     progress: Progress | None = None,
 ) -> RobotMotion:
@@ -56,8 +57,9 @@ def plan_motion(
     planner : Planner, optional
         A planner of these arms, ellipsoids and limits, whose limits and collisions are used. Default: a new one (0.5 s
         for an arm).
-    pointwise_bests : sequence of array_like, shape (n,), optional
-        The pointwise optimum of each arm, as from `place_path`. Default: searched (0.6 s for an arm).
+    starts : sequence of array_like, shape (n, dof), optional
+        A motion of each arm from which the optimizer starts, besides that of its graph search: the joint positions of
+        its `Placement`.
     random_state : None, int or numpy.random.Generator
     progress : callable, optional
         Called with the name of a step, the fraction done and, at its end, a message.
@@ -74,9 +76,8 @@ def plan_motion(
     if options is None:
         options = PlanOptions()
     checked = targets_of_arms(robot, targets)
-    bests = None
-    if pointwise_bests is not None:
-        bests = _checked_bests(pointwise_bests, checked)
+    if starts is not None:
+        starts = _checked_starts(starts, as_group(robot), len(checked[0]))
     specs = [target.spec for target in checked]
     if planner is not None:
         planner.require_fits(robot, specs)
@@ -90,25 +91,24 @@ def plan_motion(
         planner,
         checked,
         options,
-        pointwise_bests=bests,
+        starts=starts,
         random=generator,
         progress=progress,
     )
 
 
-def _checked_bests(
-    pointwise_bests: Sequence[ArrayLike], targets: Sequence[TargetTrajectory]
-) -> list[Array]:
-    if len(pointwise_bests) != len(targets):
+def _checked_starts(starts: Sequence[ArrayLike], group: ArmGroup, count: int) -> tuple[Array, ...]:
+    """Require a motion (count, dof) of each arm."""
+    if len(starts) != len(group):
         raise InvalidInputError(
-            f"pointwise_bests must be {len(targets)}, one for each arm; found {len(pointwise_bests)}"
+            f"starts must be {len(group)}, one for each arm; found {len(starts)}"
         )
-    bests = []
-    for best, target in zip(pointwise_bests, targets, strict=True):
-        checked = as_finite(best, "pointwise_bests").copy()
-        require_shape(checked, "pointwise_bests", (len(target),), ", one row for each time")
-        bests.append(checked)
-    return bests
+    checked = []
+    for arm, start in zip(group.arms, starts, strict=True):
+        motion = as_finite(start, "starts")
+        require_shape(motion, "starts", (count, arm.dof), ", one row for each time")
+        checked.append(motion)
+    return tuple(checked)
 
 
 def group_spec(group: ArmGroup, specs: Sequence[EllipsoidSpec]) -> EllipsoidSpec:
@@ -129,7 +129,7 @@ def plan_checked(
     targets: Sequence[TargetTrajectory],
     options: PlanOptions,
     *,
-    pointwise_bests: Sequence[Array] | None,
+    starts: Sequence[Array] | None,
     random: np.random.Generator,
     progress: Progress | None,
 ) -> RobotMotion:
@@ -157,6 +157,9 @@ def plan_checked(
         problems.append(ArmProblem.of(arm, refined, cost_weights))
     separate = tuple(problems)
     refined_time = refined.time
+    start = None
+    if starts is not None:
+        start = interpolated(waypoint_times, group.joined(*starts), refined_time)
 
     vectors: tuple[RelativePositionCost, ...] = ()
     joint_problems = separate
@@ -165,7 +168,7 @@ def plan_checked(
         joint_problems = tuple(problem.without_positions() for problem in separate)
         targets = [replace(target, positions=None) for target in targets]
     problem = MotionProblem(
-        refined_time, joint_problems, limits, collisions, (*further_costs, *vectors)
+        refined_time, joint_problems, limits, collisions, (*further_costs, *vectors), start
     )
     trajectory, coupled = planner.solve(problem, options, random, between(step, 0.2, 0.9), separate)
 
@@ -177,8 +180,6 @@ def plan_checked(
     step.end(f"{trajectory.control_time[-1]:.1f} s (human {duration:.1f} s)")
 
     step = Step(progress, "Evaluate trajectory")
-    if pointwise_bests is None:
-        pointwise_bests = _pointwise_bests(planner, problem, vectors, q)
     at_waypoints = []
     for arm, target in zip(group.arms, targets, strict=True):
         at_waypoints.append(ArmProblem.of(arm, target, cost_weights))
@@ -189,7 +190,7 @@ def plan_checked(
         collisions,
         limits.velocity,
         position_tolerance=float(options.position_tolerance),
-        pointwise_bests=pointwise_bests,
+        pointwise_bests=_pointwise_bests(planner, problem, vectors, q),
         coupled=coupled,
     )
     if relative:
@@ -208,7 +209,7 @@ def _pointwise_bests(
     problem: MotionProblem,
     vectors: tuple[RelativePositionCost, ...],
     q: Array,
-    most: int = 250,
+    most: int = 80,
 ) -> list[Array]:
     """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
     rows = evenly_spaced(len(q), most)

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -19,18 +19,38 @@ from maniport.util.validation import Array, as_choice, as_number
 HAND_TARGETS = ("placed", "relative")
 
 
+class PlacementRound(NamedTuple):
+    """One round of the search of a placement."""
+
+    kept: int  # placements with trajectories that it improves
+    waypoints: int
+    position_weight: float  # [1/m]
+    steps: int
+
+
+PLACEMENT_ROUNDS = (
+    PlacementRound(512, 8, 30.0, 6),
+    PlacementRound(128, 12, 60.0, 6),
+    PlacementRound(40, 24, 200.0, 6),
+    PlacementRound(12, 64, 200.0, 6),
+    PlacementRound(3, 64, 200.0, 60),
+)
+"""The first round has two trajectories of 256 placements; with 96, three of four searches miss the best branch of an
+xArm7. The position weight grows, since a stiff one has more local minima. The last round avoids collisions."""
+
+
 @dataclass(frozen=True)
 class SearchBudget:
     """Search budget of placement and planning."""
 
-    candidates: int = 4096  # placements compared by samples
-    placement_nodes: int = 60  # nodes per stage of the roadmap of a placement
+    candidates: int = 2048  # placements compared by samples
+    rounds: tuple[PlacementRound, ...] = PLACEMENT_ROUNDS
     nodes: int = (
         300  # nodes per stage of the roadmap of a plan; up to 2.4 times as many for short paths
     )
     stage: float = 0.55  # longest time between stages at the planning time scale [s]
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another optimizer step
-    pointwise_starts: int = 32  # samples for the best pointwise solution at each placed waypoint
+    pointwise_starts: int = 32  # samples for the best pointwise solution at a waypoint
     gap_points: int = 250  # most waypoints at which the feasibility gap is searched
     gap_starts: int = 48  # samples for each of them
 

@@ -4,6 +4,7 @@ Trajectories are optimized as if they took `planning_time_scale` times the demon
 the smoothness that this time demands, relaxed around large position errors, and timed again.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from maniport.motion.configurations import Configurations
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.optimizer import (
     POSITION_WEIGHTS,
+    TrajectoryCost,
     TrajectoryTerms,
     optimize,
     optimize_to_tolerance,
@@ -49,21 +51,22 @@ def planning_time_scale(options: PlanOptions) -> float:
     return max(1.0 / options.speed_scale, 1.0 if options.real_time else PLANNING_TIME_SCALE)
 
 
+def planning_terms(time: Array, options: PlanOptions) -> tuple[Array, TrajectoryTerms, float]:
+    """Return times on the planning time scale, terms of smoothness there, and the joint motion weight of the search."""
+    planned = planning_time_scale(options) * (time - time[0])
+    share = SMOOTHNESS * float(np.sqrt(planned[-1] / PLANNING_TIME_SCALE))
+    terms = TrajectoryTerms(share * 0.12, share * 8e-4, rel_tol=options.budget.rel_tol)
+    return planned, terms, share * JOINT_MOTION_WEIGHT
+
+
 def coarse_terms(
     problem: MotionProblem, options: PlanOptions
 ) -> tuple[Array, TrajectoryTerms, float]:
-    """Return times of the waypoints and terms on the planning time scale, and the joint motion weight of the search."""
-    time = planning_time_scale(options) * (problem.time - problem.time[0])
-    share = SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
-    speeds, tolerance = SPEED_SHARE * problem.limits.velocity, options.budget.rel_tol
-    terms = TrajectoryTerms(
-        share * 0.12,
-        share * 4e-3,
-        velocity=speeds,
-        collisions=problem.collisions,
-        rel_tol=tolerance,
-    )
-    return time, terms, share * JOINT_MOTION_WEIGHT
+    """Return the same with the limits and collisions of a problem."""
+    time, terms, joint_motion_weight = planning_terms(problem.time, options)
+    velocity = SPEED_SHARE * problem.limits.velocity
+    terms = replace(terms, velocity=velocity, collisions=problem.collisions)
+    return time, terms, joint_motion_weight
 
 
 @dataclass(frozen=True)
@@ -91,13 +94,16 @@ class ArmPlanner:
         path = self.search(nodes, time[stages], joint_motion_weight)
         progress(0.6)
         q = optimize(problem[stages], time[stages], nodes.q[path], terms, POSITION_WEIGHTS[0])
-        q, coarse_tolerance = (
-            interpolated(time[stages], q, time),
-            1e-3,
-        )  # [m]; less than this is met with the time
-        q = optimize_to_tolerance(
-            problem, time, q, terms, max(options.position_tolerance, coarse_tolerance)
-        )
+        q = interpolated(time[stages], q, time)
+        starts = [q]
+        if problem.start is not None:
+            starts.append(problem.start)
+        coarse_tolerance = 1e-3  # [m]; less than this is met with the time
+        tolerance = max(options.position_tolerance, coarse_tolerance)
+        optimized = []
+        for start in starts:
+            optimized.append(optimize_to_tolerance(problem, time, start, terms, tolerance))
+        q = best_trajectory(problem, time, optimized, terms, tolerance)
         return time_parameterized(problem, q, options, options.position_tolerance)
 
     def roadmap(self, problem: MotionProblem, count: int, random: np.random.Generator) -> Roadmap:
@@ -153,6 +159,26 @@ class ArmPlanner:
         largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
         largest = np.minimum(SPEED_SHARE * self.limits.velocity * gaps, largest)
         return shortest_path(nodes, time, largest, joint_motion_weight)
+
+
+def best_trajectory(
+    problem: MotionProblem,
+    time: Array,
+    trajectories: Sequence[Array],
+    terms: TrajectoryTerms,
+    tolerance: float,
+) -> Array:
+    """Return the trajectory (n, dof) whose position error is within the tolerance and whose other costs are lowest."""
+    free = problem.with_position_weight(0.0)
+    cost = TrajectoryCost(problem.robot, free, time, terms)
+    ranks = []
+    for q in trajectories:
+        errors = problem.position_errors(q)
+        reached = 0.0
+        if errors is not None:
+            reached = float(np.percentile(errors, 95.0, axis=0).max())
+        ranks.append((max(reached, tolerance), cost.evaluate(q)[0]))
+    return trajectories[ranks.index(min(ranks))]
 
 
 def as_early_as_possible(problem: MotionProblem, q: Array, options: PlanOptions) -> Trajectory:

@@ -181,7 +181,7 @@ class ReachabilityMap:
         """
         # few samples next to a position have similar orientations: more are needed where the orientation counts
         nearest_samples = 2 * count if problem.orientation is None else 8 * count
-        q, cost = self._turned_samples(problem, nearest_samples)
+        q, cost, _ = self._turned_samples(problem, nearest_samples)
         order = np.argsort(cost, axis=1, kind="stable")
         half = count // 2
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
@@ -206,11 +206,24 @@ class ReachabilityMap:
             q, problem[owner].cost(q), np.searchsorted(owner, np.arange(len(problem) + 1))
         )
 
-    def _turned_samples(self, problem: ArmProblem, count: int) -> tuple[Array, Array]:
-        """Return samples next to each target's position, turned there (n, k, dof), and their costs (n, k)."""
+    def starts(self, problem: ArmProblem, samples: int, count: int) -> tuple[Array, Array]:
+        """Return the best `count` of the samples next to each target's position, and their costs.
+
+        Samples (n, count, dof) are turned to the position as far as the first joint's limits allow. The costs
+        (n, count) are infinite beyond these.
+        """
+        q, cost, gaps = self._turned_samples(problem, samples)
+        cost = cost + (GAP_WEIGHT * gaps) ** 2
+        best = np.argsort(cost, axis=1, kind="stable")[:, :count]
+        return np.take_along_axis(q, best[..., None], axis=1), np.take_along_axis(
+            cost, best, axis=1
+        )
+
+    def _turned_samples(self, problem: ArmProblem, count: int) -> tuple[Array, Array, Array]:
+        """Return samples next to each target's position, turned there (n, k, dof), their costs and gaps [m] (n, k)."""
         target = problem.target
         ellipsoids = target.damped_ellipsoids - target.shift
-        rows, _, first, _, cost = self._near(target.shift, ellipsoids, target.path, count)
+        rows, gaps, first, _, cost = self._near(target.shift, ellipsoids, target.path, count)
         q = self.q[rows]
         beyond = (first < self._first_limits[0]) | (first > self._first_limits[1])
         beyond &= ~beyond.all(axis=1, keepdims=True)  # better off the position than nothing at all
@@ -224,7 +237,7 @@ class ReachabilityMap:
             offsets = weights * (rotations - problem.orientation.rotations[:, None])
             cost += np.sum(offsets**2, axis=(-2, -1))
         q[..., 0] = first
-        return q, cost
+        return q, cost, gaps
 
     def _with_whole_turns(
         self, q: Array, owner: NDArray[np.intp]

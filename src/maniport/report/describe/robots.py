@@ -295,9 +295,8 @@ PLACEMENT_COLUMNS = {
 
 
 def placement_section(placed: Placement) -> Section:
-    """Describe the placement of a path, whether the robot reaches it, and alternatives."""
+    """Describe the placement of a path, and whether the robot reaches it."""
     section = Section("Placement", key="placement", folded=True)
-    section.tables = _candidate_tables(placed)
     yaw = float(np.degrees(placed.yaw))
     tilt = float(np.degrees(placed.tilt))
     heading = float(np.degrees(placed.heading))
@@ -306,7 +305,7 @@ def placement_section(placed: Placement) -> Section:
     farthest = 0.0
     if unreachable:
         farthest = 1e3 * float(placed.position_error.max())  # [mm]
-        points = f"{unreachable} of {len(placed.path)} waypoints of the path"
+        points = f"{unreachable} of {len(placed.position_error)} waypoints of the path"
         section.warn("path-out-of-reach", f"{points} are out of reach, by up to {farthest:.1f} mm")
 
     middle = listed(f"{value:.3f}" for value in offset)
@@ -328,10 +327,10 @@ def placement_section(placed: Placement) -> Section:
     return section
 
 
-def _candidate_tables(placed: Placement) -> tuple[Table, ...]:
-    """Return a table of all placements, if there are any."""
+def placements_table(placements: Sequence[Placement]) -> Table:
+    """Return a table of placements from the best to the worst."""
     records = []
-    for rank, candidate in enumerate(placed.candidates, 1):
+    for rank, candidate in enumerate(placements, 1):
         record = {
             "rank": rank,
             "scale": candidate.scale,
@@ -340,10 +339,8 @@ def _candidate_tables(placed: Placement) -> tuple[Table, ...]:
             "tilt_deg": float(np.degrees(candidate.tilt)),
             "heading_deg": float(np.degrees(candidate.heading)),
             "rms": candidate.rms,
-            "max": float(candidate.planned_distance.max()),
+            "max": float(candidate.distance.max()),
         }
         records.append(record)
-    if not records:
-        return ()
-    caption = "Placements by motions planned through some waypoints, the best first; of equal ones, the least rotated."
-    return (Table.of(records, PLACEMENT_COLUMNS, caption, "candidates"),)
+    caption = "Placements by the distances of trajectories through some waypoints, the best first."
+    return Table.of(records, PLACEMENT_COLUMNS, caption, "candidates")
