@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
-from maniport.pipeline.config import CONFIG, OPTIONS
+from maniport.pipeline.config import CONFIG
+from maniport.pipeline.options import OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import MISSED_SHARE, group_section, motion_section
 from maniport.report.recording import person_section, recording_section
