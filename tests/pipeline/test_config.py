@@ -3,7 +3,8 @@ import pytest
 
 import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
-from maniport.pipeline.config import OPTIONS, Config
+from maniport.pipeline.config import Config
+from maniport.pipeline.options import OPTIONS
 
 
 def test_a_saved_configuration_is_equal_when_loaded(tmp_path):

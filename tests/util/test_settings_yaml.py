@@ -6,7 +6,8 @@ import yaml
 from maniport.arms.collisions.obstacles import read_boxes
 from maniport.errors import FileFormatError, InvalidInputError, ManiportError
 from maniport.motion import MotionLimits
-from maniport.pipeline.config import OPTIONS, Config
+from maniport.pipeline.config import Config
+from maniport.pipeline.options import OPTIONS
 from maniport.pipeline.settings import marker_roles, settings_of
 from maniport.util.files import read_settings, settings_text
 from maniport.util.validation import as_count, as_flag, as_number

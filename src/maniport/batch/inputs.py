@@ -18,7 +18,8 @@ from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError, printable
 from maniport.mocap import Recording, shipped_recording
 from maniport.mocap.readers import SHIPPED
-from maniport.pipeline.config import OPTIONS, Config
+from maniport.pipeline.config import Config
+from maniport.pipeline.options import OPTIONS
 from maniport.pipeline.settings import Settings, marker_roles, settings_of
 from maniport.report.render import SUMMARY
 from maniport.util.defaults import RECORDINGS

@@ -1,4 +1,4 @@
-"""The application: commands generated from functions and the options of `maniport.pipeline.config`, and exit codes."""
+"""The application: commands generated from functions and the options of `maniport.pipeline.options`, and exit codes."""
 
 import inspect
 import os
@@ -22,8 +22,9 @@ from maniport.errors import (
     on_the_command_line,
     printable,
 )
-from maniport.pipeline.config import OPTIONS, Config
-from maniport.pipeline.option import ASSIGNED, NAMES, Option
+from maniport.pipeline.config import Config
+from maniport.pipeline.option import ASSIGNED, Flag, Option
+from maniport.pipeline.options import OPTIONS
 from maniport.report.console import Console
 from maniport.util.atomic_io import free_path, require_room
 from maniport.util.defaults import BOTH
@@ -161,80 +162,109 @@ def command(
     The function gets them as `config`; a `console` has the flags of all commands.
     """
     chosen = [
-        o
-        for o in OPTIONS.values()
-        if {o.name, o.section} & set(names) and o.typed and o.name not in without
+        option
+        for option in OPTIONS.values()
+        if {option.name, option.section} & set(names)
+        and option.typed
+        and option.name not in without
     ]
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         usual = replace(defaults or Config(), verb=verb.__name__)
-        own = inspect.signature(verb, eval_str=True).parameters
 
         @wraps(verb)
         def run(**typed: Any) -> None:
             _, *flags = [typed.pop(name) for name in FLAGS]
             made: dict[str, Any] = {"console": Console(*flags)}
             if chosen:
-                file, texts = typed.pop("config_file"), {o.name: typed.pop(o.name) for o in chosen}
-                config = (
-                    usual
-                    if file is None
-                    else Config.load(file, usual, {"recording", "profile", "path", *texts})
-                )
-                values = {
-                    o.name: o.parse(texts[o.name])
-                    for o in chosen
-                    if texts[o.name] not in (None, [])
-                }
-                if "profile" in values:
-                    values.setdefault(
-                        "path", None
-                    )  # that of a file belongs to the profile of the file
-                config = config.changed(**values)
-                robot = (
-                    typed.get("arm") or typed.get("what") or config.robot
-                )  # domain and info name it
-                made["config"] = in_si_units(config, values, robot)
+                file = typed.pop("config_file")
+                texts = {option.name: typed.pop(option.name) for option in chosen}
+                # domain and info name the robot by an argument
+                robot = typed.get("arm") or typed.get("what")
+                made["config"] = _configuration(usual, file, texts, robot)
             verb(**typed, **made)
 
-        kinds = {o.name: _annotation(o, usual) for o in chosen}
-        kinds |= {"config_file": Annotated[Path | None, FILE]} if chosen else {}
-        kinds |= {name: Annotated[bool | None, flag] for name, flag in FLAGS.items()}
-        parameters = [
-            parameter for name, parameter in own.items() if name not in ("config", "console")
-        ] + [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-            for name, kind in kinds.items()
-        ]
-        parameters.sort(key=lambda parameter: parameter.default is not inspect.Parameter.empty)
-        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        signature = _signature(verb, chosen, usual)
+        run.__signature__ = signature  # type: ignore[attr-defined]
+        run.__annotations__ = {
+            name: parameter.annotation for name, parameter in signature.parameters.items()
+        }
         app.command(cls=_Command, epilog=f"Example: {example}")(run)
         return verb
 
     return decorate
 
 
+def _configuration(
+    usual: Config, file: Path | None, texts: Mapping[str, Any], robot: str | None
+) -> Config:
+    """Return the configuration of a file, if there is one, with the options that were typed."""
+    config = usual
+    if file is not None:
+        config = Config.load(file, usual, {"recording", "profile", "path", *texts})
+
+    values: dict[str, Any] = {}
+    for name, text in texts.items():
+        if text not in (None, []):
+            values[name] = OPTIONS[name].parse(text)
+    if "profile" in values:
+        values.setdefault("path", None)  # that of a file belongs to the profile of the file
+    config = config.changed(**values)
+    return in_si_units(config, values, robot or config.robot)
+
+
+def _signature(
+    verb: Callable[..., None], chosen: Sequence[Option], usual: Config
+) -> inspect.Signature:
+    """Return the parameters of a command: its own, one for each option and the flags of all commands."""
+    annotations = {option.name: _annotation(option, usual) for option in chosen}
+    if chosen:
+        annotations["config_file"] = Annotated[Path | None, FILE]
+    for name, flag in FLAGS.items():
+        annotations[name] = Annotated[bool | None, flag]
+
+    parameters = []
+    for name, parameter in inspect.signature(verb, eval_str=True).parameters.items():
+        if name not in ("config", "console"):
+            parameters.append(parameter)
+    for name, annotation in annotations.items():
+        parameter = inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=None,
+            annotation=annotation,
+        )
+        parameters.append(parameter)
+    parameters.sort(key=lambda parameter: parameter.default is not inspect.Parameter.empty)
+    return inspect.Signature(parameters)
+
+
 def _annotation(option: Option, usual: Config) -> Any:
     """Make the annotation of an option's parameter; None is a value that was not typed."""
-    default = getattr(usual, option.name)
-    kinds = (NAMES, Mapping[str, float], Mapping[str, str])
-    listed = option.repeated or option.kind in kinds
-    kind = bool if option.kind is bool else list[str] if listed else str
+    kind: Any = str
+    if isinstance(option, Flag):
+        kind = bool
+    if option.listed:
+        kind = list[str]
     if option.name in ("recording", "profile"):
         return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]
+
     words = "|".join(option.choices)
     metavar = option.metavar or (words if 0 < len(words) <= 24 else option.unit)
-    metavar = metavar or (
-        "FILE" if option.is_file else {int: "N", float: "X"}.get(option.kind, "NAME")
-    )
-    help = option.help + (
-        f": {', '.join(option.choices)}" if option.choices and metavar == "NAME" else ""
-    )
+    if not metavar:
+        metavar = "FILE" if option.is_file else option.placeholder
+    help = option.help
+    if option.choices and metavar == "NAME":
+        help += f": {', '.join(option.choices)}"
+    default = getattr(usual, option.name)
     if default not in (None, ()):
         help += f" (default {option.text(default)})"
+
+    flag = option.flag
+    if isinstance(option, Flag):
+        flag = f"{flag}/--no-{flag[2:]}"
     settings = typer.Option(
-        option.flag if option.kind is not bool else f"{option.flag}/--no-{option.flag[2:]}",
+        flag,
         help=help,
         hidden=not option.common,
         metavar=metavar,

@@ -19,7 +19,8 @@ from maniport.cli.application import (
     require_suffix,
 )
 from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, printable
-from maniport.pipeline.config import MOST_SAMPLES, OPTIONS, Config
+from maniport.pipeline.config import Config
+from maniport.pipeline.options import MOST_SAMPLES, OPTIONS
 from maniport.report.console import Console
 from maniport.report.describe import report_of
 from maniport.report.render import SUMMARY, as_numbers, write_report

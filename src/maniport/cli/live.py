@@ -18,7 +18,8 @@ from maniport import pipeline
 from maniport.cli.application import command
 from maniport.cli.transfer import only_recording
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import LIVE, OPTIONS, Config
+from maniport.pipeline.config import LIVE, Config
+from maniport.pipeline.options import OPTIONS
 from maniport.report.console import Console
 from maniport.util.optional import how_to_install
 from maniport.util.process import LOOPBACK, ending_in_order, is_loopback

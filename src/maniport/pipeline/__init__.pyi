@@ -2,6 +2,11 @@ from maniport.pipeline.config import Config as Config
 from maniport.pipeline.demonstrations import LearnedProfile as LearnedProfile
 from maniport.pipeline.demonstrations import learn as learn
 from maniport.pipeline.following import follow_profile as follow_profile
+from maniport.pipeline.options import HumanOptions as HumanOptions
+from maniport.pipeline.options import MapOptions as MapOptions
+from maniport.pipeline.options import MotionOptions as MotionOptions
+from maniport.pipeline.options import RobotOptions as RobotOptions
+from maniport.pipeline.options import TransferOptions as TransferOptions
 from maniport.pipeline.results import MotionResult as MotionResult
 from maniport.pipeline.results import TransferResult as TransferResult
 from maniport.pipeline.settings import load_single_arm as load_single_arm

@@ -18,6 +18,7 @@ from maniport.learning import Alignment, ProfileGMM, align
 from maniport.learning.alignment import Agreement, agreement
 from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.pipeline.config import Config
+from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import SavedResult
 from maniport.pipeline.settings import fit_options, read_part
 from maniport.spd.matrix_functions import from_vector, to_vector
@@ -160,7 +161,7 @@ class LearnedProfile(SavedResult):
 
 def learn(
     recordings: Sequence[Recording | str | Path],
-    config: Config | None = None,
+    config: TransferOptions | None = None,
     *,
     progress: Progress | None = None,
     **options: Any,
@@ -176,12 +177,12 @@ def learn(
     ----------
     recordings : sequence of Recording, str or Path
         At least two demonstrations: recordings, or segments of them.
-    config : Config, optional
+    config : TransferOptions, optional
         Options of the persons, the ellipsoids and the learning.
     progress : callable, optional
         Called with the name of a step and the fraction done.
     **options
-        Options by name, which override those of `config`; `maniport.pipeline.config` describes them. ``segments`` are
+        Options by name, which override those of `config`; `maniport.pipeline.options` describes them. ``segments`` are
         "auto" for all times that a hand goes out and back (`maniport.mocap.ArmFit.repetitions`), or have an entry for
         each recording: "auto", a sequence of (start, stop) [s], each a demonstration, or None for the whole.
 
@@ -190,7 +191,7 @@ def learn(
     ManiportError
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
-    config = (config or Config()).changed(allowed=("human", "transfer", "learning"), **options)
+    config = Config.of(config).changed(allowed=("human", "transfer", "learning"), **options)
     demonstrations = _demonstrations(
         recordings, _intervals(recordings, config.segments), config, progress
     )

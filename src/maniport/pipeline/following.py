@@ -21,6 +21,7 @@ from maniport.motion import (
 from maniport.motion.plan.plan_motion import plan_checked
 from maniport.motion.targets import Damping, TargetTrajectory, damping_of
 from maniport.pipeline.config import Config
+from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import ArmResult, MotionResult
 from maniport.pipeline.settings import Settings, plan_options, with_limits
 from maniport.util.progress import Progress, Step, no_progress
@@ -184,7 +185,7 @@ def follow_profile(
     profiles: Sequence[ArrayLike],
     time: ArrayLike | None,
     paths: Sequence[ArrayLike] | None = None,
-    config: Config | None = None,
+    config: TransferOptions | None = None,
     *,
     damping: Damping | None = None,
     planner: Planner | None = None,
@@ -202,7 +203,7 @@ def follow_profile(
         Increasing [s].
     paths : sequence of array_like, shape (n, 3), optional
         Target positions of each end effector [m].
-    config : Config, optional
+    config : TransferOptions, optional
         Options of the ellipsoids, the motion and the seed; ``place`` places the paths relative to the robot first.
     damping : float or Regularization, optional
         Regularization of the ellipsoids. Default: the damping of the options.
@@ -220,7 +221,7 @@ def follow_profile(
         raise InvalidInputError(
             "the profile has no times; write it with an array 'time' (n,) in seconds"
         )
-    config = (config or Config()).changed(
+    config = Config.of(config).changed(
         allowed=("robot", "transfer", "motion", "placement"), **options
     )
     config, orientation = replace(config, verb="track"), config.orientation

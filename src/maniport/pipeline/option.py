@@ -1,11 +1,10 @@
-"""Description of an option, once for Python, the command line and configuration files."""
+"""Kinds of options: how a value is checked in Python and files, and typed on the command line."""
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from math import isfinite, pi
-from types import NoneType, UnionType
-from typing import Any, get_args
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,30 +21,26 @@ from maniport.util.validation import (
 
 COMMAND_LINE_UNITS = {"mm": ("m", 1e-3), "deg": ("rad", pi / 180.0), "%": ("", 0.01)}
 """Units of the command line, with the SI unit of Python and files, and the factor to it."""
-NAMES = tuple[str, ...]
 ASSIGNED = ":="  # between name and value of an argument of a xacro file
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Option:
-    """A field of a dataclass, made with `option`."""
+    """An option of any value, which is checked where it is used."""
 
-    section: str  # of configuration files and help pages; "" for none
-    help: str  # a noun phrase
-    unit: str = ""  # on the command line, see `COMMAND_LINE_UNITS`; of a vector also of each element, "m,m,m,deg"
+    name: str = field(kw_only=False)
+    section: str = field(kw_only=False)  # of configuration files and help pages; "" for none
+    help: str = field(kw_only=False)  # a noun phrase
+    unit: str = field(default="", kw_only=False)  # typed, see `COMMAND_LINE_UNITS`
     choices: tuple[str, ...] = ()  # allowed words, or words that are allowed besides numbers
-    count: int | None = None  # numbers of a vector
-    bounds: Bounds = field(default_factory=Bounds)  # in SI units
     metavar: str = ""
     common: bool = False  # shown by --help; others by --help-all
-    repeated: bool = False  # typed once for each element, which may contain commas
     is_file: bool = False
     unchecked: bool = False  # also takes objects in Python; checked where it is used
     typed: bool = True  # available on the command line and in files
-    default: Any = None
-    name: str = ""
-    kind: Any = str  # type of the field without None; of several the last
-    required: bool = False  # None: the default
+
+    placeholder: ClassVar[str] = "NAME"  # for the value, on help pages
+    listed: ClassVar[bool] = False  # typed several times
 
     @property
     def flag(self) -> str:
@@ -57,98 +52,214 @@ class Option:
         """SI units in a unit of the command line, one for all numbers or one for each."""
         return [COMMAND_LINE_UNITS.get(unit, ("", 1.0))[1] for unit in self.unit.split(",")]
 
-    def check(self, value: Any, typed: bool = False) -> Any:
-        """Return a valid value of plain type, or raise `InvalidInputError`; `typed`: on the command line."""
-        if value is None:
-            return self.default if self.required else None
-        value = os.fspath(value) if isinstance(value, os.PathLike) else value
-        if self.kind == NAMES:
-            parts = value if isinstance(value, list | tuple) else (value,)
-            return tuple(
-                os.fspath(part) if isinstance(part, os.PathLike) else part for part in parts
-            )
-        if self.unchecked and not typed:
+    @property
+    def label(self) -> str:
+        """Name and SI unit, for messages."""
+        unit, _ = COMMAND_LINE_UNITS.get(self.unit, (self.unit, 1.0))
+        return f"{self.name} [{unit}]" if unit else self.name
+
+    @property
+    def flag_label(self) -> str:
+        """Name and unit on the command line, for messages."""
+        return f"{self.flag} [{self.unit}]" if self.unit else self.flag
+
+    def check(self, value: object) -> object:
+        """Return a valid value of plain type, in SI units, or raise `InvalidInputError`."""
+        value = _without_path(value)
+        if self.unchecked:
             return _as_tuple(value)
-        if self.choices and (self.kind is str or (isinstance(value, str) and not _numbers(value))):
-            return as_choice(value, self.flag if typed else self.name, self.choices)
-        unit = self.unit if typed else COMMAND_LINE_UNITS.get(self.unit, (self.unit,))[0]
-        label = (self.flag if typed else self.name) + (f" [{unit}]" if unit else "")
-        if self.kind is bool:
-            return as_flag(value, label)
-        if self.kind is int:
-            if typed:
-                value = _integer(value)
-            maximum = self.bounds.get("maximum")
-            return as_count(
-                value,
-                label,
-                int(self.bounds.get("minimum", 0)),
-                None if maximum is None else int(maximum),
-            )
-        if self.kind is float:
-            factor = self.factors[0] if typed else 1.0
-            bounds = {key: float(limit) / factor for key, limit in self.bounds.items()}  # type: ignore[arg-type]
-            if typed and isinstance(value, str):
-                value = _number(value, Bounds(**bounds))  # type: ignore[typeddict-item]
-            return as_number(value, label, **Bounds(**bounds)) * factor  # type: ignore[typeddict-item]
-        if self.kind is not str:
-            numbers = as_numbers(
-                value, label, self.count, broadcast=self.count is None, **self.bounds
-            )
-            return tuple(np.atleast_1d(numbers).tolist())
-        if not isinstance(value, str):
-            raise InvalidInputError(f"{label} must be text; found {shown(value)}")
+        if self._is_word(value):
+            return as_choice(value, self.name, self.choices)
+        return self._checked(value)
+
+    def check_setting(self, value: object) -> None:
+        """Raise unless a value that was read from a file is valid."""
+        if value is not None:
+            self.check(value)
+
+    def parse(self, typed: object) -> object:
+        """Convert what was typed on the command line: text, texts or a flag."""
+        if self._is_word(typed):
+            return as_choice(typed, self.flag, self.choices)
+        return self._parsed(str(typed))
+
+    def text(self, value: object) -> str:
+        """Write a value as it is typed on the command line."""
+        if isinstance(value, bool):
+            return "on" if value else "off"
+        if isinstance(value, int | float):
+            return f"{value / self.factors[0]:.12g}"
+        if isinstance(value, list | tuple):
+            return ",".join(map(self.text, value))
+        return str(value)
+
+    def words(self, value: object) -> list[str]:
+        """Return the arguments of the command line that set a value."""
+        return [self.flag, self.text(value)]
+
+    def _is_word(self, value: object) -> bool:
+        """Whether a value has to be one of the words that are allowed besides numbers."""
+        return bool(self.choices) and isinstance(value, str) and not _numbers(value)
+
+    def _checked(self, value: object) -> object:
         return value
 
-    def check_setting(self, value: Any) -> None:
-        """Raise unless a value that was read from a file is valid: names are texts, files too."""
-        self.check(value)
-        if self.kind != NAMES or self.name == "segments":  # these may be numbers
+    def _parsed(self, text: str) -> object:
+        return text
+
+
+class Word(Option):
+    """Text, or one of `choices`."""
+
+    def _is_word(self, value: object) -> bool:
+        return bool(self.choices)
+
+    def _checked(self, value: object) -> object:
+        if not isinstance(value, str):
+            raise InvalidInputError(f"{self.label} must be text; found {shown(value)}")
+        return value
+
+
+class Flag(Option):
+    """True or false."""
+
+    def parse(self, typed: object) -> object:
+        """Convert a flag."""
+        return as_flag(typed, self.flag_label)
+
+    def words(self, value: object) -> list[str]:
+        """Return the flag, or its opposite."""
+        return [self.flag if value else f"--no-{self.flag[2:]}"]
+
+    def _checked(self, value: object) -> object:
+        return as_flag(value, self.label)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integer(Option):
+    """A whole number."""
+
+    minimum: int = 0
+    maximum: int | None = None
+
+    placeholder: ClassVar[str] = "N"
+
+    def _checked(self, value: object) -> object:
+        return as_count(value, self.label, self.minimum, self.maximum)
+
+    def _parsed(self, text: str) -> object:
+        return as_count(_integer(text), self.flag_label, self.minimum, self.maximum)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number(Option):
+    """A number."""
+
+    bounds: Bounds = field(default_factory=Bounds)  # in SI units
+
+    placeholder: ClassVar[str] = "X"
+
+    def _checked(self, value: object) -> object:
+        return as_number(value, self.label, **self.bounds)
+
+    def _parsed(self, text: str) -> object:
+        factor = self.factors[0]
+        bounds = _divided(self.bounds, factor)
+        return as_number(_number(text, bounds), self.flag_label, **bounds) * factor
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vector(Option):
+    """Several numbers, typed with commas; each may have a unit of its own, "m,m,m,deg"."""
+
+    count: int | None = None  # None: any
+    bounds: Bounds = field(default_factory=Bounds)  # in SI units
+
+    def parse(self, typed: object) -> object:
+        """Convert numbers with commas, or a word."""
+        text = str(typed)
+        if "," in text:
+            return self._parsed(text)
+        return super().parse(text)
+
+    def _checked(self, value: object) -> object:
+        numbers = as_numbers(
+            value,  # type: ignore[arg-type]  # `as_numbers` refuses what is no array
+            self.label,
+            self.count,
+            broadcast=self.count is None,
+            **self.bounds,
+        )
+        return tuple(np.atleast_1d(numbers).tolist())
+
+    def _parsed(self, text: str) -> tuple[float, ...]:
+        numbers = _numbers(text)
+        if not numbers or self.count not in (None, len(numbers)):
+            words = [*self.choices, f"{self.count or ''} numbers separated by commas".strip()]
+            raise InvalidInputError(f"{self.flag} must be {' or '.join(words)}; found {text!r}")
+        factors = self.factors
+        if len(factors) == 1:
+            factors = factors * len(numbers)
+        return tuple(number * factor for number, factor in zip(numbers, factors, strict=True))
+
+
+class Vectors(Vector):
+    """Vectors, each of which is typed once."""
+
+    listed: ClassVar[bool] = True
+
+    def parse(self, typed: object) -> object:
+        """Convert texts of numbers."""
+        return tuple(self._parsed(text) for text in _texts(typed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Names(Option):
+    """Names, files or objects; typed with commas, or once for each where they may contain commas."""
+
+    repeated: bool = False
+    numbers: bool = False  # whether files may have numbers for names
+
+    listed: ClassVar[bool] = True
+
+    def check(self, value: object) -> object:
+        """Return a tuple of names; a single one may stand for itself."""
+        parts = value if isinstance(value, list | tuple) else (value,)
+        return tuple(_without_path(part) for part in parts)
+
+    def check_setting(self, value: object) -> None:
+        """Raise unless names that were read from a file are texts."""
+        if value is None or self.numbers:
             return
-        parts = [] if value is None else value if isinstance(value, list) else [value]
+        parts = value if isinstance(value, list) else [value]
         for part in parts:
             if not isinstance(part, str) or not part:
                 raise InvalidInputError(
                     f"{self.name} must be text, or a list of texts; found {shown(part)}"
                 )
 
-    def parse(self, typed: Any) -> Any:
-        """Convert what was typed on the command line: text, texts, a number or a flag."""
-        if self.kind == Mapping[str, float]:
-            return self._assignments(typed)
-        if self.kind == Mapping[str, str]:
-            return self._texts(typed)
-        if self.kind == NAMES:
-            words = (
-                typed
-                if self.repeated
-                else [word.strip() for text in typed for word in text.split(",")]
+    def parse(self, typed: object) -> object:
+        """Convert texts to names."""
+        texts = _texts(typed)
+        words = texts
+        if not self.repeated:
+            words = [word.strip() for word in ",".join(texts).split(",")]
+        if not all(words):
+            raise InvalidInputError(
+                f"{self.flag} must be names, none of them empty; found {','.join(texts)!r}"
             )
-            if not all(words):
-                raise InvalidInputError(
-                    f"{self.flag} must be names, none of them empty; found {','.join(typed)!r}"
-                )
-            return tuple(words)
-        if self.repeated:
-            return tuple(map(self._vector, typed))
-        if self.kind in (bool, int, float, str) or (
-            self.choices and "," not in typed and not _numbers(typed)
-        ):
-            return self.check(typed, typed=True)
-        return self._vector(typed)
+        return tuple(words)
 
-    def _vector(self, text: str) -> tuple[float, ...]:
-        numbers = _numbers(text)
-        if not numbers or self.count not in (None, len(numbers)):
-            words = [*self.choices, f"{self.count or ''} numbers separated by commas".strip()]
-            raise InvalidInputError(f"{self.flag} must be {' or '.join(words)}; found {text!r}")
-        factors = self.factors if len(self.factors) > 1 else self.factors * len(numbers)
-        return tuple(number * factor for number, factor in zip(numbers, factors, strict=True))
 
-    def _assignments(self, texts: Sequence[str]) -> dict[str, float]:
-        """Convert texts such as lift=0.2 to numbers by name."""
+class NumbersByName(Option):
+    """Numbers by name, typed as lift=0.2."""
+
+    listed: ClassVar[bool] = True
+
+    def parse(self, typed: object) -> object:
+        """Convert texts to numbers by name."""
         numbers: dict[str, float] = {}
-        for text in texts:
+        for text in _texts(typed):
             name, _, number = (part.strip() for part in text.rpartition("="))
             if len(_numbers(number)) != 1:
                 raise InvalidInputError(
@@ -161,10 +272,16 @@ class Option:
             numbers[name] = float(number)
         return numbers
 
-    def _texts(self, typed: Sequence[str]) -> dict[str, str]:
-        """Convert texts such as arm_name:=left to values by name."""
+
+class TextsByName(Option):
+    """Texts by name, typed as arm_name:=left."""
+
+    listed: ClassVar[bool] = True
+
+    def parse(self, typed: object) -> object:
+        """Convert texts to values by name."""
         values: dict[str, str] = {}
-        for text in typed:
+        for text in _texts(typed):
             name, separator, value = text.partition(ASSIGNED)
             name = name.strip()
             if not name or not separator:
@@ -178,50 +295,8 @@ class Option:
             values[name] = value
         return values
 
-    def text(self, value: Any) -> str:
-        """Write a value as it is typed on the command line."""
-        if isinstance(value, bool):
-            return "on" if value else "off"
-        if isinstance(value, int | float):
-            return f"{value / self.factors[0]:.12g}"
-        return ",".join(map(self.text, value)) if isinstance(value, list | tuple) else str(value)
 
-    def words(self, value: Any) -> list[str]:
-        """Return the arguments of the command line that set a value."""
-        if self.kind is bool:
-            return [self.flag if value else f"--no-{self.flag[2:]}"]
-        return [self.flag, self.text(value)]
-
-
-def option(
-    section: str, default: Any, help: str, unit: str = "", choices: Sequence[str] = (), **more: Any
-) -> Any:
-    """Make a dataclass field with a description; `Bounds` and attributes of `Option` by name."""
-    bounds = Bounds()
-    for name in Bounds.__annotations__:
-        if name in more:
-            bounds[name] = more.pop(name)  # type: ignore[literal-required]
-    described = Option(section, help, unit, tuple(choices), bounds=bounds, default=default, **more)
-    return field(default=default, metadata={"option": described})
-
-
-def options_of(kind: Any) -> dict[str, Option]:
-    """Return the options of a dataclass by name, completed from its type annotations."""
-    described = {}
-    for item in fields(kind):
-        if "option" in item.metadata:
-            types = get_args(item.type) if isinstance(item.type, UnionType) else (item.type,)
-            (*_, last), required = (
-                [part for part in types if part is not NoneType],
-                NoneType not in types,
-            )
-            described[item.name] = replace(
-                item.metadata["option"], name=item.name, kind=last, required=required
-            )
-    return described
-
-
-def plain(value: Any, is_file: bool = False) -> Any:
+def plain(value: object, is_file: bool = False) -> object:
     """Return a value as YAML holds it: absolute paths of existing files, and names of objects."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
@@ -231,21 +306,49 @@ def plain(value: Any, is_file: bool = False) -> Any:
         return value.tolist()
     if is_file and isinstance(value, str) and os.path.exists(value):
         return os.path.abspath(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return type(value).__name__
+
+
+def _as_tuple(value: object) -> object:
+    """Convert lists and arrays to tuples, which can be compared."""
+    if hasattr(value, "tolist"):  # arrays have no truth value
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return tuple(_as_tuple(item) for item in value)
+    return value
+
+
+def _without_path(value: object) -> object:
+    """Return the text of a path; other values stay."""
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def _texts(typed: object) -> list[str]:
+    """Return what was typed several times as a list."""
     return (
-        value
-        if value is None or isinstance(value, bool | int | float | str)
-        else type(value).__name__
+        list(typed) if isinstance(typed, Sequence) and not isinstance(typed, str) else [str(typed)]
     )
 
 
-def _as_tuple(value: Any) -> Any:
-    value = value.tolist() if hasattr(value, "tolist") else value  # arrays have no truth value
-    return tuple(map(_as_tuple, value)) if isinstance(value, list | tuple) else value
+def _divided(bounds: Bounds, factor: float) -> Bounds:
+    """Return bounds in another unit."""
+    converted = Bounds()
+    if "minimum" in bounds:
+        converted["minimum"] = bounds["minimum"] / factor
+    if "above" in bounds:
+        converted["above"] = bounds["above"] / factor
+    if "maximum" in bounds:
+        converted["maximum"] = bounds["maximum"] / factor
+    if "below" in bounds:
+        converted["below"] = bounds["below"] / factor
+    return converted
 
 
-def _integer(text: Any) -> Any:
+def _integer(text: str) -> int | str:
     """Convert what was typed to an integer; what is none, or has too many digits, stays as it is."""
-    if not str(text).removeprefix("-").isdecimal():
+    if not text.removeprefix("-").isdecimal():
         return text
     try:
         return int(text)

@@ -15,6 +15,12 @@ from maniport.mocap import Recording, read_recording
 from maniport.mocap.arm_ik import require_person
 from maniport.motion import MotionLimits, PlanOptions
 from maniport.pipeline.config import Config
+from maniport.pipeline.options import (
+    HumanOptions,
+    MotionOptions,
+    RobotOptions,
+    TransferOptions,
+)
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.input_limits import SETTINGS_BYTES, read_whole
@@ -69,13 +75,13 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     return Settings(config, robot, plan, adapter, progress or no_progress)
 
 
-def adapter_of(config: Config) -> DomainAdapter:
+def adapter_of(config: TransferOptions) -> DomainAdapter:
     """Return the unfitted adapter of the method."""
     options: dict[str, Any] = {"random_state": config.seed, "base_rotation": config.rotation}
     return method_of(config.method, damping=config.damping or None, **options)
 
 
-def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> Recording:
+def read_part(recording: Recording | str | os.PathLike[str], config: HumanOptions) -> Recording:
     """Read a recording, or the part of it that is used."""
     if not isinstance(recording, Recording):
         return read_recording(
@@ -93,7 +99,7 @@ def read_part(recording: Recording | str | os.PathLike[str], config: Config) -> 
     return recording.crop(config.start, config.stop)
 
 
-def fit_options(config: Config) -> dict[str, Any]:
+def fit_options(config: HumanOptions) -> dict[str, Any]:
     """Return arguments of `maniport.fit_arm`."""
     return {
         "person": config.person,
@@ -103,7 +109,7 @@ def fit_options(config: Config) -> dict[str, Any]:
     }
 
 
-def marker_roles(config: Config) -> Mapping[str, Any] | None:
+def marker_roles(config: HumanOptions) -> Mapping[str, Any] | None:
     """Return the names of points by role, from the file if there is one."""
     if config.markers is None or isinstance(config.markers, Mapping):
         return config.markers
@@ -126,7 +132,9 @@ def marker_roles(config: Config) -> Mapping[str, Any] | None:
     return roles
 
 
-def load_robot(config: Config, both: bool | None = None, side: str | None = None) -> Arm | ArmGroup:
+def load_robot(
+    config: TransferOptions, both: bool | None = None, side: str | None = None
+) -> Arm | ArmGroup:
     """Load the arm with its payload, of a person that of `side`, or a group where the options name several arms."""
     arm, payload = (
         _loaded(config, config.side == BOTH if both is None else both, side),
@@ -146,7 +154,7 @@ def load_robot(config: Config, both: bool | None = None, side: str | None = None
     return loaded if isinstance(arm, ArmGroup) else loaded.arms[0]
 
 
-def load_single_arm(config: Config, side: str = AUTO) -> Arm:
+def load_single_arm(config: TransferOptions, side: str = AUTO) -> Arm:
     """Load the arm as `load_robot` does; raise where the options name several."""
     arm = load_robot(config, both=False, side=None if side == AUTO else side)
     if isinstance(arm, ArmGroup):
@@ -156,7 +164,7 @@ def load_single_arm(config: Config, side: str = AUTO) -> Arm:
     return arm
 
 
-def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
+def _loaded(config: RobotOptions, both: bool, side: str | None) -> Arm | ArmGroup:
     if not config.robot:
         raise InvalidInputError(f"{argument('robot')} is needed")
     robot: Any = config.robot[0]
@@ -188,12 +196,12 @@ def _loaded(config: Config, both: bool, side: str | None) -> Arm | ArmGroup:
     return load_arms(robots, config.frame or None, bases=config.pose or None, **options)
 
 
-def names_several(config: Config) -> bool:
+def names_several(config: RobotOptions) -> bool:
     """Whether the options name several arms of robots."""
     return bool(config.pose) or len(config.robot) > 1 or len(config.frame) > 1
 
 
-def with_limits(robot: Arm | ArmGroup, config: Config) -> Arm | ArmGroup:
+def with_limits(robot: Arm | ArmGroup, config: MotionOptions) -> Arm | ArmGroup:
     """Return an arm with the velocity and effort limits of the file for the motion, which ellipsoids weight by."""
     source: Any = config.limits
     if source is None or isinstance(source, MotionLimits) or not isinstance(robot, Arm):

@@ -35,6 +35,7 @@ from maniport.pipeline.following import (
     move,
     planner_of,
 )
+from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import ArmTransfer, TransferResult
 from maniport.pipeline.settings import Settings, fit_options, read_part, settings_of
 from maniport.spd.regularization import Regularization
@@ -50,7 +51,7 @@ MIN_FRAMES = 3  # frames without which there is no motion
 
 def transfer_recording(
     recording: Recording | LearnedProfile | str | Path,
-    config: Config | None = None,
+    config: TransferOptions | None = None,
     *,
     progress: Progress | None = None,
     **options: Any,
@@ -64,12 +65,12 @@ def transfer_recording(
     ----------
     recording : Recording, LearnedProfile, str or Path
         A recording, its file, or a profile that `maniport.learn` made from several.
-    config : Config, optional
-        Options of the run.
+    config : TransferOptions, optional
+        Options of the run, such as a `Config` of a file.
     progress : callable, optional
         Called with the name of a stage, the fraction done and, at its end, a message.
     **options
-        Options by name, which override those of `config`; `maniport.pipeline.config` describes them. ``robot`` may
+        Options by name, which override those of `config`; `maniport.pipeline.options` describes them. ``robot`` may
         also be an `Arm` or an `ArmGroup`, ``method`` a `DomainAdapter`, ``base_rotation`` a matrix (3, 3) from the
         person's trunk frame (x forward, y left, z up) to the robot's base frame. ``costs`` are further costs of the
         motion, see `maniport.motion.Cost`.
@@ -83,9 +84,7 @@ def transfer_recording(
     ManiportError
         When an option does not exist or an input cannot be used; options are checked before any long work.
     """
-    config = (config or Config()).changed(
-        allowed=("human", "robot", "transfer", "motion"), **options
-    )
+    config = Config.of(config).changed(allowed=("human", "robot", "transfer", "motion"), **options)
     settings = settings_of(_with_source(config, recording), progress)
     if isinstance(recording, LearnedProfile):
         return transfer_part(recording, settings)

@@ -10,7 +10,8 @@ import numpy as np
 from maniport.arms import Arm
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
-from maniport.pipeline.config import CONFIG, OPTIONS
+from maniport.pipeline.config import CONFIG
+from maniport.pipeline.options import OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.describe.motions import MISSED_SHARE, group_section, motion_section
 from maniport.report.describe.recordings import person_section, recording_section
