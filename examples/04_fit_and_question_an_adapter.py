@@ -16,7 +16,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.report import figures
-from maniport.report.renderings import write_report
+from maniport.report.render import write_report
 
 WALL = np.array(
     [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]

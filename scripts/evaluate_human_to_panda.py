@@ -23,9 +23,10 @@ from maniport.evaluation import Evaluation, evaluate, select_method
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.evaluation.metrics import BASELINES
 from maniport.mocap import fit_arm, read_recording, shipped_recording
-from maniport.report.renderings import as_markdown, as_numbers
-from maniport.report.transfer import evaluation_section
-from maniport.report.values import Report, report_of
+from maniport.report.describe import report_of
+from maniport.report.describe.transfers import evaluation_section
+from maniport.report.render import as_markdown, as_numbers
+from maniport.report.values import Report
 from maniport.studies import trajectories
 from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES

@@ -8,7 +8,7 @@ import maniport as mp
 from maniport.arms.restriction import standing
 from maniport.cli import app
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
-from maniport.report.values import report_of
+from maniport.report.describe import report_of
 from sizes import SMALL, little_search
 
 pytestmark = pytest.mark.slow

@@ -30,7 +30,7 @@ from benchmarks.tasks.task import (
     of_folder,
 )
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.report.renderings import write_report
+from maniport.report.render import write_report
 from maniport.report.values import Report, Section, Table, software
 from maniport.util.atomic_io import claim, write_text
 from maniport.util.optional import mujoco

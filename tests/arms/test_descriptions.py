@@ -11,7 +11,7 @@ from maniport.arms import load_arm
 from maniport.cli import app
 from maniport.errors import FileFormatError, UnknownNameError, on_the_command_line
 from maniport.motion import MotionLimits
-from maniport.report.values import report_of
+from maniport.report.describe import report_of
 
 CASES = Path(__file__).parent / "cases"
 LINK = '<link name="{}"><inertial><mass value="{}"/><inertia {}/></inertial></link>'

@@ -39,7 +39,7 @@ from maniport.errors import (
 )
 from maniport.mocap import shipped_recording
 from maniport.pipeline.config import BATCH
-from maniport.report import results
+from maniport.report.describe import results
 from maniport.util.process import in_background, settled
 from sizes import little_search
 

@@ -94,6 +94,20 @@ def test_short_gaps_are_interpolated_and_long_ones_omitted(arm, slow_motion, rec
     assert "20 frames in the middle" in fit.quality_warnings[-1]
 
 
+def test_the_longest_gap_is_that_in_time(arm, slow_motion, record):
+    """Frames that the file lost make a gap longer than those that only lack points."""
+    time, q = slow_motion(arm, n=200)
+    kept = np.r_[0:60, 100:200]
+    recording = record(arm, time[kept], q[kept])
+    positions = recording.positions.copy()
+    for name in ("wrist", "wrist_ulnar", "wrist_radial", "hand"):
+        positions[58:64, recording.names.index(name)] = np.nan
+        positions[100:130, recording.names.index(name)] = np.nan
+    fit = fit_arm(replace(recording, positions=positions), arm.name)
+    (warning,) = [text for text in fit.quality_warnings if "in the middle" in text]
+    assert f"from {recording.time[57]:.2f} to {recording.time[64]:.2f} s" in warning
+
+
 @pytest.mark.parametrize(
     "file", sorted([*DATA.glob("*.npy"), *DATA.glob("*.bvh")]), ids=lambda file: file.name
 )

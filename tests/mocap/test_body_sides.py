@@ -1,5 +1,6 @@
 """Left and right by the body: contradictions of names are reported, and bodies that agree are left alone."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -197,16 +198,29 @@ def test_every_axis_may_be_mirrored(axis):
     assert "mirrored" in warning
 
 
-def test_a_mirrored_marker_set_with_a_front_says_so(run, tmp_path):
-    recording = read_recording("both-arms")
+@pytest.mark.parametrize("name", ["both-arms", "freeform"])
+def test_a_mirrored_marker_set_with_a_front_is_one_warning(run, tmp_path, name):
+    recording = read_recording(name)
+    mirrored = replace(recording, positions=recording.positions * [-1, 1, 1])
+    fit = fit_arm(mirrored)
+    assert sum("mirrored" in warning for warning in fit.quality_warnings) == 1
     file = tmp_path / "mirrored.npz"
-    replace(recording, positions=recording.positions * [-1, 1, 1]).save(file)
+    mirrored.save(file)
     code, out, err = run("info", file)
     assert code == 0, err
     assert out.count("mirrored (left-handed") == 1
-    code, _, err = run("transfer", file, "--no-move", "-o", tmp_path / "out", "-q")
-    assert code != 0
-    assert "left and right are exchanged, or one axis is mirrored" in err
+
+
+def test_a_mirrored_marker_set_with_a_front_is_transferred(run, tmp_path):
+    recording = read_recording("freeform").crop(2.0, 2.5)
+    file = tmp_path / "mirrored.npz"
+    replace(recording, positions=recording.positions * [-1, 1, 1]).save(file)
+    folder = tmp_path / "out"
+    code, out, err = run("transfer", file, "--no-move", "-o", folder)
+    assert code == 0, err
+    assert (out + err).count("one axis is mirrored") == 1
+    summary = json.loads((folder / "summary.json").read_text())
+    assert json.dumps(summary).count("one axis is mirrored") == 1
 
 
 def unnamed(tmp_path, recording, names):

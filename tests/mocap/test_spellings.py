@@ -1,12 +1,13 @@
 """Spellings of known formats that other programs and people write."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from format_files import SAUL, write_mot, write_nexus, write_trc
+from format_files import SAUL, write_csv, write_mot, write_nexus, write_trc
 from fuzz.c3d_writer import Writer
 from maniport.errors import FileFormatError
 from maniport.mocap import read_recording
@@ -129,3 +130,102 @@ def test_a_rate_replaces_one_that_is_zero(tmp_path, made, markers):
     with pytest.raises(FileFormatError, match="rate="):
         read_recording(tmp_path / "b.npz", unit="m")
     assert read_recording(tmp_path / "b.npz", unit="m", rate=50).rate == pytest.approx(50)
+
+
+ENCODINGS = [
+    "utf-8-sig",
+    "utf-16",
+    "utf-16-le",
+    "utf-16-be",
+    "utf-32",
+    "utf-32-le",
+    "cp932",
+    "euc_jp",
+]
+MMD = {
+    "Hips": "センター", "Spine": "上半身", "Spine1": "上半身2", "Neck": "首", "Head": "頭",
+    "LeftShoulder": "左肩", "LeftArm": "左腕", "LeftForeArm": "左ひじ", "LeftHand": "左手首",
+    "RightShoulder": "右肩", "RightArm": "右腕", "RightForeArm": "右ひじ", "RightHand": "右手首",
+}  # fmt: skip
+
+
+def hierarchy(names):
+    """The control with other names of joints."""
+    return re.sub(r"(ROOT|JOINT) (\w+)", lambda found: f"{found[1]} {names(found[2])}", CONTROL)
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_encodings_are_recognized(tmp_path, control, encoding):
+    file = tmp_path / "a.bvh"
+    file.write_bytes(hierarchy(lambda name: MMD.get(name, name)).encode(encoding))
+    recording = read_recording(file)
+    assert "右腕" in recording.names
+    assert_allclose(recording.positions, control.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-32-le", "cp1252"])
+def test_tables_in_other_encodings(tmp_path, markers, encoding):
+    for name, write in (("a.csv", write_csv), ("a.trc", write_trc)):
+        file = write(tmp_path / name, markers)
+        before = read_recording(file)
+        file.write_bytes(file.read_text().encode(encoding))
+        assert_allclose(read_recording(file).positions, before.positions, atol=1e-12)
+
+
+def test_bytes_of_no_encoding_do_not_change_other_names(tmp_path, control):
+    file = tmp_path / "a.bvh"
+    file.write_bytes(hierarchy(lambda name: name.replace("Head", "Schädel")).encode("latin-1"))
+    recording = read_recording(file)
+    assert recording.names[:4] == control.names[:4]
+    assert_allclose(recording.positions, control.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: re.sub(
+            "HIERARCHY|ROOT|JOINT|End Site|OFFSET|CHANNELS|MOTION|Frames|Frame Time",
+            lambda found: found[0].lower(),
+            text,
+        ),
+        lambda text: text.replace("Frames", "FRAMES").replace("Frame Time", "FRAME TIME"),
+        lambda text: re.sub(r"(Frames: \d+)\n", r"\1\t", text),
+        lambda text: (
+            text[: text.index("MOTION")]
+            + re.sub(r"(?<=\d) +(?=[-\d])", ", ", text[text.index("MOTION") :]).replace(
+                "\n-", "\n-"
+            )
+        ),
+        lambda text: (
+            text[: text.index("MOTION")]
+            + re.sub(r"(?<=\d) +(?=[-\d])", ";", text[text.index("MOTION") :])
+        ),
+    ],
+    ids=["small letters", "capitals", "one line", "commas", "semicolons"],
+)
+def test_words_and_separators_of_bvh(tmp_path, control, change):
+    file = tmp_path / "a.bvh"
+    file.write_text(change(CONTROL))
+    assert_allclose(read_recording(file).positions, control.positions, atol=1e-9)
+    part = read_recording(file, start=0.5, stop=1.0)
+    assert_allclose(part.positions, control.crop(0.5, 1.0).positions, atol=1e-9)
+
+
+def test_a_frame_time_in_milliseconds_is_a_warning(tmp_path, control):
+    file = tmp_path / "a.bvh"
+    file.write_text(re.sub(r"Frame Time: .*", "Frame Time: 33.3333", CONTROL))
+    recording = read_recording(file)
+    assert_allclose(recording.time, control.time, atol=1e-4)
+    assert any("milliseconds" in warning for warning in recording.quality_warnings)
+    assert read_recording(file, rate=30.0).quality_warnings == ()
+
+
+@pytest.mark.parametrize("form", ["{} ({})", "{}[{}]", "({1}) {0}"])
+def test_brackets_around_the_side(tmp_path, control, form):
+    def named(name):
+        side = next((side for side in ("Left", "Right") if name.startswith(side)), "")
+        return form.format(name.removeprefix(side), side[0]) if side else name
+
+    file = tmp_path / "a.bvh"
+    file.write_text(hierarchy(named))
+    assert_allclose(read_recording(file).positions, control.positions, atol=1e-9)

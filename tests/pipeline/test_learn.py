@@ -11,8 +11,8 @@ from maniport.errors import InvalidInputError
 from maniport.learning.alignment import axis_deviations
 from maniport.mocap import Recording, shipped_recording, synthetic_recording
 from maniport.pipeline.results import RESULT_FILES
-from maniport.report.renderings import as_numbers
-from maniport.report.values import report_of
+from maniport.report.describe import report_of
+from maniport.report.render import as_numbers
 from maniport.util.files import load_ellipsoids, load_path
 from sizes import SMALL, little_search
 

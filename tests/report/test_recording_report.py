@@ -4,9 +4,9 @@ from dataclasses import replace
 import numpy as np
 
 from maniport.mocap import fit_arm, read_recording
-from maniport.report.recording import recording_report
-from maniport.report.renderings import as_numbers
-from maniport.report.values import report_of
+from maniport.report.describe import report_of
+from maniport.report.describe.recordings import recording_report
+from maniport.report.render import as_numbers
 
 
 def test_reported_roles_are_an_input():

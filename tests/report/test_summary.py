@@ -19,7 +19,7 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.results import RESULT_FILES, ArmResult
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.report.console import Console
-from maniport.report.metrics import add_statistics
+from maniport.report.describe.motions import add_statistics
 from maniport.report.page import as_html as as_page
 from maniport.report.page.animation import animation_of
 from maniport.report.values import Metric, Report, Section
@@ -176,8 +176,8 @@ def test_all_renderings_have_the_same_sentences(result, changed):
     assert "some folder/report.html" in terminal
     assert len(lines) <= 25
     for metric in report.main_metrics[:2]:
-        assert metric.cells[2] in terminal
-        assert metric.cells[1] in page
+        assert metric.statistics.cells[2] in terminal
+        assert metric.statistics.cells[1] in page
 
 
 def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
@@ -208,7 +208,12 @@ def test_statistics_are_median_percentile_and_maximum():
     add_statistics(section, "orientation_error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5])
     (metric,) = section.metrics
     assert metric.text == "median 2.50, 95th percentile 3.85, max 4.00 at 0.5 s"
-    assert metric.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
+    assert metric.value.numbers == {
+        "median": 2.5,
+        "p95": pytest.approx(3.85),
+        "max": 4.0,
+        "max_at_s": 0.5,
+    }
 
 
 def test_metrics_without_text_are_in_json_alone():

@@ -8,6 +8,7 @@ from maniport.arms import load_arms
 from maniport.arms.human import human_arm
 from maniport.domain import sample_domain
 from maniport.errors import ManiportError
+from maniport.mocap import read_recording
 from maniport.motion import SeedBank
 from maniport.pipeline.config import Config
 from maniport.report.page.animation import surfaces_of
@@ -183,3 +184,18 @@ def test_a_shared_torso_is_in_one_place():
 def test_options_that_make_no_pair_are_errors(options, files, word):
     with pytest.raises(ManiportError, match=word):
         prepare(Config().changed(**options), **files)
+
+
+def test_options_of_the_recording_are_used(tmp_path):
+    """A file in an unusual unit needs its option, which the page gets from the configuration."""
+    recording = read_recording("freeform").crop(2.0, 3.0)
+    file = tmp_path / "scaled.npz"
+    np.savez(
+        file, names=list(recording.names), positions=recording.positions * 7.0, time=recording.time
+    )
+    config = Config().changed(unit=1 / 7, stop=float(recording.time[10]))
+    state = prepare(config, file)
+    assert state.playback is not None
+    assert state.playback.t[-1] <= recording.time[10] - recording.time[0] + 1e-9
+    with pytest.raises(ManiportError, match="unit"):
+        prepare(Config(), file)

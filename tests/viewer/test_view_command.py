@@ -76,3 +76,15 @@ def test_invalid_options_end_with_one_sentence(run, words, message):
     assert (code, out) == (2, "")
     assert message in err
     assert "Traceback" not in err
+
+
+def test_the_recording_of_a_configuration_is_shown(run, tmp_path):
+    file = tmp_path / "run.yaml"
+    file.write_text("recording: [missing.bvh]\n")
+    code, _, err = run("view", "--config", file)
+    assert code == 2
+    assert "missing.bvh" in err
+    file.write_text("recording: [missing.bvh, other.bvh]\n")
+    code, _, err = run("view", "--config", file)
+    assert code == 2
+    assert "one recording" in err

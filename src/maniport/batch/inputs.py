@@ -20,7 +20,7 @@ from maniport.mocap import Recording, shipped_recording
 from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.pipeline.settings import Settings, marker_roles, settings_of
-from maniport.report.renderings import SUMMARY
+from maniport.report.render import SUMMARY
 from maniport.util.defaults import RECORDINGS
 from maniport.version import __version__
 

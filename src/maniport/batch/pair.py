@@ -24,7 +24,8 @@ from maniport.pipeline.config import CONFIG
 from maniport.pipeline.human import Human
 from maniport.pipeline.results import RESULT_FILES
 from maniport.pipeline.transfer import FittedMap, Transfer, sample_teacher
-from maniport.report.values import listed, report_of
+from maniport.report.describe import report_of
+from maniport.report.values import listed
 from maniport.report.write import export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, write_text

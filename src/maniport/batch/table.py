@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from maniport.errors import MissingPackageError, printable
-from maniport.report.metrics import STATISTICS
-from maniport.report.renderings import PAGE as REPORT
-from maniport.report.renderings import as_numbers
+from maniport.report.describe.motions import STATISTICS
+from maniport.report.render import PAGE as REPORT
+from maniport.report.render import as_numbers
 from maniport.report.values import SUFFIXES, Report
 from maniport.util.atomic_io import write_text, written_whole
 from maniport.util.files import spreadsheet_cell

@@ -21,8 +21,9 @@ from maniport.cli.application import (
 from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, printable
 from maniport.pipeline.config import MOST_SAMPLES, OPTIONS, Config
 from maniport.report.console import Console
-from maniport.report.renderings import SUMMARY, as_numbers, write_report
-from maniport.report.values import Report, Section, report_of
+from maniport.report.describe import report_of
+from maniport.report.render import SUMMARY, as_numbers, write_report
+from maniport.report.values import Report, Section
 from maniport.util.defaults import AUTO, RECORDINGS
 from maniport.util.files import array_names, load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
@@ -235,7 +236,7 @@ def _description(what: str, config: Config) -> Report:
     """Describe the thing with a name or a path."""
     if _is_recording(what):
         from maniport.pipeline.settings import marker_roles
-        from maniport.report.recording import recording_report
+        from maniport.report.describe.recordings import recording_report
 
         _require_none(config, f"{what!r} is a recording", "robot")
         changes = config.changed(markers=None, side=AUTO).changes("human")
@@ -291,7 +292,7 @@ def _of_robot(what: str, config: Config) -> Report:
     """Describe an arm and the limbs of its robot; the limbs alone if none of several was chosen."""
     from maniport.arms.loaders import robot_limbs
     from maniport.mocap.readers import SHIPPED
-    from maniport.report.robot import robot_report
+    from maniport.report.describe.robots import robot_report
 
     try:
         limbs, default = robot_limbs(what, config.mesh_folders, config.xacro_args)

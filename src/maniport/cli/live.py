@@ -182,7 +182,7 @@ def _opened(udp: int | None, host: str, send: int | None) -> Any:
 
 
 @command(
-    "person", "side", "robot", "base_rotation", "seed",
+    "person", "side", "unit", "height", "fps", "markers", "start", "stop", "robot", "base_rotation", "seed",
     without=("payload", "payload_center", "hand_targets"),
     example="maniport view;  maniport view ladder;  maniport view walk.bvh --robot ur5.urdf",
 )  # fmt: skip
@@ -201,6 +201,12 @@ def view(
     if recording is not None and named is not None:
         raise InvalidInputError("the recording is named twice, as an argument and by --recording")
     recording = recording or named
+    if recording is None and config.recording:
+        if len(config.recording) > 1:
+            raise InvalidInputError(
+                f"the view shows one recording; the configuration has {len(config.recording)}: name one"
+            )
+        recording = Path(config.recording[0])
     viser()  # a missing package is reported before any long work
     require_free(port)
     with console.progress() as progress:

@@ -21,8 +21,8 @@ from maniport.cli.application import (
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
-from maniport.report.renderings import as_numbers
-from maniport.report.values import report_of
+from maniport.report.describe import report_of
+from maniport.report.render import as_numbers
 from maniport.util.atomic_io import folder_written_whole, require_free, written
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.process import ending_in_order

@@ -145,7 +145,8 @@ def gap_warning(fit: ArmFit, time: Array) -> list[str]:
     missing = ~np.isin(np.arange(last + 1), fit.frames) & (np.arange(last + 1) > first)
     if not missing.any():
         return []
-    start, stop = max(runs_of(missing), key=lambda run: run[1] - run[0])
+    runs = runs_of(missing)
+    start, stop = max(runs, key=lambda run: time[run[1]] - time[run[0] - 1])  # frames may be lost
     count = int(missing.sum())
     lack = "lacks points and is" if count == 1 else "lack points and are"
     return [

@@ -21,7 +21,7 @@ _SIDE_LETTER = re.compile(r"(?<![A-Za-z])[RrLl](?![a-z0-9])|(?<=[a-z0-9])[RL]$")
 _SMALL_LETTER = re.compile(
     r"^[rl](?=shoulder|shldr|collar|clavicle|(upper|fore|lower)?arm|elbow|wrist|hand|hip|thigh|knee|shin|foot|ankle|toe)"
 )
-_SEPARATORS = re.compile(r"[_ .\-]")
+_SEPARATORS = re.compile(r"[_ .\-()\[\]{}\"']")
 
 _ADDED_BEFORE = re.compile(
     r"((mixamorig|armature|character|(valvebiped[._])?bip(ed)?)_?\d*[_ .\-]*"

@@ -254,21 +254,41 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
                 f"{role} of the {side} arm: {', '.join(map(repr, wrong))} is a point of the {other} one; "
                 f"give {argument('side', other)} or other {argument('markers')}"
             )
+    fault = _wrong_side(recording, roles, side)
+    if fault and not _names_contradict_body(recording, side):
+        raise RecordingError(fault)
+    return roles
+
+
+def _wrong_side(recording: Recording, roles: Roles, side: str) -> str:
+    """Describe which point of an arm is on the other side of the trunk; empty where none is."""
     inward = trunk_rotation(recording, roles)[:, :, 1] * (1.0 if side == RIGHT else -1.0)
+    other = LEFT if side == RIGHT else RIGHT
     middle = [name for group in roles["trunk_up"] for name in group]
     # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
     # possible, brings the elbow 0.27 m inward.
     cases = ("shoulder", "trunk_up", middle, 0.05), ("elbow", "shoulder", roles["shoulder"], 0.3)
     for role, start, group, most in cases:
         displacement = np.sum(direction(recording, (group, roles[role])) * inward, axis=-1)
-        if np.isfinite(displacement).any() and (median := float(np.nanmedian(displacement))) > most:
-            raise RecordingError(
+        if not np.isfinite(displacement).any():
+            continue
+        median = float(np.nanmedian(displacement))
+        if median > most:
+            return (
                 f"{role} of the {side} arm: {'+'.join(roles[role])} is {median:.2f} m to the {other} of {start} "
-                f"(median): left and right are exchanged, or one axis is mirrored (left-handed axes), or these are "
-                f"points of the {other} arm ({argument('side', other)}), or the ends of trunk_left or trunk_front are "
-                "exchanged"
+                f"(median): these are points of the {other} arm ({argument('side', other)}), or the ends of "
+                "trunk_left or trunk_front are exchanged, or one axis is mirrored (left-handed axes): invert it "
+                "(positions * [-1, 1, 1])"
             )
-    return roles
+    return ""
+
+
+def _names_contradict_body(recording: Recording, side: str) -> bool:
+    """Whether left and right are exchanged by the names of the points alone, of which the fit of an arm warns."""
+    from maniport.mocap.body_sides import body_sides  # which needs the roles
+
+    named = find_roles(recording.observed, side)[1]
+    return body_sides(recording, named, side).contradict
 
 
 def assigned_roles(

@@ -4,15 +4,14 @@ import json
 import sys
 import textwrap
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console as RichConsole
 
 from maniport.errors import ManiportWarning, printable
-from maniport.report.renderings import as_markdown, as_numbers, as_terminal, plain
+from maniport.report.render import as_markdown, as_numbers, as_terminal, plain
 from maniport.report.values import Report
 from maniport.util.progress import Progress
 
@@ -45,7 +44,9 @@ class Console:
     """Results on standard output: as JSON, as a table if `quiet`, complete if `verbose`; progress on standard error."""
 
     def __init__(self, as_json: bool = False, quiet: bool = False, verbose: bool = False):
-        self.as_json, self.quiet, self.verbose = as_json, quiet, verbose
+        self.as_json = as_json
+        self.quiet = quiet
+        self.verbose = verbose
         self._out = RichConsole(highlight=False, soft_wrap=True)
         self._err = _standard_error(quiet=quiet or as_json)
 
@@ -62,20 +63,21 @@ class Console:
         if chosen and not self.as_json:
             print(f"Results are in {printable(str(folder))}", file=sys.stderr)
 
-    def print_report(self, report: Report, output: str = "", **more: Any) -> None:
+    def print_report(self, report: Report, output: str = "", **more: object) -> None:
         """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or completely."""
-        more |= {"output": output} if output else {}
+        if output:
+            more["output"] = output
         short = bool(report.outcome and output)
-        complete = (
-            "" if short and not self.verbose else as_markdown(report, details=True, folder=output)
-        )
+        complete = ""
+        if self.verbose or not short:
+            complete = as_markdown(report, details=True, folder=output)
         self.finish({**as_numbers(report, output), **more}, complete, markdown=True)
         if short and not self.as_json:
             width = min(self._out.width, 80) if self._out.is_terminal else 80
             self._out.print(as_terminal(report, output, width, table_only=self.quiet), markup=False)
 
     def finish(
-        self, values: dict[str, Any], text: str, markdown: bool = False, always: bool = False
+        self, values: Mapping[str, object], text: str, markdown: bool = False, always: bool = False
     ) -> None:
         """Print the result: `values` as JSON, or `text`, if `quiet` only with `always`; a terminal renders Markdown."""
         if self.as_json:

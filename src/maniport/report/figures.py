@@ -11,7 +11,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.report.page import content
 from maniport.report.page.animation import semi_axis_panels
 from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Line, Panel
-from maniport.report.renderings import ENDINGS, PAGE
+from maniport.report.render import ENDINGS, PAGE
 from maniport.spd.ellipsoid import axes
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
@@ -32,9 +32,11 @@ matplotlib()  # raises MissingPackageError
 
 from matplotlib import rc_context  # noqa: E402
 from matplotlib.artist import Artist  # noqa: E402
+from matplotlib.axes import Axes  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.patches import Ellipse, Patch  # noqa: E402
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter  # noqa: E402
+from mpl_toolkits.mplot3d.axes3d import Axes3D  # noqa: E402
 
 # Settings of the user must not change the figures; letters remain letters, which a paper sets in its own font.
 SETTINGS: dict[Any, Any] = {
@@ -65,12 +67,16 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
     """Write a figure, whole or not at all; to PNG and SVG where the path has no ending."""
     target = Path(path)
     if target.suffix and target.suffix.lower() not in METADATA:
+        endings = ", ".join(METADATA)
         raise InvalidInputError(
-            f"path must end in {', '.join(METADATA)} or have no ending; found {target.name!r}"
+            f"path must end in {endings} or have no ending; found {target.name!r}"
         )
-    targets = [target] if target.suffix else [target.with_suffix(ending) for ending in ENDINGS]
+    targets = [target]
+    if not target.suffix:
+        targets = [target.with_suffix(ending) for ending in ENDINGS]
     for file in targets:
-        stream, ending = BytesIO(), file.suffix.lower()
+        stream = BytesIO()
+        ending = file.suffix.lower()
         with rc_context(SETTINGS):
             figure.savefig(stream, format=ending[1:], dpi="figure", metadata=METADATA[ending])
         with written_whole(file) as temporary:
@@ -103,138 +109,187 @@ def write_figures(
     """
     target = Path(result if folder is None else folder)
     data = _motion(Path(result) / PAGE)
-    figure = None if data["stages"] else panel_figure(data["time"], _panels(data, data["panels"]))
-    drawn = _figures(data) if figure is None else {"learned": figure}
+    if data["stages"]:
+        drawn = _figures(data)
+    else:
+        drawn = {"learned": panel_figure(data["time"], _panels(data, data["panels"]))}
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write {str(target)!r}: {error.strerror}") from None
-    return [file for name, figure in drawn.items() for file in save(figure, target / name)]
+    files: list[Path] = []
+    for name, figure in drawn.items():
+        files += save(figure, target / name)
+    return files
 
 
 def _motion(page: Path) -> dict[str, Any]:
     """Read the data of the motion in a page."""
     text = read_whole(page, (), KEYPOINTS_BYTES).decode("utf-8", "replace")
+    element = r'<script type="application/json" id="motion">(.*?)</script>'
     try:
-        match = re.search(
-            r'<script type="application/json" id="motion">(.*?)</script>', text, re.DOTALL
-        )
+        match = re.search(element, text, re.DOTALL)
         data = content.unpacked(json.loads(match[1]) if match else None)
         return {**data, "time": data["start"] + data["time"]}
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise FileFormatError(f"{str(page)!r} is not the page of a result: {error}") from None
 
 
-def _figures(data: dict[str, Any], shape: str = "Ellipsoids") -> dict[str, Figure]:
-    """Draw the figures of a motion from the data of its page; `shape`: topic of the curves of semi-axes."""
-    time, unit, columns = (
-        data["time"],
-        data["unit"],
-        1 + any(len(stage["bodies"]) > 1 for stage in data["stages"]),
-    )
-    skeletons, shells, rows = dict[str, Array](), dict[str, Array](), dict[str, Array]()
-    roles, within, drawn = dict[str, str](), dict[str, str](), dict[str, Figure]()
-    matrix = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # entries among xx, xy, xz, yy, yz, zz
-    for stage in data["stages"]:
-        rotation = np.eye(3) if stage["rotation"] is None else np.reshape(stage["rotation"], (3, 3))
+SHAPE_TOPIC = "Ellipsoids"  # of the curves of semi-axes
+ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a matrix, among xx, xy, xz, yy, yz, zz
+
+
+def _figures(data: dict[str, Any]) -> dict[str, Figure]:
+    """Draw the figures of a motion from the data of its page."""
+    stages = data["stages"]
+    columns = 2 if any(len(stage["bodies"]) > 1 for stage in stages) else 1
+    skeletons = dict[str, Array]()
+    shells = dict[str, Array]()
+    roles = dict[str, str]()
+    within = dict[str, str]()
+    rows = dict[str, Array]()
+    for stage in stages:
+        rotation = np.eye(3)
+        if stage["rotation"] is not None:
+            rotation = np.reshape(stage["rotation"], (3, 3))
         for k, body in enumerate(stage["bodies"]):
-            profiles = {
-                role: six[:, matrix].reshape(-1, 3, 3) for role, six in body["ellipsoids"].items()
-            }
-            if profiles:
-                name, role = (
-                    f"{stage['name']}, arm {k + 1}",
-                    next(reversed(profiles)),
-                )  # a person's, or the achieved
-                skeletons[name], shells[name], roles[name] = (
-                    body["skeleton"],
-                    profiles.pop(role),
-                    role,
-                )
-                within[name] = stage["name"]
-                person = {role: shells[name]} if role == PERSON.name else {}
-                rows |= {
-                    role: rotation.T @ own @ rotation for role, own in (person | profiles).items()
-                }
+            profiles = _profiles(body)
+            if not profiles:
+                continue
+            name = f"{stage['name']}, arm {k + 1}"
+            role = next(reversed(profiles))  # a person's, or the achieved
+            skeletons[name] = body["skeleton"]
+            shells[name] = profiles.pop(role)
+            roles[name] = role
+            within[name] = stage["name"]
+            if role == PERSON.name:
+                profiles = {role: shells[name]} | profiles
+            for row, profile in profiles.items():
+                rows[row] = rotation.T @ profile @ rotation
+
+    drawn = dict[str, Figure]()
+    unit = data["unit"]
     if skeletons:
         drawn["arms"] = arms(
-            skeletons, shells, size=data["size"], unit=unit, roles=roles, within=within
+            skeletons,
+            shells,
+            size=data["size"],
+            unit=unit,
+            roles=roles,
+            within=within,
         )
     if columns == 1 and len(rows) > 1:
-        drawn["ellipsoids"] = ellipsoids(time, rows, unit=unit, roles={role: role for role in rows})
-    for name, topics in (
-        ("curves", {shape}),
-        ("motion", data["panels"].keys() - {shape, content.HUMAN_JOINTS}),
-    ):
-        if panels := _panels(data, topics):
-            drawn[name] = panel_figure(time, panels, columns)
+        roles_of_rows = {role: role for role in rows}
+        drawn["ellipsoids"] = ellipsoids(data["time"], rows, unit=unit, roles=roles_of_rows)
+    motion_topics = data["panels"].keys() - {SHAPE_TOPIC, content.HUMAN_JOINTS}
+    for name, topics in (("curves", {SHAPE_TOPIC}), ("motion", motion_topics)):
+        panels = _panels(data, topics)
+        if panels:
+            drawn[name] = panel_figure(data["time"], panels, columns)
     return drawn
+
+
+def _profiles(body: dict[str, Any]) -> dict[str, Array]:
+    """Return the ellipsoids (n, 3, 3) of an arm by role."""
+    profiles = {}
+    for role, entries in body["ellipsoids"].items():
+        profiles[role] = entries[:, ENTRIES].reshape(-1, 3, 3)
+    return profiles
 
 
 def _panels(data: dict[str, Any], topics: Collection[str]) -> list[Panel]:
     """Return the panels of some topics."""
-    return [
-        Panel(**panel | {"lines": tuple(Line(**line) for line in panel["lines"])})
-        for topic, panels in data["panels"].items() if topic in topics for panel in panels
-    ]  # fmt: skip
+    result = []
+    for topic, panels in data["panels"].items():
+        if topic not in topics:
+            continue
+        for panel in panels:
+            lines = tuple(Line(**line) for line in panel["lines"])
+            result.append(Panel(**panel | {"lines": lines}))
+    return result
 
 
 def curves(time: ArrayLike, profiles: Mapping[str, Array], unit: str = UNIT) -> Figure:
     """Draw the semi-axes of profiles (n, d, d) by role over time [s]."""
-    checked = {as_choice(role, "role", tuple(ROLES)): profile for role, profile in profiles.items()}
+    checked = {}
+    for role, profile in profiles.items():
+        checked[as_choice(role, "role", tuple(ROLES))] = profile
     return panel_figure(np.asarray(time), semi_axis_panels(checked, unit))
+
+
+STYLES = ("-", "--", ":")  # of lines, by number
 
 
 def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figure:
     """Draw panels of a page: lines over time [s], with limits shaded."""
-    count = -(-len(panels) // columns)
-    figure, handles = column_figure(0.6 + 0.62 * count, columns), dict[str, Artist]()
-    grid = figure.subplots(count, columns, sharex=True, squeeze=False)
-    gaps = np.flatnonzero(content.is_gap(np.diff(time))) + 1  # lines break there
-    clock = np.insert(time, gaps, time[gaps - 1])
-    for item, panel in zip(grid.flat, panels, strict=False):
-        for line in panel.lines:
-            color, style, width = (
-                ROLES[line.role].color,
-                ("-", "--", ":")[line.style],
-                3.0 if line.wide else 1.0,
-            )
-            values, alpha = np.insert(line.values, gaps, np.nan), 0.35 if line.wide else 1.0
-            (drawn,) = item.plot(
-                clock, values, color=color, ls=style, lw=width, alpha=alpha, label=line.name
-            )
-            handles |= {line.name: drawn} if len(panel.lines) > 1 else {}
-        item.set_title(
-            f"{panel.title} [{panel.unit}]" if panel.unit else panel.title,
-            fontsize=TEXT,
-            loc="left",
-            pad=2,
-        )
-        if panel.limits is not None and panel.span is not None:
-            for ends in zip(panel.limits, panel.span, strict=True):
-                item.axhspan(*ends, color="0.85", lw=0)
-            item.set_ylim(*panel.span)
-        elif panel.logarithmic and any(
-            np.nanmax(line.values, initial=0.0) > 0.0 for line in panel.lines
-        ):
-            item.set_yscale("log")
-            low, high = item.get_ylim()
-            item.yaxis.set_major_locator(
-                LogLocator(subs=(1.0, 3.0) if high < 50.0 * low else (1.0,))
-            )
-            item.yaxis.set_major_formatter("{x:g}")
-            item.yaxis.set_minor_formatter(NullFormatter())
-        item.tick_params(labelsize=TEXT, length=2)
-        item.grid(alpha=0.25, lw=0.5)
-        item.margins(x=0.01)
-    for item in figure.axes[len(panels) :]:
-        item.set_visible(False)
+    row_count = -(-len(panels) // columns)
+    figure = column_figure(0.6 + 0.62 * row_count, columns)
+    grid = figure.subplots(row_count, columns, sharex=True, squeeze=False)
+    handles = dict[str, Artist]()
+    for plot, panel in zip(grid.flat, panels, strict=False):
+        lines = _plot_lines(plot, time, panel)
+        if len(panel.lines) > 1:
+            handles |= lines
+        title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
+        plot.set_title(title, fontsize=TEXT, loc="left", pad=2)
+        _set_value_axis(plot, panel)
+        plot.tick_params(labelsize=TEXT, length=2)
+        plot.grid(alpha=0.25, lw=0.5)
+        plot.margins(x=0.01)
+
+    for plot in figure.axes[len(panels) :]:
+        plot.set_visible(False)
     if handles:
         _legend(figure, list(handles.values()))
-    for item in figure.axes[max(len(panels) - columns, 0) : len(panels)]:  # the last of each column
-        item.set_xlabel("time [s]", fontsize=TEXT)
-        item.xaxis.set_tick_params(labelbottom=True)
+    first_of_last = max(len(panels) - columns, 0)
+    for plot in figure.axes[first_of_last : len(panels)]:  # the last of each column
+        plot.set_xlabel("time [s]", fontsize=TEXT)
+        plot.xaxis.set_tick_params(labelbottom=True)
     return laid_out(figure)
+
+
+def _plot_lines(plot: Axes, time: Array, panel: Panel) -> dict[str, Artist]:
+    """Plot the lines of a panel, which break at gaps of the time; return them by name."""
+    gaps = np.flatnonzero(content.is_gap(np.diff(time))) + 1
+    clock = np.insert(time, gaps, time[gaps - 1])
+    lines = dict[str, Artist]()
+    for line in panel.lines:
+        values = np.insert(line.values, gaps, np.nan)
+        (drawn,) = plot.plot(
+            clock,
+            values,
+            color=ROLES[line.role].color,
+            ls=STYLES[line.style],
+            lw=3.0 if line.wide else 1.0,
+            alpha=0.35 if line.wide else 1.0,
+            label=line.name,
+        )
+        lines[line.name] = drawn
+    return lines
+
+
+def _set_value_axis(plot: Axes, panel: Panel) -> None:
+    """Shade values beyond limits, or make the axis logarithmic."""
+    if panel.limits is not None and panel.span is not None:
+        for limit, end in zip(panel.limits, panel.span, strict=True):
+            plot.axhspan(limit, end, color="0.85", lw=0)
+        plot.set_ylim(*panel.span)
+        return
+    is_positive = any(np.nanmax(line.values, initial=0.0) > 0.0 for line in panel.lines)
+    if panel.logarithmic and is_positive:
+        plot.set_yscale("log")
+        low, high = plot.get_ylim()
+        subs = (1.0, 3.0) if high < 50.0 * low else (1.0,)
+        plot.yaxis.set_major_locator(LogLocator(subs=subs))
+        plot.yaxis.set_major_formatter("{x:g}")
+        plot.yaxis.set_minor_formatter(NullFormatter())
+
+
+class Look(NamedTuple):
+    """Color and opacity of filled ellipses."""
+
+    color: str
+    opacity: float
 
 
 def ellipsoids(
@@ -245,62 +300,81 @@ def ellipsoids(
     roles: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw ellipsoids sampled along time, one row for each profile, seen from above and from the front."""
-    times, frames = np.asarray(time), evenly_spaced(len(np.asarray(time)), 9)
-    points = [profile[frames] for profile in profiles.values()]
-    reach = float(np.sqrt(max(np.diagonal(row, axis1=1, axis2=2).max() for row in points)))
-    # rows differ in grey, too
-    looks = list(
-        zip(_colors(profiles, roles), np.linspace(0.45, 0.1, len(profiles)).tolist(), strict=True)
-    )
-    # of few ellipsoids there is space for the title of a row
-    pitch, views, places = 2.15 * reach, VIEWS[points[0].shape[-1]], max(len(frames), 6)
-    figure = column_figure(0.55 + len(views) * (len(points) * 3.2 / places + 0.3))
-    panels = list(figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0])
-    for panel, (view, plane) in zip(panels, views.items(), strict=True):
-        for number, (row, look) in enumerate(zip(points, looks, strict=True)):
-            # 2×2 matrices as ellipses, with a stroke along the longest axis
-            for k, ((minor, major), directions) in enumerate(
-                zip(*axes(row[:, plane][:, :, plane]), strict=True)
-            ):
-                center, along = np.array([k * pitch, -pitch * number]), major * directions[:, 1]
-                angle = float(np.degrees(np.arctan2(along[1], along[0])))
-                panel.plot(*np.stack([center - along, center + along]).T, color=look[0], lw=0.5)
-                panel.add_patch(Ellipse(tuple(center), 2 * major, 2 * minor, angle=angle, edgecolor=look[0],
-                                        facecolor=look, lw=0.9))  # fmt: skip
-        panel.set(aspect="equal", xlim=(-0.5 * pitch, (places - 0.5) * pitch), yticks=[])
-        panel.set_ylim(-(len(points) - 0.5) * pitch, 0.5 * pitch)
-        panel.set_title(view, fontsize=TEXT, loc="left", pad=2)
-        panel.spines[["left", "right", "top"]].set_visible(False)
-        panel.tick_params(labelsize=TEXT, length=2)
-    decimals = max(0, 1 - int(np.floor(np.log10(np.ptp(times) / len(frames) or 1.0))))
-    panels[-1].set_xticks(
-        np.arange(len(frames)) * pitch, [f"{t:.{decimals}f}" for t in times[frames]]
-    )
-    panels[-1].set_xlabel(axis, fontsize=TEXT)
-    power = 10.0 ** np.floor(
-        np.log10(reach)
-    )  # a scale bar of round length, above the right end of the first row
-    length = power * max((m for m in (1, 2, 5) if m * power <= reach), default=1)
-    right, height = (places - 0.5) * pitch, 0.62 * pitch
-    panels[0].plot(
-        [right - length, right],
-        2 * [height],
+    times = np.asarray(time)
+    frames = evenly_spaced(len(times), 9)
+    rows = [profile[frames] for profile in profiles.values()]
+    reach = float(np.sqrt(max(np.diagonal(row, axis1=1, axis2=2).max() for row in rows)))
+    opacities = np.linspace(0.45, 0.1, len(profiles)).tolist()  # rows differ in grey, too
+    looks = []
+    for color, opacity in zip(_colors(profiles, roles), opacities, strict=True):
+        looks.append(Look(color, opacity))
+
+    pitch = 2.15 * reach
+    places = max(len(frames), 6)  # of few ellipsoids there is space for the title of a row
+    views = VIEWS[rows[0].shape[-1]]
+    figure = column_figure(0.55 + len(views) * (len(rows) * 3.2 / places + 0.3))
+    plots = list(figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0])
+    for plot, (title, plane) in zip(plots, views.items(), strict=True):
+        for number, (row, look) in enumerate(zip(rows, looks, strict=True)):
+            matrices = row[:, plane][:, :, plane]
+            _draw_ellipses(plot, matrices, pitch, -pitch * number, look)
+        plot.set(aspect="equal", xlim=(-0.5 * pitch, (places - 0.5) * pitch), yticks=[])
+        plot.set_ylim(-(len(rows) - 0.5) * pitch, 0.5 * pitch)
+        plot.set_title(title, fontsize=TEXT, loc="left", pad=2)
+        plot.spines[["left", "right", "top"]].set_visible(False)
+        plot.tick_params(labelsize=TEXT, length=2)
+
+    step = np.ptp(times) / len(frames) or 1.0
+    decimals = max(0, 1 - int(np.floor(np.log10(step))))
+    tick_labels = [f"{moment:.{decimals}f}" for moment in times[frames]]
+    plots[-1].set_xticks(np.arange(len(frames)) * pitch, tick_labels)
+    plots[-1].set_xlabel(axis, fontsize=TEXT)
+    _draw_scale_bar(plots[0], reach, pitch, (places - 0.5) * pitch, unit)
+    patches = []
+    for name, look in zip(profiles, looks, strict=True):
+        patches.append(Patch(facecolor=look, edgecolor=look.color, linewidth=0.9, label=name))
+    _legend(figure, patches)
+    return laid_out(figure)
+
+
+def _draw_ellipses(plot: Axes, matrices: Array, pitch: float, height: float, look: Look) -> None:
+    """Draw matrices (n, 2, 2) side by side, each with a stroke along its longest axis."""
+    semi_axes, directions = axes(matrices)
+    for k, (minor, major) in enumerate(semi_axes):
+        center = np.array([k * pitch, height])
+        along = major * directions[k][:, 1]
+        angle = float(np.degrees(np.arctan2(along[1], along[0])))
+        x, y = np.stack([center - along, center + along]).T
+        plot.plot(x, y, color=look.color, lw=0.5)
+        ellipse = Ellipse(
+            (center[0], center[1]),
+            2 * major,
+            2 * minor,
+            angle=angle,
+            edgecolor=look.color,
+            facecolor=look,
+            lw=0.9,
+        )
+        plot.add_patch(ellipse)
+
+
+def _draw_scale_bar(plot: Axes, reach: float, pitch: float, right: float, unit: str) -> None:
+    """Draw a bar of round length above the right end of the first row."""
+    power = 10.0 ** np.floor(np.log10(reach))
+    factors = [factor for factor in (1, 2, 5) if factor * power <= reach]
+    length = power * max(factors, default=1)
+    left = right - length
+    height = 0.62 * pitch
+    plot.plot(
+        [left, right],
+        [height, height],
         color="black",
         lw=1.5,
         clip_on=False,
         solid_capstyle="butt",
     )
-    panels[0].text(
-        right - length - 0.1 * pitch,
-        height,
-        f"{length:g} {unit}",
-        fontsize=TEXT,
-        ha="right",
-        va="center",
-    )
-    _legend(figure, [Patch(facecolor=look, edgecolor=look[0], linewidth=0.9, label=name)
-                     for name, look in zip(profiles, looks, strict=True)])  # fmt: skip
-    return laid_out(figure)
+    text = f"{length:g} {unit}"
+    plot.text(left - 0.1 * pitch, height, text, fontsize=TEXT, ha="right", va="center")
 
 
 def arms(
@@ -315,66 +389,93 @@ def arms(
     """Draw arms side by side, each in several configurations; those `within` the same name have one panel."""
     titles = {name: (within or {}).get(name, name) for name in skeletons}
     columns = len(set(titles.values()))
-    figure = column_figure(height := 0.55 + 3.5 / columns, layout=None)
+    height = 0.55 + 3.5 / columns
+    figure = column_figure(height, layout=None)
     figure.subplots_adjust(left=0.0, right=0.9, bottom=0.24 / height, top=0.98, wspace=0.15)
     made = figure.subplots(1, columns, squeeze=False, subplot_kw={"projection": "3d"})[0]
-    panels: dict[str, Any] = dict(zip(dict.fromkeys(titles.values()), made, strict=True))
-    polar, around = np.meshgrid(
-        np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 19), indexing="ij"
-    )
-    sphere = np.stack(
-        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)]
-    )
+    plots: dict[str, Axes3D] = dict(zip(dict.fromkeys(titles.values()), made, strict=True))
+
     for color, (name, lines) in zip(_colors(skeletons, roles), skeletons.items(), strict=True):
-        chosen, panel = evenly_spaced(len(lines), count), panels[titles[name]]
+        chosen = evenly_spaced(len(lines), count)
         opacities = np.linspace(0.25, 1.0, len(chosen)) if len(chosen) > 1 else np.ones(1)
-        for line, shell, opacity in zip(
-            lines[chosen], ellipsoids[name][chosen], opacities, strict=True
-        ):
-            panel.plot(
-                *line.T,
-                color="0.2",
-                alpha=opacity,
-                lw=1.3,
-                marker="o",
-                ms=1.8,
-                solid_joinstyle="round",
-            )
-            semi_axes, directions = axes(shell)
-            surface = line[-1][:, None, None] + size * np.einsum(
-                "ij,jkl->ikl", directions * semi_axes, sphere
-            )
-            look: Any = {"color": color, "alpha": 0.2 + 0.3 * opacity, "lw": 0, "rasterized": True}
-            panel.plot_surface(*surface, **look, rstride=1, cstride=1)
-    limits = [
-        np.array([getattr(panel, f"get_{letter}lim")() for letter in "xyz"])
-        for panel in panels.values()
-    ]
+        shells = ellipsoids[name][chosen]
+        for line, shell, opacity in zip(lines[chosen], shells, opacities, strict=True):
+            _draw_arm(plots[titles[name]], line, shell, size, color, opacity)
+
+    limits = []
+    for plot in plots.values():
+        ends = np.array([plot.get_xlim(), plot.get_ylim(), plot.get_zlim()])
+        limits.append(ends)
     reach = max(float(np.ptp(ends, axis=1).max()) / 2 for ends in limits)
-    for (title, panel), ends in zip(panels.items(), limits, strict=True):
-        panel.patch.set_visible(False)  # it would cover labels of the panel before
-        panel.set_title(title, fontsize=TEXT, pad=0)
-        panel.set_box_aspect((1, 1, 1), zoom=0.95)
-        for letter, center in zip("xyz", ends.mean(axis=1), strict=True):
-            getattr(panel, f"set_{letter}lim")(center - reach, center + reach)
-            axis = getattr(panel, f"{letter}axis")
-            axis.set_label_text(f"{letter} [m]", fontsize=TEXT)
-            axis.labelpad = -8
-            axis.set_tick_params(labelsize=6.0, pad=-3.5)
-            axis.set_major_locator(MaxNLocator(3 if columns < 3 else 2))
-        panel.view_init(elev=22, azim=-55)
-    figure.text(
-        0.5,
-        0.02,
-        f"semi-axes of 1 {unit} are drawn {size:g} m long",
-        fontsize=TEXT,
-        ha="center",
-        va="bottom",
-    )
+    tick_count = 3 if columns < 3 else 2
+    for (title, plot), ends in zip(plots.items(), limits, strict=True):
+        plot.patch.set_visible(False)  # it would cover labels of the panel before
+        plot.set_title(title, fontsize=TEXT, pad=0)
+        plot.set_box_aspect((1, 1, 1), zoom=0.95)
+        _set_space_axes(plot, ends.mean(axis=1), reach, tick_count)
+        plot.view_init(elev=22, azim=-55)
+    text = f"semi-axes of 1 {unit} are drawn {size:g} m long"
+    figure.text(0.5, 0.02, text, fontsize=TEXT, ha="center", va="bottom")
     return figure
 
 
-def column_figure(height: float, columns: int = 1, layout: Any = "constrained") -> Figure:
+def _unit_sphere() -> Array:
+    """Return points of a sphere along polar and azimuth angles (3, 13, 19)."""
+    angles = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 19), indexing="ij")
+    polar, azimuth = angles
+    x = np.sin(polar) * np.cos(azimuth)
+    y = np.sin(polar) * np.sin(azimuth)
+    return np.stack([x, y, np.cos(polar)])
+
+
+def _draw_arm(
+    plot: Axes3D, line: Array, shell: Array, size: float, color: str, opacity: float
+) -> None:
+    """Draw one configuration: joints (k, 3) with lines, and the ellipsoid at the last."""
+    x, y, z = line.T
+    plot.plot(
+        x,
+        y,
+        z,
+        color="0.2",
+        alpha=opacity,
+        lw=1.3,
+        marker="o",
+        ms=1.8,
+        solid_joinstyle="round",
+    )
+    semi_axes, directions = axes(shell)
+    points = np.einsum("ij,jkl->ikl", directions * semi_axes, _unit_sphere())
+    x, y, z = line[-1][:, None, None] + size * points
+    plot.plot_surface(
+        x,
+        y,
+        z,
+        color=color,
+        alpha=0.2 + 0.3 * opacity,
+        lw=0,
+        rasterized=True,
+        rstride=1,
+        cstride=1,
+    )
+
+
+def _set_space_axes(plot: Axes3D, centers: Array, reach: float, tick_count: int) -> None:
+    """Give the axes of space one length and labels."""
+    x, y, z = centers
+    plot.set_xlim(x - reach, x + reach)
+    plot.set_ylim(y - reach, y + reach)
+    plot.set_zlim(z - reach, z + reach)
+    for letter, axis in zip("xyz", (plot.xaxis, plot.yaxis, plot.zaxis), strict=True):
+        axis.set_label_text(f"{letter} [m]", fontsize=TEXT)
+        axis.labelpad = -8
+        axis.set_tick_params(labelsize=6.0, pad=-3.5)
+        axis.set_major_locator(MaxNLocator(tick_count))
+
+
+def column_figure(
+    height: float, columns: int = 1, layout: Literal["constrained"] | None = "constrained"
+) -> Figure:
     """Return an empty figure as wide as columns of a two-column paper; `height` in inches."""
     return Figure(figsize=(columns * 3.5, height), dpi=300, layout=layout)
 
@@ -389,15 +490,23 @@ def laid_out(figure: Figure) -> Figure:
 def _colors(names: Iterable[str], roles: Mapping[str, str] | None) -> list[str]:
     """Return the color of each name: of its role, else the next that no role has taken."""
     taken = {name: ROLES[role].color for name, role in (roles or {}).items()}
-    colors = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
-    free = iter([color for color in colors if color not in taken.values()])
-    return [taken[name] if name in taken else next(free) for name in names]
+    candidates = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
+    free = iter([color for color in candidates if color not in taken.values()])
+    colors = []
+    for name in names:
+        colors.append(taken[name] if name in taken else next(free))
+    return colors
 
 
 def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
     """Put named lines or patches above all panels."""
     letters = [len(str(handle.get_label())) for handle in handles]
-    columns = len(handles) if sum(letters) < 45 else 1 + (max(letters) < 30)
+    if sum(letters) < 45:
+        columns = len(handles)
+    elif max(letters) < 30:
+        columns = 2
+    else:
+        columns = 1
     figure.legend(
         handles=handles, loc="outside upper center", ncols=columns, fontsize=TEXT, frameon=False
     )

@@ -1,15 +1,13 @@
-"""Values that a report consists of: metrics, tables and sections, and `report_of`."""
+"""Values that a report consists of: metrics, tables and sections."""
 
-import contextlib
 import os
 import platform
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import singledispatch
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -17,21 +15,63 @@ from maniport.util.atomic_io import free_path
 from maniport.version import __version__
 
 Severity = Literal["info", "note", "warning", "error"]
+Status = Literal["", "green", "amber", "red"]
 
-STATUS = {
+Value = object
+"""A value for JSON: None, a number, text, `Statistics`, an array, or a list or mapping of values."""
+
+STATUS: dict[Status, str] = {
     "green": "no warnings",
     "amber": "check the warnings before execution",
     "red": "do not execute",
 }
 """Status of a result without warnings, with warnings and with errors, and its meaning."""
 
-RECORDING, FIT = "recording", "human-model"
+RECORDING = "recording"
+FIT = "human-model"
 """Keys of warnings about a recording, and about the difference between model and person."""
 
 SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
 """Ends of keys in JSON by unit."""
 
 TIME_COLUMN = "time of maximum [s]"  # pages make links of its cells
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Statistics of values over waypoints, in the unit of their metric."""
+
+    median: float
+    p95: float  # 95th percentile
+    maximum: float
+    time_of_maximum: float  # [s]
+    tolerance: float | None = None
+    far_share: float | None = None  # share of the waypoints that are far beyond the tolerance
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The statistics by their names in JSON."""
+        numbers = {
+            "median": self.median,
+            "p95": self.p95,
+            "max": self.maximum,
+            "max_at_s": self.time_of_maximum,
+        }
+        if self.tolerance is not None:
+            numbers["tolerance"] = self.tolerance
+        if self.far_share is not None:
+            numbers["far_share"] = self.far_share
+        return numbers
+
+    @property
+    def cells(self) -> tuple[str, str, str, str]:
+        """Median, 95th percentile and maximum, and the time of the maximum [s], as text."""
+        return (
+            f"{self.median:.2f}",
+            f"{self.p95:.2f}",
+            f"{self.maximum:.2f}",
+            f"{self.time_of_maximum:.1f}",
+        )
 
 
 @dataclass(frozen=True)
@@ -46,7 +86,7 @@ class Metric:
     description : str
     key : str
         Name in JSON without the unit, or the kind of a warning. Without a key, the metric is not in JSON.
-    value : number, str, list or dict
+    value : number, str, list, dict or Statistics
     unit : str
         Of all numbers in the value.
     severity : {"info", "note", "warning", "error"}
@@ -61,7 +101,7 @@ class Metric:
     text: str
     description: str = ""
     key: str = ""
-    value: Any = None
+    value: Value = None
     unit: str = ""
     severity: Severity = "info"
     main: bool = False
@@ -73,22 +113,21 @@ class Metric:
         return self.severity in ("warning", "error")
 
     @property
-    def is_statistics(self) -> bool:
-        """Whether the value has median, 95th percentile and maximum."""
-        return isinstance(self.value, dict) and {"median", "p95", "max"} <= set(self.value)
-
-    @property
-    def cells(self) -> tuple[str, ...]:
-        """Median, 95th percentile and maximum of statistics, and the time of the maximum [s], as text."""
-        return (
-            *(f"{self.value[name]:.2f}" for name in ("median", "p95", "max")),
-            f"{self.value['max_at_s']:.1f}",
-        )
+    def statistics(self) -> Statistics | None:
+        """The value, if it is statistics over waypoints."""
+        return self.value if isinstance(self.value, Statistics) else None
 
     @property
     def heading(self) -> str:
         """The label with the unit of statistics."""
-        return f"{self.label} [{self.unit}]" if self.is_statistics and self.unit else self.label
+        if self.statistics is not None and self.unit:
+            return f"{self.label} [{self.unit}]"
+        return self.label
+
+    def number(self, name: str) -> float:
+        """Return a number of a value that is a mapping."""
+        assert isinstance(self.value, Mapping)
+        return float(self.value[name])
 
 
 @dataclass(frozen=True)
@@ -99,74 +138,92 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
     key: str = ""
-    value: Any = None
+    value: Value = None
     times: tuple[float, ...] = ()  # exact times of the column `TIME_COLUMN`, one for each row
 
     @classmethod
     def of(
         cls,
-        records: Sequence[Mapping[str, Any]],
+        records: Sequence[Mapping[str, Value]],
         columns: Mapping[str, str],
         caption: str,
         key: str,
     ) -> "Table":
         """Return a table of records: format strings by column name."""
-        rows = tuple(
-            tuple(form.format(**record) for form in columns.values()) for record in records
-        )
-        return cls(tuple(columns), rows, caption, key, list(records))
+        rows = []
+        for record in records:
+            cells = [template.format(**record) for template in columns.values()]
+            rows.append(tuple(cells))
+        return cls(tuple(columns), tuple(rows), caption, key, list(records))
 
 
 @dataclass
 class Section:
-    """Metrics of a `Report` that belong together; methods add some."""
+    """Metrics of a `Report` that belong together; methods add some.
+
+    Attributes
+    ----------
+    title : str
+    metrics : tuple of Metric
+    tables : tuple of Table
+    key : str
+        Name in JSON; without one the metrics are at the top level there.
+    text : str
+        Markdown below the title, one paragraph per line; names from files must be escaped.
+    folded : bool
+        Whether it is a detail: the page folds it, and a summary in Markdown omits it.
+    """
 
     title: str
     metrics: tuple[Metric, ...] = ()
     tables: tuple[Table, ...] = ()
-    key: str = ""  # name in JSON; without one the metrics are at the top level there
-    text: str = (
-        ""  # Markdown below the title, one paragraph per line; names from files must be escaped
-    )
-    folded: bool = (
-        False  # whether it is a detail: the page folds it, and a summary in Markdown omits it
-    )
+    key: str = ""
+    text: str = ""
+    folded: bool = False
 
     def add(
         self,
         label: str,
         key: str,
-        value: Any,
+        value: Value,
         text: str | None = None,
         about: str = "",
-        **more: Any,
+        *,
+        unit: str = "",
+        main: bool = False,
+        times: tuple[float, ...] = (),
     ) -> None:
         """Add a setting or a number with a description; its text is the value by default."""
-        written = (
-            (listed(value) if isinstance(value, list | tuple) else str(value))
-            if text is None
-            else text
-        )
-        self.metrics += (Metric(label, written, about, key, value, **more),)
+        if text is None:
+            text = written(value)
+        metric = Metric(label, text, about, key, value, unit, main=main, times=times)
+        self.metrics = (*self.metrics, metric)
 
-    def numbers(self, **values: Any) -> None:
+    def numbers(self, **values: Value) -> None:
         """Add metrics that are in JSON only; the keys have the units."""
-        self.metrics += tuple(Metric("", "", key=key, value=value) for key, value in values.items())
+        for key, value in values.items():
+            metric = Metric("", "", key=key, value=value)
+            self.metrics = (*self.metrics, metric)
 
     def warn(
         self,
         key: str,
         *texts: str,
         severity: Severity = "warning",
-        value: Any = None,
+        value: Value = None,
         times: Sequence[float] = (),
     ) -> None:
         """Add warnings, or notes, with a stable key for programs; `times` as in `Metric`."""
-        exact = tuple(times)
-        self.metrics += tuple(
-            Metric("", sentence(text), "", key, value, severity=severity, times=exact)
-            for text in texts
-        )
+        for text in texts:
+            metric = Metric(
+                "",
+                sentence(text),
+                key=key,
+                value=value,
+                severity=severity,
+                times=tuple(times),
+            )
+            self.metrics = (*self.metrics, metric)
 
     def note(self, *texts: str) -> None:
         """Add notes."""
@@ -175,23 +232,26 @@ class Section:
     @property
     def lines(self) -> list[Metric]:
         """Settings and notes: metrics that are a line of text each."""
-        return [
-            metric
-            for metric in self.metrics
-            if metric.text and not (metric.is_warning or metric.is_statistics)
-        ]
+        lines = []
+        for metric in self.metrics:
+            if metric.text and not metric.is_warning and metric.statistics is None:
+                lines.append(metric)
+        return lines
 
     def statistics(self, without: Sequence[str] = ()) -> list[Table]:
         """Return a table of the statistics, but for those with some keys; none where it has no rows."""
-        metrics = [
-            metric for metric in self.metrics if metric.is_statistics and metric.key not in without
-        ]
-        if not metrics:
+        rows = []
+        times = []
+        for metric in self.metrics:
+            statistics = metric.statistics
+            if statistics is not None and metric.key not in without:
+                rows.append((metric.heading, *statistics.cells))
+                times.append(statistics.time_of_maximum)
+        if not rows:
             return []
-        rows = tuple((metric.heading, *metric.cells) for metric in metrics)
-        times = tuple(metric.value["max_at_s"] for metric in metrics)
+
         columns = ("", "median", "95th percentile", "max", TIME_COLUMN)
-        return [Table(columns, rows, times=times)]
+        return [Table(columns, tuple(rows), times=tuple(times))]
 
 
 @dataclass(frozen=True)
@@ -226,7 +286,10 @@ class Report:
     @property
     def metrics(self) -> tuple[Metric, ...]:
         """The metrics of all sections."""
-        return tuple(metric for section in self.sections for metric in section.metrics)
+        metrics: list[Metric] = []
+        for section in self.sections:
+            metrics.extend(section.metrics)
+        return tuple(metrics)
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -241,23 +304,25 @@ class Report:
         """The metrics of the summary; statistics come first, those of one kind together."""
         metrics = [metric for metric in self.metrics if metric.main and metric.text]
         order = list(dict.fromkeys(metric.key for metric in metrics))
-        return tuple(
-            sorted(metrics, key=lambda metric: (not metric.is_statistics, order.index(metric.key)))
-        )
+
+        def rank(metric: Metric) -> tuple[bool, int]:
+            return metric.statistics is None, order.index(metric.key)
+
+        return tuple(sorted(metrics, key=rank))
 
     @property
     def warning_metrics(self) -> tuple[Metric, ...]:
         """The warnings, each text once; errors come first, then those about the data."""
-        unique, rank = dict[str, Metric](), {RECORDING: -2, FIT: -1}
+        by_text = dict[str, Metric]()
         for metric in self.metrics:
             if metric.is_warning and metric.text:
-                unique.setdefault(metric.text, metric)
-        return tuple(
-            sorted(
-                unique.values(),
-                key=lambda metric: (metric.severity != "error", rank.get(metric.key, 0)),
-            )
-        )
+                by_text.setdefault(metric.text, metric)
+        about_data = {RECORDING: -2, FIT: -1}
+
+        def rank(metric: Metric) -> tuple[bool, int]:
+            return metric.severity != "error", about_data.get(metric.key, 0)
+
+        return tuple(sorted(by_text.values(), key=rank))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -267,25 +332,31 @@ class Report:
     @property
     def warning_keys(self) -> tuple[str, ...]:
         """Keys of the warnings, each once."""
-        return tuple(dict.fromkeys(metric.key for metric in self.warning_metrics))
+        keys = [metric.key for metric in self.warning_metrics]
+        return tuple(dict.fromkeys(keys))
 
     @property
-    def status(self) -> str:
+    def status(self) -> Status:
         """``"green"``, ``"amber"`` or ``"red"``: the worst of all metrics; empty where there is no outcome."""
-        if not (self.outcome and self.graded):
+        if not self.outcome or not self.graded:
             return ""
         severities = {metric.severity for metric in self.metrics}
-        return list(STATUS)[2 if "error" in severities else "warning" in severities]
+        if "error" in severities:
+            return "red"
+        if "warning" in severities:
+            return "amber"
+        return "green"
 
     @property
     def status_text(self) -> str:
         """The status with its meaning and the kinds of the warnings in words; empty without a status."""
-        kinds = ", ".join(key.replace("-", " ") for key in self.warning_keys)
-        return (
-            f"{self.status.capitalize()}: {STATUS[self.status]}{kinds and f' ({kinds})'}."
-            if self.status
-            else ""
-        )
+        if not self.status:
+            return ""
+        text = f"{self.status.capitalize()}: {STATUS[self.status]}"
+        kinds = listed(key.replace("-", " ") for key in self.warning_keys)
+        if kinds:
+            text += f" ({kinds})"
+        return text + "."
 
     def command_for(self, folder: str = "") -> str:
         """Return the command of the next step for a shell; empty unless the results were written to a folder.
@@ -296,23 +367,37 @@ class Report:
             return ""
         if folder in (".", "..") or folder.startswith("-"):
             folder = os.path.abspath(folder)
+
         words = list[str]()
         for word in self.command.split(" "):
-            text = word.replace("{folder}", folder)
+            if "{folder}" not in word:
+                words.append(word)
+                continue
+            path = word.replace("{folder}", folder)
             if words and words[-1] == "-o":
-                text = str(free_path(Path(text)))
-            words.append(word if "{folder}" not in word else shlex.quote(text))
+                path = str(free_path(Path(path)))
+            words.append(shlex.quote(path))
         return " ".join(words)
 
 
 def sentence(text: str) -> str:
     """Let a text begin with a capital letter and end with a full stop."""
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":", "!", "?")) else ".")
+    text = text[:1].upper() + text[1:]
+    if not text.endswith((".", ":", "!", "?")):
+        text += "."
+    return text
 
 
 def listed(values: Iterable[object]) -> str:
     """Write values with commas between them."""
     return ", ".join(map(str, values))
+
+
+def written(value: Value) -> str:
+    """Write a value."""
+    if isinstance(value, list | tuple):
+        return listed(value)
+    return str(value)
 
 
 def at_time(time: float) -> str:
@@ -323,53 +408,33 @@ def at_time(time: float) -> str:
 def in_axes(distance: float) -> str:
     """Write a distance between ellipsoids as the error of one axis that has the same distance."""
     ratio = float(np.exp(0.5 * distance))
-    size = (
-        f"{ratio:.1f} times as long" if ratio >= 1.95 else f"{100.0 * (ratio - 1.0):.0f} % too long"
-    )
-    return f"like one semi-axis {size}"
+    if ratio >= 1.95:
+        return f"like one semi-axis {ratio:.1f} times as long"
+    return f"like one semi-axis {100.0 * (ratio - 1.0):.0f} % too long"
+
+
+PACKAGES = {
+    "numpy": "NumPy",
+    "scipy": "SciPy",
+    "pin": "Pinocchio",
+    "pin-pink": "Pink",
+}
+"""Names of packages on which numbers depend, by their names in the index of packages."""
 
 
 def software(seed: int | None) -> list[Metric]:
     """Return the seed and the versions of the software."""
     versions = {"maniport": __version__, "Python": platform.python_version()}
-    for package, name in {
-        "numpy": "NumPy",
-        "scipy": "SciPy",
-        "pin": "Pinocchio",
-        "pin-pink": "Pink",
-    }.items():
-        with contextlib.suppress(
-            metadata.PackageNotFoundError
-        ):  # it is installed by other means than a package
+    for package, name in PACKAGES.items():
+        try:
             versions[name] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue  # it is installed by other means than a package
+
     about = "The same seed and versions give the same numbers."
+    seed_text = "none" if seed is None else str(seed)
+    versions_text = listed(map(" ".join, versions.items()))
     return [
-        Metric("Seed", "none" if seed is None else str(seed), about, "random_state", seed),
-        Metric("Versions", listed(map(" ".join, versions.items())), key="versions", value=versions),
+        Metric("Seed", seed_text, about, "random_state", seed),
+        Metric("Versions", versions_text, key="versions", value=versions),
     ]
-
-
-def report_of(thing: Any) -> Report:
-    """Return the `Report` of a result, an arm, a recording, an adapter or another object of maniport.
-
-    Parameters
-    ----------
-    thing : any object
-        Of an unknown object only the prompt is reported.
-
-    Returns
-    -------
-    Report
-    """
-    import maniport.report.results  # noqa: F401 - it and what it imports register all classes; slow to load
-
-    described = describe(thing)
-    if isinstance(described, Report):
-        return described
-    return Report(described.title, "", (replace(described, title="", folded=False),))
-
-
-@singledispatch
-def describe(thing: Any) -> Report | Section:
-    """Describe an object; `describe.register` adds a class."""
-    return Report(type(thing).__name__, repr(thing))

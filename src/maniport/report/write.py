@@ -10,8 +10,9 @@ from maniport.motion.exports import FORMATS, SCENE, export_motion
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import RESULT_FILES, MotionResult, TransferResult
-from maniport.report.renderings import PAGE, SUMMARY, write_report
-from maniport.report.values import Report, report_of
+from maniport.report.describe import report_of
+from maniport.report.render import PAGE, SUMMARY, write_report
+from maniport.report.values import Report
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from maniport.report.page import write_page
-from maniport.report.renderings import write_report
+from maniport.report.render import write_report
 from maniport.report.values import Report, Section, Table, software
 from maniport.studies.experiments import (
     DRAWS,

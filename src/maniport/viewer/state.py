@@ -20,7 +20,7 @@ from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
-from maniport.mocap import fit_arms, read_recording
+from maniport.mocap import fit_arms
 from maniport.mocap.arm_ik import GROUP, require_person
 from maniport.motion import Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.arm_model import require_trackable
@@ -29,7 +29,7 @@ from maniport.motion.problem import FOLLOWING_WEIGHT, ArmProblem, CostWeights
 from maniport.motion.targets import TargetTrajectory, damping_of, speed_limits
 from maniport.motion.tracker import follow
 from maniport.pipeline.config import Config
-from maniport.pipeline.settings import load_robot
+from maniport.pipeline.settings import load_robot, marker_roles, read_part
 from maniport.transfer import method_of
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.defaults import AUTO, BOTH, DAMPING
@@ -289,7 +289,8 @@ def prepare(
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in persons])
         motion, playback = [arm.sample(32, seed) for arm in persons], None
     else:
-        fits = fit_arms(read_recording(recording), config.person, progress=progress, side=side)
+        used = read_part(recording, config.changed(side=side))
+        fits = fit_arms(used, config.person, marker_roles(config), side=side, progress=progress)
         persons, bases, motion = (
             [fit.arm for fit in fits.arms],
             fits.bases,

@@ -492,7 +492,7 @@ def _by_content(head: bytes) -> str | None:
         return ".c3d"
     text = decoded(head).lstrip()
     lines = [line.strip() for line in text.splitlines()]
-    if "HIERARCHY" in lines[:20]:
+    if "HIERARCHY" in map(str.upper, lines[:20]):
         return ".bvh"
     if any(line.lower() == "endheader" or line.lower().startswith("indegrees") for line in lines):
         return ".mot"

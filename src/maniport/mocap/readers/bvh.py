@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +12,7 @@ from maniport.errors import argument, counted
 from maniport.mocap.cleaning import rest_frames, rest_pose_note
 from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.readers.text import (
+    Block,
     NumberTable,
     Row,
     as_float,
@@ -29,7 +29,10 @@ from maniport.util.input_limits import FRAMES, POINTS, require_at_most
 from maniport.util.validation import Array
 
 FRAMES_AT_ONCE = 2000
-_STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\s+[-+.\d])")
+LONGEST_FRAME_TIME = 2.0  # [s]; motion is not captured so slowly, and longer times are milliseconds
+_STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\s+[-+.\d])", re.IGNORECASE)
+_FRAMES = re.compile(r"\s*Frames\s*:\s*(\d{1,15})\s+Frame\s*Time\s*:\s*(\S+)\s*$", re.IGNORECASE)
+_COMMA = re.compile(r",(?=\s|$)")  # which separates numbers, since blanks follow
 CHANNELS = {(kind, axis) for kind in ("position", "rotation") for axis in "xyz"}
 
 
@@ -49,6 +52,7 @@ class _Motion(NamedTuple):
     declared: str  # number of frames
     step: float  # of time [s]
     first: int  # number of the line of the first frame
+    warnings: tuple[str, ...] = ()
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -56,7 +60,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     lines = lines_of(file)
     hierarchy: list[Row] = []
     for number, line in lines:
-        if line.split()[:1] == ["MOTION"]:
+        if _is_word(line, "MOTION"):
             break
         hierarchy.append((number, line))
         if number == 20 and not _begins(hierarchy):
@@ -103,19 +107,42 @@ def read(file: Path, options: ImportOptions) -> Recording:
     positions, position_notes = _all_positions(nodes, table)
     del table  # as large as the positions
     names = [node.name for node in nodes]
-    return options.recording(file, names, positions, times, notes=[*notes, *position_notes])
+    return options.recording(
+        file,
+        names,
+        positions,
+        times,
+        notes=[*notes, *position_notes],
+        quality_warnings=motion.warnings,
+    )
 
 
 def _begins(hierarchy: Sequence[Row]) -> bool:
-    return any(line.split()[:1] == ["HIERARCHY"] for _, line in hierarchy[:20])
+    return any(_is_word(line, "HIERARCHY") for _, line in hierarchy[:20])
+
+
+def _is_word(line: str, word: str) -> bool:
+    """Whether a line begins with a word, in any case."""
+    return line.upper().split(None, 1)[:1] == [word]
 
 
 def _table(file: Path, nodes: list[_Node], motion: _Motion, frames: slice) -> Array:
     """Return the channels of some frames, shape (n_frames, n_channels)."""
     width = sum(len(node.channels) for node in nodes)
     blocks = sliced(row_blocks(file, motion.first), frames)
-    (table,) = NumberTable(width, [range(width)]).read(blocks)
+    possible = file.stat().st_size // max(2 * width, 1)  # a digit and a blank for each number
+    expected = min(int(motion.declared), frames.stop - frames.start, possible)
+    reader = NumberTable(width, [range(width)], expected=expected)
+    (table,) = reader.read(map(_without_separators, blocks))
     return table
+
+
+def _without_separators(block: Block) -> Block:
+    """Return rows whose commas and semicolons between numbers are blanks; those of decimals stay."""
+    if ";" not in block.lines[0] and not _COMMA.search(block.lines[0]):
+        return block
+    lines = [_COMMA.sub(" ", line.replace(";", " ")) for line in block.lines]
+    return Block(block.numbers, lines)
 
 
 def _times(options: ImportOptions, motion: _Motion, count: int) -> FrameTimes:
@@ -172,10 +199,11 @@ def _hierarchy(lines: Sequence[Row]) -> list[_Node]:
 
 def _read_statement(word: str, rest: list[str], nodes: list[_Node], path: list[int]) -> None:
     """Read one statement of the hierarchy into the nodes."""
-    if word in ("ROOT", "JOINT", "End"):
+    word = word.upper()
+    if word in ("ROOT", "JOINT", "END"):
         if (word == "ROOT") != (not nodes) or (nodes and not path):
             raise ValueError("there must be one ROOT that contains all else")
-        name = f"{END}{nodes[path[-1]].name}" if word == "End" else " ".join(rest)
+        name = f"{END}{nodes[path[-1]].name}" if word == "END" else " ".join(rest)
         nodes.append(_Node(name, path[-1] if path else -1))
         path.append(len(nodes) - 1)
     elif word == "}":
@@ -196,11 +224,15 @@ def _read_statement(word: str, rest: list[str], nodes: list[_Node], path: list[i
 
 def _motion(lines: Iterator[Row], motion: int, options: ImportOptions) -> _Motion:
     """Read the lines after MOTION, up to the first frame."""
-    header = list(islice(((n, line) for n, line in lines if line.strip()), 2))
-    match = re.match(
-        r"\s*Frames\s*:\s*(\d{1,15})\s+Frame\s+Time\s*:\s*(\S+)\s*$",
-        " ".join(line for _, line in header),
-    )
+    header: list[Row] = []
+    match = None
+    for number, line in lines:
+        if not line.strip():
+            continue
+        header.append((number, line))
+        match = _FRAMES.match(" ".join(text for _, text in header))
+        if match is not None or len(header) == 2:  # on two lines, or on one
+            break
     if match is None:
         raise ValueError(f"MOTION at line {motion} must be followed by 'Frames:' and 'Frame Time:'")
     last = header[-1][0]
@@ -212,10 +244,17 @@ def _motion(lines: Iterator[Row], motion: int, options: ImportOptions) -> _Motio
         )
     if step is None:
         step = 1 / float(options.rate or 1.0)
+    warnings = []
+    if step >= LONGEST_FRAME_TIME and options.rate is None:
+        warnings.append(
+            f"Frame Time at line {last} is {match[2]}, which was taken as milliseconds: as seconds, frames would be "
+            f"{step:g} s apart; {argument('rate')} sets the frames per second"
+        )
+        step *= 1e-3
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate
-    return _Motion(match[1], step, last + 1)
+    return _Motion(match[1], step, last + 1, tuple(warnings))
 
 
 def _all_positions(nodes: list[_Node], table: Array) -> tuple[Array, list[str]]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from maniport.util.input_limits import (
     read_whole,
     require_at_most,
 )
+from maniport.util.validation import Array
 
 KEYS: dict[str, Any] = load_names("file_keys.yaml")["json"]
 
@@ -109,7 +111,20 @@ def _times(head: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> File
             except ValueError:
                 if not clocks:
                     raise
-    return FileTimes(clocks, rates=rates)
+    return FileTimes(clocks, _frame_numbers(frames), rates)
+
+
+def _frame_numbers(frames: Sequence[Mapping[str, Any]]) -> Array | None:
+    """Return the numbers of the frames, which skip those that were lost; None where one has none."""
+    key = next((key for key in KEYS["numbers"] if all(key in frame for frame in frames)), None)
+    if key is None:
+        return None
+    numbers = [frame[key] for frame in frames]
+    if any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
+        return None
+    with suppress(OverflowError):
+        return np.array(numbers, dtype=np.float64)
+    return None
 
 
 def _loaded(file: Path, most: int) -> Any:

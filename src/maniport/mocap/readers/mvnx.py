@@ -54,6 +54,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 raise ValueError(
                     f"frame {number} holds no <position>; export positions of segments, too"
                 )
+            if "," in text and "." not in text:
+                text = text.replace(",", ".")  # decimals
             words = text.split(None, width)  # more words than that stay in one
             if len(words) != width:
                 amount = len(words) if len(words) < width else f"more than {width}"

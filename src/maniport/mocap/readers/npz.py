@@ -106,7 +106,8 @@ def _times(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOption
     """Return the times and the rates of the file, first the rate that its duration supports."""
     clocks = {}
     if "time" in arrays:
-        clocks["time"] = arrays["time"]
+        clock = arrays["time"]
+        clocks["time"] = clock.reshape(-1) if clock.size == max(clock.shape) else clock  # a column
     rates = {}
     wrong = None
     for key, rate in arrays.items():

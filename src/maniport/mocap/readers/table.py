@@ -40,6 +40,38 @@ _TIME = re.compile(r"(?:time|t|timestamp|seconds)(?:[ _]*[\[(]?(s|ms)[\])]?)?", 
 NEXUS_SECTIONS = ("Devices", "Events", "Joints", "Model Outputs", "Segments", "Trajectories")
 HEADER = 300  # Lines in which the names of the columns are
 
+COUNTERS = (
+    "frame",
+    "frame#",
+    "frames",
+    "frame number",
+    "frame_number",
+    "framenumber",
+    "frame id",
+    "frame_id",
+    "index",
+    "",
+)
+"""Names of columns of frame numbers, in small letters."""
+
+POINT_WORDS = (
+    "name",
+    "joint",
+    "marker",
+    "keypoint",
+    "landmark",
+    "point",
+    "bone",
+    "segment",
+    "body part",
+    "bodypart",
+)
+
+_PLACE = re.compile(
+    r"(?:pos(?:ition)?[ _.:-]*)?([xyz])(?:[ _]*[\[(]?(?:(\w+))[\])]?)?", re.IGNORECASE
+)
+"""The column of a coordinate in a table with a row for each point."""
+
 LAYOUTS = (
     "a table of points has a line of names first and then either a row for each frame, with columns NAME_x, NAME_y, "
     "NAME_z (or NAME.x …) and time, or a row for each point, with columns time, name, x, y, z"
@@ -75,12 +107,15 @@ def read(file: Path, options: ImportOptions) -> Recording:
         table = _qualisys(head)
     else:
         table = _named_columns(head)
-        columns = [column.lower() for column in table.columns]
-        words = ("name", "joint", "marker", "keypoint", "landmark", "point")
+        columns, unit = _columns_of_places(table.columns)
+        words = [f"{word}{end}" for word in POINT_WORDS for end in ("", "_name", " name", "name")]
         name = next((columns.index(word) for word in words if word in columns), None)
         if name is not None and {"x", "y", "z"} <= set(columns):
+            table = table._replace(unit=unit)
             return _one_row_a_point(file, options, table, columns, name)
         _require_usable_names(table)
+        counter = next((columns.index(word) for word in COUNTERS[:-1] if word in columns), None)
+        table = table._replace(frame_column=counter)
         if not any(map(_COLUMN.fullmatch, table.columns)):
             table = _nexus(file) or table
     return _one_row_a_frame(file, options, table)
@@ -96,6 +131,28 @@ def _named_columns(head: Sequence[Row]) -> Table:
     number, names = rows[0]
     separator = separator_of(names)
     return Table(fields_of(names, separator), number + 1, separator, comments=True)
+
+
+def _columns_of_places(names: Sequence[str]) -> tuple[list[str], str]:
+    """Return columns in small letters, coordinates as x, y and z, and the unit that all three state."""
+    columns = [name.lower() for name in names]
+    if {"x", "y", "z"} <= set(columns):
+        return columns, ""
+    places = {}
+    units = set()
+    for i, column in enumerate(columns):
+        found = _PLACE.fullmatch(column)
+        if found is None or (found[2] and known_unit(found[2]) is None):
+            continue
+        if found[1] in places:  # two points in a row
+            return columns, ""
+        places[found[1]] = i
+        units.add(found[2] or "")
+    if len(places) < 3:
+        return columns, ""
+    for axis, i in places.items():
+        columns[i] = axis
+    return columns, units.pop() if len(units) == 1 else ""
 
 
 def _blocks(file: Path, table: Table) -> Iterator[Block]:
@@ -214,11 +271,7 @@ def _one_row_a_point(
 ) -> Recording:
     """Read rows of points; those of one time, or of one frame number, make a frame."""
     clock, per_second = _clock(columns)
-    counters = [
-        i
-        for i, column in enumerate(columns)
-        if column in ("frame", "frame#", "frames", "index", "")
-    ]
+    counters = [i for i, column in enumerate(columns) if column in COUNTERS]
     if clock is None and not counters:
         raise ValueError(f"{LAYOUTS}; there is no column time")
     counter = counters[0] if clock is None else clock
@@ -255,7 +308,8 @@ def _one_row_a_point(
     stated = FileTimes(frame_numbers=times)
     if clock is not None:
         stated = FileTimes({"time": times / per_second})
-    return options.recording(file, list(names), positions.reshape(len(times), -1, 3), stated)
+    points = positions.reshape(len(times), -1, 3)
+    return options.recording(file, list(names), points, stated, table.unit)
 
 
 def _frames_of(counts: Array) -> tuple[Array, NDArray[np.int64]]:

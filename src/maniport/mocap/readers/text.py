@@ -28,6 +28,22 @@ Row = tuple[int, str]  # The number of a line, from one, and the line
 LARGEST_ANGLE = 1e3  # Joint angles beyond this count as missing [rad]
 
 BLOCK_CHARACTERS = 2**20  # Of lines that are parsed at once: small beside an array that matters
+HEAD = 2**16  # Bytes from which the encoding of a file is recognized
+BYTE_ORDER_MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF32_LE: "utf-32",  # before UTF-16, whose mark it begins with
+    codecs.BOM_UTF32_BE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+WIDE = {  # the number of bytes of a letter, and which are zero in letters of ASCII
+    "utf-32-le": (4, (1, 2, 3)),
+    "utf-32-be": (4, (0, 1, 2)),
+    "utf-16-le": (2, (1,)),
+    "utf-16-be": (2, (0,)),
+}
+JAPANESE = ("cp932", "euc_jp")
+COMMON_KANJI = "右左上下半身首頭肩腕手足指親人中薬小目両全体腰捩先操作骨股膝肘胸"
 MISSING = ("", "na", "n/a", "null", "none", "-")  # Placeholders of missing numbers
 
 
@@ -119,12 +135,57 @@ def sliced(blocks: Iterable[Block], rows: slice) -> Iterator[Block]:
 
 
 def _opened(file: Path) -> TextIO:
-    """Open a text file in UTF-8, or in UTF-16 with a byte order mark."""
+    """Open a text file in its encoding."""
     existing_file(file, (), RECORDING_BYTES)
     with open(file, "rb") as binary:
-        start = binary.read(3)
-    wide = start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    return open(file, encoding="utf-16" if wide else "utf-8-sig", errors="replace")
+        start = binary.read(HEAD)
+    return open(file, encoding=encoding_of(start), errors="replace")
+
+
+def encoding_of(content: bytes) -> str:
+    """Recognize the encoding of a text by its beginning.
+
+    UTF-8, UTF-16 and UTF-32 with a byte order mark or without it; else an encoding of Japanese, which programs for
+    MikuMikuDance write, if all of it can be decoded so and contains kana or kanji; else UTF-8.
+    """
+    for mark, encoding in BYTE_ORDER_MARKS.items():
+        if content.startswith(mark):
+            return encoding
+    content = content[:HEAD]
+    for encoding, (period, places) in WIDE.items():
+        letters = content[:256]
+        zeros = [letters[place::period] for place in places]
+        is_text = len(letters) >= 2 * period and letters[:period].strip(b"\0") != b""
+        if is_text and all(part.count(0) > 0.6 * len(part) for part in zeros):
+            return encoding
+    if content.isascii() or _is_decodable(content, "utf-8"):
+        return "utf-8-sig"
+    for encoding in JAPANESE:
+        if _is_decodable(content, encoding) and _is_japanese(content, encoding):
+            return encoding
+    return "utf-8-sig"
+
+
+def _decoded_part(content: bytes, encoding: str) -> str:
+    """Decode the beginning of a text, which may end within a character; raises `UnicodeDecodeError`."""
+    decoder = codecs.getincrementaldecoder(encoding)()
+    return decoder.decode(content)
+
+
+def _is_decodable(content: bytes, encoding: str) -> bool:
+    with suppress(UnicodeDecodeError):
+        _decoded_part(content, encoding)
+        return True
+    return False
+
+
+def _is_japanese(content: bytes, encoding: str) -> bool:
+    """Whether letters beyond ASCII are those of Japanese, most of them kana or the words of sides and limbs."""
+    letters = [letter for letter in _decoded_part(content, encoding) if not letter.isascii()]
+    usual = [
+        letter for letter in letters if letter in COMMON_KANJI or "\u3040" <= letter <= "\u30ff"
+    ]
+    return len(usual) > 0.5 * len(letters)
 
 
 def _kept(block: Block, flags: Sequence[bool]) -> Block:
@@ -143,9 +204,8 @@ def _rest_of_line(stream: TextIO, line: str) -> int:
 
 
 def decoded(content: bytes) -> str:
-    """Decode UTF-8, or UTF-16 with a byte order mark, as programs on Windows write it."""
-    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    return content.decode("utf-16" if wide else "utf-8", errors="replace").lstrip("\ufeff")
+    """Decode a text in its encoding, without the byte order mark."""
+    return content.decode(encoding_of(content), errors="replace").lstrip("\ufeff")
 
 
 def separator_of(line: str) -> str:
@@ -193,6 +253,8 @@ class NumberTable:
         Separator of the fields; default: blanks.
     short : bool
         Whether fields may be missing at the end of a row.
+    expected : int
+        Number of rows for which memory is reserved; there may be more or fewer.
     """
 
     def __init__(
@@ -201,6 +263,7 @@ class NumberTable:
         groups: Sequence[Sequence[int]],
         separator: str | None = None,
         short: bool = False,
+        expected: int = 0,
     ) -> None:
         self.width = width
         self.groups = groups
@@ -209,7 +272,7 @@ class NumberTable:
         self.used = [column for group in groups for column in group]
         self.count = 0
         self._has_gaps = False  # whether empty fields are to be expected
-        self.arrays = [np.empty((0, len(group))) for group in groups]
+        self.arrays = [np.empty((expected, len(group))) for group in groups]
 
     def read(self, blocks: Iterable[Block]) -> list[Array]:
         """Return the arrays, each of shape (n_rows, len(group)); placeholders are nan.

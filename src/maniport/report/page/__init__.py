@@ -48,7 +48,8 @@ def as_html(
     """Return the page as text, with fewer times of the animation where it would be too large [bytes] otherwise."""
     for frames in (1500, 750, 375, 150):
         text = _page(report, animation, frames, folder)
-        if (size := len(text.encode())) < largest:
+        size = len(text.encode())
+        if size < largest:
             return text
     raise InvalidInputError(
         f"a page must stay below {largest / 1e6:g} MB; found {size / 1e6:.1f} MB"
@@ -62,39 +63,60 @@ def document(
     colors = (
         templates().get_template("colors.css").render(roles=ROLES.values(), states=STATES.values())
     )
-    parts = {"script": script, "style": colors + _asset("page.css") + style}
-    # names of the script and the style sheet for the security policy of the page, which allows no other
-    hashes = {f"{name}_hash": f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-              for name, text in parts.items()}  # fmt: skip
-    values = (
-        parts
-        | hashes
-        | {"title": title, "body": body, "data": data, "end": end, "version": __version__}
-    )
+    style = colors + _asset("page.css") + style
+    values = {
+        "script": script,
+        "style": style,
+        "script_hash": _source(script),
+        "style_hash": _source(style),
+        "title": title,
+        "body": body,
+        "data": data,
+        "end": end,
+        "version": __version__,
+    }
     return templates().get_template("document.html").render(**values)
+
+
+def _source(text: str) -> str:
+    """Return the name of a script or a style sheet for the security policy of the page, which allows no other."""
+    digest = hashlib.sha256(text.encode()).digest()
+    return f"'sha256-{base64.b64encode(digest).decode()}'"
 
 
 def _page(report: Report, animation: Animation | None, frames: int, folder: str) -> str:
     """Render the page with at most so many times of the animation."""
-    menu = [(section.title, f"section-{k}") for k, section in enumerate(report.sections)
-            if k and section.title and not section.folded]  # fmt: skip
-    data, note, end = "", "", ""
+    data = ""
+    note = ""
+    end = ""
+    menu = []
     if animation is not None:
-        menu[:0] = [
-            (title, f"motion-{i}") for i, title in enumerate(animation.panels)
-        ]  # the scripts give these ids
-        note, end = animation.note, " Keys: space to play, ← and → to step."
+        for i, title in enumerate(animation.panels):
+            menu.append((title, f"motion-{i}"))  # the scripts give these ids
+        note = animation.note
+        end = " Keys: space to play, ← and → to step."
         count = len(kept_rows(animation.time, frames, report.times))
         if count < len(animation.time):
             note += f" {count} of {len(animation.time)} times are included."
-        data = f'<script type="application/json" id="motion">{as_json(animation, frames, report.times)}</script>'
+        motion = as_json(animation, frames, report.times)
+        data = f'<script type="application/json" id="motion">{motion}</script>'
+    for k, section in enumerate(report.sections):
+        if k and section.title and not section.folded:
+            menu.append((section.title, f"section-{k}"))
     if any(section.folded for section in report.sections):
         menu.append(("Details", "folded"))
-    values = {"report": report, "cards": CARDS, "menu": menu, "moves": animation is not None, "note": note,
-              "time_column": TIME_COLUMN, "command": report.command_for(folder)}  # fmt: skip
+    values = {
+        "report": report,
+        "cards": CARDS,
+        "menu": menu,
+        "moves": animation is not None,
+        "note": note,
+        "time_column": TIME_COLUMN,
+        "command": report.command_for(folder),
+    }
     body = templates().get_template("report.html").render(**values)
-    script = "\n".join(_asset(f"{name}.js") for name in SCRIPTS)
-    script = f'(() => {{\n"use strict";\n{script}}})();\n'  # all in one scope
+    scripts = "\n".join(_asset(f"{name}.js") for name in SCRIPTS)
+    script = f'(() => {{\n"use strict";\n{scripts}}})();\n'  # all in one scope
     return document(report.title, body, script, data=data, end=end)
 
 

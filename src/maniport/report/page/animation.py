@@ -13,7 +13,7 @@ from maniport.errors import FileFormatError
 from maniport.learning.alignment import axis_deviations
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report.metrics import STATISTICS
+from maniport.report.describe.motions import STATISTICS
 from maniport.report.page.content import (
     ACHIEVED,
     HUMAN_JOINTS,
@@ -91,14 +91,12 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
 
 def _person(arm: ArmTransfer, spec: EllipsoidSpec) -> Body:
     """Return an arm of the person, about the middle of the neck."""
-    skeleton = arm.fit.arm.skeleton(arm.fit.joint_angles) - np.array(
-        [0.0, middle_of(arm.fit.arm), 0.0]
-    )
-    return Body(
-        "Person",
-        skeleton,
-        {role: own for role, own in _profiles_of(arm, spec).items() if role == PERSON.name},
-    )
+    model = arm.fit.arm
+    neck = np.array([0.0, middle_of(model), 0.0])
+    skeleton = model.skeleton(arm.fit.joint_angles) - neck
+    profiles = _profiles_of(arm, spec)
+    drawn = {role: profile for role, profile in profiles.items() if role == PERSON.name}
+    return Body("Person", skeleton, drawn)
 
 
 def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
@@ -143,7 +141,8 @@ def surfaces_of(
     Surfaces of two arms with one pose at their configurations (dof,) and bounds that differ by less than 1 cm are the
     same; they may be simplified differently.
     """
-    chosen, before = list[list[Surface]](), list[Array]()
+    chosen = list[list[Surface]]()
+    before = list[Array]()
     for arm, q in zip(arms, configurations, strict=True):
         try:
             surfaces, reason = arm.surfaces(), f"the description of {arm.name} names no shapes"
@@ -152,10 +151,15 @@ def surfaces_of(
         if not surfaces:
             return [[] for _ in arms], reason
         poses = arm.link_poses(q)
-        looks = [np.concatenate([poses[own.joint].ravel(), own.points.min(axis=0), own.points.max(axis=0)])
-                 for own in surfaces]  # fmt: skip
-        chosen.append([own for own, look in zip(surfaces, looks, strict=True)
-                       if not any(np.abs(look - other).max() < 0.01 for other in before)])  # fmt: skip
+        looks = []
+        new = []
+        for surface in surfaces:
+            corners = (surface.points.min(axis=0), surface.points.max(axis=0))
+            look = np.concatenate([poses[surface.joint].ravel(), *corners])
+            looks.append(look)
+            if not any(np.abs(look - other).max() < 0.01 for other in before):
+                new.append(surface)
+        chosen.append(new)
         before += looks
     return chosen, ""
 
@@ -240,57 +244,82 @@ def _joints(arm: Arm, positions: Array, role: str, names: Sequence[str]) -> list
     """Return a panel for each joint with its limits; positions (n, dof) [rad or m], angles are drawn in degrees."""
     panels = []
     for k, name in enumerate(names):
-        unit, factor = (
-            ("°", 180.0 / np.pi) if arm.joint_units[k] == "rad" else (arm.joint_units[k], 1.0)
-        )
-        low, high = factor * float(arm.lower[k]), factor * float(arm.upper[k])
-        panel = Panel(
-            name, unit, (Line("", factor * positions[:, k], role),), "No limits.", strip=True
-        )
+        unit = arm.joint_units[k]
+        factor = 1.0
+        if unit == "rad":
+            unit = "°"
+            factor = 180.0 / np.pi
+        low = factor * float(arm.lower[k])
+        high = factor * float(arm.upper[k])
+        line = Line("", factor * positions[:, k], role)
+        panel = Panel(name, unit, (line,), "No limits.", strip=True)
         if np.isfinite(high - low):
             margin = 0.06 * (high - low)
             meaning = f"Limits {low:.3g} and {high:.3g} {unit}.".replace("-", "−")
-            panel = replace(
-                panel, meaning=meaning, limits=(low, high), span=(low - margin, high + margin)
-            )
+            span = (low - margin, high + margin)
+            panel = replace(panel, meaning=meaning, limits=(low, high), span=span)
         panels.append(panel)
     return panels
 
 
 def semi_axis_panels(profiles: Mapping[str, Array], unit: str) -> list[Panel]:
     """Return panels of each semi-axis of profiles (n, d, d) by role, the longest first."""
-    curves = {role: lengths(points)[:, ::-1] for role, points in profiles.items()}
+    curves = {role: lengths(profile)[:, ::-1] for role, profile in profiles.items()}
     d = next(iter(curves.values())).shape[1]
+    words = ("Longest", "Middle", "Shortest") if d == 3 else ("Longest", "Shortest")
     panels = []
-    for k, word in enumerate(
-        ("Longest", "Middle", "Shortest") if d == 3 else ("Longest", "Shortest")
-    ):
-        lines = tuple(Line(role, axes[:, k], role, wide=role == TARGET.name and len(curves) > 1)
-                      for role, axes in curves.items())  # fmt: skip
-        panels.append(Panel(f"{word} semi-axis", unit, lines))
+    for k, word in enumerate(words):
+        lines = []
+        for role, semi_axes in curves.items():
+            wide = role == TARGET.name and len(curves) > 1
+            lines.append(Line(role, semi_axes[:, k], role, wide=wide))
+        panels.append(Panel(f"{word} semi-axis", unit, tuple(lines)))
     return panels
 
 
 def _panels_of_learned(learned: LearnedProfile) -> dict[str, tuple[Panel, ...]]:
     """Return the curves of demonstrations and of the profile that is learned from them."""
-    time, deviations = learned.alignment.time, axis_deviations(learned.profile, learned.covariance)
-    semi_axes, demonstrated = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
-    d, unit, outlier = semi_axes.shape[1], learned.config.spec.unit, learned.agreement.outlier
+    deviations = axis_deviations(learned.profile, learned.covariance)
+    semi_axes = lengths(learned.profile)
+    demonstrated = lengths(learned.alignment.ellipsoids)
+    d = semi_axes.shape[1]
+    unit = learned.config.spec.unit
+    axis_panels = []
+    for k in reversed(range(d)):
+        values = semi_axes[:, k]
+        factor = np.exp(deviations[:, k])
+        curves = {
+            "learned": values,
+            "+ 1 deviation": values * factor,
+            "− 1 deviation": values / factor,
+        }
+        lines = _demonstrated_lines(learned, demonstrated[..., k])
+        lines += _learned_lines(learned, curves)
+        axis_panels.append(Panel(f"Semi-axis {d - k}", unit, tuple(lines)))
 
-    def panel(
-        title: str, unit: str, several: Array, values: Array, factor: Array | None = None
-    ) -> Panel:
-        lines = [Line(name, item, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)
-                 for k, (name, item) in enumerate(zip(learned.names, several, strict=True))]  # fmt: skip
-        curves = {"learned": values}
-        if factor is not None:
-            curves |= {"+ 1 deviation": values * factor, "− 1 deviation": values / factor}
-        lines += [Line(name, np.interp(time, learned.time, curve), style=int(name != "learned"))
-                  for name, curve in curves.items()]  # fmt: skip
-        return Panel(title, unit, tuple(lines))
+    hand_panels = []
+    for k, name in enumerate(("x forward", "y left", "z up")):
+        lines = _demonstrated_lines(learned, learned.paths[..., k])
+        lines += _learned_lines(learned, {"learned": learned.path[:, k]})
+        hand_panels.append(Panel(f"Hand, {name}", "m", tuple(lines)))
+    return {"Learned ellipsoids": tuple(axis_panels), "Learned path": tuple(hand_panels)}
 
-    axes = [panel(f"Semi-axis {d - k}", unit, demonstrated[..., k], semi_axes[:, k], np.exp(deviations[:, k]))
-            for k in reversed(range(d))]  # fmt: skip
-    hand = [panel(f"Hand, {name}", "m", learned.paths[..., k], learned.path[:, k])
-            for k, name in enumerate(("x forward", "y left", "z up"))]  # fmt: skip
-    return {"Learned ellipsoids": tuple(axes), "Learned path": tuple(hand)}
+
+def _demonstrated_lines(learned: LearnedProfile, curves: Array) -> list[Line]:
+    """Return a line for each demonstration (m, n); that of an outlier is dashed."""
+    lines = []
+    for k, (name, values) in enumerate(zip(learned.names, curves, strict=True)):
+        if k == learned.agreement.outlier:
+            lines.append(Line(name, values, REFERENCE.name, 1))
+        else:
+            lines.append(Line(name, values, PERSON.name, 2))
+    return lines
+
+
+def _learned_lines(learned: LearnedProfile, curves: Mapping[str, Array]) -> list[Line]:
+    """Return lines of learned curves by name, at the times of the demonstrations; deviations are dashed."""
+    lines = []
+    for name, curve in curves.items():
+        values = np.interp(learned.alignment.time, learned.time, curve)
+        lines.append(Line(name, values, style=0 if name == "learned" else 1))
+    return lines

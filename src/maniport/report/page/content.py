@@ -139,43 +139,76 @@ class Animation:
 
 def as_json(animation: Animation, frames: int, linked: Iterable[float] = ()) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned as `kept_rows` does."""
-    kept, names = kept_rows(animation.time, frames, linked), list(STATES)
-    time, states = (
-        animation.time[kept],
-        [names.index(animation.states[k]) for k in kept if animation.states],
-    )
-    drawn = {
-        role for stage in animation.stages for body in stage.bodies for role in body.ellipsoids
-    }
+    kept = kept_rows(animation.time, frames, linked)
+    time = animation.time[kept]
     data = vars(animation) | {
-        "legend": {role.name: role.about for role in ROLES.values() if role.name in drawn},
+        "legend": _legend(animation.stages),
         "start": float(time[0]),
         "time": packed(time - time[0]),
         "gaps": np.flatnonzero(is_gap(np.diff(time))).tolist(),
-        "stages": [
-            vars(stage) | {
-                "rotation": None if stage.rotation is None else stage.rotation.ravel().tolist(),
-                "torso": None if stage.torso is None else stage.torso.round(4).tolist(),
-                "bodies": [
-                    vars(body) | {
-                        "skeleton": packed(body.skeleton[kept]),
-                        "ellipsoids": {role: _six(points[kept]) for role, points in body.ellipsoids.items()},
-                        "path": None if body.path is None else packed(body.path[kept]),
-                        "parts": [_part(part, kept) for part in body.parts],
-                    } for body in stage.bodies
-                ],
-            } for stage in animation.stages
-        ],
-        "panels": {
-            topic: [vars(panel) | {"lines": [vars(line) | {"values": packed(line.values[kept])}
-                                             for line in panel.lines]} for panel in panels]
-            for topic, panels in animation.panels.items()
-        },
+        "stages": [_stage(stage, kept) for stage in animation.stages],
+        "panels": _panels(animation.panels, kept),
         "clocks": {name: packed(times[kept]) for name, times in animation.clocks.items()},
-        "states": {"names": names, "values": packed(states, "u16")} if states else None,
-    }  # fmt: skip
+        "states": _states(animation.states, kept),
+    }
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")  # nothing in the data may end the element
+
+
+def _legend(stages: Iterable[Stage]) -> dict[str, str]:
+    """Return the meaning of each role that is drawn, in the order of the roles."""
+    drawn = set[str]()
+    for stage in stages:
+        for body in stage.bodies:
+            drawn.update(body.ellipsoids)
+    return {role.name: role.about for role in ROLES.values() if role.name in drawn}
+
+
+def _stage(stage: Stage, kept: NDArray[np.intp]) -> dict[str, object]:
+    rotation = None
+    if stage.rotation is not None:
+        rotation = stage.rotation.ravel().tolist()
+    torso = None
+    if stage.torso is not None:
+        torso = stage.torso.round(4).tolist()
+    bodies = [_body(body, kept) for body in stage.bodies]
+    return vars(stage) | {"rotation": rotation, "torso": torso, "bodies": bodies}
+
+
+def _body(body: Body, kept: NDArray[np.intp]) -> dict[str, object]:
+    path = None
+    if body.path is not None:
+        path = packed(body.path[kept])
+    return vars(body) | {
+        "skeleton": packed(body.skeleton[kept]),
+        "ellipsoids": {role: _six(profile[kept]) for role, profile in body.ellipsoids.items()},
+        "path": path,
+        "parts": [_part(part, kept) for part in body.parts],
+    }
+
+
+def _panels(
+    panels_of: Mapping[str, tuple[Panel, ...]], kept: NDArray[np.intp]
+) -> dict[str, list[dict[str, object]]]:
+    encoded = {}
+    for topic, panels in panels_of.items():
+        encoded[topic] = [_panel(panel, kept) for panel in panels]
+    return encoded
+
+
+def _panel(panel: Panel, kept: NDArray[np.intp]) -> dict[str, object]:
+    lines = []
+    for line in panel.lines:
+        lines.append(vars(line) | {"values": packed(line.values[kept])})
+    return vars(panel) | {"lines": lines}
+
+
+def _states(states: tuple[str, ...], kept: NDArray[np.intp]) -> dict[str, object] | None:
+    if not states:
+        return None
+    names = list(STATES)
+    numbers = [names.index(states[row]) for row in kept]
+    return {"names": names, "values": packed(numbers, "u16")}
 
 
 def kept_rows(time: Array, frames: int, linked: Iterable[float] = ()) -> NDArray[np.intp]:
@@ -191,7 +224,7 @@ def is_gap(steps: Array) -> NDArray[np.bool_]:
     return np.asarray(steps > 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
 
 
-def packed(array: ArrayLike, form: str = "f32") -> dict[str, Any]:
+def packed(array: ArrayLike, form: str = "f32") -> dict[str, object]:
     """Encode an array as its shape and, in base64, its numbers."""
     values = np.ascontiguousarray(array, dtype=FORMS[form])
     return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}
@@ -210,7 +243,7 @@ def unpacked(value: Any) -> Any:
     return {key: unpacked(item) for key, item in value.items()}
 
 
-def _six(matrices: Array) -> dict[str, Any]:
+def _six(matrices: Array) -> dict[str, object]:
     """Encode entries xx, xy, xz, yy, yz, zz of symmetric matrices (n, d, d), d ≤ 3; ellipses become flat ellipsoids."""
     n, d, _ = matrices.shape
     padded = np.zeros((n, 3, 3))
@@ -218,11 +251,14 @@ def _six(matrices: Array) -> dict[str, Any]:
     return packed(padded[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
 
 
-def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
+def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, object]:
     """Encode a surface with the first three rows of its poses; of a single one where nothing moves."""
-    poses, form = part.poses[kept, :3], "u16" if part.triangles.max(initial=0) < 2**16 else "u32"
-    still = np.abs(poses - poses[0]).max() < 1e-9
-    poses = poses[:1] if still else poses
+    poses = part.poses[kept, :3]
+    if np.abs(poses - poses[0]).max() < 1e-9:
+        poses = poses[:1]
+    form = "u32"
+    if part.triangles.max(initial=0) < 2**16:
+        form = "u16"
     return {
         "points": packed(part.points),
         "triangles": packed(part.triangles, form),
