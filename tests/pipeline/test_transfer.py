@@ -43,11 +43,20 @@ def calls(monkeypatch):
     return names
 
 
-def test_a_run_does_everything_once(calls):
+@pytest.mark.parametrize("has_file", [False, True])
+def test_a_run_does_everything_once(calls, tmp_path, has_file):
+    options = dict(PART)
+    if has_file:
+        file = tmp_path / "limits.yaml"
+        file.write_text("joints: {panda_joint2: {velocity: 1.0, upper: 1.5}}", encoding="utf-8")
+        options["limits"] = str(file)
     with little_search():
-        mp.transfer_recording(
-            "freeform", robot="panda", method="identity", n_teacher=64, n_student=64, **PART
+        result = mp.transfer_recording(
+            "freeform", robot="panda", method="identity", n_teacher=64, n_student=64, **options
         )
+    if has_file:
+        assert result.arm.motion.velocity_limits[1] == 1.0
+        assert result.arm.robot.velocity_limits[1] == 1.0
     assert calls == [
         "settings_of",
         "limits",

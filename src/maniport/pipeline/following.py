@@ -318,9 +318,10 @@ def follow_profile(
     if isinstance(orientation, str) and orientation != "free":
         text = f"{argument('orientation')} must be free or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
-    robot = with_limits(robot, config)
+    limited = with_limits(robot, config)
+    robot = limited.robot
     settings = Settings(
-        config, robot, plan_options(config, robot), progress=progress or no_progress
+        config, robot, plan_options(config, robot, limited.limits), progress=progress or no_progress
     )
     for name in ("workspace", "scale"):
         if getattr(config, name) is not None and (paths is None or not config.place):

@@ -147,7 +147,7 @@ class Transfer:
 
     @cached_property
     def robot(self) -> SampledRobot:
-        """The robot with its samples; one thread samples it."""
+        """The robot with its samples, which are drawn when this is first read."""
         with threadpool_limits(1):
             return SampledRobot.sample(self.settings)
 
