@@ -16,11 +16,9 @@ from unittest import mock
 import pytest
 from typer.testing import CliRunner
 
-import maniport
 from maniport.batch.inputs import digest
 from maniport.errors import ManiportError
-from maniport.pipeline import transfer_recording
-from maniport.pipeline.config import Config
+from maniport.pipeline import Transfer
 from maniport.pipeline.settings import load_robot, settings_of
 from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
@@ -57,14 +55,17 @@ def short_work():
     """Make a context of small domains, and of the quickest method by default; equal transfers run once in a session."""
     results = {}
 
-    def quick(recording, config=None, *, progress=None, **options):
-        config = (config or Config()).changed(**{**SMALL, **options})
+    run = Transfer.run
+
+    def quick(transfer, recording):
+        config = transfer.settings.config
+        config = config.changed(**{name: min(SMALL[name], getattr(config, name)) for name in SMALL})
         if config.method == AUTO:
             config = config.changed(method="parallel-transport")
         same = replace(config, recording=(), start=None, stop=None, export=(), verb="")
         key = digest(recording, same, load_robot(config))
         if key not in results:
-            results[key] = transfer_recording(recording, config, progress=progress)
+            results[key] = run(Transfer.of(config, transfer.settings.progress), recording)
         return results[key]
 
     @contextmanager
@@ -76,8 +77,7 @@ def short_work():
                 lambda config: settings_of(config.changed(**SMALL)),
             ),
             mock.patch("maniport.batch.run.cpu_count", return_value=1),
-            mock.patch("maniport.pipeline.transfer_recording", quick),
-            mock.patch.object(maniport, "transfer_recording", quick, create=True),
+            mock.patch.object(Transfer, "run", quick),
         ):
             yield
 

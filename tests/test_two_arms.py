@@ -143,7 +143,7 @@ def test_targets_without_a_motion_cannot_be_exported(still, tmp_path):
 @pytest.fixture
 def no_sampling(monkeypatch):
     monkeypatch.setattr(
-        "maniport.pipeline.stages.sample_domain", lambda *_, **__: pytest.fail("it sampled")
+        "maniport.pipeline.following.sample_domain", lambda *_, **__: pytest.fail("it sampled")
     )
 
 

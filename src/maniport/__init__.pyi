@@ -31,8 +31,10 @@ from maniport.motion import FeasibleProjector as FeasibleProjector
 from maniport.motion import SeedBank as SeedBank
 from maniport.motion import nearest_feasible as nearest_feasible
 from maniport.motion import track as track
+from maniport.pipeline import FittedTransfer as FittedTransfer
 from maniport.pipeline import LearnedProfile as LearnedProfile
 from maniport.pipeline import MotionResult as MotionResult
+from maniport.pipeline import Transfer as Transfer
 from maniport.pipeline import TransferResult as TransferResult
 from maniport.pipeline import follow_profile as follow_profile
 from maniport.pipeline import learn as learn

@@ -1,6 +1,5 @@
 """What a worker does: it transfers one recording to robots, and keeps what it computed of robots and persons."""
 
-import copy
 import json
 import time as clock
 from collections.abc import Sequence
@@ -19,13 +18,12 @@ from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
 from maniport.batch.inputs import ABOUT, Robot, Source, digest
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
-from maniport.errors import ManiportError, collected_warnings, on_the_command_line
-from maniport.pipeline import stages
+from maniport.errors import ManiportError, on_the_command_line
+from maniport.mocap import ArmFit
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.following import SampledRobot, move
+from maniport.pipeline.human import Human
 from maniport.pipeline.results import RESULT_FILES
-from maniport.pipeline.settings import read_part
-from maniport.pipeline.stages import FittedMap, Human
+from maniport.pipeline.transfer import FittedMap, Transfer, sample_teacher
 from maniport.report.describe import report_of
 from maniport.report.values import listed
 from maniport.report.write import export_files, write_run
@@ -39,12 +37,10 @@ ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person 
 UNREADABLE = "unreadable"  # start of the digest of a recording that cannot be read
 SAME_FOLDERS = "workers need the same folders, at the same paths"
 
-Warnings = tuple[str, ...]
-
 _alone = (
     Lock()
 )  # workers of Dask may have several threads, and warnings are caught for a whole process
-_maps: dict[Path, tuple[FittedMap, Warnings]] = {}
+_maps: dict[Path, FittedMap] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +172,7 @@ def work(pairs: Sequence[Pair]) -> list[Outcome]:
     """Transfer a recording to several robots; return an outcome for each, failures too."""
     host = gethostname()
     outcomes = list[Outcome]()
-    humans = dict[Any, tuple[Human, Warnings]]()
+    humans = dict[Any, Human]()
     with ExitStack() as stack:
         stack.enter_context(_alone)
         stack.enter_context(
@@ -188,8 +184,9 @@ def work(pairs: Sequence[Pair]) -> list[Outcome]:
             begun = clock.process_time()
             try:
                 require_same_place(pair)
-                human, texts = _human(pair, humans)
-                row, content = _transfer(pair, human, texts, begun)
+                transfer = _transfer_to(pair.robot)
+                human = _human(pair, transfer, humans)
+                row, content = _write(pair, transfer, human, begun)
                 outcomes.append(Outcome(row, host, content))
             except Exception as error:  # noqa: BLE001  one failure does not stop the rest
                 row = failed_row(*pair.names, reason(error))
@@ -198,7 +195,7 @@ def work(pairs: Sequence[Pair]) -> list[Outcome]:
     return outcomes
 
 
-def _human(pair: Pair, humans: dict[Any, tuple[Human, Warnings]]) -> tuple[Human, Warnings]:
+def _human(pair: Pair, transfer: Transfer, humans: dict[Any, Human]) -> Human:
     """Fit the person, or take the fit for another robot with the same side and bases; other options are the batch's."""
     job = pair.robot.job
     key = (
@@ -206,48 +203,33 @@ def _human(pair: Pair, humans: dict[Any, tuple[Human, Warnings]]) -> tuple[Human
         *map(tuple, as_group(job.robot).base_positions if len(job.arms) > 1 else ()),
     )
     if key not in humans:
-        recording = read_part(pair.source.path, job.config)
+        recording = transfer.read_part(pair.source.path)
         if content_of(pair.source) != pair.content:
             raise ManiportError(f"{pair.source.path}: it changed during the batch; start again")
-        with collected_warnings() as texts:
-            human = stages.fit_human(recording, job).subsampled(job.config.profile_rate)
-        humans[key] = human, tuple(texts)
+        humans[key] = transfer.human(recording).subsampled(job.config.profile_rate)
     return humans[key]
 
 
 @lru_cache(4)  # about 60 MB each
-def _sampled(robot: Robot) -> tuple[SampledRobot, list[str]]:
-    """Sample a robot once in each process; return it with the warnings."""
-    with collected_warnings() as texts:
-        sampled = stages.sample_robot(robot.job)
-    return sampled, texts
+def _transfer_to(robot: Robot) -> Transfer:
+    """Return the transfer to a robot, which is sampled once in each process."""
+    return Transfer.of(robot.job)
 
 
-def _transfer(
-    pair: Pair, human: Human, texts: Warnings, begun: float
+def _write(
+    pair: Pair, transfer: Transfer, human: Human, begun: float
 ) -> tuple[dict[str, Any], str]:
     """Transfer the recording to one robot, and write the results; return the row and their digest."""
-    job, selects, (sampled, of_robot) = (
-        pair.robot.job,
-        pair.robot.job.adapter is None,
-        _sampled(pair.robot),
-    )
+    job = pair.robot.job
+    selects = job.adapter is None
     if selects:
-        with collected_warnings() as of_maps:
-            maps = stages.fit_transfer(human, sampled, job)
+        fitted = transfer.fit(human)
     else:
-        fitted = [_fitted(pair, sampled, human, arm) for arm in range(len(human.motion.arms))]
-        maps, of_maps = tuple(own for own, _ in fitted), [text for _, own in fitted for text in own]
-    with collected_warnings() as of_motion:
-        moved = None
-        if sampled.planner is not None:
-            targets = stages.targets_of(human, maps, sampled.planner, job)
-            own = replace(sampled, random=copy.deepcopy(sampled.random))
-            moved = move(targets, own, job, stages.mean_rotation(maps))
-        result = stages.evaluate(human, sampled, maps, moved, job, baselines=selects)
+        maps = [_fitted(pair, transfer, fit, arm) for arm, fit in enumerate(human.motion.arms)]
+        fitted = transfer.fitted(maps)
+    result = fitted.run(human, baselines=selects)
     config = replace(job.config, recording=(str(pair.source.path),), verb="batch")
-    texts = tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion)))
-    result = replace(result, config=config, warnings=texts)
+    result = replace(result, config=config)
     report, arms = report_of(result), [arm.name for arm in result.arms]
     row = row_of(
         report,
@@ -267,11 +249,10 @@ def _transfer(
     return row, content
 
 
-def _fitted(
-    pair: Pair, sampled: SampledRobot, human: Human, arm: int
-) -> tuple[FittedMap, Warnings]:
-    """Return the map from an arm of a person to one of a robot, and warnings of its fit, from the file or fitted."""
-    robot, job, fit = pair.robot, pair.robot.job, human.motion.arms[arm]
+def _fitted(pair: Pair, transfer: Transfer, fit: ArmFit, arm: int) -> FittedMap:
+    """Return the map from an arm of a person to one of a robot, from the file or fitted."""
+    robot = pair.robot
+    job = robot.job
     lengths = {
         name: round(length, 2) for name, length in fit.segment_lengths.items()
     }  # equal in files of one person
@@ -286,12 +267,17 @@ def _fitted(
     about = file.with_suffix(".json")
     if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)
-        with collected_warnings() as texts:
-            fitted = stages.fit_map(person, None, sampled, job, arm)
-        content = {"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": texts}
+        fitted = transfer.fit_arm(person, arm)
+        content = {
+            "person": fit.arm.name,
+            "side": side,
+            "lengths_m": lengths,
+            "warnings": fitted.warnings,
+        }
         write_text(about, json.dumps(content))
         fitted.adapter.save(file)
     if file not in _maps:
-        own = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
-        _maps[file] = FittedMap(load_adapter(file), stages.sample_teacher(person, job)), own
+        texts = json.loads(about.read_text(encoding="utf-8"))["warnings"]
+        teacher = sample_teacher(person, job)
+        _maps[file] = FittedMap(load_adapter(file), teacher, warnings=tuple(texts))
     return _maps[file]

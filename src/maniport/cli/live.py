@@ -78,9 +78,9 @@ def live(
         transport = (
             None if simulate else _opened(udp, host, send)
         )  # raises where a port cannot be opened
-        settings = pipeline.settings_of(config, progress)
-        recording = only_recording(settings, console)
-        result = pipeline.transfer_part(recording, settings)
+        job = pipeline.Transfer.of(config, progress)
+        recording = only_recording(job, config, console)
+        result = job.run(job.human(recording))
         clock = None if transport is None else monotonic
         for arm in result.arms:
             for text in arm.fit.quality_warnings:

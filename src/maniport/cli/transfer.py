@@ -30,7 +30,7 @@ from maniport.util.validation import as_times
 
 if TYPE_CHECKING:
     from maniport.mocap import Recording
-    from maniport.pipeline.settings import Settings
+    from maniport.pipeline import Transfer
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 
@@ -69,9 +69,9 @@ def transfer(
     folder = output_folder(output, [named_recording(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
     with console.progress() as progress:
-        settings = pipeline.settings_of(config, progress)
-        recording = only_recording(settings, console)
-        result = pipeline.transfer_part(recording, settings)
+        job = pipeline.Transfer.of(config, progress)
+        recording = only_recording(job, config, console)
+        result = job.run(job.human(recording))
         report = write_results(result, folder, progress, config.export, overwrite=overwrite)
     console.name_folder(folder, chosen=output is None)
     console.print_report(report, output=str(folder))
@@ -86,9 +86,9 @@ def named_recording(config: Config) -> str:
     return config.recording[0]
 
 
-def only_recording(settings: "Settings", console: Console) -> "Recording":
+def only_recording(job: "Transfer", config: Config, console: Console) -> "Recording":
     """Read the recording of a configuration; print its warnings before the long work."""
-    recording = pipeline.load(named_recording(settings.config), settings)
+    recording = job.read_part(named_recording(config))
     for text in recording.quality_warnings:
         console.warn(text)
     return recording
@@ -235,7 +235,7 @@ def place(
                 damping=config.damping,
                 positions=positions,
             ),
-            config.placement,
+            replace(config.placement, tilt=config.tilt or 0.0),
             plan=control,
             random_state=config.seed,
             progress=progress,

@@ -30,7 +30,6 @@ from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanOptions
 from maniport.motion.costs.cost import as_costs
 from maniport.motion.plan.plan_options import require_free
 from maniport.pipeline import TransferResult
-from maniport.pipeline.settings import plan_options
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
@@ -211,12 +210,13 @@ class Live:
         robot = result.robot if len(result.arms) > 1 else result.arm.robot
         if result.motion is None:
             raise InvalidInputError("result has no motion; transfer the recording with move=True")
-        control = plan_options(result.config, robot)
+        plan = result.fitted.settings.plan
+        assert plan is not None  # with a motion
         paths = [arm.placement for arm in result.arms if arm.placement is not None]
         joints = result.motion.trajectory.joint_positions
         defaults: dict[str, Any] = {
-            "motion_limits": control.motion_limits,
-            "collisions": control.collisions,
+            "motion_limits": plan.motion_limits,
+            "collisions": plan.collisions,
         }
         defaults |= {
             "spec": result.config.spec,

@@ -340,12 +340,7 @@ def _checked_target(
     profile = as_square(ellipsoids, "profile", size)
     turns = None
     if rotations is not None:
-        turns = np.array(
-            [
-                as_rotation(rotation, f"rotations[{i}]", 3)
-                for i, rotation in enumerate(as_square(rotations, "rotations", 3))
-            ]
-        )
+        turns = as_rotations(rotations)
     path = None
     if positions is not None:
         path = as_metres(positions, "path")
@@ -372,6 +367,14 @@ def _checked_target(
         rotations=_copied(turns),
         direction_weights=_copied(weights),
     )
+
+
+def as_rotations(rotations: ArrayLike) -> Array:
+    """Convert to the rotations (n, 3, 3) nearest to those given, which must be rotations but for rounding."""
+    nearest = []
+    for i, rotation in enumerate(as_square(rotations, "rotations", 3)):
+        nearest.append(as_rotation(rotation, f"rotations[{i}]", 3))
+    return np.array(nearest)
 
 
 def _copied(array: Array | None) -> Array | None:

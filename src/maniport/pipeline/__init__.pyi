@@ -12,6 +12,6 @@ from maniport.pipeline.results import TransferResult as TransferResult
 from maniport.pipeline.settings import load_single_arm as load_single_arm
 from maniport.pipeline.settings import read_part as read_part
 from maniport.pipeline.settings import settings_of as settings_of
-from maniport.pipeline.stages import load as load
-from maniport.pipeline.stages import transfer_part as transfer_part
-from maniport.pipeline.stages import transfer_recording as transfer_recording
+from maniport.pipeline.transfer import FittedTransfer as FittedTransfer
+from maniport.pipeline.transfer import Transfer as Transfer
+from maniport.pipeline.transfer import transfer_recording as transfer_recording

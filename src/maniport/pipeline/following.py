@@ -1,5 +1,6 @@
 """A robot's motion along target ellipsoids and paths: placed, planned and measured; with a person or without."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -8,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
-from maniport.errors import InvalidInputError, argument
+from maniport.arms.manipulability import JOINT_LIMITS
+from maniport.domain import sample_domain
+from maniport.errors import InvalidInputError, ManiportWarning, argument, collected_warnings
 from maniport.motion import (
     MotionLimits,
     Placement,
@@ -18,8 +21,9 @@ from maniport.motion import (
     nearest_feasible,
     place_path,
 )
+from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import plan_checked
-from maniport.motion.targets import Damping, TargetTrajectory, damping_of
+from maniport.motion.targets import Damping, TargetTrajectory, as_rotations, damping_of
 from maniport.pipeline.config import Config
 from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import ArmResult, MotionResult
@@ -41,10 +45,56 @@ class SampledRobot:
     planner: Planner | None  # None where the robot is not moved
     domains: tuple[Array, ...]  # (m, d, d) of each arm
     random: np.random.Generator  # state after sampling; each motion uses a copy
+    warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def sample(cls, settings: Settings) -> "SampledRobot":
+        """Make the planner, unless the robot cannot or shall not move, and sample the robot's domains."""
+        config = settings.config
+        generator = np.random.default_rng(config.seed)
+        with collected_warnings() as texts:
+            planner = None
+            if settings.plan is not None and _is_trackable(settings):
+                planner = planner_of(settings, generator)
+            _warn_without_gravity(settings)
+            step = Step(settings.progress, "Sample robot ellipsoids")
+            domains = sample_domain(
+                settings.robot,
+                config.n_student,
+                config.seed + 1,
+                spec=config.spec,
+                collisions=None if planner is None else planner.collisions,
+            )
+            step.end()
+        if domains.ndim == 3:
+            domains = domains[None]
+        return cls(planner, tuple(domains), generator, tuple(texts))
 
     def bank(self, arm: int, spec: EllipsoidSpec) -> SeedBank | None:
         """Return the planner's samples of an arm where they are of these ellipsoids."""
         return None if self.planner is None or spec.bounded != spec else self.planner.arms[arm].bank
+
+
+def _is_trackable(settings: Settings) -> bool:
+    """Whether all arms can follow ellipsoids, with a warning where one cannot."""
+    try:
+        for arm, spec in zip(settings.arms, settings.specs, strict=True):
+            require_trackable(arm, spec)
+    except InvalidInputError as error:
+        warnings.warn(f"the robot was not moved: {error}", ManiportWarning, stacklevel=2)
+        return False
+    return True
+
+
+def _warn_without_gravity(settings: Settings) -> None:
+    """Warn where forces are limited by torques, and gravity is unknown."""
+    spec = settings.config.spec
+    if spec.kind != "force" or spec.joint_weights != JOINT_LIMITS:
+        return
+    weightless = [arm.name for arm in settings.arms if arm.chain.inertia is None]
+    if weightless:
+        text = f"forces are without gravity: the description of {weightless[0]!r} has no masses"
+        warnings.warn(text, ManiportWarning, stacklevel=2)
 
 
 def bounded_profiles(profiles: Sequence[Array], spec: EllipsoidSpec) -> tuple[Array, ...]:
@@ -135,7 +185,7 @@ def plan(
     count = len(targets[0])
     orientation = settings.config.orientation
     if not isinstance(orientation, str):
-        rotations = along(orientation, count)
+        rotations = as_rotations(along(orientation, count))
         targets = [replace(target, rotations=rotations) for target in targets]
     return plan_checked(
         robot.planner,
@@ -228,9 +278,10 @@ def follow_profile(
     if isinstance(orientation, str) and orientation != "free":
         text = f"{argument('orientation')} must be free or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
-    robot = with_limits(robot, config)
+    limited = with_limits(robot, config)
+    robot = limited.robot
     settings = Settings(
-        config, robot, plan_options(config, robot), progress=progress or no_progress
+        config, robot, plan_options(config, robot, limited.limits), progress=progress or no_progress
     )
     for name in ("workspace", "scale"):
         if getattr(config, name) is not None and (paths is None or not config.place):

@@ -543,7 +543,7 @@ class MotionOptions(Options):
         box: Any = self.workspace  # also in Python: a pair for each axis
         if isinstance(box, list | tuple) and len(box) == 6:
             box = (box[0:2], box[2:4], box[4:6])
-        return PlacementOptions(scale=self.scale, tilt=self.tilt or 0.0, workspace=box)
+        return PlacementOptions(scale=self.scale, workspace=box)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
+
+if TYPE_CHECKING:
+    from maniport.pipeline.transfer import FittedTransfer
 
 RESULT_FILES = frozenset({
     "person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *PLACED_FILES,
@@ -224,12 +228,15 @@ class TransferResult(MotionResult):
     arms : tuple of ArmTransfer
         As in `MotionResult`, with arm fit, adapter, profiles and domains; for two arms of a person left first.
     recording : Recording
+    fitted : FittedTransfer
+        The maps and the robot, for further recordings of the person.
     warnings : tuple of str
         Warnings of all stages, each once.
     """
 
     arms: tuple[ArmTransfer, ...]
     recording: Recording
+    fitted: "FittedTransfer"
     warnings: tuple[str, ...] = ()
 
     @property

@@ -3,8 +3,8 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,7 +54,8 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     side = config.side
     require_person(config.person, AUTO if side == BOTH else side, config.smooth)
     marker_roles(config)
-    robot = with_limits(load_robot(config), config)
+    limited = with_limits(load_robot(config), config)
+    robot = limited.robot
     group = as_group(robot)
     if len(group) == 2 and side == AUTO:
         config = config.changed(side=BOTH)
@@ -71,7 +72,7 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
         and as_choice(config.method, "method", (AUTO, *METHODS)) == AUTO
     )
     adapter = None if selects else adapter_of(config)
-    plan = plan_options(config, robot) if config.move else None
+    plan = plan_options(config, robot, limited.limits) if config.move else None
     return Settings(config, robot, plan, adapter, progress or no_progress)
 
 
@@ -201,17 +202,30 @@ def names_several(config: RobotOptions) -> bool:
     return bool(config.pose) or len(config.robot) > 1 or len(config.frame) > 1
 
 
-def with_limits(robot: Arm | ArmGroup, config: MotionOptions) -> Arm | ArmGroup:
-    """Return an arm with the velocity and effort limits of the file for the motion, which ellipsoids weight by."""
+class LimitedRobot(NamedTuple):
+    """A robot with the limits of a file, which its ellipsoids may be weighted by."""
+
+    robot: Arm | ArmGroup
+    limits: MotionLimits | None = None  # of its motion; None where the options name no file
+
+
+def with_limits(robot: Arm | ArmGroup, config: MotionOptions) -> LimitedRobot:
+    """Return an arm with the velocity and effort limits of the file for the motion."""
     source: Any = config.limits
     if source is None or isinstance(source, MotionLimits) or not isinstance(robot, Arm):
-        return robot
-    limits = MotionLimits.of(robot, source)
+        return LimitedRobot(robot)
+    limits = MotionLimits.of(robot, source, config.joint_limit_margin)
     velocity = None if limits.assumed["velocity"] else limits.velocity
-    return robot.with_limits(velocity, limits.effort if np.isfinite(limits.effort).all() else None)
+    effort = None
+    if np.isfinite(limits.effort).all():
+        effort = limits.effort
+    limits = replace(limits, arm=limits.arm.with_limits(velocity, effort))
+    return LimitedRobot(robot.with_limits(velocity, effort), limits)
 
 
-def plan_options(config: Config, arm: Arm | ArmGroup) -> PlanOptions:
+def plan_options(
+    config: Config, arm: Arm | ArmGroup, limits: MotionLimits | None = None
+) -> PlanOptions:
     """Return the options of `maniport.motion.plan_motion` for a robot, with its limits and collisions, checked."""
     if config.hand_targets == "relative" and len(as_group(arm)) == 1:
         raise InvalidInputError(
@@ -221,9 +235,11 @@ def plan_options(config: Config, arm: Arm | ArmGroup) -> PlanOptions:
         raise InvalidInputError(
             "workspace bounds paths, which end effectors leave with hand_targets='relative'"
         )
-    limits: Any = config.limits
-    if not isinstance(limits, MotionLimits):
-        limits = MotionLimits.of(arm, limits, config.joint_limit_margin)
+    source: Any = config.limits
+    if isinstance(source, MotionLimits):
+        limits = source
+    if limits is None:
+        limits = MotionLimits.of(arm, source, config.joint_limit_margin)
     around = {name: getattr(config, name) for name in ("table", "obstacles", "srdf")}
     surrounded = any(value is not None for value in around.values())
     model = Collisions.of(limits.arm, **around) if surrounded else config.collisions

@@ -4,6 +4,7 @@ One arm of person and robot, or both, which then move as one; the left one is fi
 """
 
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -17,11 +18,9 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, as_group
 from maniport.arms.arm_group import placing_options
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
-from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError, collected_warnings
+from maniport.errors import InvalidInputError, ManiportWarning, collected_warnings
 from maniport.evaluation.comparison import with_feasible_set
-from maniport.mocap import fit_arms
-from maniport.mocap.arm_ik import GROUP, require_person
+from maniport.mocap.arm_ik import GROUP
 from maniport.motion import (
     Placement,
     PlacementOptions,
@@ -35,7 +34,7 @@ from maniport.motion.problem import FOLLOWING_WEIGHT, ArmProblem, CostWeights
 from maniport.motion.targets import TargetTrajectory, damping_of, speed_limits
 from maniport.motion.tracker import follow
 from maniport.pipeline.config import Config
-from maniport.pipeline.settings import load_robot, marker_roles, read_part
+from maniport.pipeline.transfer import Transfer, sample_teacher
 from maniport.transfer import method_of
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.defaults import AUTO, BOTH, DAMPING
@@ -283,49 +282,57 @@ def prepare(
     config: Config, recording: str | Path | None = None, progress: Progress = no_progress
 ) -> ViewState:
     """Load arms of person and robot, sample their domains, and fit the first method."""
-    seed, loaded_robot = config.seed, load_robot(config)
-    robot, both = as_group(loaded_robot), isinstance(loaded_robot, ArmGroup)
-    if both and config.side not in (AUTO, BOTH):
-        raise InvalidInputError(
-            f"--side: the robot has two arms, for both of the person; found {config.side!r}"
-        )
+    options = config.changed(
+        method=AT_ONCE,
+        move=False,
+        n_teacher=TEACHER_SAMPLES,
+        n_student=STUDENT_SAMPLES,
+    )
+    transfer = Transfer.of(options, progress)
+    settings = transfer.settings
+    robot = as_group(settings.robot)
+    both = isinstance(settings.robot, ArmGroup)
     if both and len(robot.arms) != 2:
         raise InvalidInputError(
             f"the view of both arms needs two robot arms; place them with {placing_options()}"
         )
-    side = BOTH if both else config.side
-    require_person(config.person, AUTO if both else side)
+    side = settings.config.side
+    if both and side != BOTH:
+        raise InvalidInputError(
+            f"--side: the robot has two arms, for both of the person; found {side!r}"
+        )
     for student in robot.arms:
         require_trackable(student)
+
+    playback = None
     if recording is None:
-        persons = [
-            human_arm(config.person, own)
-            for own in (GROUP if both else (RIGHT if side == AUTO else side,))
-        ]
+        names: Sequence[str] = (RIGHT if side == AUTO else side,)
+        if both:
+            names = GROUP
+        persons = [human_arm(config.person, name) for name in names]
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in persons])
-        motion, playback = [arm.sample(32, seed) for arm in persons], None
+        motion = [arm.sample(32, config.seed) for arm in persons]
         time = np.arange(32.0)
     else:
-        used = read_part(recording, config.changed(side=side))
-        fits = fit_arms(used, config.person, marker_roles(config), side=side, progress=progress)
-        persons, bases, motion = (
-            [fit.arm for fit in fits.arms],
-            fits.bases,
-            [fit.joint_angles for fit in fits.arms],
-        )
+        human = transfer.read(recording)
+        for text in human.warnings:
+            warnings.warn(text, ManiportWarning, stacklevel=2)
+        fits = human.motion
+        persons = [fit.arm for fit in fits.arms]
+        bases = fits.bases
+        motion = [fit.joint_angles for fit in fits.arms]
         time = fits.time - fits.time[0]
         playback = make_interp_spline(time, np.concatenate(motion, axis=1), k=1)
+
     progress("Prepare page", 0.0)
     sides = []
-    for teacher, student, base in zip(persons, robot.arms, bases, strict=True):
-        bank = SeedBank(student, BANK_SIZE, seed)
-        domains = (
-            sample_domain(teacher, TEACHER_SAMPLES, seed),
-            sample_domain(student, STUDENT_SAMPLES, seed + 1),
-        )
-        sides.append(Side(teacher, student, Maps(*domains, student, bank), bank, base))
+    arms = zip(persons, robot.arms, bases, transfer.robot.domains, strict=True)
+    for person, student, base, domain in arms:
+        bank = SeedBank(student, BANK_SIZE, config.seed)
+        maps = Maps(sample_teacher(person, settings), domain, student, bank)
+        sides.append(Side(person, student, maps, bank, base))
     state = ViewState(robot, sides, playback)
-    maps = [side.maps.get(AT_ONCE, config.rotation) for side in sides]
-    state.places = in_background(state.find_places, time, motion, maps)
+    first_maps = [side.maps.get(AT_ONCE, config.rotation) for side in sides]
+    state.places = in_background(state.find_places, time, motion, first_maps)
     progress("Prepare page", 1.0, f"{AT_ONCE}; the placement follows")
     return state

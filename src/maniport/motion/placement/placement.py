@@ -17,7 +17,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.demands import Demand
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.problem import ArmProblem
-from maniport.motion.targets import TargetTrajectory
+from maniport.motion.targets import TargetTrajectory, as_rotations
 from maniport.spd.kernels import congruence
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
@@ -144,6 +144,7 @@ class Placement(NotebookDisplay):
         rotations = None
         if target.rotations is not None:
             rotations = self.rotation @ self.map_rotation @ target.rotations
+            rotations = as_rotations(rotations)  # without the rounding of the product
         return replace(
             target,
             ellipsoids=self.turned(target.ellipsoids),

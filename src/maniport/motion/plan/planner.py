@@ -55,7 +55,7 @@ def planning_terms(time: Array, options: PlanOptions) -> tuple[Array, Trajectory
     """Return times on the planning time scale, terms of smoothness there, and the joint motion weight of the search."""
     planned = planning_time_scale(options) * (time - time[0])
     share = SMOOTHNESS * float(np.sqrt(planned[-1] / PLANNING_TIME_SCALE))
-    terms = TrajectoryTerms(share * 0.12, share * 8e-4, rel_tol=options.budget.rel_tol)
+    terms = TrajectoryTerms(share * 0.12, share * 1.2e-3, rel_tol=options.budget.rel_tol)
     return planned, terms, share * JOINT_MOTION_WEIGHT
 
 
