@@ -337,13 +337,14 @@ def test_a_delay_shifts_targets_and_lowers_errors(small_result, frames):
 
 def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
     points, time = frames
-    errors = {}
+    errors = {"following": [], "lagging": []}
     for speed in (8.0, 16.0, 32.0, 64.0):  # until the robot cannot follow
         live = following(small_result, delay=0.0)
         states = played(live, points, time / speed)
         states += [live.step(points[-1], time[-1] / speed + 0.01 * i) for i in range(1, 150)]
-        for name in ("following", "lagging"):
-            errors[name] = [state.position_error for state in states if state.state == name]
+        for state in states:
+            if state.state in errors:
+                errors[state.state].append(state.position_error)
         if errors["lagging"]:
             break
     assert max(errors["following"]) <= FAR

@@ -26,6 +26,7 @@ DEPENDENCIES_OF_OTHERS = {
 WITH_FALLBACK = {"IPython"}
 CHECKED_BEFORE = {
     "matplotlib",
+    "mpl_toolkits",
     "mujoco",
     "sklearn",
     "pink",

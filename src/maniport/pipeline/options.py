@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
@@ -359,6 +359,9 @@ OPTIONS = {option.name: option for option in _TABLE}
 """All options by name, in the order of help pages and files."""
 
 
+Described = TypeVar("Described", bound="Options")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """Options with values that are checked, in SI units; None is the default of each.
@@ -418,6 +421,18 @@ class Options:
         return changes
 
 
+def documented(options: type[Described]) -> type[Described]:
+    """Add the fields of a class of options to its documentation, with the texts of the table."""
+    lines = [str(options.__doc__), "", "Attributes", "----------"]
+    for item in fields(options):
+        described = OPTIONS[item.name]
+        unit = described.label.removeprefix(item.name)
+        lines += [item.name, f"    {described.help}{unit}."]
+    options.__doc__ = "\n".join(lines)
+    return options
+
+
+@documented
 @dataclass(frozen=True, kw_only=True)
 class HumanOptions(Options):
     """Which part of a recording is used, and of which person."""
@@ -433,6 +448,7 @@ class HumanOptions(Options):
     smooth: str = AUTO
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class RobotOptions(Options):
     """The arm, or the arms, and what they carry."""
@@ -450,6 +466,7 @@ class RobotOptions(Options):
     xacro_args: Mapping[str, str] | None = None
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class MapOptions(Options):
     """The ellipsoids, and the map between those of the person and those of the robot."""
@@ -486,6 +503,7 @@ class MapOptions(Options):
         return as_rotation(value, "base_rotation", 3)
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class MotionOptions(Options):
     """The plan of the motion, the place of its path and what is around the robot."""
@@ -546,6 +564,7 @@ class MotionOptions(Options):
         return PlacementOptions(scale=self.scale, workspace=box)
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class TransferOptions(MotionOptions, MapOptions, RobotOptions, HumanOptions):
     """All options of `maniport.transfer_recording`, by name."""
