@@ -27,6 +27,7 @@ from maniport.mocap.roles import (
     find_side,
     points_of,
     role_position,
+    segments_of,
     trunk_rotation,
     unit,
 )
@@ -185,7 +186,8 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
     chosen, reason, roles = find_side(recording, markers, side)
     names = points_of(roles)
     whole = unswapped(without_zeros(replace(recording, notes=(), quality_warnings=())), names)
-    repaired = with_hidden_points(without_outliers(whole.select(names)).fill_gaps(), whole)
+    filled = without_outliers(whole.select(names)).fill_gaps()
+    repaired = with_hidden_points(filled, whole, segments_of(roles))
     used = smoothed(repaired, smooth)
     notes = list(used.notes)
     if "hand" in roles and "hand" not in (

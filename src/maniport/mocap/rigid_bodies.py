@@ -6,6 +6,7 @@ well they place the point is measured in the frames in which it is visible: a po
 error is small, so that a hand is not placed by a forearm, nor a wrist by a forearm that twists.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -50,7 +51,9 @@ class Placed(NamedTuple):
     errors: Array  # expected [m], shape (n,); infinite where the visible points do not give a pose
 
 
-def with_hidden_points(recording: Recording, whole: Recording) -> Recording:
+def with_hidden_points(
+    recording: Recording, whole: Recording, segments: Sequence[Sequence[str]] = ()
+) -> Recording:
     """Place the hidden points of a recording, as far as points of the whole recording allow.
 
     Parameters
@@ -59,6 +62,8 @@ def with_hidden_points(recording: Recording, whole: Recording) -> Recording:
         The points that are needed.
     whole : Recording
         All points in the same frames.
+    segments : sequence of sequences of str, optional
+        Names of points that move nearly as one body. A body has points of one of them, and others that are in none.
 
     Returns
     -------
@@ -78,7 +83,8 @@ def with_hidden_points(recording: Recording, whole: Recording) -> Recording:
         if name not in observed or not hidden.any():
             continue
         rows = _needed_rows(recording.time, hidden)
-        found = _best_body(tracks, whole.names.index(name), rows, hidden[rows])
+        allowed = _allowed_points(whole.names, name, segments)
+        found = _best_body(tracks, whole.names.index(name), allowed, rows, hidden[rows])
         if found is None:
             continue
         columns, placed = found
@@ -109,13 +115,28 @@ def _needed_rows(time: Array, hidden: Bools) -> NDArray[np.intp]:
     return np.flatnonzero(needed)
 
 
+def _allowed_points(
+    names: Sequence[str], name: str, segments: Sequence[Sequence[str]]
+) -> list[int]:
+    """Return the points that may form a body with a point: those of its segment, and of none."""
+    of_others = set[str]()
+    for segment in segments:
+        if name not in segment:
+            of_others |= set(segment)
+    return [i for i, other in enumerate(names) if other not in of_others]
+
+
 def _best_body(
-    tracks: Array, point: int, rows: NDArray[np.intp], hidden: Bools
+    tracks: Array,
+    point: int,
+    allowed: Sequence[int],
+    rows: NDArray[np.intp],
+    hidden: Bools,
 ) -> tuple[list[int], Placed] | None:
     """Return the points of the body that places a point in most rows in which it is hidden, and its places there."""
-    candidates = _companions(tracks, point)
     best = None
     best_score = (0, 0.0)
+    candidates = _companions(tracks, point, allowed)
     for size in SIZES:
         columns = [point, *candidates[:size]]
         if len(columns) <= FEWEST_POINTS:
@@ -134,12 +155,12 @@ def _best_body(
     return best
 
 
-def _companions(tracks: Array, point: int) -> list[int]:
-    """Return the points of tracks (n, m, 3) that form a body with a point, the nearest to rigid first."""
+def _companions(tracks: Array, point: int, allowed: Sequence[int]) -> list[int]:
+    """Return those of the allowed points of tracks (n, m, 3) that form a body with a point, the nearest to rigid first."""
     seen = np.flatnonzero(np.isfinite(tracks[:, point, 0]))
     sample = tracks[seen[evenly_spaced(len(seen), SHAPE_FRAMES)]]
     changes = np.full(tracks.shape[1], np.inf)
-    for column in range(tracks.shape[1]):
+    for column in allowed:
         if column != point:
             changes[column] = _distance(sample, point, column)[1]
 

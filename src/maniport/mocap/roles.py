@@ -47,6 +47,8 @@ DIRECTIONS = {  # Roles of a pair of such points, and from which to which
 ROLES = (*POINTS, *DIRECTIONS)
 ARM = POINTS[:3]  # Roles that make an arm
 TRUNK = ("trunk_up", "trunk_front", "trunk_left")
+SEGMENT_ROLES = ((*TRUNK, "shoulder"), ("elbow", "elbow_axis"), ("wrist", "wrist_axis", "hand"))
+"""Roles of points that move nearly as one body; the wrist turns against the elbow where the forearm twists."""
 COLLARBONES = (
     "RightShoulder",
     "LeftShoulder",
@@ -394,7 +396,8 @@ def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
     second = across_role(roles)
     points = recording.select(points_of({role: roles[role] for role in ("trunk_up", second)}))
     if np.isnan(points.positions).any(axis=(1, 2)).all():
-        recording = with_hidden_points(points, recording)  # one or another is always hidden
+        # one or another is always hidden
+        recording = with_hidden_points(points, recording, segments_of(roles))
     z = unit(direction(recording, roles["trunk_up"]), SHORTEST)
     across = direction(recording, roles[second])
     across = unit(across - np.sum(across * z, axis=-1, keepdims=True) * z, SHORTEST)
@@ -429,6 +432,15 @@ def points_of(roles: Mapping[str, Any]) -> list[str]:
         for group in (choice if role in DIRECTIONS else (choice,))
     ]
     return list(dict.fromkeys(name for group in groups for name in group))
+
+
+def segments_of(roles: Mapping[str, Any]) -> list[list[str]]:
+    """Return the points of the trunk, of the elbow, and of wrist and hand."""
+    segments = []
+    for members in SEGMENT_ROLES:
+        segment = {role: roles[role] for role in members if roles.get(role)}
+        segments.append(points_of(segment))
+    return segments
 
 
 def missing_roles(roles: Mapping[str, Any]) -> list[str]:
