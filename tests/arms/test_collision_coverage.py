@@ -155,6 +155,19 @@ def test_geoms_touch_as_in_mujoco(tmp_path, name):
     assert 0.0 < hit.mean() < 1.0
 
 
+def test_bodies_of_a_model_without_contacts_are_listed_as_unchecked(tmp_path):
+    text = (CASES / "collision_geom.xml").read_text()
+    path = tmp_path / "robot.xml"
+    flag = '<option><flag contact="disable"/></option><worldbody>'
+    path.write_text(text.replace("<worldbody>", flag, 1))
+    arm = load_arm(path)
+    collisions = Collisions.of(arm)
+    q = arm.sample(50, 7)
+    assert not collisions.collides(q).any()
+    assert (mujoco_distances(path, arm, q) == 0.05).all()
+    assert {"l3", "tip"} <= {*collisions.unchecked}
+
+
 ROBOSUITE = importlib.util.find_spec("robosuite")
 NEEDS_ROBOSUITE = pytest.mark.skipif(ROBOSUITE is None, reason="robosuite is not installed")
 

@@ -188,6 +188,25 @@ def test_of_several_tool_frames_the_best_name_counts(loaded):
     ]  # fmt: skip
 
 
+GRIPPERS = (
+    *("suctionCup", "vacuum_gripper", "vacuum_gripper_tip", "epick", "schunk_body", "robotiq_base"),
+    *("hand_e_link", "soft_gripper", "softgripper", "left_rubber_hand", "right_suction_cup"),
+)
+
+
+@pytest.mark.parametrize("name", GRIPPERS)
+def test_a_gripper_without_joints_counts_more_than_the_bare_flange(loaded, name):
+    flange = (arm(), fixed("l6", "tool0", "0 0 0"), fixed("l6", "flange", "0 0 0"))
+    assert loaded(*flange).frame == "tool0"
+    assert loaded(*flange, fixed("l6", name)).frame == name
+    assert loaded(*flange, fixed("l6", name), fixed(name, "my_tcp")).frame == "my_tcp"
+
+
+@pytest.mark.parametrize("name", ["gripper_mount", "hand_camera", "gripper_cover", "handle"])
+def test_parts_beside_a_tool_frame_are_no_grippers(loaded, name):
+    assert loaded(arm(), fixed("l6", "tool0"), fixed("l6", name)).frame == "tool0"
+
+
 HINGES = "".join(
     f'<body name="l{i}" pos="0 0 .1"><joint name="j{i}" axis="{AXES[i]}" range="-9 9"/><geom size=".01"/>'
     for i in range(4)
@@ -205,6 +224,49 @@ def test_tool_frames_of_an_mjcf_are_bodies_or_sites(tmp_path, tail, frame):
     path.write_text(f"<mujoco><worldbody>{HINGES}{tail}{4 * '</body>'}</worldbody></mujoco>")
     robot = load_arm(path)
     assert (robot.frame, robot.dof) == (frame, 4)
+
+
+FLANGE = '<site name="attachment_site" pos="0 0 .05"/>'
+TOOL = '<site name="ee" pos="0 0 .05"/>'
+
+
+@pytest.mark.parametrize(
+    ("flange", "own", "frame"),
+    [
+        (FLANGE, "", "suction_gripper"),
+        (TOOL, "", "suction_gripper"),
+        ('<body name="tool0" pos="0 0 .05"/>', "", "suction_gripper"),
+        ("", "", "suction_gripper"),
+        (FLANGE, '<site name="cup_tcp" pos="0 0 .1"/>', "cup_tcp"),
+        (TOOL, '<site name="cup_tcp" pos="0 0 .1"/>', "cup_tcp"),
+        (TOOL, '<body name="cup_tcp" pos="0 0 .1"/>', "cup_tcp"),
+        ("", FLANGE, "attachment_site"),
+        (TOOL, FLANGE, "attachment_site"),
+        (FLANGE, '<site name="pinch_site" pos="0 0 .1"/>', "pinch_site"),
+        ('<site name="wrist_tcp" pos="0 0 .2"/>', "", "wrist_tcp"),
+    ],
+)
+def test_a_gripper_without_joints_counts_more_than_sites_of_the_flange(
+    tmp_path, flange, own, frame
+):
+    """Frames on the gripper, or beyond it, count more than the gripper itself."""
+    gripper = f'<body name="suction_gripper" pos="0 0 .1"><geom size=".01"/>{own}</body>'
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        f"<mujoco><worldbody>{HINGES}{flange}{gripper}{4 * '</body>'}</worldbody></mujoco>"
+    )
+    robot = load_arm(path)
+    assert (robot.frame, robot.dof) == (frame, 4)
+
+
+@pytest.mark.parametrize("flange", [FLANGE, TOOL])
+def test_parts_beside_a_site_for_tools_are_no_grippers(tmp_path, flange):
+    mount = '<body name="gripper_mount" pos="0 0 .1"><geom size=".01"/></body>'
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        f"<mujoco><worldbody>{HINGES}{flange}{mount}{4 * '</body>'}</worldbody></mujoco>"
+    )
+    assert load_arm(path).frame in ("attachment_site", "ee")
 
 
 def test_the_error_of_a_humanoid_offers_its_hands_and_they_work():

@@ -103,6 +103,7 @@ class ContactRules:
     excluded: frozenset[frozenset[str]]  # pairs of bodies in <exclude>
     explicit: frozenset[frozenset[int]]  # pairs of geoms in <pair>, whatever else holds
     filter_parents: bool = True
+    enabled: bool = True  # whether the model has contacts at all
 
     def decide(self, geoms: Sequence[Contact]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Decide which pairs of geoms can touch, and which of the others <exclude> or the bits exclude.
@@ -130,6 +131,9 @@ class ContactRules:
             places.setdefault(geom.geom, []).append(place)
         for pair in self.excluded:
             _fill(match, [places.get(body, []) for body in pair], False)
+        if not self.enabled:
+            match[:] = False
+            return match, ~joined
         touching = match & ~joined
         for numbered in self.explicit:
             _fill(touching, [places.get(geom, []) for geom in numbered], True)

@@ -192,9 +192,17 @@ def _contact_rules(document: Document, explicit: frozenset[frozenset[int]]) -> C
         frozenset((pair.get("body1", ""), pair.get("body2", "")))
         for pair in document.root.findall("contact/exclude")
     }
-    flags = [flag.get("filterparent") for flag in document.root.findall("option/flag")]
+    flags = document.root.findall("option/flag")
+    filter_parents = all(flag.get("filterparent") != "disable" for flag in flags)
+    enabled = all(flag.get("contact") != "disable" for flag in flags)
     return ContactRules(
-        carriers, parents, WORLD, frozenset(excluded), explicit, "disable" not in flags
+        carriers,
+        parents,
+        WORLD,
+        frozenset(excluded),
+        explicit,
+        filter_parents,
+        enabled,
     )
 
 

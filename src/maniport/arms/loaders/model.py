@@ -18,6 +18,10 @@ _SIDES = ("left", "right", "l", "r")
 _FINGERS = ("finger", "fngr", "thumb", "knuckle", "jaw", "claw", "pincer")
 _GRIPPERS = ("grip", "grasp", "clamp")
 _HANDS = (*_GRIPPERS, "hand", "palm")
+_FIXED_GRIPPERS = (
+    *("grip", "gripper", "clamp", "suction", "vacuum", "magnet"),
+    *("epick", "schunk", "robotiq", "onrobot"),
+)
 _TURNS = ("wrist", "elbow", "shoulder", "forearm", "yaw", "pitch", "roll", "rotat", "twist")
 _ARMS = (*_FINGERS, *_HANDS, "arm", "wrist", "elbow", "shoulder", "tcp", "tool", "eef")
 _LEGS = (
@@ -44,6 +48,7 @@ _SENSORS = (
 _SHORT_SENSORS = ("cam", "imu", "led", "ft", "ati", "rgb", "depth", "zed")
 _CAMERA_MODEL = re.compile(r"(^|_)(d4[0-9]{2}[a-z]?|l515|sr300|t265|zed[0-9][a-z]*)(_|$)")
 _NO_TOOLS = ("mount", "adapter", "changer", "cover", "collision")
+_GRIPPER_RANK = 4  # of names of points of a gripper
 _NO_RANK = 9  # of names that are not those of tool frames
 _PINCH = ("pinch_site", "pinch")
 _ATTACHMENT = ("attachment_site",)
@@ -287,6 +292,9 @@ class Limbs:
         poses = self._poses(end, rigid)
         outermost = self._outermost(end, rigid)
         if hand is None:
+            gripper = self._fixed_gripper(end, outermost, sites)
+            if gripper is not None:
+                return self._tool_of_gripper(gripper, outermost, sites, poses)
             marked = _with_usual_name(sites, _ATTACHMENT)
             if marked:
                 return marked, "the site for tools"
@@ -295,9 +303,8 @@ class Limbs:
         tools = [name for name in (*outermost, *further) if _tool_rank(name) < _NO_RANK]
         if hand is not None:
             tools = [name for name in tools if self._is_beyond(name, hand, poses)]
-        if tools:  # the best name, of several the farthest
-            distance = {name: float(np.linalg.norm(poses[name][:3, 3])) for name in tools}
-            tool = min(tools, key=lambda name: (_tool_rank(name), -distance[name]))
+        if tools:
+            tool = _best_tool(tools, poses)
             if hand is not None:
                 return tool, f"a fixed tool frame of {hand!r}"
             named = _tool_rank(link) <= _tool_rank(tool)
@@ -312,6 +319,53 @@ class Limbs:
         if marked:
             return marked, "the flange"
         return link, "the outermost link"
+
+    def _fixed_gripper(
+        self, end: str, outermost: Sequence[str], sites: Sequence[str]
+    ) -> str | None:
+        """Return the gripper without joints that is beside a tool frame or flange, if there is one.
+
+        Tool frames are bodies at the end or sites; that on the gripper itself is not beside it.
+        """
+        if _is_fixed_gripper(end):  # all bodies of the robot may have that prefix
+            return None
+        on_grippers = []
+        others = []
+        for name in (*outermost, *sites):
+            line = self.model.line(self._owner(name))
+            carriers = line[: line.index(end)]
+            if any(_is_fixed_gripper(carrier) for carrier in carriers):
+                on_grippers.append(name)
+            else:
+                others.append(name)
+        ends = [name for name in outermost if name in on_grippers]
+        if not ends or not any(_is_flange(name) for name in others):
+            return None
+        common = self.model.line(self._common(ends))
+        carriers = [name for name in common[: common.index(end)] if _is_fixed_gripper(name)]
+        return carriers[-1] if carriers else None
+
+    def _tool_of_gripper(
+        self,
+        gripper: str,
+        outermost: Sequence[str],
+        sites: Sequence[str],
+        poses: Mapping[str, Array],
+    ) -> tuple[str, str]:
+        """Return the end effector of a gripper without joints, and why it is that frame."""
+        own_sites = [site for site in sites if gripper in self.model.line(self._owner(site))]
+        marked = _with_usual_name(own_sites, _ATTACHMENT)
+        if marked:
+            return marked, "the site for tools"
+        tools = []
+        for name in (*outermost, *sites):
+            is_tool = _tool_rank(name) < _NO_RANK and name != gripper
+            if is_tool and self._is_beyond(name, gripper, poses):
+                tools.append(name)
+        if tools:
+            return _best_tool(tools, poses), f"a fixed tool frame of {gripper!r}"
+        ends = [name for name in outermost if gripper in self.model.line(name)]
+        return self._common(ends), "the gripper"
 
     def _outermost(self, end: str, rigid: Sequence[str]) -> list[str]:
         """Return the bodies rigid with a moving one that carry no others; sensors at the ends do not count."""
@@ -353,11 +407,16 @@ class Limbs:
 
     def _is_beyond(self, name: str, hand: str, poses: Mapping[str, Array]) -> bool:
         """Whether a frame is fixed to the hand, or lies beyond it; an older tool frame on the flange does not."""
-        owner = self.model.sites[name][0] if name not in self.model.bodies else name
-        if hand in self.model.line(owner):
+        if hand in self.model.line(self._owner(name)):
             return True
         distance = np.linalg.norm(poses[name][:3, 3]) - np.linalg.norm(poses[hand][:3, 3])
         return bool(distance > _BEYOND)
+
+    def _owner(self, name: str) -> str:
+        """Return the body of a site, or the body itself."""
+        if name in self.model.bodies:
+            return name
+        return self.model.sites[name][0]
 
     def _opens(self, body: RobotBody, moved: RobotBody) -> bool:
         """Whether the joints of a body below another one open a gripper."""
@@ -452,6 +511,16 @@ def _is_gripper(joint: str, body: str, *, slides: bool, on_hand: bool) -> bool:
     return _has(body, _GRIPPERS) and (slides or on_hand)
 
 
+def _is_fixed_gripper(name: str) -> bool:
+    """Whether the name of a body is that of a gripper or hand, rather than of its mount or tool frame."""
+    words = _words(name)
+    if _is_sensor(name) or any(word.startswith(_NO_TOOLS) for word in words):
+        return False
+    if _tool_rank(name) not in (_GRIPPER_RANK, _NO_RANK):
+        return False
+    return _has(name, _FIXED_GRIPPERS) or any(word.endswith("hand") for word in words)
+
+
 def _is_sensor(name: str) -> bool:
     """Whether the name of a body or site is that of a camera, another sensor or a marker."""
     words = _words(name)
@@ -482,8 +551,21 @@ def _tool_rank(name: str) -> int:
     if {"ee", "eef", "eoat", "endeffector"} & set(core) or "end_effector" in text:
         return 3
     if re.search("grip(per)?_?(frame|center|centre|point|site|tip)", text):
-        return 4
+        return _GRIPPER_RANK
     return _NO_RANK
+
+
+def _is_flange(name: str) -> bool:
+    """Whether the name of a body or site is that of a tool frame, flange or site for tools."""
+    if _tool_rank(name) < _NO_RANK or "flange" in _words(name):
+        return True
+    return _with_usual_name([name], _ATTACHMENT) is not None
+
+
+def _best_tool(tools: Sequence[str], poses: Mapping[str, Array]) -> str:
+    """Return the tool frame with the best name, of several the farthest from the last joint."""
+    distance = {name: float(np.linalg.norm(poses[name][:3, 3])) for name in tools}
+    return min(tools, key=lambda name: (_tool_rank(name), -distance[name]))
 
 
 def _coincide(first: Array, second: Array) -> bool:
