@@ -336,12 +336,17 @@ def test_a_delay_shifts_targets_and_lowers_errors(small_result, frames):
 
 
 def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
+    """The motion is repeated at growing speeds until the robot cannot follow; then the person stands still."""
     points, time = frames
+    back_and_forth = np.concatenate([points, points[::-1], points, points[::-1]])
     errors = {"following": [], "lagging": []}
-    for speed in (8.0, 16.0, 32.0, 64.0):  # until the robot cannot follow
+    for speed in (2.0, 4.0, 8.0, 16.0):
         live = following(small_result, delay=0.0)
-        states = played(live, points, time / speed)
-        states += [live.step(points[-1], time[-1] / speed + 0.01 * i) for i in range(1, 150)]
+        step = (time[-1] - time[0]) / (len(time) - 1) / speed
+        times = step * np.arange(len(back_and_forth))
+        states = played(live, points[:1].repeat(200, axis=0), 0.01 * np.arange(-200, 0))
+        states += played(live, back_and_forth, times)
+        states += [live.step(points[0], times[-1] + 0.01 * i) for i in range(1, 200)]
         for state in states:
             if state.state in errors:
                 errors[state.state].append(state.position_error)

@@ -156,7 +156,7 @@ def _best_body(
 
 
 def _companions(tracks: Array, point: int, allowed: Sequence[int]) -> list[int]:
-    """Return those of the allowed points of tracks (n, m, 3) that form a body with a point, the nearest to rigid first."""
+    """Return the allowed points of tracks (n, m, 3) that form a body with a point, the nearest to rigid first."""
     seen = np.flatnonzero(np.isfinite(tracks[:, point, 0]))
     sample = tracks[seen[evenly_spaced(len(seen), SHAPE_FRAMES)]]
     changes = np.full(tracks.shape[1], np.inf)
