@@ -272,6 +272,11 @@ class PlacementProblem:
         """Free components of a placement, shape (7,)."""
         return np.isnan(self.fixed)
 
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last waypoint [s]."""
+        return float(self.time[-1] - self.time[0])
+
     def thinned(self, count: int) -> "PlacementProblem":
         """Return the same with `count` evenly spaced waypoints of each path."""
         rows = evenly_spaced(len(self.time), count)

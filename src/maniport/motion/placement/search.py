@@ -23,7 +23,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.placement.cost import PlacedMotions, PlacementCost
 from maniport.motion.placement.placement import SCALE, TILT, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryTerms
-from maniport.motion.plan.plan_options import SearchBudget
+from maniport.motion.plan.plan_options import PlacementRound, SearchBudget
 from maniport.motion.plan.roadmap import LARGEST_CHANGE, Roadmap, shortest_path
 from maniport.util.progress import Part, ignore_fraction
 from maniport.util.sampling import sobol
@@ -31,6 +31,8 @@ from maniport.util.validation import Array
 
 SAMPLES = 64  # Samples next to a waypoint that placements are compared by; with 16, force ellipsoids are 10 % farther
 NODES = 32  # Of these samples, those from which a first trajectory is made
+SHORT = 16.0
+"""Largest duration for which the waypoints of the rounds suffice, on the planning time scale [s]."""
 SEPARATION = 0.05  # Smallest mean distance of the paths of two placements that are improved [m]
 BRANCH = 0.7  # Change of a joint that makes another branch of configurations [rad or m]
 SAME_MOTION = (
@@ -57,9 +59,9 @@ def best_placements(
     progress: Part = ignore_fraction,
 ) -> list[PlacedMotion]:
     """Search the free components; return placements with trajectories, best first."""
-    rounds = budget.rounds
+    rounds = rounds_of(budget, problem.duration)
     if problem.free.any():
-        places = candidates(problem, budget, seed)
+        places = candidates(problem, budget.candidates, rounds[0], seed)
     else:
         places = problem.inside(problem.fixed[None])
     if not len(places):
@@ -87,10 +89,20 @@ def best_placements(
     return placed
 
 
-def candidates(problem: PlacementProblem, budget: SearchBudget, seed: np.random.Generator) -> Array:
+def rounds_of(budget: SearchBudget, duration: float) -> list[PlacementRound]:
+    """Return the rounds, with more waypoints for a long duration [s] on the planning time scale."""
+    factor = float(np.clip(np.sqrt(duration / SHORT), 1.0, 3.0))
+    rounds = []
+    for each in budget.rounds:
+        rounds.append(each._replace(waypoints=round(factor * each.waypoints)))
+    return rounds
+
+
+def candidates(
+    problem: PlacementProblem, count: int, first: PlacementRound, seed: np.random.Generator
+) -> Array:
     """Return the best placements (k, 7) by samples of the arms, whose paths differ."""
     tilted = bool(problem.free[TILT])
-    count = budget.candidates
     if tilted:
         count *= 5
     lower = problem.lower[:4]
@@ -108,9 +120,9 @@ def candidates(problem: PlacementProblem, budget: SearchBudget, seed: np.random.
     if not len(places):
         return places
 
-    coarse = problem.thinned(budget.rounds[0].waypoints)
+    coarse = problem.thinned(first.waypoints)
     places = places[np.argsort(coarse.costs(places, SAMPLES), kind="stable")]
-    return places[separate(coarse.outlines(places), budget.rounds[0].kept // 2, SEPARATION)]
+    return places[separate(coarse.outlines(places), first.kept // 2, SEPARATION)]
 
 
 def separate(points: Array, most: int, distance: float) -> list[int]:
