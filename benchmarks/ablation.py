@@ -26,8 +26,9 @@ from maniport.arms import VELOCITY, Arm
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner
 from maniport.motion.placement import search
+from maniport.motion.placement.cost import PlacementCost
 from maniport.motion.plan import planner
-from maniport.motion.plan.plan_options import PlanOptions
+from maniport.motion.plan.plan_options import PLACEMENT_ROUNDS, PlanOptions
 from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
@@ -39,17 +40,20 @@ BUDGETS: dict[str, dict[str, Any]] = {
     "150 nodes": {"nodes": 150},
     "stages of 1 s": {"stage": 1.0},
     "1024 candidates": {"candidates": 1024},
+    "128 starts of placements": {
+        "rounds": (PLACEMENT_ROUNDS[0]._replace(kept=128), *PLACEMENT_ROUNDS[1:])
+    },
     "stop at 1e-3": {"rel_tol": 1e-3},
 }
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
     "no relaxation": (planner, "relaxed", lambda problem, time, q, terms, tolerance: q),
     "no joint descent of the placement": (
-        search.PlacementTrajectoryCost,
+        PlacementCost,
         "improved",
-        lambda problem, state: state,
+        lambda cost, motions, steps: replace(motions, cost=cost.evaluate(motions).cost),
     ),
-    "1 planned placement": (search, "PLANNED", 1),
+    "one branch of configurations": (search, "BRANCH", 0.0),
     "planning time scale 2": (planner, "PLANNING_TIME_SCALE", 2.0),
     "smoothness / 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS / 3.0),
     "smoothness · 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS * 3.0),
