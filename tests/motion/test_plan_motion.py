@@ -114,6 +114,17 @@ def test_distances_stay_above_the_pointwise_optimum(planned, targets):
     assert as_numbers(report_of(planned))["motion"]["pointwise_ratio"] == pytest.approx(ratio)
 
 
+def test_a_start_is_a_further_chance(panda, planner, targets, planned):
+    """The motion that a plan ended with, given as a start, is not lost."""
+    before = planned.arms[0]
+    plan = planned_arm(panda, **targets, planner=planner, starts=[before.joint_positions])
+    after = require_laws(plan)
+    assert np.mean(after.distance**2) < 1.05 * np.mean(before.distance**2)
+    for starts in ([], [before.joint_positions[1:]], [before.joint_positions[:, 1:]]):
+        with pytest.raises(InvalidInputError, match="starts"):
+            planned_arm(panda, **targets, planner=planner, starts=starts)
+
+
 @pytest.mark.parametrize("best", [9.0, 0.0])
 def test_the_achieved_configuration_is_a_candidate_of_the_pointwise_optimum(
     panda, planner, targets, planned, best
