@@ -55,6 +55,7 @@ def planning_terms(time: Array, options: PlanOptions) -> tuple[Array, Trajectory
     """Return times on the planning time scale, terms of smoothness there, and the joint motion weight of the search."""
     planned = planning_time_scale(options) * (time - time[0])
     share = SMOOTHNESS * float(np.sqrt(planned[-1] / PLANNING_TIME_SCALE))
+    # on two clips, three times this cost of jerk: 3 to 9 % larger distances; a tenth of it: 20 to 26 % longer motions
     terms = TrajectoryTerms(share * 0.12, share * 1.2e-3, rel_tol=options.budget.rel_tol)
     return planned, terms, share * JOINT_MOTION_WEIGHT
 
