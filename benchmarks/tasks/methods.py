@@ -17,11 +17,11 @@ from scipy.spatial import cKDTree
 from benchmarks.tasks.task import Demonstration, StudyRobot, Task, place
 from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.arms.collisions import Collisions, free_configurations
+from maniport.arms.directional import half_sphere, line_extent, polytope_extent
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain
 from maniport.errors import collected_warnings
 from maniport.evaluation import capability
-from maniport.evaluation.capability import half_sphere, line_extent
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import MotionLimits
 from maniport.motion.plan.roadmap import (
@@ -188,7 +188,7 @@ def profile_cost(problem: Problem, kind: str) -> Cost:
         return np.asarray(values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-12))
 
     model = person.arm.with_limits(velocity=1.0)
-    wanted = centered(np.log(capability.polytope_extent(model, person.joint_angles, u, kind)))
+    wanted = centered(np.log(polytope_extent(model, person.joint_angles, u, kind)))
 
     def cost(rows: Rows, q: Array) -> Array:
         own = centered(np.log(np.clip(line_extent(arm, q, u, kind), 1e-3, 1e6)))

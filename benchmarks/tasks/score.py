@@ -18,8 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.tasks.task import MOST_BYTES, Task
 from maniport.arms import Arm
+from maniport.arms.directional import half_sphere, line_extent, polytope_extent
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.evaluation.capability import half_sphere, line_extent, polytope_extent, resemblance
+from maniport.evaluation.capability import resemblance
 from maniport.live.simulation import model_spec
 from maniport.motion import MotionLimits
 from maniport.motion.plan.roadmap import moved_to_positions

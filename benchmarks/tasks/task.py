@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm, load_arm
 from maniport.arms.collisions import Collisions
+from maniport.arms.directional import half_sphere, polytope_extent
 from maniport.arms.human import myoarm
 from maniport.errors import FileFormatError, InvalidInputError, collected_warnings
-from maniport.evaluation.capability import half_sphere, polytope_extent
 from maniport.mocap import ArmFit, fit_arms, read_recording
 from maniport.motion.plan.roadmap import IN_PLACE, moved_to_positions
 from maniport.studies.trajectories import human_arm, human_evaluation

@@ -5,15 +5,9 @@ import pytest
 from scipy.optimize import linprog
 
 from maniport import load_arm
+from maniport.arms.directional import ellipsoid_extent, half_sphere, polytope_extent
 from maniport.errors import InvalidInputError
-from maniport.evaluation.capability import (
-    compare_capabilities,
-    ellipsoid_extent,
-    follow_positions,
-    half_sphere,
-    polytope_extent,
-    resemblance,
-)
+from maniport.evaluation.capability import compare_capabilities, follow_positions, resemblance
 
 
 def largest(equalities, bounds):

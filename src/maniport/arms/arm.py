@@ -24,7 +24,9 @@ from maniport.arms.kinematics import Kinematics, PointKinematics
 from maniport.arms.manipulability import (
     VELOCITY,
     EllipsoidSpec,
+    RemainingTorques,
     manipulability,
+    remaining_torques,
     times,
     weighting,
     with_derivatives,
@@ -265,6 +267,22 @@ class Arm(JointSpace):
         if terms is None:
             raise InvalidInputError(f"the description of {self.name!r} has no masses")
         return terms.gravity.reshape(array.shape)
+
+    def remaining_torques(self, q: ArrayLike) -> RemainingTorques:
+        """Compute the torques that gravity leaves for forces, and their derivatives.
+
+        They are effort limits less |g(q)|, at least `LEAST_TORQUE` of the limit; without masses, or in a world without
+        gravity, they are the limits. `InvalidInputError` without effort limits.
+        """
+        array = self.configurations(q).reshape(-1, self.dof)
+        limits = self._limits("force")
+        terms = None
+        if self._kinematics.has_weight:
+            terms = self._kinematics.dynamics(array, changes=True, inertia=False)
+        if terms is None:
+            torques = np.tile(limits, (len(array), 1))
+            return RemainingTorques(torques, np.zeros((*array.shape, self.dof)))
+        return remaining_torques(limits, terms)
 
     def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
         """Require numbers or limits, and masses where they count, for the ellipsoids of a specification."""

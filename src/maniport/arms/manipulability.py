@@ -12,12 +12,12 @@ moves the center of the ellipsoid of acceleration only, which is left out.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.kinematics import Kinematics
+from maniport.arms.kinematics import DynamicsTerms, Kinematics
 from maniport.errors import NotSPDError
 from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_numbers
 
@@ -133,6 +133,24 @@ class EllipsoidSpec:
 VELOCITY = EllipsoidSpec()  # The default: velocity ellipsoids of the translation
 
 
+class RemainingTorques(NamedTuple):
+    """Torques that gravity leaves for motion and force at n configurations."""
+
+    torques: Array  # T, (n, dof) [N m] or [N]
+    changes: Array  # ∂T_j/∂q_k, (n, dof, dof); zero without derivatives of gravity
+
+
+def remaining_torques(limits: Array, terms: DynamicsTerms) -> RemainingTorques:
+    """Return limits (dof,) less gravity torques, at least `LEAST_TORQUE` of the limits."""
+    held = limits - np.abs(terms.gravity)
+    torques = np.maximum(held, LEAST_TORQUE * limits)
+    if not len(terms.gravity_changes):
+        return RemainingTorques(torques, np.zeros((*torques.shape, len(limits))))
+    changes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
+    changes[torques > held] = 0.0
+    return RemainingTorques(torques, changes)
+
+
 def weighting(
     spec: EllipsoidSpec,
     kinematics: Kinematics,
@@ -157,11 +175,10 @@ def weighting(
     scale: Array = np.ones(q.shape[1]) * weights
     slopes = None
     if limits is not None and terms is not None:
-        held = limits - np.abs(terms.gravity)
-        scale = np.maximum(held, LEAST_TORQUE * limits)
-        if changes:  # ∂S/∂q_k, (n, joint, k)
-            slopes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
-            slopes[scale > held] = 0.0
+        remaining = remaining_torques(limits, terms)
+        scale = remaining.torques
+        if changes:
+            slopes = remaining.changes
     if not accelerated:
         weight: Array = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)[:, None]
         if slopes is None:

@@ -1,14 +1,12 @@
 """Evaluation of a transfer: metrics, comparison with baselines, and model selection."""
 
-from maniport.evaluation.capability import (
-    Capability,
-    compare_capabilities,
+from maniport.arms.directional import (
     ellipsoid_extent,
     half_sphere,
     line_extent,
     polytope_extent,
-    resemblance,
 )
+from maniport.evaluation.capability import Capability, compare_capabilities, resemblance
 from maniport.evaluation.comparison import evaluate, select_method
 from maniport.evaluation.metrics import (
     RMSE,
