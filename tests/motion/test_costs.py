@@ -1,20 +1,25 @@
 """Each cost by itself: its derivatives by finite differences, and as a further cost of a motion problem."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from arm_problems import arm_problem
 from maniport.arms import VELOCITY, EllipsoidSpec, load_arm
+from maniport.arms.directional import smooth_extents
 from maniport.errors import InvalidInputError
 from maniport.motion import MotionLimits
 from maniport.motion.configurations import Configurations
+from maniport.motion.costs.capability import CapabilityCost
 from maniport.motion.costs.cost import Cost, PositionErrorCost, as_costs
 from maniport.motion.costs.orientation import OrientationCost
 from maniport.motion.costs.position import PositionCost
 from maniport.motion.costs.posture import PostureCost
 from maniport.motion.costs.smoothness import SmoothnessCost
-from maniport.motion.problem import MotionProblem
+from maniport.motion.directions import DirectionTarget
+from maniport.motion.problem import ArmProblem, MotionProblem
 
 ARM = load_arm("panda")
 TIME = np.array([0.0, 0.3, 0.4, 1.1, 1.5])
@@ -28,7 +33,17 @@ def at(q):
     return Configurations(ARM, q, TIME)
 
 
+def capability_cost(kind, lines):
+    vectors = np.random.default_rng(4).normal(size=(lines, 3))
+    vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+    weights = np.linspace(0.5, 0.2, lines)
+    target = DirectionTarget(kind, vectors[None], weights[None], 1000.0)
+    return CapabilityCost(target)
+
+
 COSTS = {
+    "force along lines": capability_cost("force", 3),
+    "speed along a line": capability_cost("velocity", 1),
     "ellipsoid": ellipsoid_cost(VELOCITY),
     "force ellipsoid": ellipsoid_cost(EllipsoidSpec("force")),
     "position": PositionCost(np.array([[0.3, 0.2, 0.5]]), 50.0),
@@ -109,3 +124,28 @@ def test_own_cost_of_a_tolerance_is_weighed_and_its_error_counts():
     assert problem.with_position_weight(70.0).costs[0].weight == 70.0
     with pytest.raises(InvalidInputError, match=r"costs\[0\].error must have shape \(2,\)"):
         as_costs([Level(shape=(-1, 1))], ARM, TIME)
+
+
+def test_an_extent_that_is_half_of_the_reference_costs_as_a_halved_semi_axis():
+    """Above the reference nothing costs."""
+    q = ARM.sample(len(TIME), 1)
+    lines = np.tile([0.0, 0.0, 1.0], (5, 1, 1))
+    extents = np.exp(smooth_extents(ARM, q, lines, "force").logs)
+    for share, expected in ((2.0, 2.0 * np.log(2.0)), (0.5, 0.0)):
+        target = DirectionTarget("force", lines, np.ones((5, 1)), share * extents[2, 0])
+        residual = CapabilityCost(target).residual(at(q))
+        assert residual[2, 0] == pytest.approx(expected)
+
+
+def test_capability_adds_to_a_problem_and_may_stand_for_the_ellipsoids():
+    q = ARM.sample(len(TIME), 2)
+    cost = COSTS["force along lines"]
+    target = arm_problem(ARM, ARM.ellipsoids(ARM.sample(len(TIME), 4))).target
+    both = ArmProblem.of(ARM, replace(target, directions=(cost.target,)))
+    alone = ArmProblem.of(ARM, replace(both.target, with_ellipsoids=False))
+    square = np.sum(cost.residual(at(q)) ** 2, axis=1)
+    assert alone.cost(q) == pytest.approx(square)
+    assert both.cost(q) == pytest.approx(square + both.distance(q) ** 2)
+    assert both.normal_equations(q).distance ** 2 == pytest.approx(both.cost(q))
+    assert alone.normal_equations(q).distance ** 2 == pytest.approx(square)
+    assert both.with_ellipsoids_only().cost(q) == pytest.approx(both.distance(q) ** 2)

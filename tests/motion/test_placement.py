@@ -22,6 +22,7 @@ from maniport.motion import (
     place_path,
 )
 from maniport.motion.demands import demands_of
+from maniport.motion.directions import DirectionTarget
 from maniport.motion.placement.cost import PlacedMotions, PlacementCost
 from maniport.motion.placement.placement import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
@@ -221,8 +222,20 @@ def motions_of(problem, place, *trajectories):
     return PlacedMotions(problem.time, place[None], q, np.full(1, np.nan))
 
 
+def directions_of(kinds):
+    """Return lines along which the small arm shall be strong and fast; those of speeds stay in the base frame."""
+    lines = np.random.default_rng(7).normal(size=(COUNT, 2, 3))
+    lines /= np.linalg.norm(lines, axis=2, keepdims=True)
+    weights = np.full((COUNT, 2), 0.4)
+    results = []
+    for kind in kinds:
+        results.append(DirectionTarget(kind, lines, weights, 100.0, kind == "force"))
+    return tuple(results)
+
+
+@pytest.mark.parametrize("kinds", [(), ("force", "velocity")])
 @pytest.mark.parametrize("kind", ["velocity", "force"])
-def test_slopes_are_those_of_the_cost(kind):
+def test_slopes_are_those_of_the_cost(kind, kinds):
     vectors = np.random.default_rng(2).normal(size=(COUNT, 3))
     demands = (
         (EllipsoidSpec(joint_weights=np.full(4, 2.0)), vectors[::-1]),
@@ -233,7 +246,10 @@ def test_slopes_are_those_of_the_cost(kind):
         FOUR.sample(COUNT, 3),
         1e-6,
     )
+    limited = FOUR.with_limits(velocity=2.0, effort=10.0)
     (arm,) = problem.arms
+    target = replace(arm.target, directions=directions_of(kinds))
+    arm = replace(arm, arm=limited, target=target)
     backwards = replace(arm.target, positions=arm.path[::-1])
     turned_around = replace(arm, target=backwards)
     pair = replace(problem, arms=(arm, turned_around))

@@ -268,8 +268,8 @@ class Arm(JointSpace):
             raise InvalidInputError(f"the description of {self.name!r} has no masses")
         return terms.gravity.reshape(array.shape)
 
-    def remaining_torques(self, q: ArrayLike) -> RemainingTorques:
-        """Compute the torques that gravity leaves for forces, and their derivatives.
+    def remaining_torques(self, q: ArrayLike, *, derivatives: bool = True) -> RemainingTorques:
+        """Compute the torques that gravity leaves for forces and, if wanted, their derivatives.
 
         They are effort limits less |g(q)|, at least `LEAST_TORQUE` of the limit; without masses, or in a world without
         gravity, they are the limits. `InvalidInputError` without effort limits.
@@ -278,7 +278,7 @@ class Arm(JointSpace):
         limits = self._limits("force")
         terms = None
         if self._kinematics.has_weight:
-            terms = self._kinematics.dynamics(array, changes=True, inertia=False)
+            terms = self._kinematics.dynamics(array, derivatives, inertia=False)
         if terms is None:
             torques = np.tile(limits, (len(array), 1))
             return RemainingTorques(torques, np.zeros((*array.shape, self.dof)))

@@ -133,7 +133,7 @@ class SmoothExtents(NamedTuple):
     """Logarithms of smooth extents along lines, and their derivatives."""
 
     logs: Array  # (n, k), of N or m/s
-    joint_changes: Array  # (n, k, dof), along each joint
+    joint_changes: Array  # (n, k, dof), along each joint; empty without derivatives
     line_changes: Array  # (n, k, 3), along the components of the unit vector
 
 
@@ -145,13 +145,14 @@ def smooth_extents(
     *,
     jacobians: Array | None = None,
     power: int = POWER,
+    derivatives: bool = True,
 ) -> SmoothExtents:
     """Compute logarithms of smooth extents along lines, each configuration with its own.
 
     Parameters
     ----------
     arm : Arm
-        With the limits of the kind, and no coupled joints.
+        With the limits of the kind.
     q : ndarray, shape (n, dof)
     lines : ndarray, shape (n, k, 3)
         Unit vectors in the base frame.
@@ -160,16 +161,19 @@ def smooth_extents(
         Those of the arm at q, where they are known.
     power : int
         p, even.
+    derivatives : bool
+        Whether they are computed; coupled joints have none.
     """
     from maniport.arms.extent_kernels import fill_force_extents, fill_velocity_extents
 
     if jacobians is None:
         jacobians = arm.jacobian(q)
     count, k = lines.shape[:2]
+    filled = count if derivatives else 0
     result = SmoothExtents(
         logs=np.empty((count, k)),
-        joint_changes=np.empty((count, k, arm.dof)),
-        line_changes=np.empty((count, k, 3)),
+        joint_changes=np.empty((filled, k, arm.dof)),
+        line_changes=np.empty((filled, k, 3)),
     )
     jacobians = np.ascontiguousarray(jacobians)
     lines = np.ascontiguousarray(lines)
@@ -177,7 +181,7 @@ def smooth_extents(
         limits = np.ascontiguousarray(arm.velocity_limits)
         fill_velocity_extents(jacobians, limits, lines, FLAT, power, *result)
     else:
-        torques, changes = arm.remaining_torques(q)
+        torques, changes = arm.remaining_torques(q, derivatives=derivatives)
         fill_force_extents(jacobians, torques, changes, lines, power, *result)
     return result
 

@@ -11,7 +11,7 @@ TINY = 1e-300  # keeps the logarithm finite where no facet bounds a line
 def fill_force_extents(  # type: ignore[no-untyped-def]
     jacobians, torques, torque_changes, lines, power, logs, joint_changes, line_changes
 ):
-    """Fill logarithms (n, k) of forces, and derivatives (n, k, dof) and (n, k, 3).
+    """Fill logarithms (n, k) of forces, and derivatives (n, k, dof) and (n, k, 3), unless they have length 0.
 
     Jacobians (n, 6, dof), torques T (n, dof) and their derivatives ∂T_j/∂q_k (n, dof, dof) are of configurations.
     With w and v the angular and linear columns, ∂J_j/∂q_k = w_min(j,k) × v_max(j,k).
@@ -27,6 +27,8 @@ def fill_force_extents(  # type: ignore[no-untyped-def]
                 along = jacobian[0, j] * u[0] + jacobian[1, j] * u[1] + jacobian[2, j] * u[2]
                 values[j] = along / torques[n, j]
             logs[n, line] = _log_extent(values, power, weights)
+            if len(joint_changes) == 0:
+                continue
 
             for i in range(3):
                 total = 0.0
@@ -48,7 +50,8 @@ def fill_force_extents(  # type: ignore[no-untyped-def]
 def fill_velocity_extents(  # type: ignore[no-untyped-def]
     jacobians, limits, lines, flat, power, logs, joint_changes, line_changes
 ):
-    """Fill logarithms (n, k) of speeds, and derivatives (n, k, dof) and (n, k, 3)."""
+    """Fill logarithms (n, k) of speeds, and derivatives (n, k, dof) and (n, k, 3), unless they have length 0."""
+    wanted = len(joint_changes) > 0
     dof = jacobians.shape[2]
     faces = dof * (dof - 1) // 2
     column_changes = np.empty((dof, dof, 3))  # of c_i along joint k
@@ -60,7 +63,7 @@ def fill_velocity_extents(  # type: ignore[no-untyped-def]
     weights = np.empty(faces)
     for n in range(len(jacobians)):
         jacobian = jacobians[n]
-        for i in range(dof):
+        for i in range(dof if wanted else 0):
             for k in range(dof):
                 first = min(i, k)
                 last = max(i, k)
@@ -80,7 +83,7 @@ def fill_velocity_extents(  # type: ignore[no-untyped-def]
                     z = (x + 2) % 3
                     cross = jacobian[y, a] * jacobian[z, b] - jacobian[z, a] * jacobian[y, b]
                     normals[face, x] = scale * cross
-                    for k in range(dof):
+                    for k in range(dof if wanted else 0):
                         change = limits[b] * column_changes[a, k, y] * jacobian[z, b]
                         change -= limits[b] * column_changes[a, k, z] * jacobian[y, b]
                         change += limits[a] * jacobian[y, a] * column_changes[b, k, z]
@@ -93,6 +96,7 @@ def fill_velocity_extents(  # type: ignore[no-untyped-def]
                     normals[face],
                     normal_changes[face],
                     column_changes,
+                    wanted,
                     sizes[face : face + 1],
                     size_changes[face],
                 )
@@ -104,6 +108,8 @@ def fill_velocity_extents(  # type: ignore[no-untyped-def]
                 along = normals[f, 0] * u[0] + normals[f, 1] * u[1] + normals[f, 2] * u[2]
                 values[f] = along / sizes[f]
             logs[n, line] = _log_extent(values, power, weights)
+            if len(joint_changes) == 0:
+                continue
 
             for x in range(3):
                 line_changes[n, line, x] = 0.0
@@ -124,7 +130,7 @@ def fill_velocity_extents(  # type: ignore[no-untyped-def]
 
 @part
 def _fill_size(  # type: ignore[no-untyped-def]
-    jacobian, limits, flat, normal, normal_changes, column_changes, size, size_changes
+    jacobian, limits, flat, normal, normal_changes, column_changes, wanted, size, size_changes
 ):
     """Fill Σ_i |wᵀ c_i| + ε |w|₁ + ε³ of a face with normal w, and its derivatives (dof,)."""
     dof = len(limits)
@@ -137,7 +143,7 @@ def _fill_size(  # type: ignore[no-untyped-def]
             along += normal[x] * jacobian[x, i]
         sign = np.sign(along)
         size[0] += sign * limits[i] * along
-        for k in range(dof):
+        for k in range(dof if wanted else 0):
             for x in range(3):
                 change = limits[i] * normal_changes[k, x] * jacobian[x, i]
                 change += normal[x] * column_changes[i, k, x]
@@ -145,7 +151,7 @@ def _fill_size(  # type: ignore[no-untyped-def]
     for x in range(3):
         sign = np.sign(normal[x])
         size[0] += flat * sign * normal[x]
-        for k in range(dof):
+        for k in range(dof if wanted else 0):
             size_changes[k] += flat * sign * normal_changes[k, x]
 
 

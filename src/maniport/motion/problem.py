@@ -7,6 +7,7 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions
 from maniport.motion.configurations import Configurations
+from maniport.motion.costs.capability import CapabilityCost
 from maniport.motion.costs.cost import Cost, NormalEquations, PositionErrorCost
 from maniport.motion.costs.ellipsoid import EllipsoidCost
 from maniport.motion.costs.orientation import OrientationCost
@@ -38,7 +39,7 @@ class CostWeights:
 class ArmProblem:
     """Targets of an arm and the costs of missing them, a row for each target.
 
-    The cost of a configuration is f(q) = |r_ellipsoid|² + |r_position|² + |r_orientation|².
+    The cost of a configuration is f(q) = |r_ellipsoid|² + |r_position|² + |r_orientation|² + |r_capability|².
     """
 
     arm: Arm
@@ -46,6 +47,7 @@ class ArmProblem:
     ellipsoid: EllipsoidCost
     position: PositionCost | None = None
     orientation: OrientationCost | None = None
+    capabilities: tuple[CapabilityCost, ...] = ()
 
     @classmethod
     def of(
@@ -60,7 +62,9 @@ class ArmProblem:
         orientation = None
         if target.rotations is not None and any(weights.axes):
             orientation = OrientationCost(target.rotations, weights.axes)
-        return cls(arm, target, EllipsoidCost.of(target), position, orientation)
+        capabilities = tuple(CapabilityCost(direction) for direction in target.directions)
+        ellipsoid = EllipsoidCost.of(target)
+        return cls(arm, target, ellipsoid, position, orientation, capabilities)
 
     def __len__(self) -> int:
         return len(self.target)
@@ -72,6 +76,7 @@ class ArmProblem:
             self.ellipsoid[rows],
             None if self.position is None else self.position[rows],
             None if self.orientation is None else self.orientation[rows],
+            tuple(cost[rows] for cost in self.capabilities),
         )
 
     @property
@@ -108,6 +113,11 @@ class ArmProblem:
         """Return the problem with a free orientation of the end effector."""
         return replace(self, target=replace(self.target, rotations=None), orientation=None)
 
+    def with_ellipsoids_only(self) -> "ArmProblem":
+        """Return the problem without lines along which the end effector shall be strong or fast."""
+        target = replace(self.target, directions=(), with_ellipsoids=True)
+        return replace(self, target=target, capabilities=())
+
     def at(self, q: Array) -> Configurations:
         """Return configurations (n, dof) with their kinematics."""
         return Configurations(self.arm, q, self.target.time)
@@ -117,7 +127,10 @@ class ArmProblem:
         if at is None:
             at = self.at(q)
         equations = NormalEquations.zeros(*q.shape)
-        self.ellipsoid.add_to(equations, at)
+        if self.target.with_ellipsoids:
+            self.ellipsoid.add_to(equations, at)
+        for capability in self.capabilities:
+            capability.add_to(equations, at)
         for cost in self.pose_costs:
             equations.add(cost, at)
         return equations
@@ -125,7 +138,11 @@ class ArmProblem:
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,); infinite where an ellipsoid is singular."""
         at = self.at(q)
-        square = self.ellipsoid.square(at)
+        square = np.zeros(len(q))
+        if self.target.with_ellipsoids:
+            square = self.ellipsoid.square(at)
+        for capability in self.capabilities:
+            square += np.sum(capability.residual(at) ** 2, axis=1)
         for cost in self.pose_costs:
             square += np.sum(cost.residual(at) ** 2, axis=1)
         return square

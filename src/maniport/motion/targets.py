@@ -13,6 +13,7 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.joint_space import JointSpace
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
+from maniport.motion.directions import DirectionTarget
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.kernels import congruence, roots, symmetrize
 from maniport.spd.matrix_functions import apply
@@ -58,6 +59,10 @@ class TargetTrajectory:
         Of the end effector in the base frame.
     direction_weights : ndarray, shape (n, m, m), optional
         Weights of the directions of the ellipsoids' residuals, m = d (d + 1) / 2.
+    directions : tuple of DirectionTarget
+        Lines along which the end effector shall be strong or fast.
+    with_ellipsoids : bool
+        Whether the distance to the ellipsoids costs; it is measured in any case.
     """
 
     time: Array
@@ -67,6 +72,8 @@ class TargetTrajectory:
     positions: Array | None = None
     rotations: Array | None = None
     direction_weights: Array | None = None
+    directions: tuple[DirectionTarget, ...] = ()
+    with_ellipsoids: bool = True
 
     @classmethod
     def checked(
@@ -109,6 +116,7 @@ class TargetTrajectory:
             positions=_rows_of(self.positions, rows),
             rotations=_rows_of(self.rotations, rows),
             direction_weights=_rows_of(self.direction_weights, rows),
+            directions=tuple(direction[rows] for direction in self.directions),
         )
 
     @property
@@ -179,6 +187,7 @@ class TargetTrajectory:
             positions=positions,
             rotations=rotations,
             direction_weights=direction_weights,
+            directions=tuple(each.nearest(self.time, time) for each in self.directions),
         )
 
 
@@ -317,6 +326,8 @@ def targets_of_arms(
             damping=target.damping,
             direction_weights=target.direction_weights,
         )
+        directions = tuple(each.checked(len(target)) for each in target.directions)
+        again = replace(again, directions=directions, with_ellipsoids=target.with_ellipsoids)
         checked.append(again)
     return checked
 

@@ -291,6 +291,20 @@ _TABLE: tuple[Option, ...] = (
         common=True,
     ),
     Flag("real_time", "motion", "Placement and plan for the person's speed"),
+    Word(
+        "capability",
+        "motion",
+        "What shall be large along the person's directions",
+        choices=("none", "force", "speed", "both"),
+        common=True,
+    ),
+    Number(
+        "capability_weight",
+        "motion",
+        "Its weight beside the ellipsoids, 1 for equal ones",
+        bounds=Bounds(minimum=0.0, maximum=100.0),
+        common=True,
+    ),
     Vector(
         "workspace",
         "motion",
@@ -525,6 +539,10 @@ class MotionOptions(Options):
     scale: float | None = None
     real_time: bool = False
     workspace: tuple[float, ...] | None = None  # [m]
+
+    # force and speed
+    capability: str = "none"
+    capability_weight: float = 0.3
 
     # surroundings
     collisions: bool = True

@@ -35,6 +35,7 @@ from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import Planner
 from maniport.motion.targets import TargetTrajectory, damping_of
+from maniport.pipeline.capability import with_directions
 from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.following import SampledRobot, bounded_profiles, measure, move
@@ -423,7 +424,7 @@ def targets_of(
             rotations=_hand_rotations(fit, settings.config.orientation),
         )
         targets.append(target)
-    return tuple(targets)
+    return with_directions(targets, human, adapters, planner, settings.config)
 
 
 def _epsilon(regularization: Regularization) -> float:

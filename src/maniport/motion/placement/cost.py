@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 
 from maniport.arms import EllipsoidSpec
 from maniport.motion.configurations import Configurations
+from maniport.motion.costs.capability import CapabilityCost
 from maniport.motion.costs.cost import NormalEquations
 from maniport.motion.costs.ellipsoid import EllipsoidCost
 from maniport.motion.costs.position import PositionCost
 from maniport.motion.costs.smoothness import SmoothnessCost
 from maniport.motion.demands import EXCESS_WEIGHT, inverses
+from maniport.motion.directions import DirectionTarget
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.placement.placement import SCALE, ArmPath, PlacementProblem
 from maniport.motion.plan.optimizer import (
@@ -339,11 +341,14 @@ class ArmPlacementCost:
 
         equations = NormalEquations.zeros(len(at), changes.shape[1])
         sums = (equations.square, equations.gradient, equations.hessian)
-        add_log_residual(spectrum.values, spectrum.vectors, ellipsoid.whitening, changes, *sums)
+        if self.arm.target.with_ellipsoids:
+            add_log_residual(spectrum.values, spectrum.vectors, ellipsoid.whitening, changes, *sums)
+            equations.ellipsoid_square[spectrum.singular] = np.inf
+        for direction in self.arm.directions(places):
+            _add_capability(at, direction, turns, equations)
         add_residual(position.residual(at), position_changes, *sums)
         for spec, vectors in self.arm.demands(places):
             self._add_excess(at, spec, vectors.reshape(-1, 3), turns, equations)
-        equations.ellipsoid_square[spectrum.singular] = np.inf
         return equations
 
     def _add_excess(
@@ -369,3 +374,18 @@ class ArmPlacementCost:
         slopes *= EXCESS_WEIGHT * ((share > 1.0) / share)[:, None]
         sums = (equations.square, equations.gradient, equations.hessian)
         add_residual(excess[:, None], slopes[:, None], *sums)
+
+
+def _add_capability(
+    at: Configurations, direction: DirectionTarget, turns: Array, equations: NormalEquations
+) -> None:
+    """Add the cost of too little force or speed along lines; `turns` generate rotations (b, k, 3, 3)."""
+    residuals = CapabilityCost(direction).residuals(at)
+    of_place = np.zeros((*residuals.residual.shape, turns.shape[1]))
+    if direction.follows_path:
+        each = np.repeat(turns, len(at) // len(turns), axis=0)
+        changes = np.einsum("nkxy,nly->nlkx", each, direction.lines)
+        of_place = np.einsum("nlkx,nlx->nlk", changes, residuals.line_changes)
+    slopes = np.concatenate([residuals.joint_changes, of_place], axis=2)
+    sums = (equations.square, equations.gradient, equations.hessian)
+    add_residual(residuals.residual, slopes, *sums)

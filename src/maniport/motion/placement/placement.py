@@ -15,6 +15,7 @@ from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.chain import rotation_about
 from maniport.errors import InvalidInputError
 from maniport.motion.demands import Demand
+from maniport.motion.directions import DirectionTarget
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.problem import ArmProblem
 from maniport.motion.targets import TargetTrajectory, as_rotations
@@ -141,6 +142,7 @@ class Placement(NotebookDisplay):
 
     def moved(self, target: TargetTrajectory) -> TargetTrajectory:
         """Return targets of the same motion where they are placed, in the robot's base frame."""
+        directions = tuple(each.turned(self.rotation) for each in target.directions)
         rotations = None
         if target.rotations is not None:
             rotations = self.rotation @ self.map_rotation @ target.rotations
@@ -150,6 +152,7 @@ class Placement(NotebookDisplay):
             ellipsoids=self.turned(target.ellipsoids),
             positions=self.apply(target.path),
             rotations=rotations,
+            directions=directions,
         )
 
     def write_data(self, folder: Path, time: ArrayLike | None = None) -> None:
@@ -218,7 +221,13 @@ class ArmPath:
             time=np.tile(self.target.time, len(places)),
             positions=self.positions(places).reshape(-1, 3),
             ellipsoids=ellipsoids.reshape(-1, *ellipsoids.shape[2:]),
+            directions=self.directions(places),
         )
+
+    def directions(self, places: Array) -> tuple[DirectionTarget, ...]:
+        """Lines at placements (b, 7), those of all waypoints of a placement before those of the next."""
+        rotations = path_rotations(places)
+        return tuple(each.turned(rotations) for each in self.target.directions)
 
     def demands(self, places: Array) -> list[Demand]:
         """Demands with vectors (k, n, 3) at placements (k, 7)."""
@@ -289,9 +298,7 @@ class PlacementProblem:
         for arm in self.arms:
             target = arm.placed(places)
             demands = [(spec, vectors.reshape(-1, 3)) for spec, vectors in arm.demands(places)]
-            costs = arm.reachability_map.costs(
-                target.shift, target.ellipsoids, target.path, samples, demands
-            )
+            costs = arm.reachability_map.costs(target, samples, demands)
             total += costs.reshape(len(places), -1).mean(axis=1)
         return total
 

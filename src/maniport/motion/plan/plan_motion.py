@@ -215,7 +215,9 @@ def _pointwise_bests(
     rows = evenly_spaced(len(q), most)
     count = PlanOptions.budget.pointwise_starts
     columns = planner.group.columns
-    arms = tuple(arm[rows].without_rotations() for arm in problem.arms)
+    arms = []
+    for arm in problem.arms:
+        arms.append(arm[rows].without_rotations().with_ellipsoids_only())
     starts = []
     for arm_planner, arm in zip(planner.arms, arms, strict=True):
         starts.append(arm_planner.bank.starts_for(arm.target, count))
@@ -224,7 +226,7 @@ def _pointwise_bests(
         joined = np.empty((len(rows), count, q.shape[1]))
         for arm_starts, arm_columns in zip(starts, columns, strict=True):
             joined[..., arm_columns] = arm_starts
-        coupled = replace(problem[rows], arms=arms, costs=vectors)
+        coupled = replace(problem[rows], arms=tuple(arms), costs=vectors)
         best = pointwise_best(coupled, joined, q[rows])
         configurations = [best[:, arm_columns] for arm_columns in columns]
     else:

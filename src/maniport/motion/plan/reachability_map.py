@@ -9,7 +9,7 @@ in the middle of their range.
 from collections.abc import Sequence
 from copy import deepcopy
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,19 @@ from scipy.spatial import cKDTree
 
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions, free_configurations
+from maniport.arms.directional import half_sphere
+from maniport.arms.manipulability import JOINT_LIMITS, LOAD
 from maniport.motion.arm_model import Axis
 from maniport.motion.demands import EXCESS_WEIGHT, Demand, inverses
+from maniport.motion.directions import (
+    REFERENCE_LINES,
+    REFERENCE_PERCENTILE,
+    REFERENCE_SAMPLES,
+    DirectionTarget,
+)
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
 from maniport.motion.problem import ArmProblem
+from maniport.motion.targets import TargetTrajectory
 from maniport.spd.kernels import compose, congruence, distances, eigh
 from maniport.util.validation import SPD_TOLERANCE, Array, as_count, as_generator
 
@@ -28,6 +37,22 @@ SAMPLES = 100_000  # With 30 000 the planned motion of the demo's recording is 3
 GAP_WEIGHT = 30.0  # Weight of the distance between a position and its nearest sample [1/m]
 MIN_NODES = 16  # Where fewer nodes reach a position, the nearest so many are taken: the position may be out of reach
 BLOCK = 1024  # Number of targets compared with their samples at a time: their data stays in the processor's cache
+
+
+class LineForms(NamedTuple):
+    """Matrices A of ellipsoids uᵀ A u ≤ 1 at samples, whose extents along lines are about those of polytopes."""
+
+    matrices: Array  # (n, 3, 3)
+    log_reference: float  # of the extents of samples along random lines, as `extent_reference`
+
+    @classmethod
+    def of(cls, matrices: Array) -> "LineForms":
+        """Find the reference from some of the samples."""
+        some = matrices[:REFERENCE_SAMPLES]
+        lines = half_sphere(REFERENCE_LINES)
+        squares = np.einsum("ki,nij,kj->nk", lines, some, lines, optimize=True)
+        logs = -0.5 * np.log(np.maximum(squares, 1e-300))
+        return cls(matrices, float(np.percentile(logs, REFERENCE_PERCENTILE)))
 
 
 class ReachabilityMap:
@@ -59,6 +84,7 @@ class ReachabilityMap:
             turns > negligible
         )  # which idle joints turn which axes (dof, 3)
         generator = as_generator(random_state)
+        self._forms: dict[str, LineForms] = {}
         self._allowed, self._first_limits = (
             dict[EllipsoidSpec, Array](),
             (arm.lower[0], arm.upper[0]),
@@ -115,32 +141,23 @@ class ReachabilityMap:
             else self.axis.cylindrical(points)
         )
 
-    def costs(
-        self,
-        shift: Array,
-        ellipsoids: Array,
-        positions: Array,
-        count: int,
-        demands: Sequence[Demand] = (),
-    ) -> Array:
-        """Cost d² + (`GAP_WEIGHT` · gap)² of samples next to positions (n, 3), for ellipsoids (n, d, d); shape (n,).
+    def costs(self, target: TargetTrajectory, count: int, demands: Sequence[Demand] = ()) -> Array:
+        """Cost d² + (`GAP_WEIGHT` · gap)² of samples next to the positions of targets, shape (n,).
 
-        d is the distance between ellipsoids after the matrix `shift` (d, d) is added to both.
+        d is the distance between damped ellipsoids; too little force or speed along lines adds to d².
 
         It is the mean of the best sixteenth of `count` samples, since a trajectory may not reach the best one. The gap
         is from a position to a sample that is turned there as far as the first joint's limits allow. Demands that
         exceed what a sample allows add to its cost.
         """
-        result = np.empty(len(positions))
-        for begin in range(0, len(positions), BLOCK):
+        result = np.empty(len(target))
+        for begin in range(0, len(target), BLOCK):
             part = slice(begin, begin + BLOCK)
             rows, gaps, first, angles, cost = self._near(
-                shift, ellipsoids[part], positions[part], count
+                target[part], target.ellipsoids[part], count
             )
-            beyond, radius = (
-                first - np.clip(first, *self._first_limits),
-                self.coordinates(positions[part])[0][:, :1],
-            )
+            beyond = first - np.clip(first, *self._first_limits)
+            radius = self.coordinates(target.path[part])[0][:, :1]
             cost += GAP_WEIGHT**2 * (gaps**2 + (2.0 * radius * np.sin(0.5 * beyond)) ** 2)
             for spec, vectors in demands:
                 turned = (self._turns(-angles) @ vectors[part, :, None])[..., 0]
@@ -153,18 +170,47 @@ class ReachabilityMap:
         return result
 
     def _near(
-        self, shift: Array, ellipsoids: Array, positions: Array, count: int
+        self, target: TargetTrajectory, ellipsoids: Array, count: int
     ) -> tuple[NDArray[np.intp], Array, Array, Array, Array]:
-        """Return rows of near samples, gaps [m], first joints turned there (n, k), angles (n,), and d² (n, k)."""
-        (coordinates, angles), (tree, samples) = self.coordinates(positions), self._located
+        """Return rows of near samples, gaps [m], first joints turned there (n, k), angles (n,), and d² (n, k).
+
+        `ellipsoids` are those of the target.
+        """
+        coordinates, angles = self.coordinates(target.path)
+        tree, samples = self._located
         gaps, rows = tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])
-        damped = congruence(self.spec.rotation(self._turns(-angles)), ellipsoids) + shift
-        square = distances(damped[:, None], samples[rows] + shift) ** 2
+        turns = self._turns(-angles)
+        square = np.zeros(rows.shape)
+        if target.with_ellipsoids:
+            damped = congruence(self.spec.rotation(turns), ellipsoids) + target.shift
+            square = distances(damped[:, None], samples[rows] + target.shift) ** 2
+        for direction in target.directions:
+            lines = direction.lines @ np.swapaxes(turns, 1, 2)
+            square += self._lacking(direction, lines, rows)
         first = self.q[rows, 0]
         if self.axis is not None:  # next to the middle of its limits
             lowest = 0.5 * (self.arm.lower[0] + self.arm.upper[0]) - np.pi
             first = lowest + np.remainder(first + angles[:, None] - lowest, 2.0 * np.pi)
         return rows, gaps, first, angles, square
+
+    def _lacking(self, direction: DirectionTarget, lines: Array, rows: NDArray[np.intp]) -> Array:
+        """Cost of too little force or speed along lines (n, k, 3) at samples (n, m), by ellipsoids; shape (n, m)."""
+        forms = self._line_forms(direction.kind)
+        squares = np.einsum(
+            "nmij,nkij->nmk", forms.matrices[rows], lines[..., None] * lines[..., None, :]
+        )
+        lacking = np.maximum(0.5 * np.log(np.maximum(squares, 1e-300)) + forms.log_reference, 0.0)
+        return np.asarray(np.einsum("nk,nmk->nm", 4.0 * direction.weights, lacking**2))
+
+    def _line_forms(self, kind: str) -> "LineForms":
+        """Ellipsoids of the extents at `q`."""
+        if kind not in self._forms:
+            spec = EllipsoidSpec(LOAD if kind == "force" else kind, joint_weights=JOINT_LIMITS)
+            ellipsoids = self.arm.ellipsoids(self.q, spec)
+            if kind == "velocity":
+                ellipsoids = inverses(ellipsoids)
+            self._forms[kind] = LineForms.of(ellipsoids)
+        return self._forms[kind]
 
     def _inverses(self, spec: EllipsoidSpec) -> Array:
         """Inverses of translational ellipsoids at `q`, shape (n, 3, 3)."""
@@ -223,7 +269,7 @@ class ReachabilityMap:
         """Return samples next to each target's position, turned there (n, k, dof), their costs and gaps [m] (n, k)."""
         target = problem.target
         ellipsoids = target.damped_ellipsoids - target.shift
-        rows, gaps, first, _, cost = self._near(target.shift, ellipsoids, target.path, count)
+        rows, gaps, first, _, cost = self._near(target, ellipsoids, count)
         q = self.q[rows]
         beyond = (first < self._first_limits[0]) | (first > self._first_limits[1])
         beyond &= ~beyond.all(axis=1, keepdims=True)  # better off the position than nothing at all

@@ -1,0 +1,232 @@
+"""What robots gain in force and speed along the person's directions: ``python -m benchmarks.capability FILE``.
+
+Each clip is transferred to each robot with several seeds by several methods. All but the first take the scale of the
+path that the first one found, so that their paths have the same size: a smaller path is an easier one. The results are
+appended to FILE, one JSON object a line; runs that it has already are not repeated.
+"""
+
+import argparse
+import itertools
+import json
+import time
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import maniport as mp
+from maniport.arms.directional import line_extent
+from maniport.mocap import ArmFit, shipped_recording
+from maniport.motion import Placement, RobotMotion
+from maniport.motion.directions import DirectionTarget, extent_reference
+from maniport.motion.targets import TargetTrajectory
+from maniport.pipeline.capability import CAPABILITIES, person_directions, positions_only
+from maniport.pipeline.config import Config
+from maniport.pipeline.following import move
+from maniport.pipeline.human import Human
+from maniport.pipeline.transfer import FittedTransfer, mean_rotation
+from maniport.util.validation import Array
+
+ROBOTS = ("panda", "xarm7", "ur5", "iiwa", "kinova3", "g1_right_arm")
+CLIPS = (
+    ("freeform", "right", 0.5, 2.5),
+    ("freeform", "right", 2.0, 3.0),
+    ("freeform", "right", 2.0, 6.0),
+    ("freeform", "right", 5.0, 6.2),
+    ("freeform", "right", 1.0, 7.0),
+    ("both-arms", "left", 1.0, 4.0),
+    ("both-arms", "left", 5.0, 7.0),
+    ("both-arms", "right", 3.0, 6.0),
+    ("ladder", "right", 5.0, 9.0),
+    ("ladder", "right", 10.0, 13.0),
+    ("ladder", "right", 20.0, 21.5),
+    ("ladder", "right", 22.0, 26.0),
+    ("ladder", "left", 6.0, 10.0),
+    ("ladder", "left", 12.0, 14.0),
+    ("ladder", "left", 20.0, 24.0),
+    ("ladder", "left", 28.0, 31.0),
+)
+SEEDS = (0, 1, 2)
+POSITIONS = "positions only"
+FOREARM = "forearm line"
+DEFAULT = "default"
+WEIGHTS = ("weight 0.03", "weight 0.1", "weight 0.3", "weight 1")
+METHODS = (DEFAULT, "none", POSITIONS, FOREARM, "directions alone", *WEIGHTS)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One transfer."""
+
+    recording: str
+    side: str
+    start: float
+    stop: float
+    robot: str
+    seed: int
+    method: str
+
+
+def options_of(run: Run, scale: float | None) -> Config:
+    """Return the options of a run; methods that change the targets start from the default."""
+    config = Config(side=run.side, start=run.start, stop=run.stop, seed=run.seed, scale=scale)
+    if run.method == "none":
+        return config.changed(capability="none")
+    if run.method in WEIGHTS:
+        return config.changed(capability_weight=float(run.method.split()[1]))
+    return config
+
+
+def changed_targets(
+    run: Run, targets: Sequence[TargetTrajectory], fit: ArmFit, rotation: Array, robot: mp.Arm
+) -> Sequence[TargetTrajectory]:
+    """Return the targets of a method."""
+    if run.method == POSITIONS:
+        return positions_only(targets)
+    if run.method == "directions alone":
+        return [replace(target, with_ellipsoids=False) for target in targets]
+    if run.method == FOREARM:
+        return [along_forearm(target, fit, rotation, robot) for target in targets]
+    return targets
+
+
+def along_forearm(
+    target: TargetTrajectory, fit: ArmFit, rotation: Array, robot: mp.Arm
+) -> TargetTrajectory:
+    """Return targets with the line of the forearm in place of the person's strongest and fastest ones."""
+    points = fit.arm.point_positions(fit.joint_angles, ["elbow", "wrist"])
+    lines = points[:, 1] - points[:, 0]
+    lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+    weight = mp.pipeline.Config().capability_weight
+    directions = []
+    for direction in target.directions:
+        directions.append(
+            DirectionTarget(
+                kind=direction.kind,
+                lines=(lines @ rotation.T)[:, None],
+                weights=np.full((len(lines), 1), weight),
+                reference=extent_reference(robot, direction.kind),
+            )
+        )
+    return replace(target, directions=tuple(directions))
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A clip and a robot whose map is fitted once for all methods."""
+
+    human: Human
+    fitted: FittedTransfer
+
+    @classmethod
+    def of(cls, run: Run) -> "Case":
+        """Read the clip, and fit the map."""
+        transfer = mp.Transfer(run.robot, options_of(run, None))
+        human = transfer.read(shipped_recording(run.recording))
+        return cls(human, transfer.fit(human))
+
+    def transferred(self, run: Run, scale: float | None) -> dict[str, float]:
+        """Place and plan by a method; return what its motion is measured by."""
+        settings = replace(self.fitted.settings, config=options_of(run, scale))
+        fitted = replace(self.fitted, settings=settings)
+        (fit,) = self.human.motion.arms
+        (adapter,) = fitted.adapters
+        (arm,) = settings.arms
+        begin = time.process_time()
+        targets = changed_targets(run, fitted.map(self.human), fit, adapter.map_rotation_, arm)
+        robot = replace(fitted.robot, random=deepcopy(fitted.robot.random))
+        rotation = mean_rotation(fitted.maps)
+        motion, placements = move(tuple(targets), robot, settings, rotation)
+        assert placements is not None
+        seconds = time.process_time() - begin
+        result = measured(fit, arm, motion, placements[0])
+        return {**result, "scale": placements[0].scale, "processor_s": seconds}
+
+
+def measured(
+    fit: ArmFit, arm: mp.Arm, motion: RobotMotion, placement: Placement
+) -> dict[str, float]:
+    """Return force and speed along the person's strongest and fastest lines, and other figures of a motion."""
+    rotation = placement.rotation @ placement.map_rotation
+    own = motion.arms[0]
+    result = {}
+    for kind in CAPABILITIES["both"]:
+        lines = person_directions(fit, kind).best @ rotation.T
+        extents = line_extent(arm, own.joint_positions, lines[:, None], kind)[:, 0]
+        result[kind] = float(np.median(extents))
+        result[f"{kind}_5"] = float(np.percentile(extents, 5.0))
+    assert own.position_error is not None
+    result["distance"] = float(np.median(own.distance))
+    result["position_error_95_mm"] = 1e3 * float(np.percentile(own.position_error, 95.0))
+    result["duration_s"] = float(own.control_time[-1])
+    result["colliding"] = float(motion.clearance.share)
+    return result
+
+
+def main() -> None:
+    """Run what is missing, and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.capability", description=__doc__)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--clips", type=int, default=len(CLIPS), help="number of clips")
+    parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
+    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
+    parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=METHODS)
+    options = parser.parse_args()
+    known: dict[Run, dict[str, float]] = {}
+    if options.file.exists():
+        for line in options.file.read_text(encoding="utf-8").splitlines():
+            record = json.loads(line)
+            known[Run(**record["run"])] = record["result"]
+    methods = sorted({DEFAULT, *options.methods}, key=METHODS.index)
+    cases = itertools.product(options.seeds, CLIPS[: options.clips], options.robots)
+    for seed, clip, robot in cases:
+        scale = None
+        case = None
+        for method in methods:
+            run = Run(*clip, robot, seed, method)
+            if run not in known:
+                if case is None:
+                    case = Case.of(run)
+                known[run] = case.transferred(run, scale)
+                line = json.dumps({"run": asdict(run), "result": known[run]})
+                with options.file.open("a", encoding="utf-8") as file:
+                    file.write(f"{line}\n")
+            if method == DEFAULT:
+                scale = known[run]["scale"]
+    print_table(known, options.robots, methods)
+
+
+def print_table(
+    known: dict[Run, dict[str, float]], robots: Sequence[str], methods: Sequence[str]
+) -> None:
+    """Print medians over clips and seeds, relative to positions only, and their 5th percentiles."""
+    print(
+        "| robot | method | force × | speed × | force × of 5th | speed × of 5th | distance | duration × | mm |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    for robot, method in itertools.product(robots, methods):
+        rows = []
+        for run, result in known.items():
+            reference = known.get(replace(run, method=POSITIONS))
+            if run.robot == robot and run.method == method and reference is not None:
+                rows.append((result, reference))
+        if not rows:
+            continue
+        cells = []
+        for name in ("force", "velocity", "force_5", "velocity_5"):
+            cells.append(spread([own[name] / other[name] for own, other in rows]))
+        cells.append(f"{np.median([own['distance'] for own, _ in rows]):.2f}")
+        cells.append(spread([own["duration_s"] / other["duration_s"] for own, other in rows]))
+        cells.append(f"{np.median([own['position_error_95_mm'] for own, _ in rows]):.1f}")
+        print(f"| {robot} | {method} ({len(rows)}) | {' | '.join(cells)} |")
+
+
+def spread(ratios: Sequence[float]) -> str:
+    """Write the median, and in brackets the 5th percentile."""
+    return f"{np.median(ratios):.2f} ({np.percentile(ratios, 5.0):.2f})"
+
+
+if __name__ == "__main__":
+    main()
