@@ -27,8 +27,8 @@ from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner
 from maniport.motion.placement import search
 from maniport.motion.placement.cost import PlacementCost
-from maniport.motion.plan import planner
-from maniport.motion.plan.plan_options import PLACEMENT_ROUNDS, PlanOptions
+from maniport.motion.plan import plan_options, planner
+from maniport.motion.plan.plan_options import PLACEMENT_ROUNDS
 from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
@@ -90,8 +90,8 @@ def load(name: str) -> Arm:
 def changed(variant: str) -> ExitStack:
     """Set the search budget of a variant, and patch what the variant changes."""
     stack = ExitStack()
-    budget = replace(PlanOptions.budget, **BUDGETS.get(variant, {}))
-    stack.enter_context(mock.patch.object(PlanOptions, "budget", budget))
+    budget = replace(plan_options.DEFAULT_BUDGET, **BUDGETS.get(variant, {}))
+    stack.enter_context(mock.patch.object(plan_options, "DEFAULT_BUDGET", budget))
     if variant in PATCHES:
         stack.enter_context(mock.patch.object(*PATCHES[variant]))
     return stack

@@ -22,7 +22,7 @@ from maniport.mocap import ArmFit, shipped_recording
 from maniport.motion import Placement, RobotMotion
 from maniport.motion.directions import DirectionTarget, extent_reference
 from maniport.motion.targets import TargetTrajectory
-from maniport.pipeline.capability import CAPABILITIES, person_directions, positions_only
+from maniport.pipeline.capability import CAPABILITIES, person_lines, positions_only
 from maniport.pipeline.config import Config
 from maniport.pipeline.following import move
 from maniport.pipeline.human import Human
@@ -153,7 +153,7 @@ def measured(
     own = motion.arms[0]
     result = {}
     for kind in CAPABILITIES["both"]:
-        lines = person_directions(fit, kind).best @ rotation.T
+        lines = person_lines(fit, kind)[0][:, 0] @ rotation.T
         extents = line_extent(arm, own.joint_positions, lines[:, None], kind)[:, 0]
         result[kind] = float(np.median(extents))
         result[f"{kind}_5"] = float(np.percentile(extents, 5.0))

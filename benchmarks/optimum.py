@@ -18,7 +18,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.mocap import shipped_recording
-from maniport.motion import PlanOptions
+from maniport.motion.plan import plan_options
 
 ROBOTS = ("panda", "ur5", "xarm7", "iiwa", "kinova3", "g1_right_arm")
 CLIPS = (
@@ -50,14 +50,14 @@ class Run:
 
 def transferred(run: Run) -> dict[str, float]:
     """Transfer a clip; return what its motion is measured by."""
-    budget = PlanOptions.budget
+    budget = plan_options.DEFAULT_BUDGET
     if run.reference:
         rounds = [each._replace(kept=SEARCH * each.kept) for each in budget.rounds[:-1]]
         budget = replace(
             budget, candidates=SEARCH * budget.candidates, rounds=(*rounds, budget.rounds[-1])
         )
     begin = time.process_time()
-    with mock.patch.object(PlanOptions, "budget", budget):
+    with mock.patch.object(plan_options, "DEFAULT_BUDGET", budget):
         result = mp.transfer_recording(
             shipped_recording(run.recording),
             robot=run.robot,

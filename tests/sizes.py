@@ -7,7 +7,8 @@ from unittest import mock
 import numpy as np
 
 from maniport.arms import load_arm
-from maniport.motion.plan.plan_options import PlacementRound, PlanOptions
+from maniport.motion.plan import plan_options
+from maniport.motion.plan.plan_options import PlacementRound
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 
@@ -29,9 +30,9 @@ def little_search(**budget):
     )
     less = {"candidates": 64, "rounds": rounds, "nodes": 150, "stage": 1.0, "rel_tol": 1e-3}
     gap = {"pointwise_starts": 8, "gap_points": 40, "gap_starts": 16}
-    few = replace(PlanOptions.budget, **less | gap | budget)
+    few = replace(plan_options.DEFAULT_BUDGET, **less | gap | budget)
     with (
-        mock.patch.object(PlanOptions, "budget", few),
+        mock.patch.object(plan_options, "DEFAULT_BUDGET", few),
         mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 10_000),
     ):
         yield

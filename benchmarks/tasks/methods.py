@@ -21,7 +21,6 @@ from maniport.arms.directional import half_sphere, line_extent, polytope_extent
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain
 from maniport.errors import collected_warnings
-from maniport.evaluation import capability
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import MotionLimits
 from maniport.motion.plan.roadmap import (
@@ -133,9 +132,7 @@ def follow(problem: Problem, start: Array) -> Array:
     """Follow the path from a start (dof,) by the pseudoinverse within the joint limits, as differential IK does."""
     path = problem.task.path
     approach = np.linspace(problem.arm.forward(start)[:3, 3], path[0], 10, endpoint=False)
-    return capability.follow_positions(problem.arm, start, np.concatenate([approach, path]))[
-        len(approach) :
-    ]
+    return follow_positions(problem.arm, start, np.concatenate([approach, path]))[len(approach) :]
 
 
 def elbow_cost(problem: Problem) -> Cost:
@@ -284,3 +281,25 @@ def _on_path(problem: Problem, q: Array) -> tuple[Array, Array]:
     """Bring configurations at all waypoints onto the path; return them and their position errors."""
     moved, _ = moved_to_positions(problem.arm, q, problem.task.path)
     return moved_to_positions(problem.arm, moved, problem.task.path)
+
+
+def follow_positions(
+    arm: Arm, start: Array, positions: Array, tolerance: float = 1e-4, most_steps: int = 20
+) -> Array:
+    """Follow positions (n, 3) from a start (dof,) by the pseudoinverse, within limits; shape (n, dof)."""
+    result, now = np.empty((len(positions), arm.dof)), start
+    for i, position in enumerate(positions):
+        for _ in range(most_steps):
+            pose, jacobian = arm.motion(now)
+            error = position - pose[:3, 3]
+            if error @ error < tolerance**2:
+                break
+            step = np.linalg.lstsq(jacobian[:3], error, rcond=1e-3)[0]
+            ends = (now + step < arm.lower) | (now + step > arm.upper)
+            if ends.any():  # the other joints do it
+                step = np.where(
+                    ends, 0.0, np.linalg.lstsq(jacobian[:3] * ~ends, error, rcond=1e-3)[0]
+                )
+            now = np.clip(now + step, arm.lower, arm.upper)
+        result[i] = now
+    return result

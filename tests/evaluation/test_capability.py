@@ -7,7 +7,12 @@ from scipy.optimize import linprog
 from maniport import load_arm
 from maniport.arms.directional import ellipsoid_extent, half_sphere, polytope_extent
 from maniport.errors import InvalidInputError
-from maniport.evaluation.capability import compare_capabilities, follow_positions, resemblance
+from maniport.evaluation.capability import (
+    DirectedMotion,
+    PersonMotion,
+    compare_capability,
+    resemblance,
+)
 
 
 def largest(equalities, bounds):
@@ -60,23 +65,37 @@ def test_missing_limits_and_zero_directions_are_named():
         polytope_extent(arm, arm.sample(1), np.zeros((1, 3)))
 
 
-def test_a_motion_is_compared_with_positions_alone():
-    robot, person = load_arm("panda"), load_arm("myoarm")
-    home, phase = (
-        np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8]),
-        np.linspace(0.0, 2.0, 60)[:, None],
-    )
-    q = home + 0.2 * np.sin(phase + np.arange(7))
-    alone = follow_positions(robot, q[0], robot.forward(q)[:, :3, 3])
-    np.testing.assert_allclose(
-        robot.forward(alone)[:, :3, 3], robot.forward(q)[:, :3, 3], atol=2e-4
-    )
-    angles = np.clip(0.4 + 0.1 * np.sin(phase + np.arange(7)), person.lower, person.upper)
-    force, speed = compare_capabilities(person, angles, robot, q, phase[:, 0], np.eye(3))
-    assert speed.person is None
-    assert force.person.shape == force.robot.shape == (60,)
+def test_a_motion_is_compared_with_others_along_its_lines():
+    robot = load_arm("panda")
+    person = load_arm("myoarm")
+    phase = np.linspace(0.0, 2.0, 60)
+    waves = np.sin(phase[:, None] + np.arange(7))
+    q = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8]) + 0.2 * waves
+    other = q - 0.1
+    angles = np.clip(0.4 + 0.1 * waves, person.lower, person.upper)
     u = half_sphere()
-    best = u[polytope_extent(person, angles[:1], u).argmax()]
-    expected = min(polytope_extent(robot, q[:1], [sign * best])[0, 0] for sign in (1.0, -1.0))
-    assert force.robot[0] == pytest.approx(expected)
-    assert force.robot[0] == pytest.approx(force.position_only[0])
+    best = u[polytope_extent(person, angles, u).argmax(axis=1)]
+    motion = DirectedMotion(q, best, np.eye(3))
+    force = compare_capability(
+        "force",
+        robot,
+        phase,
+        motion,
+        position_only=DirectedMotion(other, best, np.eye(3)),
+        person=PersonMotion(person, angles),
+    )
+    for joints, extents in ((q, force.robot), (other, force.position_only)):
+        both = [polytope_extent(robot, joints[:1], [sign * best[0]])[0, 0] for sign in (1.0, -1.0)]
+        assert extents[0] == pytest.approx(min(both))
+    assert force.person[0] == pytest.approx(polytope_extent(person, angles[:1], best[:1])[0, 0])
+    assert force.gain == pytest.approx(np.median(force.robot) / np.median(force.position_only))
+    assert force.same_path is None
+    assert force.resemblance == pytest.approx(
+        resemblance(
+            np.minimum(polytope_extent(robot, q, u), polytope_extent(robot, q, -u)),
+            polytope_extent(person, angles, u),
+        )
+    )
+    speed = compare_capability("velocity", robot, phase, motion)
+    assert (speed.person, speed.position_only) == (None, None)
+    assert np.isnan(speed.gain)

@@ -179,8 +179,9 @@ def own_limits(result):
 
 
 def test_the_first_measured_joints_are_the_start(session, limits):
-    change = np.array([0.3, -0.3, -0.3, 0.3, 0.3, 0.3, 0.3])
-    measured = session.live.joint_positions + change
+    start = session.live.joint_positions
+    middle = 0.5 * (limits.arm.lower + limits.arm.upper)
+    measured = start + 0.3 * np.sign(middle - start)
     state = session.run(0.5, pose=1, joints=measured)
     assert_array_equal(state.joint_positions, measured)
     session.live.engage()
@@ -218,7 +219,8 @@ def test_measured_joints_far_from_commands_end_consent(session, limits):
     session.live.engage()
     session.run(0.3, pose=1)
     stuck = session.states[-1].joint_positions.copy()
-    stuck[3] -= 0.35
+    middle = 0.5 * (limits.arm.lower[3] + limits.arm.upper[3])
+    stuck[3] += 0.35 * np.sign(middle - stuck[3])
     state = session.step(session.points[1], joints=stuck)
     assert state.state == "displaced"
     session.live.engage()

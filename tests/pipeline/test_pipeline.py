@@ -152,10 +152,15 @@ def test_a_result_is_written_whole_and_can_be_read_back(result, tmp_path):
     )
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     rows = list(csv.reader((folder / "person.csv").open()))
-    assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.arm.fit.arm.joint_names)]
-    np.testing.assert_allclose(
-        np.array(rows[1:], float)[:, 1:], np.degrees(result.arm.fit.joint_angles), atol=1e-4
-    )
+    joints = [f"{name}_deg" for name in result.arm.fit.arm.joint_names]
+    lines = [f"direction_{what}_{axis}" for what in ("force", "speed") for axis in "xyz"]
+    assert rows[0] == ["time_s", *joints, *lines]
+    numbers = np.array(rows[1:], float)
+    np.testing.assert_allclose(numbers[:, 1:8], np.degrees(result.arm.fit.joint_angles), atol=1e-4)
+    for capability, columns in zip(
+        result.arm.capabilities, np.split(numbers[:, 8:], 2, axis=1), strict=True
+    ):
+        np.testing.assert_allclose(columns, capability.lines, atol=1e-9)
     for name, profile in (
         ("demonstrated", result.arm.demonstrated_profile),
         ("target", result.arm.target_profile),

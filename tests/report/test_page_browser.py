@@ -117,7 +117,9 @@ def test_the_first_screen_has_the_summary(browser, results, small_result):
     ]
     assert ends == sorted(ends)
     assert ends[3] < 768
-    time = report_of(small_result).main_metrics[0].value.time_of_maximum - small_result.time[0]
+    statistics = [metric.statistics for metric in report_of(small_result).main_metrics]
+    (first, *_) = filter(None, statistics)
+    time = first.time_of_maximum - small_result.time[0]
     browser.run("document.querySelector('.card a').click()")
     browser.wait(f"Math.abs(maniport.player.now - {time}) < 1e-5")
     assert browser.complaints == []
@@ -163,7 +165,8 @@ def test_a_thinned_page_contains_the_waypoints_of_its_links(small_result):
     animation = animation_of(small_result)
     n = len(animation.time)
     report = report_of(small_result)
-    largest_at = report.main_metrics[0].value.time_of_maximum
+    statistics = [metric.statistics for metric in report.main_metrics if metric.statistics]
+    largest_at = statistics[0].time_of_maximum
     row = int(np.abs(animation.time - largest_at).argmin())
     kept = kept_rows(animation.time, 4, report.times)
     assert row in kept

@@ -33,7 +33,12 @@ COMPUTING = "computing_s"  # Processor time of a pair [s], the one column in whi
 NUMBERS = {"median": "median", "p95": "95th percentile", "max": "max"}  # Of statistics
 PARTS = "upper arm", "forearm", "hand"
 
+CAPABILITIES = (
+    *(f"motion.force.{name}" for name in ("robot.median", "robot.p5", "position_only.median")),
+    *(f"motion.velocity.{name}" for name in ("robot.median", "robot.p5", "position_only.median")),
+)
 METRICS = (
+    *CAPABILITIES,
     *(f"motion.{key}{SUFFIXES.get(unit, '')}.{value}" for key, (_, unit, _) in STATISTICS.items()
       if key != "relative_position_error" for value in NUMBERS),
     *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
@@ -135,6 +140,10 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
 
 
 PAGE_METRICS = (
+    ("motion.force.robot.median", "Force where the person is strong [N]", 0),
+    ("motion.force.position_only.median", "Positions only [N]", 0),
+    ("motion.velocity.robot.median", "Speed where the person is fast [m/s]", 2),
+    ("motion.velocity.position_only.median", "Positions only [m/s]", 2),
     *((f"motion.distance.{value}", f"Ellipsoid distance, {name}", 2) for value, name in NUMBERS.items()),
     *((f"motion.position_error_mm.{value}", f"Position error, {name} [mm]", 1) for value, name in NUMBERS.items()),
     ("motion.feasibility_gap.median", "Distance to the feasible set, median", 2),

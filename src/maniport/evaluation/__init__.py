@@ -6,7 +6,7 @@ from maniport.arms.directional import (
     line_extent,
     polytope_extent,
 )
-from maniport.evaluation.capability import Capability, compare_capabilities, resemblance
+from maniport.evaluation.capability import Capability, compare_capability, resemblance
 from maniport.evaluation.comparison import evaluate, select_method
 from maniport.evaluation.metrics import (
     RMSE,
@@ -26,7 +26,7 @@ __all__ = [
     "Evaluation",
     "Gaps",
     "Row",
-    "compare_capabilities",
+    "compare_capability",
     "distance_preservation",
     "ellipsoid_extent",
     "evaluate",

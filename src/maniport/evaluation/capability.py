@@ -1,42 +1,129 @@
-"""Force and speed of a robot's motion along the directions in which the person has most."""
+"""Force and speed of a robot's motion along lines, beside motions that do not try for them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import Arm
-from maniport.arms.directional import half_sphere, is_limited, line_extent, polytope_extent
+from maniport.arms.directional import half_sphere, line_extent, polytope_extent
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
+
+MOST_ROWS = 200  # Waypoints by which motions are compared over all directions
 
 
 @dataclass(frozen=True, eq=False)
 class Capability:
-    """Force or speed of a robot's motion along the directions in which the person has most, at k waypoints.
+    """Force or speed of a robot's motion along a line at each of n waypoints, and of motions to compare it with.
+
+    All are the smaller value of both senses of the line, within the limits of all joints.
 
     Attributes
     ----------
     kind : {"force", "velocity"}
-    time : ndarray, shape (k,)
+    time : ndarray, shape (n,)
         Of the waypoints [s].
-    robot, position_only : ndarray, shape (k,)
-        Of the motion, and of one with the same start and path that follows the positions alone [N] or [m/s]; the
-        smaller value of both senses of a direction.
-    person : ndarray, shape (k,), or None
-        Of the person [N]; None for speeds, since human arms have no velocity limits. Directions are then those of unit
-        joint velocities.
+    lines : ndarray, shape (n, 3)
+        Unit vectors in the robot's base frame: of the person's largest value, or given.
+    robot : ndarray, shape (n,)
+        Of the motion [N] or [m/s].
+    position_only : ndarray, shape (n,), or None
+        Of a motion planned through the positions alone, on a path of the same size that was placed for it.
+    same_path : ndarray, shape (n,), or None
+        Of a motion planned through the positions alone, on the path of the motion.
+    person : ndarray, shape (n,), or None
+        Of the person [N]; None for speeds, since human arms have no velocity limits: the lines are then those of the
+        largest speed with joint velocities of at most 1 rad/s.
     resemblance, position_only_resemblance : float
-        Correlation of the logarithms with the person's over 64 directions, without the level of each waypoint.
+        Correlation of the logarithms with the person's over 64 directions, without the level of each waypoint; nan
+        where there is nothing to compare.
     """
 
     kind: str
     time: Array
+    lines: Array
     robot: Array
-    position_only: Array
-    person: Array | None
-    resemblance: float
-    position_only_resemblance: float
+    position_only: Array | None = None
+    same_path: Array | None = None
+    person: Array | None = None
+    resemblance: float = np.nan
+    position_only_resemblance: float = np.nan
+
+    @property
+    def gain(self) -> float:
+        """Ratio of the median to that of positions only; nan without them."""
+        if self.position_only is None:
+            return np.nan
+        return float(np.median(self.robot) / np.median(self.position_only))
+
+
+class DirectedMotion(NamedTuple):
+    """A motion of a robot, and the lines along which its extents count."""
+
+    joint_positions: Array  # (n, dof)
+    lines: Array  # (n, 3), in the robot's base frame
+    rotation: Array  # (3, 3), from the person's trunk frame to the base frame
+
+    def extents(self, robot: Arm, kind: str) -> Array:
+        """Return extents along the lines, shape (n,)."""
+        return line_extent(robot, self.joint_positions, self.lines[:, None], kind)[:, 0]
+
+    def resemblance(self, robot: Arm, kind: str, person: Array, rows: NDArray[np.intp]) -> float:
+        """Correlate with the person's extents (m, 64) at some rows (m,)."""
+        lines = half_sphere() @ self.rotation.T
+        return resemblance(line_extent(robot, self.joint_positions[rows], lines, kind), person)
+
+
+class PersonMotion(NamedTuple):
+    """A person's arm with the limits of a kind, and its motion."""
+
+    arm: Arm
+    joint_angles: Array  # (n, dof)
+
+
+def compare_capability(
+    kind: str,
+    robot: Arm,
+    time: Array,
+    motion: DirectedMotion,
+    position_only: DirectedMotion | None = None,
+    same_path: DirectedMotion | None = None,
+    person: PersonMotion | None = None,
+) -> Capability:
+    """Compare force or speed of a robot's motion along lines with that of other motions, and of a person.
+
+    Parameters
+    ----------
+    kind : {"force", "velocity"}
+    robot : Arm
+        With the limits of the kind.
+    time : ndarray, shape (n,)
+        Of the waypoints [s].
+    motion, position_only, same_path : DirectedMotion
+        At the same waypoints; the others are those of `Capability`.
+    person : PersonMotion, optional
+    """
+    result = Capability(kind, time, motion.lines, motion.extents(robot, kind))
+    if position_only is not None:
+        result = replace(result, position_only=position_only.extents(robot, kind))
+    if same_path is not None:
+        result = replace(result, same_path=same_path.extents(robot, kind))
+    if person is None:
+        return result
+
+    rows = evenly_spaced(len(time), MOST_ROWS)
+    of_person = polytope_extent(person.arm, person.joint_angles[rows], half_sphere(), kind)
+    result = replace(result, resemblance=motion.resemblance(robot, kind, of_person, rows))
+    if position_only is not None:
+        likeness = position_only.resemblance(robot, kind, of_person, rows)
+        result = replace(result, position_only_resemblance=likeness)
+    if kind == "force":
+        lines = motion.lines @ motion.rotation  # in the trunk frame
+        forces = line_extent(person.arm, person.joint_angles, lines[:, None], kind)
+        result = replace(result, person=forces[:, 0])
+    return result
 
 
 def resemblance(first: ArrayLike, other: ArrayLike) -> float:
@@ -53,72 +140,3 @@ def resemblance(first: ArrayLike, other: ArrayLike) -> float:
     logarithms -= logarithms.mean(axis=2, keepdims=True)
     a, b = logarithms.reshape(2, -1)
     return float(a @ b / np.sqrt((a @ a) * (b @ b))) if len(a) else np.nan
-
-
-def compare_capabilities(
-    person: Arm,
-    joint_angles: Array,
-    robot: Arm,
-    q: Array,
-    time: Array,
-    rotation: Array,
-    most: int = 200,
-) -> tuple[Capability, ...]:
-    """Compare a robot's motion with the person's and with a motion along the same positions.
-
-    Parameters
-    ----------
-    person, robot : Arm
-    joint_angles, q : ndarray, shapes (n, dof of the person) and (n, dof)
-        Configurations at the same waypoints.
-    time : ndarray, shape (n,)
-        Of the waypoints [s].
-    rotation : ndarray, shape (3, 3)
-        From the person's base frame to the robot's.
-    most : int
-        Number of waypoints that are compared, evenly spaced.
-
-    Returns
-    -------
-    tuple of Capability
-        Force and speed, without those for which limits of a joint are missing.
-    """
-    rows, u, results = evenly_spaced(len(q), most), half_sphere(), []
-    models = {"force": person, "velocity": person.with_limits(velocity=1.0)}
-    models = {
-        kind: arm
-        for kind, arm in models.items()
-        if is_limited(robot, kind) and is_limited(arm, kind)
-    }
-    along = robot.forward(q[rows])[:, :3, 3]
-    motions = (q[rows], follow_positions(robot, q[0], along)) if models else ()
-    for kind, model in models.items():
-        own = polytope_extent(model, joint_angles[rows], u, kind)
-        moved, free = (line_extent(robot, motion, u @ rotation.T, kind) for motion in motions)
-        best = np.arange(len(rows)), own.argmax(axis=1)
-        forces = None if kind == "velocity" else own[best]
-        likeness = resemblance(moved, own), resemblance(free, own)
-        results.append(Capability(kind, time[rows], moved[best], free[best], forces, *likeness))
-    return tuple(results)
-
-
-def follow_positions(
-    arm: Arm, start: Array, positions: Array, tolerance: float = 1e-4, most_steps: int = 20
-) -> Array:
-    """Follow positions (n, 3) from a start (dof,) by the pseudoinverse, within limits; shape (n, dof)."""
-    result, now = np.empty((len(positions), arm.dof)), start
-    for i, position in enumerate(positions):
-        for _ in range(most_steps):
-            pose, jacobian = arm.motion(now)
-            error = position - pose[:3, 3]
-            if error @ error < tolerance**2:
-                break
-            step = np.linalg.lstsq(jacobian[:3], error, rcond=1e-3)[0]
-            ends = (now + step < arm.lower) | (now + step > arm.upper)
-            if ends.any():  # the other joints do it
-                step = np.where(
-                    ends, 0.0, np.linalg.lstsq(jacobian[:3] * ~ends, error, rcond=1e-3)[0]
-                )
-            now = np.clip(now + step, arm.lower, arm.upper)
-        result[i] = now
-    return result

@@ -62,6 +62,9 @@ class ArmMotion(Trajectory):
         end effector on the path (at most 250 waypoints; its square is linear between them), or achieved by the motion.
     clearance : Clearance
         Of a planned motion, together with all other arms.
+    directed : bool
+        Whether the motion shall be strong or fast along lines. The distance to ellipsoids then has no part in the
+        status.
     """
 
     arm: str
@@ -82,6 +85,7 @@ class ArmMotion(Trajectory):
     demonstrated_time: Array | None = None
     pointwise_best: Array | None = None
     clearance: Clearance = field(default_factory=Clearance)
+    directed: bool = False
 
     @classmethod
     def of_motion(
@@ -133,6 +137,9 @@ class ArmMotion(Trajectory):
         off_path = (
             np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
         )
+        judged = distance
+        if target.directions:
+            judged = np.zeros(len(distance))
         steps = stopped, np.asarray(ends.any(axis=1)), np.append(False, fast.any(axis=1))
         return cls(
             **{item.name: getattr(trajectory, item.name) for item in fields(Trajectory)},
@@ -148,9 +155,10 @@ class ArmMotion(Trajectory):
             position_error=error,
             orientation_error=problem.orientation_error(q),
             position_tolerance=position_tolerance,
-            status=statuses_of(trajectory.time, distance, off_path, time, *steps),
+            status=statuses_of(trajectory.time, judged, off_path, time, *steps),
             held=stopped,
             velocity_limits=velocity_limits,
+            directed=bool(target.directions),
             **plan,
         )
 

@@ -17,7 +17,7 @@ A point is followed when d ≤ 0.1, and nearly followed when d ≤ 0.4; with a p
 the tolerance (1 mm by default). Otherwise the point is missed. The status then names a velocity or joint limit, if a
 joint has reached one since the point before; else what is missed, the position or the ellipsoid, position first.
 Ellipsoid and position together have more constraints than a 7-joint arm has degrees of freedom: a missed ellipsoid may
-be feasible at another position.
+be feasible at another position. Where lines of force or speed are targets, the ellipsoid does not count.
 """
 REACHED: tuple[Status, ...] = (
     "followed",

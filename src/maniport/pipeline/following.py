@@ -128,10 +128,11 @@ def move(
     settings: Settings,
     map_rotation: Array | None = None,
     placed: bool = True,
+    pointwise: bool = True,
 ) -> tuple[RobotMotion, tuple[Placement, ...] | None]:
     """Place the paths and plan a motion along them; where it collides, along the next best placements.
 
-    `map_rotation` (3, 3) is that of the ellipsoids by the maps, which the paths get, too.
+    `map_rotation` (3, 3) is that of the ellipsoids by the maps, which the paths get, too; `pointwise` as in `plan`.
     """
     if not placed:
         return plan(targets, robot, settings), None
@@ -143,7 +144,7 @@ def move(
         for placement, target in zip(placements, targets, strict=True):
             placed_targets.append(placement.moved(target))
             starts.append(placement.joint_positions)
-        motions.append(plan(placed_targets, robot, settings, starts))
+        motions.append(plan(placed_targets, robot, settings, starts, pointwise))
         if motions[-1].clearance.share == 0.0:
             break
     shares = [motion.clearance.share for motion in motions]
@@ -178,8 +179,12 @@ def plan(
     robot: SampledRobot,
     settings: Settings,
     starts: Sequence[Array] | None = None,
+    pointwise: bool = True,
 ) -> RobotMotion:
-    """Plan a motion of all arms along targets in the base frame; `starts` as in `plan_motion`."""
+    """Plan a motion of all arms along targets in the base frame.
+
+    `starts` are those of `plan_motion`; `pointwise`: whether the pointwise optimum is searched.
+    """
     assert robot.planner is not None
     assert settings.plan is not None
     count = len(targets[0])
@@ -194,6 +199,7 @@ def plan(
         starts=starts,
         random=robot.random,
         progress=settings.progress,
+        pointwise=pointwise,
     )
 
 
@@ -283,7 +289,7 @@ def follow_profile(
     settings = Settings(
         config, robot, plan_options(config, robot, limited.limits), progress=progress or no_progress
     )
-    for name in ("workspace", "scale"):
+    for name in ("workspace", "scale", "yaw", "offset"):
         if getattr(config, name) is not None and (paths is None or not config.place):
             raise InvalidInputError(f"{argument(name)} is for a path that is placed; found none")
     group, generator, times = as_group(robot), np.random.default_rng(config.seed), as_times(time)

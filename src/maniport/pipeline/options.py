@@ -306,6 +306,30 @@ _TABLE: tuple[Option, ...] = (
         common=True,
     ),
     Vector(
+        "direction",
+        "motion",
+        "Direction of force and speed: the person's, along the path, or X,Y,Z in the base frame",
+        choices=("person", "path"),
+        metavar="WORD|X,Y,Z",
+        count=3,
+        common=True,
+    ),
+    Number(
+        "yaw",
+        "motion",
+        "Rotation of the path about the vertical; searched by default",
+        "deg",
+        common=True,
+    ),
+    Vector(
+        "offset",
+        "motion",
+        "Center of the path in the base frame; searched by default",
+        "m",
+        count=3,
+        common=True,
+    ),
+    Vector(
         "workspace",
         "motion",
         "Box for the path in the base frame [m]; inf is open",
@@ -537,12 +561,15 @@ class MotionOptions(Options):
 
     # placement
     scale: float | None = None
+    yaw: float | None = None  # [rad]
+    offset: tuple[float, ...] | None = None  # [m]
     real_time: bool = False
     workspace: tuple[float, ...] | None = None  # [m]
 
     # force and speed
-    capability: str = "none"
-    capability_weight: float = 0.3
+    capability: str = "both"
+    capability_weight: float = 0.2
+    direction: str | tuple[float, ...] = "person"
 
     # surroundings
     collisions: bool = True
@@ -564,6 +591,8 @@ class MotionOptions(Options):
                 )
             if not any(self.orientation):
                 raise InvalidInputError("orientation must not be a zero vector")
+        if not isinstance(self.direction, str) and not any(self.direction):
+            raise InvalidInputError(f"{argument('direction')} must not be a zero vector")
         if self.export and not self.move:
             raise InvalidInputError(
                 f"{argument('export')} needs a trajectory; found {argument('no_move')}"
@@ -579,7 +608,7 @@ class MotionOptions(Options):
         box: Any = self.workspace  # also in Python: a pair for each axis
         if isinstance(box, list | tuple) and len(box) == 6:
             box = (box[0:2], box[2:4], box[4:6])
-        return PlacementOptions(scale=self.scale, workspace=box)
+        return PlacementOptions(scale=self.scale, yaw=self.yaw, offset=self.offset, workspace=box)
 
 
 @documented

@@ -148,19 +148,24 @@ class ArmTransfer(ArmResult):
     student_domain: Array  # (M, d, d), of the robot's
     capabilities: tuple[
         Capability, ...
-    ] = ()  # force and speed of the motion, where limits are known
+    ] = ()  # force and speed of the motion along lines, where limits are known
 
     def write_data(self, folder: Path) -> None:
         """Write the files of the transfer, and those of the motion if there is one, into an existing folder."""
-        rows = np.column_stack([self.fit.time, np.degrees(self.fit.joint_angles)])
-        names = ",".join(["time_s", *(f"{name}_deg" for name in self.fit.arm.joint_names)])
+        columns = [self.fit.time[:, None], np.degrees(self.fit.joint_angles)]
+        names = ["time_s", *(f"{name}_deg" for name in self.fit.arm.joint_names)]
         formats = ["%.6f"] + ["%.4f"] * self.fit.arm.dof
+        for capability in self.capabilities:
+            what = "speed" if capability.kind == "velocity" else capability.kind
+            columns.append(capability.lines)
+            names += [f"direction_{what}_{axis}" for axis in "xyz"]
+            formats += ["%.9f"] * 3
         np.savetxt(
             folder / "person.csv",
-            rows,
+            np.column_stack(columns),
             formats,
             delimiter=",",
-            header=names,
+            header=",".join(names),
             comments="",
             encoding="utf-8",
         )

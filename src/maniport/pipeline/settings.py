@@ -243,6 +243,6 @@ def plan_options(
     around = {name: getattr(config, name) for name in ("table", "obstacles", "srdf")}
     surrounded = any(value is not None for value in around.values())
     model = Collisions.of(limits.arm, **around) if surrounded else config.collisions
-    names = {item.name for item in fields(PlanOptions)} - {"motion_limits", "collisions"}
+    names = {item.name for item in fields(PlanOptions)} - {"motion_limits", "collisions", "budget"}
     options = {name: getattr(config, name) for name in names}
     return PlanOptions(**options, motion_limits=limits, collisions=model).resolved(arm)

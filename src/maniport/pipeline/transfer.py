@@ -29,13 +29,19 @@ from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.human import hand_rotations
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning, collected_warnings
-from maniport.evaluation import Capability, Evaluation, compare_capabilities, select_method
+from maniport.evaluation import Capability, Evaluation, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import Planner
 from maniport.motion.targets import TargetTrajectory, damping_of
-from maniport.pipeline.capability import with_directions
+from maniport.pipeline.capability import (
+    Comparison,
+    Directions,
+    PlacedMotion,
+    directions_of,
+    with_directions,
+)
 from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.following import SampledRobot, bounded_profiles, measure, move
@@ -242,11 +248,25 @@ class FittedTransfer:
         """Fitted adapters of each arm."""
         return tuple(fitted.adapter for fitted in self.maps)
 
-    def map(self, human: Human) -> tuple[TargetTrajectory, ...]:
-        """Return the targets of each arm, whose paths are not placed relative to the robot yet."""
+    def map(
+        self, human: Human, directions: Sequence[Directions] | None = None
+    ) -> tuple[TargetTrajectory, ...]:
+        """Return the targets of each arm, whose paths are not placed relative to the robot yet.
+
+        `directions` are those of the method of this name, where they are known.
+        """
         if self.robot.planner is None:
             raise InvalidInputError("the robot is not moved: there are no targets for it")
-        return targets_of(human, self.maps, self.robot.planner, self.settings)
+        targets = targets_of(human, self.maps, self.robot.planner, self.settings)
+        if directions is None:
+            directions = self.directions(human)
+        return with_directions(targets, directions, self.settings.config.capability)
+
+    def directions(self, human: Human) -> list[Directions]:
+        """Return lines of force and speed for each arm, along which a result is compared, before the placement."""
+        if self.robot.planner is None or self.settings.config.spec.part == "rotation":
+            return [()] * len(self.maps)
+        return directions_of(human, self.adapters, self.robot.planner, self.settings.config)
 
     def run(self, human: Human, *, baselines: bool = True) -> TransferResult:
         """Map, place and plan a motion of a person; without `baselines` only a selection is evaluated."""
@@ -254,15 +274,30 @@ class FittedTransfer:
         robot = replace(self.robot, random=deepcopy(self.robot.random))
         moved = None
         with threadpool_limits(1), collected_warnings() as texts:
+            comparison = None
             if robot.planner is not None:
-                targets = self.map(human)
-                moved = move(targets, robot, self.settings, mean_rotation(self.maps))
-            motion, placements = moved or (None, None)
+                directions = self.directions(human)
+                targets = self.map(human, directions)
+                map_rotation = mean_rotation(self.maps)
+                unmoved = replace(robot, random=deepcopy(robot.random))
+                moved = PlacedMotion(*move(targets, robot, self.settings, map_rotation))
+                comparison = Comparison.of(moved, targets, unmoved, self.settings, map_rotation)
+            motion = None if moved is None else moved.motion
+            placements = None if moved is None else moved.placements
             names = arm_names(human, self.settings)
             results = measure(motion, placements, robot.planner, names, self.settings)
             arms = []
             for i, result in enumerate(results):
-                arms.append(self._arm_transfer(human, i, result, baselines))
+                capabilities: tuple[Capability, ...] = ()
+                if comparison is not None:
+                    capabilities = comparison.capabilities(
+                        i,
+                        result.robot,
+                        human.motion.arms[i],
+                        directions[i],
+                        self.adapters[i].map_rotation_[:3, :3],
+                    )
+                arms.append(self._arm_transfer(human, i, result, capabilities, baselines))
         return TransferResult(
             robot=as_group(self.settings.robot),
             arms=tuple(arms),
@@ -290,7 +325,12 @@ class FittedTransfer:
         return tuple(dict.fromkeys((*texts, *of_motion)))
 
     def _arm_transfer(
-        self, human: Human, i: int, result: ArmResult, baselines: bool
+        self,
+        human: Human,
+        i: int,
+        result: ArmResult,
+        capabilities: tuple[Capability, ...],
+        baselines: bool,
     ) -> ArmTransfer:
         """Compare the map of an arm with baselines, and what person and robot are capable of."""
         settings = self.settings
@@ -327,7 +367,7 @@ class FittedTransfer:
             target_profile=fitted.adapter.transform(human.ellipsoids[i]),
             teacher_domain=fitted.teacher,
             student_domain=self.robot.domains[i],
-            capabilities=capabilities_of(fit, fitted.adapter, result, settings),
+            capabilities=capabilities,
         )
 
 
@@ -339,19 +379,6 @@ def arm_names(human: Human, settings: Settings) -> list[str]:
     if len(set(names)) < len(names):
         return list(as_group(settings.robot).names)
     return names
-
-
-def capabilities_of(
-    fit: ArmFit, adapter: DomainAdapter, result: ArmResult, settings: Settings
-) -> tuple[Capability, ...]:
-    """Compare force and speed of person and robot along the motion, where there is one."""
-    if result.motion is None or settings.config.spec.part == "rotation":
-        return ()
-    rotation = adapter.map_rotation_[:3, :3]
-    if result.placement is not None:
-        rotation = result.placement.rotation @ result.placement.map_rotation
-    joints = result.motion.joint_positions
-    return compare_capabilities(fit.arm, fit.joint_angles, result.robot, joints, fit.time, rotation)
 
 
 def fit_map(
@@ -424,7 +451,7 @@ def targets_of(
             rotations=_hand_rotations(fit, settings.config.orientation),
         )
         targets.append(target)
-    return with_directions(targets, human, adapters, planner, settings.config)
+    return tuple(targets)
 
 
 def _epsilon(regularization: Regularization) -> float:

@@ -228,10 +228,12 @@ def _terminal_table(metrics: Sequence[Metric], width: int) -> list[str]:
     """Return the lines of metrics, with columns for statistics."""
     column = max((len(metric.heading) for metric in metrics), default=0)
     lines = []
-    if any(metric.statistics for metric in metrics):
-        lines.append(f"  {'':<{column}}{'median':>9}{'95th':>9}{'max':>9}")
+    has_head = False
     for metric in metrics:
         if metric.statistics is not None:
+            if not has_head:
+                lines.append(f"  {'':<{column}}{'median':>9}{'95th':>9}{'max':>9}")
+                has_head = True
             median, p95, maximum, time = metric.statistics.cells
             text = f"{median:>9}{p95:>9}{maximum:>9}  ({time} s)"
         else:

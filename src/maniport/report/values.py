@@ -34,6 +34,9 @@ FIT = "human-model"
 SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
 """Ends of keys in JSON by unit."""
 
+FIRST_KEYS = ("force", "velocity")
+"""Keys of what a motion is planned for, which a summary begins with."""
+
 TIME_COLUMN = "time of maximum [s]"  # pages make links of its cells
 
 
@@ -301,12 +304,13 @@ class Report:
 
     @property
     def main_metrics(self) -> tuple[Metric, ...]:
-        """The metrics of the summary; statistics come first, those of one kind together."""
+        """The metrics of the summary: force and speed, then statistics, those of one kind together, then others."""
         metrics = [metric for metric in self.metrics if metric.main and metric.text]
         order = list(dict.fromkeys(metric.key for metric in metrics))
 
-        def rank(metric: Metric) -> tuple[bool, int]:
-            return metric.statistics is None, order.index(metric.key)
+        def rank(metric: Metric) -> tuple[bool, bool, int]:
+            is_other = metric.key not in FIRST_KEYS
+            return is_other, is_other and metric.statistics is None, order.index(metric.key)
 
         return tuple(sorted(metrics, key=rank))
 

@@ -132,8 +132,12 @@ def plan_checked(
     starts: Sequence[Array] | None,
     random: np.random.Generator,
     progress: Progress | None,
+    pointwise: bool = True,
 ) -> RobotMotion:
-    """Plan a motion as `plan_motion` does, with targets that are checked and options that are resolved."""
+    """Plan a motion as `plan_motion` does, with targets that are checked and options that are resolved.
+
+    `pointwise`: whether the pointwise optimum is searched.
+    """
     group = planner.group
     limits = planner.limits
     collisions = planner.collisions
@@ -183,6 +187,11 @@ def plan_checked(
     at_waypoints = []
     for arm, target in zip(group.arms, targets, strict=True):
         at_waypoints.append(ArmProblem.of(arm, target, cost_weights))
+    pointwise_bests = None
+    if pointwise:
+        pointwise_bests = _pointwise_bests(
+            planner, problem, vectors, q, options.budget.pointwise_starts
+        )
     motion = RobotMotion.of(
         group,
         at_waypoints,
@@ -190,7 +199,7 @@ def plan_checked(
         collisions,
         limits.velocity,
         position_tolerance=float(options.position_tolerance),
-        pointwise_bests=_pointwise_bests(planner, problem, vectors, q),
+        pointwise_bests=pointwise_bests,
         coupled=coupled,
     )
     if relative:
@@ -209,11 +218,14 @@ def _pointwise_bests(
     problem: MotionProblem,
     vectors: tuple[RelativePositionCost, ...],
     q: Array,
+    count: int,
     most: int = 80,
 ) -> list[Array]:
-    """Search pointwise optima of each arm, or with vectors of the sum of squares; a motion (n, dof) is a start."""
+    """Search pointwise optima of each arm, or with vectors of the sum of squares.
+
+    Starts are a motion (n, dof), and so many samples.
+    """
     rows = evenly_spaced(len(q), most)
-    count = PlanOptions.budget.pointwise_starts
     columns = planner.group.columns
     arms = []
     for arm in problem.arms:

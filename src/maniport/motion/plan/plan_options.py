@@ -2,8 +2,8 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -54,6 +54,26 @@ class SearchBudget:
     gap_points: int = 250  # most waypoints at which the feasibility gap is searched
     gap_starts: int = 48  # samples for each of them
 
+    def reduced(self, factor: int) -> "SearchBudget":
+        """Return a budget with a share of the placements and nodes, for problems with few local minima."""
+        rounds = []
+        for each in self.rounds:
+            rounds.append(each._replace(kept=max(1, each.kept // factor)))
+        return replace(
+            self,
+            candidates=max(2, self.candidates // factor),
+            rounds=tuple(rounds),
+            nodes=max(32, self.nodes // 2),
+        )
+
+
+DEFAULT_BUDGET = SearchBudget()
+
+
+def default_budget() -> SearchBudget:
+    """Return the search budget of options without one; studies and tests replace it."""
+    return DEFAULT_BUDGET
+
 
 @dataclass(frozen=True)
 class PlanOptions:
@@ -86,6 +106,8 @@ class PlanOptions:
     hand_targets : {"placed", "relative"}
         Whether the end effectors follow their positions, or only keep the vectors from the first end effector to the
         others; the arms of the result then have no paths.
+    budget : SearchBudget
+        How much is searched.
     """
 
     position_tolerance: float = POSITION_TOLERANCE
@@ -99,9 +121,7 @@ class PlanOptions:
     home: ArrayLike | None = None
     costs: Sequence[Cost] = ()
     hand_targets: str = "placed"
-    budget: ClassVar[SearchBudget] = (
-        SearchBudget()
-    )  # class attribute, so that studies can change it
+    budget: SearchBudget = field(default_factory=default_budget)
 
     def __post_init__(self) -> None:
         as_number(self.position_tolerance, "position_tolerance", above=0.0)

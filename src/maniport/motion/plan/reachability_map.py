@@ -22,6 +22,7 @@ from maniport.arms.manipulability import JOINT_LIMITS, LOAD
 from maniport.motion.arm_model import Axis
 from maniport.motion.demands import EXCESS_WEIGHT, Demand, inverses
 from maniport.motion.directions import (
+    REFERENCE_FACTOR,
     REFERENCE_LINES,
     REFERENCE_PERCENTILE,
     REFERENCE_SAMPLES,
@@ -52,7 +53,8 @@ class LineForms(NamedTuple):
         lines = half_sphere(REFERENCE_LINES)
         squares = np.einsum("ki,nij,kj->nk", lines, some, lines, optimize=True)
         logs = -0.5 * np.log(np.maximum(squares, 1e-300))
-        return cls(matrices, float(np.percentile(logs, REFERENCE_PERCENTILE)))
+        reference = np.percentile(logs, REFERENCE_PERCENTILE) + np.log(REFERENCE_FACTOR)
+        return cls(matrices, float(reference))
 
 
 class ReachabilityMap:

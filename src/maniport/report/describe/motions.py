@@ -49,6 +49,9 @@ STATISTICS = {
 }
 """Label, unit and description of statistics over waypoints, by key."""
 
+LEAST_GAIN = 0.95
+"""Smallest ratio of force or speed to that of positions only without a warning; less is within the spread of seeds."""
+
 MISSED_SHARE = 0.05
 """Largest share of waypoints that may be missed without a warning."""
 
@@ -152,12 +155,11 @@ def _add_position_error(section: Section, motion: ArmMotion, time: Array) -> Non
 
 
 def _add_capabilities(section: Section, result: ArmResult) -> None:
-    """Add force and speed; that which belongs to the kind of the ellipsoids is in the summary."""
+    """Add force and speed along the lines in which the person has most."""
     if not isinstance(result, ArmTransfer):
         return
     for capability in result.capabilities:
-        main = (capability.kind == "velocity") == (result.spec.kind == "velocity")
-        _add_capability(section, capability, main)
+        _add_capability(section, capability)
 
 
 def _add_mean_distance(section: Section, motion: ArmMotion, result: ArmResult) -> None:
@@ -191,7 +193,9 @@ def _add_waypoints(section: Section, motion: ArmMotion) -> None:
 
     value = {"count": total, "missed": missed_count, "status": dict(status)}
     text = f"{total - missed_count} of {total} reached{reasons}"
-    about = f"Distance at most {NEAR_DISTANCE:g}, position error within the tolerance."
+    about = "Position error within the tolerance."
+    if not motion.directed:
+        about = f"Distance at most {NEAR_DISTANCE:g}, position error within the tolerance."
     section.add("Waypoints", "waypoints", value, text, about)
 
 
@@ -211,7 +215,8 @@ def _add_feasibility_gap(section: Section, result: ArmResult, time: Array) -> No
     if result.gap is None:
         return
     gap = add_statistics(section, "feasibility_gap", result.gap, time).median
-    if gap > NEAR_DISTANCE:
+    directed = result.motion is not None and result.motion.directed
+    if gap > NEAR_DISTANCE and not directed:
         text = f"the targets are infeasible: median distance to the feasible set {gap:.2f}"
         section.warn("infeasible-targets", text)
 
@@ -225,7 +230,7 @@ def _add_major_axis_angle(
     if not np.isfinite(degrees).any():
         return
     median = add_statistics(section, "major_axis_angle", degrees, time).median
-    if median > 30.0:
+    if median > 30.0 and not motion.directed:
         text = (
             f"the longest axis of the ellipsoid is {median:.0f}° (median) from that of the target"
         )
@@ -395,32 +400,50 @@ def _add_collisions(section: Section, clearance: Clearance, at: float) -> None:
     add_collision_shapes(section, clearance.shapes)
 
 
-def _add_capability(section: Section, capability: Capability, main: bool) -> None:
-    """Add force or speed of a motion, of one along the positions alone, and of the person."""
-    lowest = float(capability.robot.min())
-    robot = _levels(capability.robot)
-    position_only = _levels(capability.position_only)
-    value: dict[str, Value] = {"robot": robot, "position_only": position_only}
-    texts = [
-        f"robot {robot['median']:.3g} (min {lowest:.3g})",
-        f"position only {position_only['median']:.3g}",
-    ]
-    if capability.person is not None:
-        person = _levels(capability.person)
-        value["person"] = person
-        texts.append(f"person {person['median']:.3g}")
-    value["min_at_s"] = float(capability.time[capability.robot.argmin()])
-    value["resemblance"] = capability.resemblance
-    value["position_only_resemblance"] = capability.position_only_resemblance
-
-    label = "Speed"
+def _add_capability(section: Section, capability: Capability) -> None:
+    """Add force or speed of a motion, of those through the positions alone, and of the person."""
+    label = "Speed where person is fast"
     unit = "m/s"
+    adjective = "slower"
     if capability.kind == "force":
-        label = "Force"
+        label = "Force where person is strong"
         unit = "N"
-    text = f"{listed(texts)} {unit}"
-    about = "Median along the direction of the person's largest value."
-    section.add(label, capability.kind, value, text, about, unit=unit, main=main)
+        adjective = "weaker"
+    robot = _levels(capability.robot)
+    value: dict[str, Value] = {"robot": robot}
+    others = []
+    compared = ""
+    if capability.position_only is not None:
+        levels = _levels(capability.position_only)
+        value["position_only"] = levels
+        compared = f" (positions only {levels['median']:.3g})"
+    if capability.same_path is not None:
+        levels = _levels(capability.same_path)
+        value["same_path"] = levels
+        others.append(f"positions only on the same path {levels['median']:.3g} {unit}")
+    if capability.person is not None:
+        levels = _levels(capability.person)
+        value["person"] = levels
+        others.append(f"person {levels['median']:.3g} {unit}")
+    value["min_at_s"] = float(capability.time[capability.robot.argmin()])
+    value["resemblance"] = _number(capability.resemblance)
+    value["position_only_resemblance"] = _number(capability.position_only_resemblance)
+
+    text = f"{robot['median']:.3g} {unit}{compared}, 5th percentile {robot['p5']:.3g}"
+    about = "Median along the person's line of most, in the weaker sense of it, within the limits of all joints."
+    section.add(label, capability.kind, value, text, about, unit=unit, main=True)
+    if others:
+        name = label.split(" ", 1)[0]
+        section.add(f"{name} to compare", "", None, listed(others), "Medians along the same lines.")
+    if capability.gain < LEAST_GAIN:
+        section.warn(
+            adjective, f"the motion is {adjective} than through the positions alone: {text}"
+        )
+
+
+def _number(value: float) -> float | None:
+    """Return a number for JSON, which has no nan."""
+    return float(value) if np.isfinite(value) else None
 
 
 def _levels(values: Array) -> dict[str, float]:

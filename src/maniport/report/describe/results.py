@@ -204,10 +204,14 @@ def _with_outcome(report: Report, result: Result, metrics_of_arms: Mapping[str, 
     """Add outcome, cause and advice to a report."""
     outcomes = []
     causes = []
-    for name, metrics in metrics_of_arms.items():
+    for arm, (name, metrics) in zip(result.arms, metrics_of_arms.items(), strict=True):
+        assert arm.motion is not None
+        directed = arm.motion.directed
         start = f"{name.capitalize()}: " if len(metrics_of_arms) > 1 else ""
         distance = _statistics(metrics, "distance").median
-        grades = [_grade(DISTANCE_GRADES, distance)]
+        grades = _gains(metrics)
+        if not directed:
+            grades = [_grade(DISTANCE_GRADES, distance)]
         if "position_error" in metrics:
             far_share = _statistics(metrics, "position_error").far_share
             assert far_share is not None
@@ -217,13 +221,26 @@ def _with_outcome(report: Report, result: Result, metrics_of_arms: Mapping[str, 
         reached = count - int(waypoints.number("missed"))
         outcome = f"{start}{'; '.join(grades)}: {reached} of {count} waypoints reached"
         outcomes.append(sentence(outcome))
-        if distance > ENOUGH_DISTANCE:
+        if distance > ENOUGH_DISTANCE and not directed:
             cause = f"{start}median distance {distance:.2f}: {in_axes(distance)}."
             causes.append(sentence(cause))
 
     report = replace(report, outcome=" ".join(outcomes), cause=" ".join(causes))
     text, command = _advice(result, metrics_of_arms, report)
     return replace(report, advice=text, command=command)
+
+
+def _gains(metrics: Metrics) -> list[str]:
+    """Return how strong and fast a motion is beside positions only."""
+    gains = []
+    for key, adjective in (("force", "strong"), ("velocity", "fast")):
+        value = metrics[key].value if key in metrics else None
+        if isinstance(value, Mapping) and "position_only" in value:
+            ratio = value["robot"]["median"] / value["position_only"]["median"]
+            gains.append(f"{ratio:.1f} times as {adjective}")
+    if not gains:
+        return []
+    return [f"{' and '.join(gains)} as with positions only"]
 
 
 def _statistics(metrics: Metrics, key: str) -> Statistics:
@@ -250,7 +267,8 @@ def _advice(result: Result, metrics_of_arms: Mapping[str, Metrics], report: Repo
             assert far_share is not None
             if far_share > MISSED_SHARE:
                 return _position_advice(result, arm, arm.motion)
-        if _statistics(metrics, "distance").median > NEAR_DISTANCE:
+        far = _statistics(metrics, "distance").median > NEAR_DISTANCE
+        if far and not arm.motion.directed:
             return _distance_advice(result, arm, arm.motion)
     return Advice()
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from maniport.arms import Arm, EllipsoidSpec, Surface
 from maniport.arms.human import middle_of
 from maniport.errors import FileFormatError
+from maniport.evaluation import Capability
 from maniport.learning.alignment import axis_deviations
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
@@ -183,6 +184,8 @@ def _panels_of(
 ) -> Iterator[tuple[str, list[Panel]]]:
     """Yield panels of curves of an arm by topic."""
     motion = arm.motion
+    if isinstance(arm, ArmTransfer) and arm.capabilities:
+        yield "Force and speed", [_capability_panel(each) for each in arm.capabilities]
     if motion is not None:
         lines = [Line("achieved", motion.distance)]
         best = motion.pointwise_best
@@ -227,6 +230,22 @@ def _panels_of(
             HUMAN_JOINTS,
             _joints(arm.fit.arm, arm.fit.joint_angles, PERSON.name, arm.fit.arm.joint_names),
         )
+
+
+def _capability_panel(capability: Capability) -> Panel:
+    """Return a panel of force or speed along the person's lines, of the motion and of those to compare it with."""
+    lines = [Line("robot", capability.robot)]
+    if capability.position_only is not None:
+        lines.append(Line("positions only", capability.position_only, REFERENCE.name, 1))
+    if capability.person is not None:
+        lines.append(Line("person", capability.person, PERSON.name))
+    title = "Speed where the person is fast"
+    unit = "m/s"
+    if capability.kind == "force":
+        title = "Force where the person is strong"
+        unit = "N"
+    meaning = "Along the person's line of most, in the weaker sense of it, within the limits of all joints."
+    return Panel(title, unit, tuple(lines), meaning)
 
 
 def _alternated(panels: Sequence[Sequence[Panel]], names: Sequence[str]) -> tuple[Panel, ...]:

@@ -1,0 +1,144 @@
+"""Force and speed along the person's lines: as targets, in results, and as exported files alone show them."""
+
+import json
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import linprog
+
+import maniport as mp
+from maniport.arms.directional import half_sphere, line_extent
+from maniport.arms.loaders.packages import find_robot
+from maniport.errors import ManiportWarning
+from maniport.pipeline.capability import (
+    limited_person,
+    person_lines,
+    positions_only,
+    usable_kinds,
+    with_directions,
+)
+from real_robots import NEEDS_ROBOTS
+from sizes import SMALL, little_search
+
+
+def test_lines_of_a_person_are_those_of_the_largest_extents(second):
+    fit = mp.fit_arm(second)
+    half = half_sphere(256)
+    for kind in ("force", "velocity"):
+        lines, weights = person_lines(fit, kind)
+        extents = line_extent(limited_person(fit.arm, kind), fit.joint_angles, half, kind)
+        along = line_extent(limited_person(fit.arm, kind), fit.joint_angles, lines[:, :1], kind)
+        assert np.median(along[:, 0] / extents.max(axis=1)) > 0.97
+        assert weights.sum(axis=1) == pytest.approx(1.0)
+        assert np.all(np.diff(weights, axis=1) <= 0.0)
+
+
+@pytest.fixture(scope="module")
+def fitted(second):
+    """A transfer with lines of force and speed."""
+    with little_search():
+        transfer = mp.Transfer("panda", mp.pipeline.Config(**SMALL))
+        human = transfer.read(second)
+        yield transfer.fit(human), human
+
+
+def test_targets_have_the_lines_that_are_asked_for(fitted):
+    transfer, human = fitted
+    directions = transfer.directions(human)
+    targets = transfer.map(human, directions)
+    for word, kinds in {"none": [], "force": ["force"], "both": ["force", "velocity"]}.items():
+        (target,) = with_directions(targets, directions, word)
+        assert [each.kind for each in target.directions] == kinds
+        assert target.with_ellipsoids
+    (free,) = positions_only(targets)
+    assert not free.directions
+    assert not free.with_ellipsoids
+
+
+def test_missing_limits_are_a_warning_where_they_are_asked_for():
+    person = mp.arms.PERSONS["rhuman"]()
+    lever = mp.Arm.from_dh("lever", [[0.0, 0.0, 0.5, 0.0]]).with_limits(velocity=1.0)
+    with pytest.warns(ManiportWarning, match="effort"):
+        assert usable_kinds(person, lever, "both") == ["velocity"]
+    assert usable_kinds(person, lever, "speed") == ["velocity"]
+
+
+def test_small_results_compare_with_positions_only(small_result):
+    force, speed = small_result.arm.capabilities
+    assert (force.kind, speed.kind) == ("force", "velocity")
+    for capability in (force, speed):
+        motion = small_result.arm.motion
+        expected = line_extent(
+            small_result.arm.robot,
+            motion.joint_positions,
+            capability.lines[:, None],
+            capability.kind,
+        )
+        np.testing.assert_allclose(capability.robot, expected[:, 0])
+        assert capability.position_only.shape == capability.robot.shape
+        assert capability.gain == pytest.approx(
+            np.median(capability.robot) / np.median(capability.position_only)
+        )
+    assert speed.person is None
+    np.testing.assert_allclose(np.linalg.norm(force.lines, axis=1), 1.0)
+
+
+@NEEDS_ROBOTS
+@pytest.mark.parametrize("robot", ["example-robot-data/panda", "ur5"])
+def test_files_alone_show_force_and_speed(robot, tmp_path):
+    """Pinocchio has Jacobians and gravity of the URDF file, a linear program the largest speed."""
+    with little_search():
+        result = mp.transfer_recording("freeform", robot=robot, start=2.0, stop=2.3, **SMALL)
+        mp.write_results(result, tmp_path / "out")
+
+    joints = np.load(tmp_path / "out" / "joints.npz")
+    with (tmp_path / "out" / "person.csv").open(encoding="utf-8") as file:
+        header = file.readline().strip().split(",")
+        rows = np.loadtxt(file, delimiter=",")
+    lines = {}
+    for what in ("force", "speed"):
+        columns = [header.index(f"direction_{what}_{axis}") for axis in "xyz"]
+        lines[what] = rows[:, columns]
+
+    model = pin.buildModelFromUrdf(str(find_robot(robot).path))
+    data = model.createData()
+    names = [str(name) for name in joints["joint_names"]]
+    indices = [model.joints[model.getJointId(name)].idx_v for name in names]
+    frame = model.getFrameId(result.arm.motion.frame)  # its base is that of the model
+    forces = []
+    speeds = []
+    for q, strong, fast in zip(
+        joints["joint_positions"], lines["force"], lines["speed"], strict=True
+    ):
+        whole = pin.neutral(model)
+        for name, position in zip(names, q, strict=True):
+            whole[model.joints[model.getJointId(name)].idx_q] = position
+        pin.framesForwardKinematics(model, data, whole)
+        jacobian = pin.computeFrameJacobian(
+            model, data, whole, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )[:3, indices]
+        gravity = pin.computeGeneralizedGravity(model, data, whole)[indices]
+        torques = jacobian.T @ strong
+        forces.append(np.min((model.effortLimit[indices] - np.abs(gravity)) / np.abs(torques)))
+
+        limits = model.velocityLimit[indices]
+        equal = np.hstack([jacobian, -fast[:, None]])
+        bounds = [*((-limit, limit) for limit in limits), (0.0, None)]
+        goal = np.append(np.zeros(len(limits)), -1.0)
+        speeds.append(linprog(goal, A_eq=equal, b_eq=np.zeros(3), bounds=bounds).x[-1])
+
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert np.median(forces) == pytest.approx(summary["motion"]["force"]["robot"]["median"])
+    assert np.median(speeds) == pytest.approx(
+        summary["motion"]["velocity"]["robot"]["median"], rel=1e-4
+    )
+
+
+@pytest.mark.slow
+def test_a_panda_is_stronger_where_the_person_is():
+    result = mp.transfer_recording("freeform", start=2.0, stop=3.0)
+    force, speed = result.arm.capabilities
+    assert force.gain > 1.5
+    assert speed.gain > 0.9
+    assert result.motion.clearance.share == 0.0
