@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.arms.directional import line_extent
+from maniport.arms.directional import is_limited, line_extent
 from maniport.mocap import ArmFit, shipped_recording
 from maniport.motion import Placement, RobotMotion
 from maniport.motion.directions import DirectionTarget, extent_reference
@@ -153,6 +153,8 @@ def measured(
     own = motion.arms[0]
     result = {}
     for kind in CAPABILITIES["both"]:
+        if not is_limited(arm, kind):  # such as the speed of an iiwa
+            continue
         lines = person_lines(fit, kind)[0][:, 0] @ rotation.T
         extents = line_extent(arm, own.joint_positions, lines[:, None], kind)[:, 0]
         result[kind] = float(np.median(extents))
@@ -216,7 +218,8 @@ def print_table(
             continue
         cells = []
         for name in ("force", "velocity", "force_5", "velocity_5"):
-            cells.append(spread([own[name] / other[name] for own, other in rows]))
+            ratios = [own[name] / other[name] for own, other in rows if name in own]
+            cells.append(spread(ratios) if ratios else "–")
         cells.append(f"{np.median([own['distance'] for own, _ in rows]):.2f}")
         cells.append(spread([own["duration_s"] / other["duration_s"] for own, other in rows]))
         cells.append(f"{np.median([own['position_error_95_mm'] for own, _ in rows]):.1f}")
