@@ -568,7 +568,7 @@ class MotionOptions(Options):
 
     # force and speed
     capability: str = "both"
-    capability_weight: float = 0.2
+    capability_weight: float = 0.1
     direction: str | tuple[float, ...] = "person"
 
     # surroundings
