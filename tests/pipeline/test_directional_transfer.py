@@ -1,6 +1,7 @@
 """Force and speed along the person's lines: as targets, in results, and as exported files alone show them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +11,8 @@ from scipy.optimize import linprog
 import maniport as mp
 from maniport.arms.directional import half_sphere, line_extent
 from maniport.arms.loaders.packages import find_robot
-from maniport.errors import ManiportWarning
+from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.motion.directions import path_tangents
 from maniport.pipeline.capability import (
     limited_person,
     person_lines,
@@ -54,6 +56,40 @@ def test_targets_have_the_lines_that_are_asked_for(fitted):
     (free,) = positions_only(targets)
     assert not free.directions
     assert not free.with_ellipsoids
+
+
+def test_lines_may_be_of_the_path_or_given(fitted):
+    transfer, human = fitted
+    config = transfer.settings.config
+    turn = mp.arms.chain.rotation_about(2, 0.7)
+
+    along_path = replace(
+        transfer, settings=replace(transfer.settings, config=config.changed(direction="path"))
+    )
+    for direction in along_path.directions(human)[0]:
+        steps = np.gradient(human.hand_paths[0], human.motion.time, axis=0)
+        fast = np.linalg.norm(steps, axis=1) > 0.5 * np.linalg.norm(steps, axis=1).max()
+        cosines = np.sum(direction.lines[:, 0] * steps, axis=1) / np.linalg.norm(steps, axis=1)
+        assert cosines[fast] == pytest.approx(1.0)
+        np.testing.assert_allclose(direction.turned(turn).lines, direction.lines @ turn.T)
+
+    given = replace(
+        transfer,
+        settings=replace(transfer.settings, config=config.changed(direction=(0.0, 2.0, 0.0))),
+    )
+    for direction in given.directions(human)[0]:
+        expected = np.tile([0.0, 1.0, 0.0], (len(human.motion), 1, 1))
+        np.testing.assert_allclose(direction.turned(turn).lines, expected)
+    with pytest.raises(InvalidInputError, match="direction"):
+        config.changed(direction=(0.0, 0.0, 0.0))
+
+
+def test_a_resting_path_has_the_tangent_of_its_nearest_motion():
+    time = np.arange(6.0)
+    path = np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 0, 0]], float)
+    np.testing.assert_allclose(path_tangents(time, path), np.tile([1.0, 0.0, 0.0], (6, 1)))
+    still = np.zeros((6, 3))
+    np.testing.assert_allclose(path_tangents(time, still), np.tile([0.0, 0.0, 1.0], (6, 1)))
 
 
 def test_missing_limits_are_a_warning_where_they_are_asked_for():

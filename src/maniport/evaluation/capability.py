@@ -39,6 +39,10 @@ class Capability:
     resemblance, position_only_resemblance : float
         Correlation of the logarithms with the person's over 64 directions, without the level of each waypoint; nan
         where there is nothing to compare.
+    along : {"person", "path", "direction"}
+        Which lines: of the person's largest values, tangents of the path, or a given direction.
+    is_target : bool
+        Whether the motion was planned for it.
     """
 
     kind: str
@@ -50,6 +54,8 @@ class Capability:
     person: Array | None = None
     resemblance: float = np.nan
     position_only_resemblance: float = np.nan
+    along: str = "person"
+    is_target: bool = True
 
     @property
     def gain(self) -> float:

@@ -210,9 +210,16 @@ class Comparison:
         return cls(moved, other, PlacedMotion(same, moved.placements))
 
     def capabilities(
-        self, arm: int, robot: Arm, fit: ArmFit, directions: Directions, map_rotation: Array
+        self,
+        arm: int,
+        robot: Arm,
+        fit: ArmFit,
+        directions: Directions,
+        map_rotation: Array,
+        options: TransferOptions,
     ) -> tuple[Capability, ...]:
         """Compare force and speed of an arm along its lines."""
+        along = options.direction if isinstance(options.direction, str) else "direction"
         results = []
         for direction in directions:
             references: list[DirectedMotion | None] = []
@@ -230,5 +237,6 @@ class Comparison:
                 same_path=references[1],
                 person=PersonMotion(limited_person(fit.arm, direction.kind), fit.joint_angles),
             )
-            results.append(result)
+            is_target = direction.kind in CAPABILITIES[options.capability]
+            results.append(replace(result, along=along, is_target=is_target))
         return tuple(results)

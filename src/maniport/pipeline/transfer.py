@@ -296,6 +296,7 @@ class FittedTransfer:
                         human.motion.arms[i],
                         directions[i],
                         self.adapters[i].map_rotation_[:3, :3],
+                        self.settings.config,
                     )
                 arms.append(self._arm_transfer(human, i, result, capabilities, baselines))
         return TransferResult(

@@ -52,6 +52,13 @@ STATISTICS = {
 LEAST_GAIN = 0.95
 """Smallest ratio of force or speed to that of positions only without a warning; less is within the spread of seeds."""
 
+ALONG = {
+    "person": {"force": "where person is strong", "velocity": "where person is fast"},
+    "path": {"force": "along the path", "velocity": "along the path"},
+    "direction": {"force": "along the direction", "velocity": "along the direction"},
+}
+"""Lines of force and speed in words."""
+
 MISSED_SHARE = 0.05
 """Largest share of waypoints that may be missed without a warning."""
 
@@ -402,13 +409,14 @@ def _add_collisions(section: Section, clearance: Clearance, at: float) -> None:
 
 def _add_capability(section: Section, capability: Capability) -> None:
     """Add force or speed of a motion, of those through the positions alone, and of the person."""
-    label = "Speed where person is fast"
+    name = "Speed"
     unit = "m/s"
     adjective = "slower"
     if capability.kind == "force":
-        label = "Force where person is strong"
+        name = "Force"
         unit = "N"
         adjective = "weaker"
+    label = f"{name} {ALONG[capability.along][capability.kind]}"
     robot = _levels(capability.robot)
     value: dict[str, Value] = {"robot": robot}
     others = []
@@ -430,12 +438,11 @@ def _add_capability(section: Section, capability: Capability) -> None:
     value["position_only_resemblance"] = _number(capability.position_only_resemblance)
 
     text = f"{robot['median']:.3g} {unit}{compared}, 5th percentile {robot['p5']:.3g}"
-    about = "Median along the person's line of most, in the weaker sense of it, within the limits of all joints."
+    about = "Median over the waypoints, in the weaker sense of the line, within the limits of all joints."
     section.add(label, capability.kind, value, text, about, unit=unit, main=True)
     if others:
-        name = label.split(" ", 1)[0]
         section.add(f"{name} to compare", "", None, listed(others), "Medians along the same lines.")
-    if capability.gain < LEAST_GAIN:
+    if capability.gain < LEAST_GAIN and capability.is_target:
         section.warn(
             adjective, f"the motion is {adjective} than through the positions alone: {text}"
         )

@@ -14,7 +14,7 @@ from maniport.evaluation import Capability
 from maniport.learning.alignment import axis_deviations
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report.describe.motions import STATISTICS
+from maniport.report.describe.motions import ALONG, STATISTICS
 from maniport.report.page.content import (
     ACHIEVED,
     HUMAN_JOINTS,
@@ -239,12 +239,13 @@ def _capability_panel(capability: Capability) -> Panel:
         lines.append(Line("positions only", capability.position_only, REFERENCE.name, 1))
     if capability.person is not None:
         lines.append(Line("person", capability.person, PERSON.name))
-    title = "Speed where the person is fast"
+    name = "Speed"
     unit = "m/s"
     if capability.kind == "force":
-        title = "Force where the person is strong"
+        name = "Force"
         unit = "N"
-    meaning = "Along the person's line of most, in the weaker sense of it, within the limits of all joints."
+    title = f"{name} {ALONG[capability.along][capability.kind]}"
+    meaning = "In the weaker sense of the line, within the limits of all joints."
     return Panel(title, unit, tuple(lines), meaning)
 
 
