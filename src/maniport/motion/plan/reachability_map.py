@@ -198,11 +198,13 @@ class ReachabilityMap:
     def _lacking(self, direction: DirectionTarget, lines: Array, rows: NDArray[np.intp]) -> Array:
         """Cost of too little force or speed along lines (n, k, 3) at samples (n, m), by ellipsoids; shape (n, m)."""
         forms = self._line_forms(direction.kind)
-        squares = np.einsum(
-            "nmij,nkij->nmk", forms.matrices[rows], lines[..., None] * lines[..., None, :]
-        )
+        count, k = lines.shape[:2]
+        products = (lines[..., None] * lines[..., None, :]).reshape(count, k, 9)
+        matrices = forms.matrices[rows].reshape(*rows.shape, 9)
+        squares = matrices @ products.swapaxes(1, 2)  # uᵀ A u, (n, m, k)
         lacking = np.maximum(0.5 * np.log(np.maximum(squares, 1e-300)) + forms.log_reference, 0.0)
-        return np.asarray(np.einsum("nk,nmk->nm", 4.0 * direction.weights, lacking**2))
+        costs = lacking**2 @ (4.0 * direction.weights)[..., None]
+        return np.asarray(costs[..., 0])
 
     def _line_forms(self, kind: str) -> "LineForms":
         """Ellipsoids of the extents at `q`."""
