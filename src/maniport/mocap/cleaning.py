@@ -61,6 +61,8 @@ def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, A
 
 def without_zeros(recording: Recording) -> Recording:
     """Mark points at exactly (0, 0, 0) as missing where they jump there, or where several always are."""
+    if recording.positions.all():  # faster than flags for each point
+        return recording
     zero = all_axes(recording.positions == 0)
     if not zero.any():
         return recording

@@ -109,7 +109,10 @@ class Recording(NotebookDisplay):
     @property
     def observed(self) -> tuple[str, ...]:
         """Names of the points that are present in some frame."""
-        return tuple(name for name, part in zip(self.names, self.missing, strict=True) if part < 1)
+        present = ~np.isnan(self.positions[0, :, 0])
+        for i in np.flatnonzero(~present):
+            present[i] = not np.isnan(self.positions[:, i, 0]).all()
+        return tuple(name for name, seen in zip(self.names, present, strict=True) if seen)
 
     def point(self, name: str) -> Array:
         """Return the positions of one point [m], shape (n_frames, 3), nan where it is missing."""
@@ -214,6 +217,11 @@ def any_axis(flags: Bools) -> Bools:
     return flags[..., 0] | flags[..., 1] | flags[..., 2]
 
 
+def is_within(positions: Array, most: float = MAX_POSITION) -> bool:
+    """Whether all coordinates are numbers within ±most; faster than flags for each."""
+    return bool(positions.min() >= -most and positions.max() <= most)  # false for nan
+
+
 def all_axes(flags: Bools) -> Bools:
     """Whether the flags of x, y and z are true, from shape (..., 3)."""
     return flags[..., 0] & flags[..., 1] & flags[..., 2]
@@ -287,6 +295,8 @@ def _as_positions(value: ArrayLike, shape: tuple[int, int, int]) -> Array:
     is_partly_missing = False
     for first in range(0, shape[0], frames):
         part = positions[first : first + frames]
+        if is_within(part):
+            continue
         far = (part > MAX_POSITION) | (part < -MAX_POSITION)
         if far.any():
             raise InvalidInputError(

@@ -37,6 +37,7 @@ from maniport.mocap.recording import (
     beyond_end,
     freeze,
     interval_rows,
+    is_within,
     scaled,
 )
 from maniport.mocap.roles import (
@@ -385,10 +386,12 @@ def _numbered(names: Sequence[str]) -> list[str]:
 
 def _mark_missing(points: Array, names: Sequence[str]) -> list[str]:
     """Mark points without a usable position as nan, in place; return a note on them."""
-    missing = np.empty(points.shape[:2], dtype=np.bool_)
+    missing = np.zeros(points.shape[:2], dtype=np.bool_)
     frames = max(1, BLOCK // (3 * points.shape[1]))
     for first in range(0, len(points), frames):
         part = points[first : first + frames]
+        if is_within(part):
+            continue
         within = (part <= MAX_POSITION) & (part >= -MAX_POSITION)
         missing[first : first + frames] = ~all_axes(within)
     if not missing.any():

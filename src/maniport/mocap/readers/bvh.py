@@ -261,11 +261,21 @@ def _all_positions(nodes: list[_Node], table: Array) -> tuple[Array, list[str]]:
     """Return the origins of all nodes, shape (n, len(nodes), 3), in the file's unit, with notes."""
     translations, notes = _translations(nodes, table)
     positions = np.empty((len(table), len(nodes), 3))
+    turning = _turning(nodes, translations)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
         for first in range(0, len(table), FRAMES_AT_ONCE):  # limits the memory
             part = slice(first, first + FRAMES_AT_ONCE)
-            positions[part] = _positions(nodes, table[part], translations)
+            _fill_positions(positions[part], nodes, table[part], translations, turning)
     return positions, notes
+
+
+def _turning(nodes: list[_Node], translations: set[int]) -> set[int]:
+    """Return the nodes whose rotation moves others."""
+    turning = set()
+    for i in range(len(nodes) - 1, 0, -1):  # children before parents
+        if i in turning or i in translations or nodes[i].offset.any():
+            turning.add(nodes[i].parent)
+    return turning
 
 
 def _translations(nodes: list[_Node], table: Array) -> tuple[set[int], list[str]]:
@@ -326,46 +336,65 @@ def _offsets(node: _Node, values: Array, axes: list[int]) -> Array:
     return offsets
 
 
-def _positions(nodes: list[_Node], table: Array, translations: set[int]) -> Array:
-    """Return the origins of nodes, shape (n, len(nodes), 3); those in `translations` by their position channels."""
+def _fill_positions(
+    positions: Array,
+    nodes: list[_Node],
+    table: Array,
+    translations: set[int],
+    turning: set[int],
+) -> None:
+    """Write the origins of nodes into an array (n, len(nodes), 3).
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n, len(nodes), 3)
+    nodes : list of _Node
+    table : ndarray, shape (n, n_channels)
+    translations : set of int
+        Nodes whose position channels replace their offsets.
+    turning : set of int
+        Nodes whose rotations are needed.
+    """
     count = len(table)
-    positions = np.zeros((count, len(nodes), 3))
     channels = np.ascontiguousarray(table.T)
-    rotations: list[Array] = []  # of each node, shape (3, 3, n): the axes in rows
+    rotations: list[list[Array]] = []  # of each node, its three axes, each of shape (3, n)
+    places: list[Array] = []  # of each node, shape (3, n)
     column = 0
     for i, node in enumerate(nodes):
         if node.parent < 0:
-            rotation = np.repeat(np.eye(3)[..., None], count, axis=2)
-            positions[:, i] = node.offset
+            rotation = [np.repeat(axis[:, None], count, axis=1) for axis in np.eye(3)]
+            place = np.repeat(node.offset[:, None], count, axis=1)
         else:
             rotation = rotations[node.parent]
             offsets = node.offset[:, None]
             values, axes = _position_channels(node, table, column)
             if i in translations and values is not None:
                 offsets = _offsets(node, values, axes).T
-            place = positions[:, node.parent].T.copy()
+            place = places[node.parent].copy()
             for axis, coordinates in zip(rotation, offsets, strict=True):
                 place += axis * coordinates
-            positions[:, i] = place.T
         for kind, axis in node.channels:
             values = channels[column]
             column += 1
-            if kind == "rotation":
+            if kind == "position":
+                if node.parent < 0:
+                    place["xyz".index(axis)] = values
+            elif i in turning and values.any():
                 rotation = _rotated(rotation, "xyz".index(axis), np.radians(values))
-            elif node.parent < 0:
-                positions[:, i, "xyz".index(axis)] = values
+        positions[:, i] = place.T
+        places.append(place)
         rotations.append(rotation)
-    return positions
 
 
-def _rotated(rotation: Array, axis: int, angles: Array) -> Array:
-    """Rotate frames, with axes in rows (3, 3, n), about one of their own axes by angles (n,) [rad]."""
+def _rotated(rotation: list[Array], axis: int, angles: Array) -> list[Array]:
+    """Rotate three axes, each of shape (3, n), about one of them by angles (n,) [rad]."""
     second = (axis + 1) % 3
     third = (axis + 2) % 3
     cosine = np.cos(angles)
     sine = np.sin(angles)
-    rotated = np.empty_like(rotation)
-    rotated[axis] = rotation[axis]
-    rotated[second] = cosine * rotation[second] + sine * rotation[third]
-    rotated[third] = cosine * rotation[third] - sine * rotation[second]
+    rotated = list(rotation)
+    rotated[second] = cosine * rotation[second]
+    rotated[second] += sine * rotation[third]
+    rotated[third] = cosine * rotation[third]
+    rotated[third] -= sine * rotation[second]
     return rotated
