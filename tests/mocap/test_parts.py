@@ -135,3 +135,22 @@ def test_the_first_faulty_line_is_named(tmp_path, monkeypatch):
         file.write_text("\n".join([*lines[: number - 1], line, *lines[number:]]))
         with pytest.raises(ValueError, match=words):
             text.NumberTable(3, [[0, 1, 2]], ",").read(text.row_blocks(file))
+
+
+@pytest.mark.parametrize("blocks", [400, 2**20])
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_rows_of_points_have_names_of_any_length(tmp_path, markers, monkeypatch, quote, blocks):
+    monkeypatch.setattr(text, "BLOCK_CHARACTERS", blocks)
+    shown = {name: name for name in markers.names}
+    shown[markers.names[-1]] = "a name of more letters than the others have; é " + "long" * 40
+    lines = ["time,subject,name,x,y,z"]
+    for time, places in zip(markers.time, markers.positions, strict=True):
+        for name, place in zip(markers.names, places, strict=True):
+            numbers = ",".join(f"{value:.9f}" for value in place)
+            lines.append(f"{time:.6f},someone,{quote}{shown[name]}{quote} ,{numbers}")
+    file = tmp_path / "a.csv"
+    file.write_text("\n".join(lines), encoding="utf-8")
+    recording = read_recording(file)
+    assert recording.names == tuple(shown.values())
+    expected = read_recording(write_csv(tmp_path / "b.csv", markers))
+    assert_allclose(recording.positions, expected.positions, rtol=0, atol=2e-6)

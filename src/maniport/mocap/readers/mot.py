@@ -83,7 +83,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
         count = len(clock)
         times = times.part(part)
     own_columns = [i for i, name in enumerate(columns) if _SIDE.sub("", name) in ARM_ANGLES]
-    clocks, table = NumberTable(len(columns), [[0], own_columns], separator).read(blocks)
+    reader = NumberTable(len(columns), [[0], own_columns], separator)
+    clocks, table = reader.read(blocks, 0 if options.crops else file.stat().st_size)
     if times is None:
         times = _times(options, header, clocks[:, 0])
         count = len(table)

@@ -216,7 +216,8 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
 
     groups = (axes, list(confidence.values()), clocks)
     reader = text.NumberTable(len(table.columns), groups, table.separator, table.short)
-    coordinates, confidences, numbers = reader.read(blocks)
+    size = 0 if options.crops else file.stat().st_size
+    coordinates, confidences, numbers = reader.read(blocks, size)
     positions = coordinates.reshape(len(coordinates), -1, 3)
     if times is None:
         count = len(positions)
@@ -275,32 +276,21 @@ def _one_row_a_point(
     if clock is None and not counters:
         raise ValueError(f"{LAYOUTS}; there is no column time")
     counter = counters[0] if clock is None else clock
-    names: dict[str, int] = {}
-    parts: list[NDArray[np.int64]] = []
-
-    def labelled_blocks() -> Iterator[Block]:
-        for block in _blocks(file, table):
-            labels = text.column_of(block.lines, table.separator, name)
-            for label in dict.fromkeys(labels):
-                names.setdefault(label, len(names))
-            indices = map(names.__getitem__, labels)
-            parts.append(np.fromiter(indices, dtype=np.int64, count=len(labels)))
-            yield block
-
     groups = ([columns.index(axis) for axis in "xyz"], [counter])
-    reader = text.NumberTable(len(columns), groups, table.separator)
-    places, counts = reader.read(labelled_blocks())
+    reader = text.NumberTable(len(columns), groups, table.separator, label=name)
+    places, counts = reader.read(_blocks(file, table), file.stat().st_size)
+    names = list(reader.labels)
     times, pairs = _frames_of(counts[:, 0])
     require_size(len(times), len(names))
     pairs *= len(names)
-    pairs += np.concatenate(parts)
+    pairs += np.concatenate(reader.label_indices)
     occurrences = np.bincount(pairs)
     if occurrences.max() > 1:
         again = int(np.flatnonzero(occurrences[pairs] > 1)[1])
         block = next(text.sliced(_blocks(file, table), slice(again, again + 1)))
         raise ValueError(f"line {block.numbers[0]}: this point occurs twice at one time")
     del occurrences, counts
-    parts.clear()
+    reader.label_indices.clear()
     positions = np.full((len(times) * len(names), 3), np.nan)
     positions[pairs] = places
     del places, pairs  # as large as the positions
@@ -309,7 +299,7 @@ def _one_row_a_point(
     if clock is not None:
         stated = FileTimes({"time": times / per_second})
     points = positions.reshape(len(times), -1, 3)
-    return options.recording(file, list(names), points, stated, table.unit)
+    return options.recording(file, names, points, stated, table.unit)
 
 
 def _frames_of(counts: Array) -> tuple[Array, NDArray[np.int64]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.util.input_limits import (
     FRAMES,
@@ -240,6 +241,19 @@ def column_of(lines: Sequence[str], separator: str, column: int) -> list[str]:
     return [field_of(line, separator, column) for line in lines]
 
 
+class _LabelIndices(dict[str, int]):
+    """The index of each label, as it is written; those that differ by blanks are one."""
+
+    def __init__(self, labels: dict[str, int]) -> None:
+        super().__init__()
+        self.labels = labels  # without blanks
+
+    def __missing__(self, label: str) -> int:
+        index = self.labels.setdefault(label.strip(), len(self.labels))
+        self[label] = index
+        return index
+
+
 class NumberTable:
     """Collects the numbers of some columns of a table, in one array for each group of columns.
 
@@ -255,6 +269,8 @@ class NumberTable:
         Whether fields may be missing at the end of a row.
     expected : int
         Number of rows for which memory is reserved; there may be more or fewer.
+    label : int, optional
+        Column of texts, as of names; `labels` has their indices.
     """
 
     def __init__(
@@ -264,7 +280,14 @@ class NumberTable:
         separator: str | None = None,
         short: bool = False,
         expected: int = 0,
+        label: int | None = None,
     ) -> None:
+        self.label = label
+        self.labels: dict[str, int] = {}  # texts of the column of labels, and their indices
+        self._indices = _LabelIndices(self.labels)
+        self.label_indices: list[NDArray[np.int64]] = []  # of the rows, block by block
+        self._label_length = 16  # least number of letters for which memory is reserved
+        self._is_all_numbers = True  # whether the whole table is expected to be numbers
         self.width = width
         self.groups = groups
         self.separator = separator
@@ -274,8 +297,14 @@ class NumberTable:
         self._has_gaps = False  # whether empty fields are to be expected
         self.arrays = [np.empty((expected, len(group))) for group in groups]
 
-    def read(self, blocks: Iterable[Block]) -> list[Array]:
+    def read(self, blocks: Iterable[Block], size: int = 0) -> list[Array]:
         """Return the arrays, each of shape (n_rows, len(group)); placeholders are nan.
+
+        Parameters
+        ----------
+        blocks : iterable of Block
+        size : int
+            Characters of all blocks, from which the number of rows is estimated; zero where unknown.
 
         Raises
         ------
@@ -284,6 +313,8 @@ class NumberTable:
         """
         before: Block | None = None  # the last block is special
         for block in blocks:
+            if before is None and size:
+                self._reserve(block, size)
             if before is not None:
                 self._append(before, is_last=False)
             before = block
@@ -294,12 +325,23 @@ class NumberTable:
             array.resize((self.count, array.shape[1]), refcheck=False)
         return self.arrays
 
+    def _reserve(self, block: Block, size: int) -> None:
+        """Reserve memory for all rows, if they are as long as those of a block."""
+        characters = sum(map(len, block.lines))
+        rows = int(1.01 * size * len(block.lines) / max(characters, 1)) + 1
+        rows = min(rows, 3 * PLACES // self.width)
+        self.arrays = [np.empty((rows, len(group))) for group in self.groups]
+
     def _append(self, block: Block, is_last: bool) -> None:
         end = self.count + len(block.lines)
         require_at_most(end * self.width, 3 * PLACES, "numbers")
-        numbers = self._parsed(block.lines)
+        numbers = self._parsed_with_labels(block.lines)
         if numbers is None:
-            numbers = self._parsed_by_row(block, is_last)
+            numbers = self._parsed(block.lines)
+            if numbers is None:
+                numbers = self._parsed_by_row(block, is_last)
+            if self.label is not None:
+                self._add_labels(column_of(block.lines, str(self.separator), self.label))
         first = 0
         for array, group in zip(self.arrays, self.groups, strict=True):
             if end > len(array):  # `resize` moves large arrays without a second copy
@@ -308,6 +350,55 @@ class NumberTable:
             array[self.count : end] = numbers[:, first : first + len(group)]
             first += len(group)
         self.count = end
+
+    def _parsed_with_labels(self, lines: list[str]) -> Array | None:
+        """Parse rows of numbers and a label at once; None where there is no label or a row is unusual."""
+        if self.label is None:
+            return None
+        if self.separator != "," and "," in lines[0]:
+            lines = [line.replace(",", ".") for line in lines]
+        table = self._structured(lines)
+        if table is None:
+            return None
+        longest = self._label_length
+        while np.char.str_len(table[f"f{self.label}"]).max() >= self._label_length:
+            self._label_length *= 4
+            if self._label_length > LINE:
+                self._label_length = longest
+                return None
+            table = self._structured(lines)
+            if table is None:
+                return None
+        self._add_labels(table[f"f{self.label}"].tolist())
+        numbers = np.empty((len(lines), len(self.used)))
+        for i, column in enumerate(self.used):
+            numbers[:, i] = table[f"f{column}"]
+        return numbers
+
+    def _structured(self, lines: list[str]) -> NDArray[np.void] | None:
+        """Parse rows as numbers, labels and, in the other columns, the first letter; None where it fails."""
+        types = ["U1"] * self.width
+        for column in self.used:
+            types[column] = "f8"
+        types[int(self.label or 0)] = f"U{self._label_length}"
+        fields = np.dtype([(f"f{i}", kind) for i, kind in enumerate(types)])
+        try:
+            table = np.loadtxt(
+                lines,
+                dtype=fields,
+                delimiter=self.separator,
+                comments=None,
+                quotechar='"',
+                ndmin=1,
+            )
+        except ValueError:
+            return None
+        return table if len(table) == len(lines) else None
+
+    def _add_labels(self, labels: list[str]) -> None:
+        """Append the indices of the labels of some rows."""
+        rows = map(self._indices.__getitem__, labels)
+        self.label_indices.append(np.fromiter(rows, dtype=np.int64, count=len(labels)))
 
     def _parsed(self, lines: list[str]) -> Array | None:
         """Parse rows at once, shape (len(lines), columns in use); None where a row is unusual."""
@@ -318,6 +409,13 @@ class NumberTable:
             if numbers is None or numbers.shape[1] != self.width:
                 return None
             return numbers if self.used == [*range(self.width)] else numbers[:, self.used]
+
+        if self._is_all_numbers and 2 * len(self.used) > self.width:
+            # without usecols `loadtxt` counts the fields itself
+            numbers = _loaded(lines, self.separator, None)
+            if numbers is not None and numbers.shape[1] == self.width:
+                return numbers if self.used == [*range(self.width)] else numbers[:, self.used]
+            self._is_all_numbers = False
 
         separators = self.width - 1
         if set(map(str.count, lines, repeat(self.separator))) != {separators}:
