@@ -33,6 +33,10 @@ _ADDED_BEFORE = re.compile(
 _ADDED_BEHIND = re.compile(r"[_.]\d+$")
 """Numbers that programs add behind a name, another one for each."""
 
+_PERSON_BEFORE = re.compile(r"(?P<person>[^_ .\-/]+?(?:[_ .\-/]*\d+)?)[_ .\-/]+(?P<point>.+)")
+_PERSON_BEHIND = re.compile(r"(?P<point>.+?)[_ .\-/]+(?P<person>[A-Za-z]+[_ ]?\d+)")
+_SIDE_WORDS = ("r", "l", "right", "left", "rt", "lt", "upper", "lower")
+
 MOST_SHARE = (
     0.6  # Share of the names that must have a prefix or suffix in common for it to be taken off
 )
@@ -55,6 +59,53 @@ def parts_of(name: str) -> tuple[str, str, str]:
     if not end and bare.startswith(END):
         return namespace, END, bare.removeprefix(END)
     return namespace, end, bare
+
+
+@lru_cache(maxsize=16)
+def names_by_person(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    """Return names by the person before them: by their namespaces, or where all have one, by other starts and ends.
+
+    ``P1_RELB`` and ``P2_RELB`` are those of two persons, since most of the names that follow ``P1_`` follow ``P2_``.
+    """
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(parts_of(name)[0], []).append(name)
+    if len(groups) == 1:
+        for pattern in (_PERSON_BEFORE, _PERSON_BEHIND):
+            found = _persons(names, pattern)
+            if found:
+                groups = found
+                break
+    return {person: tuple(own) for person, own in groups.items()}
+
+
+def _persons(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, list[str]]:
+    """Return names by the person that a pattern finds; empty where most names are not those of several persons."""
+    groups: dict[str, list[str]] = {}
+    points: dict[str, set[str]] = {}
+    for name in names:
+        match = pattern.fullmatch(parts_of(name)[2])
+        if match is None or match["person"].lower() in _SIDE_WORDS:
+            continue
+        groups.setdefault(match["person"], []).append(name)
+        points.setdefault(match["person"], set()).add(match["point"])
+    most = max(map(len, points.values()), default=0)
+    if most < 4:  # as many as an arm and a trunk have at least
+        return {}
+    common = set().union(*(own for own in points.values() if len(own) == most))
+    persons = [person for person, own in points.items() if len(own & common) > 0.5 * most]
+    count = sum(len(groups[person]) for person in persons)
+    if len(persons) < 2 or count < MOST_SHARE * len(names):
+        return {}
+    return {person: groups[person] for person in persons}
+
+
+def person_of(name: str, names: tuple[str, ...]) -> str:
+    """Return the person of a name among all names; empty where they are those of one person."""
+    for person, own in names_by_person(names).items():
+        if name in own:
+            return person
+    return ""
 
 
 @lru_cache(maxsize=8192)

@@ -21,7 +21,8 @@ from maniport.mocap.point_names import END as END
 from maniport.mocap.point_names import (
     keys_without_additions,
     names_by_key,
-    parts_of,
+    names_by_person,
+    person_of,
     spellings,
 )
 from maniport.mocap.point_names import load_names as load_names
@@ -75,10 +76,8 @@ def find_roles(names: Sequence[str], side: str = RIGHT, body: str = "") -> tuple
 
 
 def whole_bodies(names: Sequence[str], side: str, most: int = 20) -> dict[str, Sequence[str]]:
-    """Return the points of each person with a whole arm and a trunk, by namespace; `most` of these are tried."""
-    bodies: dict[str, Any] = {}
-    for name in names:
-        bodies.setdefault(parts_of(name)[0], []).append(name)
+    """Return the points of each person with a whole arm and a trunk; `most` persons are tried."""
+    bodies: dict[str, Sequence[str]] = dict(names_by_person(tuple(names)))
     if len(bodies) == 1:
         return bodies
     needed = {*ARM, "trunk_up"}
@@ -316,7 +315,7 @@ def assigned_roles(
             raise RecordingError(
                 f"markers: point {name!r} is missing in every frame of {recording.source!r}"
             )
-    bodies = {parts_of(name)[0] for name in names}
+    bodies = {person_of(name, recording.observed) for name in names}
     marker_set, roles = find_roles(
         recording.observed, side, bodies.pop() if len(bodies) == 1 else ""
     )

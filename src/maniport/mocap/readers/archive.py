@@ -1,5 +1,6 @@
-"""ZIP archives with one recording, as data sets are delivered."""
+"""ZIP archives with one recording, or with the frames of one in JSON, as data sets are delivered."""
 
+import re
 import zipfile
 from collections.abc import Iterable
 from dataclasses import replace
@@ -9,7 +10,13 @@ from tempfile import TemporaryDirectory
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.mocap.readers import READERS, ImportOptions, read_with
 from maniport.mocap.recording import Recording
-from maniport.util.input_limits import MEGABYTE, RECORDING_BYTES, existing_file, require_at_most
+from maniport.util.input_limits import (
+    KEYPOINTS_BYTES,
+    MEGABYTE,
+    RECORDING_BYTES,
+    existing_file,
+    require_at_most,
+)
 
 MEMBERS = 100_000  # Most files in an archive
 LISTED = 8  # Names of files in a message
@@ -20,13 +27,19 @@ def read(file: Path, options: ImportOptions) -> Recording:
     """Read the one recording in a ZIP archive; see `maniport.mocap.readers.read_recording`."""
     existing_file(file, (), RECORDING_BYTES)
     try:
-        with zipfile.ZipFile(file) as archive:
+        with zipfile.ZipFile(file) as archive, TemporaryDirectory() as folder:
+            frames = _frames(archive.infolist())
+            if frames:
+                for i, frame in enumerate(frames):
+                    own = PurePosixPath(frame.filename).name
+                    _unpack(archive, frame, Path(folder) / f"{i:08}-{own}")
+                name = PurePosixPath(frames[0].filename).parent.name or file.stem
+                return _read_unpacked(Path(folder), name, options)
             member = _only_recording(archive.infolist())
             name = PurePosixPath(member.filename).name
-            with TemporaryDirectory() as folder:
-                unpacked = Path(folder) / f"recording{PurePosixPath(name).suffix.lower()}"
-                _unpack(archive, member, unpacked)
-                return _read_unpacked(unpacked, name, options)
+            unpacked = Path(folder) / f"recording{PurePosixPath(name).suffix.lower()}"
+            _unpack(archive, member, unpacked)
+            return _read_unpacked(unpacked, name, options)
     except (FileFormatError, InvalidInputError):
         raise
     except ValueError as error:
@@ -35,15 +48,39 @@ def read(file: Path, options: ImportOptions) -> Recording:
         raise ValueError(f"not a readable ZIP archive: {error}") from None
 
 
-def _only_recording(members: list[zipfile.ZipInfo]) -> zipfile.ZipInfo:
-    """Return the one member that is a recording, by its ending, or the only file."""
+def _frames(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
+    """Return the JSON files of single frames in order, whose names differ in numbers only; empty where it is else."""
     require_at_most(len(members), MEMBERS, "files in the archive")
+    recordings = [member for member in _files(members) if _ending(member) in READERS]
+    patterns = {re.sub(r"\d+", "0", member.filename) for member in recordings}
+    is_frames = len(recordings) > 1 and len(patterns) == 1
+    if not is_frames or _ending(recordings[0]) != ".json":
+        return []
+    size = sum(member.file_size for member in recordings)
+    require_at_most(size, KEYPOINTS_BYTES, "bytes in its JSON files")
+    return sorted(recordings, key=_numbers_in)
+
+
+def _numbers_in(member: zipfile.ZipInfo) -> list[int]:
+    """Return the numbers in a name, by which frames are in order."""
+    return [int(number) for number in re.findall(r"\d+", member.filename)]
+
+
+def _files(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
+    """Return the members that are files which a person put into the archive."""
     files = []
     for member in members:
         path = PurePosixPath(member.filename)
         is_hidden = path.name.startswith(".") or "__MACOSX" in path.parts
         if not member.is_dir() and not is_hidden:
             files.append(member)
+    return files
+
+
+def _only_recording(members: list[zipfile.ZipInfo]) -> zipfile.ZipInfo:
+    """Return the one member that is a recording, by its ending, or the only file."""
+    require_at_most(len(members), MEMBERS, "files in the archive")
+    files = _files(members)
     recordings = [member for member in files if _ending(member) in READERS]
     recordings = [member for member in recordings if _ending(member) != ".zip"]
     candidates = recordings or files
@@ -94,7 +131,7 @@ def _read_unpacked(unpacked: Path, name: str, options: ImportOptions) -> Recordi
     try:
         recording = read_with(unpacked, options)
     except FileFormatError as error:
-        text = str(error).replace(f"{unpacked}: ", "", 1)
+        text = str(error).replace(f"{unpacked}: ", "", 1).replace(f"{unpacked}/", "")
         raise ValueError(f"{name}: {text}") from None
     note = f"read from {name} in the archive"
     return replace(

@@ -362,7 +362,7 @@ def _fill_positions(
     column = 0
     for i, node in enumerate(nodes):
         if node.parent < 0:
-            rotation = [np.repeat(axis[:, None], count, axis=1) for axis in np.eye(3)]
+            rotation = [np.repeat(unit[:, None], count, axis=1) for unit in np.eye(3)]
             place = np.repeat(node.offset[:, None], count, axis=1)
         else:
             rotation = rotations[node.parent]
@@ -371,8 +371,8 @@ def _fill_positions(
             if i in translations and values is not None:
                 offsets = _offsets(node, values, axes).T
             place = places[node.parent].copy()
-            for axis, coordinates in zip(rotation, offsets, strict=True):
-                place += axis * coordinates
+            for direction, coordinates in zip(rotation, offsets, strict=True):
+                place += direction * coordinates
         for kind, axis in node.channels:
             values = channels[column]
             column += 1

@@ -7,7 +7,7 @@ section ``Trajectories`` of its ASCII export. Qualisys Track Manager: the TSV fi
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import islice, takewhile
+from itertools import islice, pairwise, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.mocap.readers import ImportOptions, drop_untrusted, known_unit, require_size, text
+from maniport.mocap.readers.columns import (
+    COUNTERS,
+    HALF_A_DAY,
+    TIME,
+    Coordinate,
+    as_time,
+    axis_of,
+    coordinates_of,
+    has_points,
+    increasing,
+    is_numbers,
+    unit_of_axis,
+)
 from maniport.mocap.readers.text import (
     Block,
     Row,
@@ -28,31 +41,20 @@ from maniport.mocap.recording import Recording
 from maniport.util.input_limits import NAME, POINTS, require_at_most
 from maniport.util.validation import Array
 
-_COLUMN = re.compile(
-    r"(.+?)(?:[ _.:-]+pos(?:ition)?)?[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE
-)
 _CONFIDENCE = re.compile(
-    r"(.+?)[ _.:-]+(?:visibility|confidence|conf|score|likelihood)", re.IGNORECASE
+    r"(.+?)(?:[ _.:-]+|(?<=[a-z0-9])(?=[A-Z]))(?i:visibility|confidence|conf|score|likelihood)"
 )
 _COLUMN_AXIS = re.compile(r"[ _.:-]+\(?[xyz]\)?$", re.IGNORECASE)
-_TIME = re.compile(r"(?:time|t|timestamp|seconds)(?:[ _]*[\[(]?(s|ms)[\])]?)?", re.IGNORECASE)
+_STATED_RATE = re.compile(
+    r"(?:fps|(?:frame|sampling|sample|data|capture|camera)[ _]*(?:rate|frequency)|frequency|rate|frames per second)"
+    r"(?:[ _]*[\[(]\w+[\])])?[\s,;:=\"]+(\d+(?:\.\d+)?)",
+    re.IGNORECASE,
+)
+_STATED_UNIT = re.compile(r"(?:length[ _]*)?units?[\s,;:=\"]+([a-z]+)", re.IGNORECASE)
+"""What lines above the names of columns may state."""
 
 NEXUS_SECTIONS = ("Devices", "Events", "Joints", "Model Outputs", "Segments", "Trajectories")
 HEADER = 300  # Lines in which the names of the columns are
-
-COUNTERS = (
-    "frame",
-    "frame#",
-    "frames",
-    "frame number",
-    "frame_number",
-    "framenumber",
-    "frame id",
-    "frame_id",
-    "index",
-    "",
-)
-"""Names of columns of frame numbers, in small letters."""
 
 POINT_WORDS = (
     "name",
@@ -65,6 +67,18 @@ POINT_WORDS = (
     "segment",
     "body part",
     "bodypart",
+)
+
+PERSON_WORDS = (
+    "person",
+    "subject",
+    "actor",
+    "skeleton",
+    "body",
+    "person_id",
+    "subject_id",
+    "track_id",
+    "body_id",
 )
 
 _PLACE = re.compile(
@@ -83,7 +97,7 @@ class Table(NamedTuple):
 
     columns: Sequence[str]  # NAME_x, NAME_y, NAME_z, time, or empty where it is not read
     first: int  # number of the line with the first row, from one
-    separator: str
+    separator: str | None  # None where blanks separate the fields
     unit: str = ""  # of length; empty where unknown
     rates: Mapping[str, float] = {}  # frames per second that the header states
     advice: str = LAYOUTS  # for a table without points
@@ -93,44 +107,131 @@ class Table(NamedTuple):
     declared_frames: str = ""  # number of frames in the header
     ends_at_blank: bool = False  # whether another section follows
     comments: bool = False  # whether lines that begin with # are comments
+    are_plain: bool = False  # whether columns are NAME_x, NAME_y and NAME_z, whatever the names
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a table of points; see `maniport.mocap.readers.read_recording`."""
     head = list(islice(text.rows_of(file), HEADER))
     first = head[0][1].strip(' "') if head else ""
-    if first.startswith("PathFileType"):
-        table = _trc([line for _, line in islice(text.lines_of(file), 5)])
-    elif first.startswith("Format Version"):
-        table = _motive(head)
-    elif first.startswith("NO_OF_FRAMES"):
-        table = _qualisys(head)
-    else:
-        table = _named_columns(head)
-        columns, unit = _columns_of_places(table.columns)
-        words = [f"{word}{end}" for word in POINT_WORDS for end in ("", "_name", " name", "name")]
-        name = next((columns.index(word) for word in words if word in columns), None)
-        if name is not None and {"x", "y", "z"} <= set(columns):
-            table = table._replace(unit=unit)
-            return _one_row_a_point(file, options, table, columns, name)
-        _require_usable_names(table)
-        counter = next((columns.index(word) for word in COUNTERS[:-1] if word in columns), None)
-        table = table._replace(frame_column=counter)
-        if not any(map(_COLUMN.fullmatch, table.columns)):
-            table = _nexus(file) or table
+    if first.startswith("PathFileType") or _is_trc(head):
+        return _one_row_a_frame(file, options, _trc(head))
+    if first.startswith("Format Version"):
+        return _one_row_a_frame(file, options, _motive(head))
+    if first.startswith("NO_OF_FRAMES"):
+        return _one_row_a_frame(file, options, _qualisys(head))
+
+    table = _named_columns(head)
+    columns, unit = _columns_of_places(table.columns)
+    if _name_column(columns) is not None:
+        table = table._replace(unit=unit or table.unit)
+        return _one_row_a_point(file, options, table, columns)
+    _require_usable_names(table)
+    counter = next((columns.index(word) for word in COUNTERS[:-1] if word in columns), None)
+    table = table._replace(frame_column=counter)
+    if not coordinates_of(table.columns):
+        table = _nexus(file) or _names_above_axes(head) or table
     return _one_row_a_frame(file, options, table)
 
 
 def _named_columns(head: Sequence[Row]) -> Table:
-    """Return a table with one line of names."""
+    """Return a table with one line of names, which may have lines of a title above it or be a comment."""
     rows = [row for row in head if not row[1].lstrip().startswith("#")]
+    comments = []
+    for number, line in head:
+        if line.lstrip().startswith("#"):
+            comments.append((number, line.lstrip(" \t#")))
     if rows and rows[0][1].strip(' "').startswith("sep="):  # written by Excel
         rows = rows[1:]
     if not rows:
         raise ValueError("the file holds no lines")
-    number, names = rows[0]
-    separator = separator_of(names)
-    return Table(fields_of(names, separator), number + 1, separator, comments=True)
+
+    named = _row_of_names([*comments, *rows])
+    title = []
+    if named is None:
+        number, line = rows[0]
+    else:
+        number, line = named
+        title = [above for below, above in head if below < number]
+    separator = _separator_of(line)
+    content = "\n".join(title)
+    rate = _STATED_RATE.search(content)
+    unit = _STATED_UNIT.search(content)
+    return Table(
+        fields_of(line, separator),
+        first=number + 1,
+        separator=separator,
+        unit="" if unit is None else known_unit(unit[1]) or "",
+        rates={} if rate is None else _rates({"rate": rate[1]}, "rate"),
+        comments=True,
+    )
+
+
+def _row_of_names(rows: Sequence[Row]) -> Row | None:
+    """Return the first row, above the numbers, that names the columns of points; None where there is none."""
+    for number, line in rows:
+        fields = fields_of(line, _separator_of(line))
+        if len(fields) > 4 * POINTS:
+            return None
+        if max(map(len, fields)) <= NAME:
+            if _name_column(_columns_of_places(fields)[0]) is not None or has_points(fields):
+                return number, line
+            if is_numbers(fields):
+                return None
+    return None
+
+
+def _separator_of(line: str) -> str | None:
+    """Return the separator of a line; None where there are blanks only."""
+    if not any(separator in line for separator in ",;\t") and len(line.split()) > 3:
+        return None
+    return separator_of(line)
+
+
+def _name_column(columns: Sequence[str]) -> int | None:
+    """Return the column of names in a table with a row for each point; None where it is none."""
+    if not {"x", "y", "z"} <= set(columns):
+        return None
+    words = [f"{word}{end}" for word in POINT_WORDS for end in ("", "_name", " name", "name")]
+    return next((columns.index(word) for word in words if word in columns), None)
+
+
+def _names_above_axes(head: Sequence[Row]) -> Table | None:
+    """Return a table with a line of names above a line of axes, as of DeepLabCut; None where there is none."""
+    for (_, line), (number, below) in pairwise(head):
+        separator = _separator_of(below)
+        axes = fields_of(below, separator)
+        if separator is None or not 3 <= len(axes) <= 4 * POINTS:
+            continue
+        if [axis_of(cell) for cell in axes].count("x") < 1 or is_numbers(axes):
+            continue
+        names = _padded(line, separator, len(axes))
+        columns = []
+        point = ""
+        for cell, axis in zip(names, axes, strict=True):
+            own = cell or axis
+            if TIME.fullmatch(own) or own.lower() in COUNTERS:
+                columns.append(own)
+                continue
+            point = cell or point
+            columns.append(f"{point}_{axis_of(axis) or axis}" if point else "")
+        if len(coordinates_of(columns)) < 3:
+            continue
+        small = [column.lower() for column in columns]
+        counter = next((small.index(word) for word in COUNTERS[:-1] if word in small), None)
+        if counter is None and not any(map(TIME.fullmatch, columns)):
+            counter = 0
+        units = {unit for cell in axes if (unit := unit_of_axis(cell))}
+        return Table(
+            _first_of_each(columns),
+            first=number + 1,
+            separator=separator,
+            unit=units.pop() if len(units) == 1 else "",
+            frame_column=counter,
+            comments=True,
+            are_plain=True,
+        )
+    return None
 
 
 def _columns_of_places(names: Sequence[str]) -> tuple[list[str], str]:
@@ -157,7 +258,7 @@ def _columns_of_places(names: Sequence[str]) -> tuple[list[str], str]:
 
 def _blocks(file: Path, table: Table) -> Iterator[Block]:
     """Iterate over the rows of numbers."""
-    end = f"{table.separator} \n" if table.ends_at_blank else None
+    end = f"{table.separator or ''} \n" if table.ends_at_blank else None
     return text.row_blocks(file, table.first, table.comments, end)
 
 
@@ -168,18 +269,28 @@ def _require_usable_names(table: Table) -> None:
     require_at_most(longest, NAME, "characters in the name of a column")
 
 
+def _coordinates(table: Table) -> dict[int, Coordinate]:
+    """Return the coordinates of points among the columns."""
+    if not table.are_plain:
+        return coordinates_of(table.columns)
+    found = {}
+    for i, column in enumerate(table.columns):
+        point, _, axis = column.rpartition("_")
+        if point and axis in ("x", "y", "z"):
+            found[i] = Coordinate(point, axis)
+    return found
+
+
 def _points_of(table: Table) -> tuple[dict[str, dict[str, int]], str]:
     """Return the columns of each point by axis, and the unit that their names state."""
     points: dict[str, dict[str, int]] = {}
     units = set()
     _require_usable_names(table)
-    for i, column in enumerate(table.columns):
-        match = _COLUMN.fullmatch(column)
-        if match is None:
-            continue
-        if points.setdefault(match[1], {}).setdefault(match[2].lower(), i) != i:
-            raise ValueError(f"the column {column!r} occurs twice")
-        units.add(match[3] or "")
+    for i, coordinate in _coordinates(table).items():
+        axes = points.setdefault(coordinate.point, {})
+        if axes.setdefault(coordinate.axis, i) != i:
+            raise ValueError(f"the column {table.columns[i]!r} occurs twice")
+        units.add(coordinate.unit)
     missing = [
         f"{name}_{axis}" for name, axes in points.items() for axis in "xyz" if axis not in axes
     ]
@@ -204,6 +315,7 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     axes = [columns[axis] for columns in points.values() for axis in "xyz"]
     clocks = [column for column in (clock, table.frame_column) if column is not None]
 
+    has_text = clock is not None and _is_text(file, table, clock)
     blocks = _blocks(file, table)
     times: FrameTimes | None = None
     if options.crops:
@@ -214,13 +326,21 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
         times = times.part(part)
         blocks = text.sliced(_blocks(file, table), part)
 
+    texts = []
+    if has_text:
+        texts = [clocks.pop(0)]
     groups = (axes, list(confidence.values()), clocks)
-    reader = text.NumberTable(len(table.columns), groups, table.separator, table.short)
+    reader = text.NumberTable(
+        len(table.columns), groups, table.separator, short=table.short, texts=texts
+    )
     size = 0 if options.crops else file.stat().st_size
     coordinates, confidences, numbers = reader.read(blocks, size)
     positions = coordinates.reshape(len(coordinates), -1, 3)
     if times is None:
         count = len(positions)
+        if has_text:
+            clocks_of_day = _times_of(reader.labels[0])
+            numbers = np.column_stack([clocks_of_day, numbers])
         times = _times(options, table, numbers, clock, per_second)
 
     names = list(points)
@@ -241,19 +361,35 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     )
 
 
+def _is_text(file: Path, table: Table, clock: int) -> bool:
+    """Whether the times of a table are texts such as hh:mm:ss."""
+    block = next(_blocks(file, table), None)
+    return block is not None and ":" in field_of(block.lines[0], table.separator, clock)
+
+
+def _times_of(labels: text.Labels) -> Array:
+    """Return the times [s] of rows from their texts."""
+    seconds = np.array([as_time(label) for label in labels.names])
+    return np.array(increasing(seconds[labels.indices()].tolist()))
+
+
 def _scanned(blocks: Iterable[Block], table: Table, columns: Sequence[int]) -> Array:
-    """Return some columns of all rows, without parsing the others."""
+    """Return some columns of all rows, times or numbers, without parsing the others."""
     numbers = []
     for block in blocks:
         for number, line in zip(block.numbers, block.lines, strict=True):
             try:
                 fields = [field_of(line, table.separator, column) for column in columns]
-                numbers.append([text.as_float(field) for field in fields])
+                numbers.append([as_time(field) for field in fields])
             except ValueError as error:
                 raise ValueError(f"line {number}: {error}") from None
     if not numbers:
         raise ValueError("the file holds no frames")
-    return np.array(numbers).reshape(len(numbers), len(columns))
+    scanned = np.array(numbers).reshape(len(numbers), len(columns))
+    for column in scanned.T:
+        if (np.diff(column) < -HALF_A_DAY).any():
+            column[:] = increasing(column.tolist())
+    return scanned
 
 
 def _times(
@@ -268,7 +404,7 @@ def _times(
 
 
 def _one_row_a_point(
-    file: Path, options: ImportOptions, table: Table, columns: list[str], name: int
+    file: Path, options: ImportOptions, table: Table, columns: list[str]
 ) -> Recording:
     """Read rows of points; those of one time, or of one frame number, make a frame."""
     clock, per_second = _clock(columns)
@@ -276,21 +412,27 @@ def _one_row_a_point(
     if clock is None and not counters:
         raise ValueError(f"{LAYOUTS}; there is no column time")
     counter = counters[0] if clock is None else clock
-    groups = ([columns.index(axis) for axis in "xyz"], [counter])
-    reader = text.NumberTable(len(columns), groups, table.separator, label=name)
+    has_text = clock is not None and _is_text(file, table, clock)
+    texts = [columns.index(word) for word in PERSON_WORDS if word in columns][:1]
+    texts.append(int(_name_column(columns) or 0))
+    if has_text:
+        texts.append(counter)
+    groups = ([columns.index(axis) for axis in "xyz"], [] if has_text else [counter])
+    reader = text.NumberTable(len(columns), groups, table.separator, texts=texts)
     places, counts = reader.read(_blocks(file, table), file.stat().st_size)
-    names = list(reader.labels)
+    if has_text:
+        counts = _times_of(reader.labels.pop())[:, None]
+    names, points = _named_points(reader.labels)
     times, pairs = _frames_of(counts[:, 0])
     require_size(len(times), len(names))
     pairs *= len(names)
-    pairs += np.concatenate(reader.label_indices)
+    pairs += points
     occurrences = np.bincount(pairs)
     if occurrences.max() > 1:
         again = int(np.flatnonzero(occurrences[pairs] > 1)[1])
         block = next(text.sliced(_blocks(file, table), slice(again, again + 1)))
         raise ValueError(f"line {block.numbers[0]}: this point occurs twice at one time")
-    del occurrences, counts
-    reader.label_indices.clear()
+    del occurrences, counts, points
     positions = np.full((len(times) * len(names), 3), np.nan)
     positions[pairs] = places
     del places, pairs  # as large as the positions
@@ -298,8 +440,23 @@ def _one_row_a_point(
     stated = FileTimes(frame_numbers=times)
     if clock is not None:
         stated = FileTimes({"time": times / per_second})
-    points = positions.reshape(len(times), -1, 3)
-    return options.recording(file, names, points, stated, table.unit)
+    tracks = positions.reshape(len(times), -1, 3)
+    return options.recording(file, names, tracks, stated, table.unit)
+
+
+def _named_points(labels: list[text.Labels]) -> tuple[list[str], NDArray[np.int64]]:
+    """Return names, with those of several persons before a colon, and the index of the name of each row."""
+    points = labels[-1].indices()
+    names = list(labels[-1].names)
+    if len(labels) == 1 or len(labels[0].names) < 2:
+        return names, points
+    pairs = labels[0].indices() * len(names) + points
+    used, order, indices = np.unique(pairs, return_index=True, return_inverse=True)
+    ranks = np.argsort(np.argsort(order))  # of the first row of each
+    persons = list(labels[0].names)
+    both = [f"{persons[pair // len(names)]}:{names[pair % len(names)]}" for pair in used.tolist()]
+    by_rank = [both[i] for i in np.argsort(order).tolist()]
+    return by_rank, ranks[indices].astype(np.int64)
 
 
 def _frames_of(counts: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -314,45 +471,83 @@ def _frames_of(counts: Array) -> tuple[Array, NDArray[np.int64]]:
 
 def _clock(columns: Sequence[str]) -> tuple[int | None, float]:
     """Return the first column of times, and its units per second."""
-    matches = ((i, match) for i, column in enumerate(columns) if (match := _TIME.fullmatch(column)))
-    return next(
-        ((i, 1000.0 if (match[1] or "").lower() == "ms" else 1.0) for i, match in matches),
-        (None, 1.0),
-    )
+    for i, column in enumerate(columns):
+        match = TIME.fullmatch(column)
+        if match is not None:
+            return i, 1000.0 if (match[1] or "").lower().startswith("m") else 1.0
+    return None, 1.0
 
 
-def _trc(lines: Sequence[str]) -> Table:
-    if len(lines) < 5:  # kind of file, keys, their values, names, axes
-        raise ValueError(f"the file is cut off in its header, at line {len(lines)}")
-    separator = "\t" if "\t" in lines[3] else separator_of(lines[3])
-    keys, values = (
-        fields_of(line, separator if separator in line else None) for line in lines[1:3]
+def _is_trc(head: Sequence[Row]) -> bool:
+    """Whether a table without the line PathFileType is a TRC file: its keys, or names above axes with numbers."""
+    for i, (_, line) in enumerate(head[:4]):
+        words = line.replace(",", " ").split()
+        if words[:1] == ["DataRate"]:
+            return True
+        below = head[i + 1][1].replace(",", " ").split() if i + 1 < len(head) else []
+        if words[:1] == ["Frame#"] and below and all(map(axis_of, below)):
+            return True
+    return False
+
+
+def _trc(head: Sequence[Row]) -> Table:
+    """Read the header: kind of file, keys, their values, names and axes; the names alone are indispensable."""
+    keys = next((i for i, (_, line) in enumerate(head[:4]) if line.split()[:1] == ["DataRate"]), 1)
+    named = next(
+        (i for i, (_, line) in enumerate(head[:12]) if line.lower().lstrip().startswith("frame#")),
+        keys + 2,
     )
-    header = dict(zip(filter(None, keys), values, strict=False))
-    labels = [name for name in fields_of(lines[3], separator)[2:] if name]
-    axes = [cell for cell in fields_of(lines[4], separator) if cell]
-    names = _trc_names(labels, axes, header.get("NumMarkers", ""))
+    if len(head) <= named:  # kind of file, keys, their values, names, axes
+        last = head[-1][0] if head else 0
+        raise ValueError(f"the file is cut off in its header, at line {last}")
+    header = {}
+    if keys + 1 < named:
+        names_of_keys, values = (
+            fields_of(text_of_keys, "\t" if "\t" in text_of_keys else _separator_of(text_of_keys))
+            for _, text_of_keys in head[keys : keys + 2]
+        )
+        header = dict(zip(filter(None, names_of_keys), values, strict=False))
+
+    number, line = head[named]
+    separator = "\t" if "\t" in line else _separator_of(line)
+    labels = [name for name in fields_of(line, separator)[2:] if name]
+    last = number
+    axes: list[str] = []
+    if named + 1 < len(head):
+        cells = fields_of(head[named + 1][1], separator)
+        if any(map(axis_of, cells)):
+            axes = [cell for cell in cells if cell]
+            last = head[named + 1][0]
+    if len(head) == named + 1 or (axes and len(head) == named + 2):
+        raise ValueError(f"the file is cut off in its header, at line {head[-1][0]}")
+    if not axes:
+        axes = ["X", "Y", "Z"] * len(labels)
+    names = _trc_names(labels, axes, header.get("NumMarkers", ""), number)
     columns = ["", "time", *_columns([name for name in names for _ in "XYZ"], "XYZ" * len(names))]
     warnings = []
     if separator != "\t":
+        what = "blanks" if separator is None else repr(separator)
         warnings.append(
-            f"the fields of this TRC file are separated by {separator!r}, not by tabs: check the points"
+            f"the fields of this TRC file are separated by {what}, not by tabs: check the points"
         )
     return Table(
         columns,
-        first=6,
+        first=last + 1,
         separator=separator,
         unit=header.get("Units", ""),
         rates=_rates(header, "DataRate"),
-        advice="line 4 must name the points, after Frame# and Time",
+        advice=f"line {number} must name the points, after Frame# and Time",
         warnings=warnings,
         short=True,
         frame_column=0,
         declared_frames=header.get("NumFrames", ""),
+        are_plain=True,
     )
 
 
-def _trc_names(labels: Sequence[str], axes: Sequence[str], declared: str) -> Sequence[str]:
+def _trc_names(
+    labels: Sequence[str], axes: Sequence[str], declared: str, line: int
+) -> Sequence[str]:
     """Return the names of the points of a TRC file, each of which may stand above all three of its columns."""
     count = int(declared) if declared.isdecimal() and len(declared) < 10 else len(labels)
     if len(labels) in (3 * count, len(axes)) and len(labels) % 3 == 0:
@@ -366,8 +561,8 @@ def _trc_names(labels: Sequence[str], axes: Sequence[str], declared: str) -> Seq
             return names
     if len(labels) != count and len(axes) == 3 * count:
         raise ValueError(
-            f"line 4 holds {len(labels)} names, for {count} markers by NumMarkers and {len(axes)} columns on line 5: "
-            "each marker needs one name, above the first of its columns"
+            f"line {line} holds {len(labels)} names, for {count} markers by NumMarkers and {len(axes)} columns on the "
+            "line below: each marker needs one name, above the first of its columns"
         )
     return labels
 
@@ -418,6 +613,7 @@ def _motive(rows: Sequence[Row]) -> Table:
         rates=rates,
         advice="in Motive export markers or bones, with their positions",
         frame_column=0,
+        are_plain=True,
     )
 
 
@@ -467,6 +663,7 @@ def _nexus(file: Path) -> Table | None:
         advice="in Nexus export trajectories",
         frame_column=0 if axes[:1] == ["Frame"] else None,
         ends_at_blank=True,
+        are_plain=True,
     )
 
 
@@ -513,9 +710,13 @@ def _padded(line: str, separator: str, width: int) -> list[str]:
 
 def _columns(points: Sequence[str], axes: Sequence[str]) -> list[str]:
     """Name the columns of points; later ones of the same name, as of markers that two models claim, are not used."""
-    columns = [
-        f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else ""
-        for name, axis in zip(points, axes, strict=True)
-    ]
+    columns = []
+    for name, axis in zip(points, axes, strict=True):
+        columns.append(f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else "")
+    return _first_of_each(columns)
+
+
+def _first_of_each(columns: Sequence[str]) -> list[str]:
+    """Return columns of which later ones of the same name are empty."""
     first = {column: i for i, column in reversed([*enumerate(columns)])}
     return [column if first[column] == i else "" for i, column in enumerate(columns)]

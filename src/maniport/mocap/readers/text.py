@@ -241,17 +241,37 @@ def column_of(lines: Sequence[str], separator: str, column: int) -> list[str]:
     return [field_of(line, separator, column) for line in lines]
 
 
-class _LabelIndices(dict[str, int]):
-    """The index of each label, as it is written; those that differ by blanks are one."""
+class Labels(dict[str, int]):
+    """The texts of a column and their indices; those that differ by blanks have one index.
 
-    def __init__(self, labels: dict[str, int]) -> None:
+    Attributes
+    ----------
+    names : dict
+        The index of each text without blanks, in the order of indices.
+    rows : list of ndarray
+        The indices of the rows, block by block.
+    """
+
+    def __init__(self) -> None:
         super().__init__()
-        self.labels = labels  # without blanks
+        self.names: dict[str, int] = {}
+        self.rows: list[NDArray[np.int64]] = []
 
-    def __missing__(self, label: str) -> int:
-        index = self.labels.setdefault(label.strip(), len(self.labels))
-        self[label] = index
+    def __missing__(self, text: str) -> int:
+        index = self.names.setdefault(text.strip(), len(self.names))
+        self[text] = index
         return index
+
+    def add(self, texts: list[str]) -> None:
+        """Append the texts of some rows."""
+        rows = map(self.__getitem__, texts)
+        self.rows.append(np.fromiter(rows, dtype=np.int64, count=len(texts)))
+
+    def indices(self) -> NDArray[np.int64]:
+        """Return the indices of all rows, which are not kept."""
+        indices = np.concatenate(self.rows)
+        self.rows.clear()
+        return indices
 
 
 class NumberTable:
@@ -269,8 +289,8 @@ class NumberTable:
         Whether fields may be missing at the end of a row.
     expected : int
         Number of rows for which memory is reserved; there may be more or fewer.
-    label : int, optional
-        Column of texts, as of names; `labels` has their indices.
+    texts : sequence of int
+        Columns of texts, as of names; `labels` has those of each.
     """
 
     def __init__(
@@ -280,12 +300,10 @@ class NumberTable:
         separator: str | None = None,
         short: bool = False,
         expected: int = 0,
-        label: int | None = None,
+        texts: Sequence[int] = (),
     ) -> None:
-        self.label = label
-        self.labels: dict[str, int] = {}  # texts of the column of labels, and their indices
-        self._indices = _LabelIndices(self.labels)
-        self.label_indices: list[NDArray[np.int64]] = []  # of the rows, block by block
+        self.texts = texts
+        self.labels = [Labels() for _ in texts]
         self._label_length = 16  # least number of letters for which memory is reserved
         self._is_all_numbers = True  # whether the whole table is expected to be numbers
         self.width = width
@@ -340,8 +358,8 @@ class NumberTable:
             numbers = self._parsed(block.lines)
             if numbers is None:
                 numbers = self._parsed_by_row(block, is_last)
-            if self.label is not None:
-                self._add_labels(column_of(block.lines, str(self.separator), self.label))
+            for labels, column in zip(self.labels, self.texts, strict=True):
+                labels.add(column_of(block.lines, str(self.separator), column))
         first = 0
         for array, group in zip(self.arrays, self.groups, strict=True):
             if end > len(array):  # `resize` moves large arrays without a second copy
@@ -352,35 +370,39 @@ class NumberTable:
         self.count = end
 
     def _parsed_with_labels(self, lines: list[str]) -> Array | None:
-        """Parse rows of numbers and a label at once; None where there is no label or a row is unusual."""
-        if self.label is None:
+        """Parse rows of numbers and labels at once; None where there are no labels or a row is unusual."""
+        if not self.texts:
             return None
         if self.separator != "," and "," in lines[0]:
             lines = [line.replace(",", ".") for line in lines]
         table = self._structured(lines)
         if table is None:
             return None
-        longest = self._label_length
-        while np.char.str_len(table[f"f{self.label}"]).max() >= self._label_length:
-            self._label_length *= 4
-            if self._label_length > LINE:
-                self._label_length = longest
-                return None
+        if self._longest(table) >= self._label_length:  # perhaps cut off
+            self._label_length = max(map(len, lines))
             table = self._structured(lines)
             if table is None:
                 return None
-        self._add_labels(table[f"f{self.label}"].tolist())
+            self._label_length = 2 * self._longest(table)
+
+        for labels, column in zip(self.labels, self.texts, strict=True):
+            labels.add(table[f"f{column}"].tolist())
         numbers = np.empty((len(lines), len(self.used)))
         for i, column in enumerate(self.used):
             numbers[:, i] = table[f"f{column}"]
         return numbers
+
+    def _longest(self, table: NDArray[np.void]) -> int:
+        """Return the number of letters of the longest label."""
+        return max(int(np.char.str_len(table[f"f{column}"]).max()) for column in self.texts)
 
     def _structured(self, lines: list[str]) -> NDArray[np.void] | None:
         """Parse rows as numbers, labels and, in the other columns, the first letter; None where it fails."""
         types = ["U1"] * self.width
         for column in self.used:
             types[column] = "f8"
-        types[int(self.label or 0)] = f"U{self._label_length}"
+        for column in self.texts:
+            types[column] = f"U{self._label_length}"
         fields = np.dtype([(f"f{i}", kind) for i, kind in enumerate(types)])
         try:
             table = np.loadtxt(
@@ -394,11 +416,6 @@ class NumberTable:
         except ValueError:
             return None
         return table if len(table) == len(lines) else None
-
-    def _add_labels(self, labels: list[str]) -> None:
-        """Append the indices of the labels of some rows."""
-        rows = map(self._indices.__getitem__, labels)
-        self.label_indices.append(np.fromiter(rows, dtype=np.int64, count=len(labels)))
 
     def _parsed(self, lines: list[str]) -> Array | None:
         """Parse rows at once, shape (len(lines), columns in use); None where a row is unusual."""
