@@ -295,3 +295,69 @@ def test_a_faulty_frame_in_an_archive_is_named(tmp_path, control):
     with pytest.raises(FileFormatError, match=r"frame2\.json") as caught:
         read_recording(tmp_path / "a.zip", rate=30)
     assert "/tmp" not in str(caught.value).replace(str(tmp_path), "")
+
+
+@pytest.mark.parametrize("units", ["s", "(s)", ""])
+@pytest.mark.parametrize("unit", ["mm", "(mm)", "[mm]"])
+def test_a_row_of_units(tmp_path, markers, units, unit):
+    lines = table(markers, lambda name, axis: f"{name}_{axis}", factor=1000.0)
+    row = ",".join([units] + [unit] * 3 * len(markers.names))
+    recording = read_lines(tmp_path, [lines[0], row, *lines[1:]])
+    assert_same(recording, markers)
+    assert any("unit mm, of the file" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("separator", ["|", " ", "   ", ";", "\t"])
+def test_separators(tmp_path, markers, separator):
+    complete = replace(markers, positions=markers.positions[4:], time=markers.time[4:])
+    lines = table(complete, lambda name, axis: f"{name}_{axis}", separator=separator)
+    assert_same(read_lines(tmp_path, lines), complete)
+
+
+def bvh_lines(request):
+    """Return the lines of a hierarchy, the number of frames and the frames of a BVH file."""
+    file = request.path.parent / "cases" / "control.bvh"
+    lines = file.read_text().splitlines()
+    motion = lines.index("MOTION")
+    return lines[:motion], lines[motion + 1], lines[motion + 2], lines[motion + 3 :]
+
+
+BVH = {
+    "one line": lambda tree, count, step, rows: [" ".join(tree), "MOTION", count, step, *rows],
+    "other order": lambda tree, count, step, rows: [*tree, "MOTION", step, count, *rows],
+    "comments": lambda tree, count, step, rows: [*tree, "MOTION", "# a", count, "// b", step, *rows],
+    "one header line": lambda tree, count, step, rows: [*tree, "MOTION", f"{count} {step}", *rows],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("lines_of", BVH.values(), ids=BVH)
+def test_variants_of_bvh(tmp_path, request, lines_of):
+    expected = read_recording(request.path.parent / "cases" / "control.bvh")
+    recording = read_lines(tmp_path, lines_of(*bvh_lines(request)), "a.bvh")
+    assert recording.names == expected.names
+    assert_allclose(recording.positions, expected.positions, rtol=0, atol=0)
+    assert_allclose(recording.time, expected.time, rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("layout", ["tracks", "array", "capitals"])
+def test_layouts_of_json(tmp_path, control, layout):
+    tracks = {name: control.point(name).tolist() for name in control.names}
+    contents = {
+        "tracks": {**tracks, "time": control.time.tolist()},
+        "array": {
+            "names": list(control.names),
+            "positions": control.positions.tolist(),
+            "fps": control.rate,
+        },
+        "capitals": {"fps": control.rate, "frames": []},
+    }
+    for places in control.positions.tolist():
+        points = {
+            name: dict(zip("XYZ", place, strict=True))
+            for name, place in zip(control.names, places, strict=True)
+        }
+        contents["capitals"]["frames"].append(points)
+    recording = read_lines(tmp_path, [json.dumps(contents[layout])], "a.json", unit="m")
+    assert recording.names == control.names
+    assert_allclose(recording.positions, control.positions, rtol=0, atol=1e-9)
+    assert_allclose(recording.time, control.time, rtol=0, atol=1e-6)

@@ -30,9 +30,15 @@ from maniport.util.validation import Array
 
 FRAMES_AT_ONCE = 2000
 LONGEST_FRAME_TIME = 2.0  # [s]; motion is not captured so slowly, and longer times are milliseconds
-_STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\s+[-+.\d])", re.IGNORECASE)
-_FRAMES = re.compile(r"\s*Frames\s*:\s*(\d{1,15})\s+Frame\s*Time\s*:\s*(\S+)\s*$", re.IGNORECASE)
+_STATEMENT = re.compile(
+    r"([{}])|(?=\b(?:OFFSET|CHANNELS)\s+[-+.\d])|(?<=HIERARCHY\s)"
+    r"|(?<=(?:rotation|position)\s)(?=\s*(?:JOINT|END)\s)",
+    re.IGNORECASE,
+)
+_FRAMES = re.compile(r"Frames\s*:\s*(\d{1,15})(?!\S)", re.IGNORECASE)
+_FRAME_TIME = re.compile(r"Frame\s*Time\s*:\s*(\S+)", re.IGNORECASE)
 _COMMA = re.compile(r",(?=\s|$)")  # which separates numbers, since blanks follow
+LONGEST_HEADER = 1000  # Characters between MOTION and the first frame
 CHANNELS = {(kind, axis) for kind in ("position", "rotation") for axis in "xyz"}
 
 
@@ -224,22 +230,28 @@ def _read_statement(word: str, rest: list[str], nodes: list[_Node], path: list[i
 
 def _motion(lines: Iterator[Row], motion: int, options: ImportOptions) -> _Motion:
     """Read the lines after MOTION, up to the first frame."""
-    header: list[Row] = []
-    match = None
+    header = ""
+    last = motion
+    count = None
+    frame_time = None
     for number, line in lines:
-        if not line.strip():
+        stripped = line.strip()
+        if not stripped or stripped.startswith(("#", "//")):
             continue
-        header.append((number, line))
-        match = _FRAMES.match(" ".join(text for _, text in header))
-        if match is not None or len(header) == 2:  # on two lines, or on one
+        if not stripped[0].isalpha():  # the first frame
             break
-    if match is None:
+        last = number
+        header += f" {stripped}"
+        count = _FRAMES.search(header)
+        frame_time = _FRAME_TIME.search(header)
+        if (count and frame_time) or len(header) > LONGEST_HEADER:
+            break
+    if count is None or frame_time is None:
         raise ValueError(f"MOTION at line {motion} must be followed by 'Frames:' and 'Frame Time:'")
-    last = header[-1][0]
-    step = positive_number(match[2])
+    step = positive_number(frame_time[1])
     if step is None and options.rate is None:
         raise ValueError(
-            f"Frame Time at line {last} must be a positive number; found {match[2]!r}; "
+            f"Frame Time at line {last} must be a positive number; found {frame_time[1]!r}; "
             f"{argument('rate')} sets the frames per second"
         )
     if step is None:
@@ -247,14 +259,14 @@ def _motion(lines: Iterator[Row], motion: int, options: ImportOptions) -> _Motio
     warnings = []
     if step >= LONGEST_FRAME_TIME and options.rate is None:
         warnings.append(
-            f"Frame Time at line {last} is {match[2]}, which was taken as milliseconds: as seconds, frames would be "
-            f"{step:g} s apart; {argument('rate')} sets the frames per second"
+            f"Frame Time at line {last} is {frame_time[1]}, which was taken as milliseconds: as seconds, frames would "
+            f"be {step:g} s apart; {argument('rate')} sets the frames per second"
         )
         step *= 1e-3
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate
-    return _Motion(match[1], step, last + 1, tuple(warnings))
+    return _Motion(count[1], step, last + 1, tuple(warnings))
 
 
 def _all_positions(nodes: list[_Node], table: Array) -> tuple[Array, list[str]]:

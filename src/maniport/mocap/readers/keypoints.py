@@ -47,7 +47,10 @@ def read(file: Path, options: ImportOptions) -> Recording:
     else:
         frames = _loaded(file, KEYPOINTS_BYTES)
         if isinstance(frames, dict):
-            head, frames = frames, frames.get(_first(frames, KEYS["frames"], list), [frames])
+            head = frames
+            frames = _frames_of_tracks(head) or _frames_of_array(head)
+            if not frames:
+                frames = head.get(_first(head, KEYS["frames"], list), [head])
     if not isinstance(frames, list) or not frames:
         raise ValueError("the file holds no frames")
     require_at_most(len(frames), FRAMES, "frames")
@@ -88,6 +91,36 @@ def read(file: Path, options: ImportOptions) -> Recording:
     stated = _times(head, frames)
     unit = head["unit"] if isinstance(head.get("unit"), str) else "m" if mediapipe else ""
     return options.recording(file, names, positions, stated, unit, notes=notes)
+
+
+def _frames_of_array(head: Mapping[str, Any]) -> list[Any]:
+    """Return the frames of positions (n, k, 3) in nested lists; empty where there are none."""
+    positions = head.get("positions")
+    if not isinstance(positions, list) or not positions or not isinstance(positions[0], list):
+        return []
+    is_array = bool(positions[0]) and isinstance(positions[0][0], list)
+    return positions if is_array else []
+
+
+def _frames_of_tracks(head: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the frames of tracks by name, each a list of x, y, z; empty where a file has none."""
+    tracks = {}
+    for name, values in head.items():
+        if isinstance(values, list) and values and isinstance(values[0], list):
+            if len(values[0]) != 3 or isinstance(values[0][0], (list, dict)):
+                return []
+            tracks[name] = values
+    lengths = {len(values) for values in tracks.values()}
+    if len(lengths) != 1 or set(tracks) & {*KEYS["points"], *KEYS["people"], *KEYS["frames"]}:
+        return []
+    (count,) = lengths
+    frames: list[dict[str, Any]] = [{} for _ in range(count)]
+    for key in (*tracks, *KEYS["seconds"]):
+        values = head.get(key)
+        if isinstance(values, list) and len(values) == count:
+            for frame, value in zip(frames, values, strict=True):
+                frame[key] = value
+    return frames
 
 
 def _times(head: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> FileTimes:
@@ -210,7 +243,9 @@ def _point(point: Any) -> Point:
         confidence = point.get(_first(point, KEYS["confidence"]), 1.0)
         point = point.get("position", point)
         point = (
-            [point[axis] for axis in "xyz" if axis in point] if isinstance(point, dict) else point
+            [point[axis] for axis in _axes_of(point) if axis in point]
+            if isinstance(point, dict)
+            else point
         )
     if isinstance(point, list) and len(point) == 2:
         raise ValueError(_IN_IMAGE)
@@ -219,6 +254,11 @@ def _point(point: Any) -> Point:
             f"a keypoint must be x, y, z, and optionally its confidence; found {str(point)[:80]}"
         )
     return [_number(value) for value in (*point, confidence)[:4]]
+
+
+def _axes_of(point: Mapping[str, Any]) -> str:
+    """Return the keys of the coordinates of a keypoint, in small letters or in capitals."""
+    return "XYZ" if "X" in point and "x" not in point else "xyz"
 
 
 def _number(value: Any) -> float:

@@ -154,6 +154,13 @@ def _named_columns(head: Sequence[Row]) -> Table:
         number, line = named
         title = [above for below, above in head if below < number]
     separator = _separator_of(line)
+    stated = ""
+    below = next(((i, text_below) for i, text_below in rows if i > number), None)
+    if below is not None and named is not None:
+        units = _units_of(fields_of(below[1], separator))
+        if units is not None:
+            number = below[0]
+            stated = units
     content = "\n".join(title)
     rate = _STATED_RATE.search(content)
     unit = _STATED_UNIT.search(content)
@@ -161,10 +168,24 @@ def _named_columns(head: Sequence[Row]) -> Table:
         fields_of(line, separator),
         first=number + 1,
         separator=separator,
-        unit="" if unit is None else known_unit(unit[1]) or "",
+        unit=stated or ("" if unit is None else known_unit(unit[1]) or ""),
         rates={} if rate is None else _rates({"rate": rate[1]}, "rate"),
         comments=True,
     )
+
+
+def _units_of(cells: Sequence[str]) -> str | None:
+    """Return the unit of length in a row of units below the names; None where it is no such row."""
+    units = set()
+    for cell in cells:
+        unit = known_unit(cell.strip("()[]"))
+        if unit is not None:
+            units.add(unit)
+        elif cell.strip("()[]").lower() not in ("", "-", "s", "ms", "sec", "seconds", "frame", "#"):
+            return None
+    if not units:
+        return None
+    return units.pop() if len(units) == 1 else ""
 
 
 def _row_of_names(rows: Sequence[Row]) -> Row | None:
@@ -183,8 +204,11 @@ def _row_of_names(rows: Sequence[Row]) -> Row | None:
 
 def _separator_of(line: str) -> str | None:
     """Return the separator of a line; None where there are blanks only."""
-    if not any(separator in line for separator in ",;\t") and len(line.split()) > 3:
-        return None
+    if not any(separator in line for separator in ",;\t"):
+        if line.count("|") > 3 and line.count("|") >= len(line.split()) - 1:
+            return "|"
+        if len(line.split()) > 3:
+            return None
     return separator_of(line)
 
 
