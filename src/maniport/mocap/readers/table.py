@@ -245,7 +245,7 @@ def _names_above_axes(head: Sequence[Row]) -> Table | None:
         counter = next((small.index(word) for word in COUNTERS[:-1] if word in small), None)
         if counter is None and not any(map(TIME.fullmatch, columns)):
             counter = 0
-        units = {unit for cell in axes if (unit := unit_of_axis(cell))}
+        units = {unit_of_axis(cell) for cell in axes} - {""}
         return Table(
             _first_of_each(columns),
             first=number + 1,
@@ -526,10 +526,8 @@ def _trc(head: Sequence[Row]) -> Table:
         raise ValueError(f"the file is cut off in its header, at line {last}")
     header = {}
     if keys + 1 < named:
-        names_of_keys, values = (
-            fields_of(text_of_keys, "\t" if "\t" in text_of_keys else _separator_of(text_of_keys))
-            for _, text_of_keys in head[keys : keys + 2]
-        )
+        names_of_keys = _tabbed_fields(head[keys][1])
+        values = _tabbed_fields(head[keys + 1][1])
         header = dict(zip(filter(None, names_of_keys), values, strict=False))
 
     number, line = head[named]
@@ -567,6 +565,11 @@ def _trc(head: Sequence[Row]) -> Table:
         declared_frames=header.get("NumFrames", ""),
         are_plain=True,
     )
+
+
+def _tabbed_fields(line: str) -> list[str]:
+    """Split a line at tabs, or where it has none at its separator."""
+    return fields_of(line, "\t" if "\t" in line else _separator_of(line))
 
 
 def _trc_names(
