@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import QhullError
 
 from maniport.arms.chain import (
     PRISMATIC,
@@ -29,7 +29,8 @@ from maniport.arms.loaders.document import (
 )
 from maniport.arms.loaders.mjcf_document import WORLD, Document, rotation_to
 from maniport.arms.loaders.model import Follower, RobotBody, RobotModel
-from maniport.arms.meshes import moved, moved_points, solid, solid_core
+from maniport.arms.meshes import hull_triangles, moved, moved_points, solid, solid_core
+from maniport.arms.meshes.fitting import MESH_INERTIAS, fitted
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
@@ -219,7 +220,9 @@ def _shape(
         kind, sizes = "box", PLANE_SIZES
     elif title is None and kind in SIZES:
         placement, sizes = _solid(document, geom, kind)
-    elif title in assets.files:
+    elif title in assets.files and kind in SIZES:
+        placement, sizes = _fitted(document, assets, geom, kind, title)
+    elif title in assets.files and kind == "mesh":
         mesh = moved(assets.mesh(title), document.pose(geom))
         if not collision:
             return Shape(name, mesh)
@@ -232,6 +235,31 @@ def _shape(
     mesh = moved(solid(kind, *sizes), placement)
     core, radius = solid_core(kind, *sizes)
     return Shape(name, mesh, collision, moved_points(core, placement), radius, contact)
+
+
+def _fitted(
+    document: Document, assets: "_Assets", geom: Element, kind: str, title: str | None
+) -> tuple[Array, list[float]]:
+    """Pose (4, 4) and sizes of a simple solid that is fitted to a mesh, as MuJoCo fits it."""
+    element, _ = assets.files[title]
+    inertia = document.attribute(element, "inertia") or "legacy"
+    allowed = ", ".join(MESH_INERTIAS)
+    require(
+        inertia in MESH_INERTIAS,
+        document.path,
+        f"<mesh> {title!r} has the inertia {inertia!r}; allowed are {allowed}",
+    )
+    try:
+        result = fitted(
+            kind, assets.mesh(title), inertia, document.options.get("fitaabb") == "true"
+        )
+    except ValueError as error:
+        raise FileFormatError(
+            f"{document.path}: no {kind} can be fitted to the mesh {title!r}: {error}"
+        ) from None
+    scale = float(document.numbers(geom, "fitscale", 1, "1", least=0.0)[0])
+    sizes = np.array(SIZES[kind]) * result.sizes * scale
+    return document.pose(geom) @ result.pose, sizes.tolist()
 
 
 def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, list[float]]:
@@ -301,7 +329,7 @@ def _own_mesh(path: Path, mesh: Element) -> Mesh:
         ).reshape(-1, 3)
         if not np.all(np.abs(points) < LARGEST) or not np.all((rows >= 0) & (rows < len(points))):
             raise ValueError("invalid numbers")
-        return points, rows if len(rows) else ConvexHull(points).simplices.astype(np.int32)
+        return points, rows if len(rows) else hull_triangles(points)
     except (ValueError, OverflowError, QhullError) as error:
         reason = str(error).splitlines()[0]
         raise FileFormatError(
