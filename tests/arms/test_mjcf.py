@@ -206,7 +206,7 @@ DOUBLING = "".join(
 def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, message):
     pytest.importorskip("xacrodoc")
     monkeypatch.setattr(
-        "maniport.arms.loaders.document.LONGEST_XACRO", 2.0 if "2 s" in message else 30.0
+        "maniport.arms.loaders.xacro_files.LONGEST_XACRO", 2.0 if "2 s" in message else 30.0
     )
     os.mkfifo(tmp_path / "pipe.xacro")
     (tmp_path / "a.xacro").write_text(XACRO.format(content))

@@ -1,10 +1,7 @@
-"""Robot files as XML within the limits of inputs, their numbers and mesh files, and xacro files expanded to URDF."""
+"""Robot files as XML within the limits of inputs, their numbers and mesh files."""
 
-import json
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +12,6 @@ from xml.parsers import expat
 import numpy as np
 
 from maniport.arms.chain import CollisionShapes, ContactRules, Mesh, Shape, moved_inertia
-from maniport.arms.loaders import xacro_child
 from maniport.arms.loaders.package_folders import (
     holds_home,
     is_file,
@@ -23,10 +19,10 @@ from maniport.arms.loaders.package_folders import (
     package_folders,
     ros_folders,
 )
+from maniport.arms.loaders.xacro_files import expanded
 from maniport.arms.meshes.mesh_files import load_mesh
-from maniport.errors import FileFormatError, argument, typed, unknown_name
+from maniport.errors import FileFormatError
 from maniport.util.input_limits import (
-    MEGABYTE,
     NESTING,
     ROBOT_BYTES,
     SHAPES,
@@ -35,11 +31,9 @@ from maniport.util.input_limits import (
     read_whole,
     require_at_most,
 )
-from maniport.util.optional import xacrodoc
 from maniport.util.validation import MAX_POSITION, Array
 
 XACRO = ".xacro"
-LONGEST_XACRO = 30.0  # time limit for endless macros [s]
 LARGEST = 1e9  # upper bound of all numbers of a robot
 
 
@@ -241,7 +235,7 @@ def parsed(
     try:
         content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
         if path.suffix.lower() == XACRO:
-            text = _expanded(path, folders, {} if xacro_args is None else xacro_args)
+            text = expanded(path, folders, {} if xacro_args is None else xacro_args)
         else:
             text = content
         require_at_most(text.count("<"), TAGS, "tags", path)
@@ -263,74 +257,6 @@ def parsed(
         level, depth = [child for element in level for child in element], depth + 1
     require_at_most(depth, NESTING, "levels of elements within elements", path)
     return root
-
-
-def _expanded(path: Path, folders: Sequence[Path], arguments: Mapping[str, str]) -> str:
-    """Expand a xacro file to a URDF in a process with limits."""
-    xacrodoc()
-    order = {
-        "path": os.path.abspath(path),
-        "most": ROBOT_BYTES,
-        "memory": 2048 * MEGABYTE,
-        "folders": [os.path.abspath(folder) for folder in folders],
-        "arguments": dict(arguments),
-    }
-    child = [sys.executable, "-P", xacro_child.__file__, json.dumps(order)]
-    try:
-        done = subprocess.run(
-            child, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST_XACRO, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise FileFormatError(
-            f"{path}: xacro cannot expand it: it takes more than {LONGEST_XACRO:g} s"
-        ) from None
-    try:
-        answer = json.loads(done.stdout)
-    except ValueError:  # ended by the system, without an answer
-        answer = {"error": f"exit code {done.returncode}"}
-    _require_arguments(path, answer, arguments)
-
-    if answer.get("package"):
-        raise FileFormatError(
-            f"{path}: xacro cannot expand it: there is no package {answer['package']!r} above its folder or in "
-            f"ROS_PACKAGE_PATH or AMENT_PREFIX_PATH; {argument('mesh_folders')} adds a folder that contains it"
-        )
-    text = answer.get("urdf")
-    if text is None:
-        reason = " ".join(str(answer.get("error")).split())
-        raise FileFormatError(f"{path}: xacro cannot expand it: {reason}")
-    if len(text) > ROBOT_BYTES:
-        raise FileFormatError(f"{path}: is {len(text) / MEGABYTE:.4g} MB when expanded; too large")
-    return str(text)
-
-
-def _require_arguments(
-    path: Path, answer: Mapping[str, Sequence[str]], given: Mapping[str, str]
-) -> None:
-    """Raise where arguments of a xacro file have no value, or where a given one does not exist."""
-    missing = answer.get("missing", ())
-    declared = answer.get("declared", ())
-    unknown = [name for name in given if name not in declared]
-    if missing:
-        listed = ", ".join(map(repr, missing))
-        others = [repr(name) for name in declared if name not in missing]
-        text = f"{path}: the xacro arguments without a default need values: {listed}"
-        if others:
-            text += f" (further arguments: {', '.join(others)})"
-        if unknown:
-            text += f"; it has no argument {', '.join(map(repr, unknown))}"
-        raise FileFormatError(f"{text}; give them with {xacro_arguments(missing)}")
-    if unknown and "urdf" in answer:
-        raise unknown_name("xacro argument", unknown[0], declared, f"in '{path}'")
-
-
-def xacro_arguments(names: Sequence[str]) -> str:
-    """Write how values are given to arguments of a xacro file, in a command or in Python."""
-    if typed():
-        values = " ".join(f"{name}:=VALUE" for name in names)
-        return f"{argument('xacro_args')} {values}"
-    values = ", ".join(f"{name!r}: 'VALUE'" for name in names)
-    return f"{argument('xacro_args')}{{{values}}}"
 
 
 @dataclass(frozen=True)

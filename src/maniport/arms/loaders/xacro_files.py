@@ -1,0 +1,83 @@
+"""Xacro files expanded to URDF, in a process with limits."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from maniport.arms.loaders import xacro_child
+from maniport.errors import FileFormatError, argument, typed, unknown_name
+from maniport.util.input_limits import MEGABYTE, ROBOT_BYTES
+from maniport.util.optional import xacrodoc
+
+LONGEST_XACRO = 30.0  # time limit for endless macros [s]
+
+
+def expanded(path: Path, folders: Sequence[Path], arguments: Mapping[str, str]) -> str:
+    """Expand a xacro file to a URDF in a process with limits."""
+    xacrodoc()
+    order = {
+        "path": os.path.abspath(path),
+        "most": ROBOT_BYTES,
+        "memory": 2048 * MEGABYTE,
+        "folders": [os.path.abspath(folder) for folder in folders],
+        "arguments": dict(arguments),
+    }
+    child = [sys.executable, "-P", xacro_child.__file__, json.dumps(order)]
+    try:
+        done = subprocess.run(
+            child, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST_XACRO, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise FileFormatError(
+            f"{path}: xacro cannot expand it: it takes more than {LONGEST_XACRO:g} s"
+        ) from None
+    try:
+        answer = json.loads(done.stdout)
+    except ValueError:  # ended by the system, without an answer
+        answer = {"error": f"exit code {done.returncode}"}
+    _require_arguments(path, answer, arguments)
+
+    if answer.get("package"):
+        raise FileFormatError(
+            f"{path}: xacro cannot expand it: there is no package {answer['package']!r} above its folder or in "
+            f"ROS_PACKAGE_PATH or AMENT_PREFIX_PATH; {argument('mesh_folders')} adds a folder that contains it"
+        )
+    text = answer.get("urdf")
+    if text is None:
+        reason = " ".join(str(answer.get("error")).split())
+        raise FileFormatError(f"{path}: xacro cannot expand it: {reason}")
+    if len(text) > ROBOT_BYTES:
+        raise FileFormatError(f"{path}: is {len(text) / MEGABYTE:.4g} MB when expanded; too large")
+    return str(text)
+
+
+def _require_arguments(
+    path: Path, answer: Mapping[str, Sequence[str]], given: Mapping[str, str]
+) -> None:
+    """Raise where arguments of a xacro file have no value, or where a given one does not exist."""
+    missing = answer.get("missing", ())
+    declared = answer.get("declared", ())
+    unknown = [name for name in given if name not in declared]
+    if missing:
+        listed = ", ".join(map(repr, missing))
+        others = [repr(name) for name in declared if name not in missing]
+        text = f"{path}: the xacro arguments without a default need values: {listed}"
+        if others:
+            text += f" (further arguments: {', '.join(others)})"
+        if unknown:
+            text += f"; it has no argument {', '.join(map(repr, unknown))}"
+        raise FileFormatError(f"{text}; give them with {xacro_arguments(missing)}")
+    if unknown and "urdf" in answer:
+        raise unknown_name("xacro argument", unknown[0], declared, f"in '{path}'")
+
+
+def xacro_arguments(names: Sequence[str]) -> str:
+    """Write how values are given to arguments of a xacro file, in a command or in Python."""
+    if typed():
+        values = " ".join(f"{name}:=VALUE" for name in names)
+        return f"{argument('xacro_args')} {values}"
+    values = ", ".join(f"{name!r}: 'VALUE'" for name in names)
+    return f"{argument('xacro_args')}{{{values}}}"
