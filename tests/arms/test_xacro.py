@@ -2,6 +2,7 @@
 
 import shlex
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ import yaml
 from typer.testing import CliRunner
 
 from maniport.arms import load_arm, load_arms
+from maniport.arms.collisions import Collisions
+from maniport.arms.loaders import robot_limbs
 from maniport.arms.loaders.package_folders import find_package
 from maniport.cli import app
 from maniport.errors import (
@@ -306,3 +309,49 @@ def test_arguments_and_packages_reach_the_shapes(tmp_path, kind):
     assert not shapes.missing
     points = arm.surfaces()[0].points if kind == "visual" else shapes.shapes[0].mesh[0]
     assert max(points[:, 0]) == pytest.approx(0.3)
+
+
+@pytest.fixture
+def expansions(monkeypatch):
+    """Processes that expand xacro files, as they are started."""
+    started = []
+    run_process = subprocess.run
+
+    def counted(*words, **options):
+        started.append(words)
+        return run_process(*words, **options)
+
+    monkeypatch.setattr("maniport.arms.loaders.xacro_files.subprocess.run", counted)
+    return started
+
+
+def test_a_file_is_expanded_once_for_joints_pictures_and_collisions(tmp_path, expansions):
+    package(tmp_path / "parts")
+    path = main_file(tmp_path / "robot" / "main.xacro")
+    arm = load_arm(path)
+    arm.surfaces()
+    assert not Collisions.of(arm).checked
+    robot_limbs(path)
+    assert load_arm(path).joint_names == ("j",)
+    assert len(expansions) == 1
+
+
+def test_a_file_is_expanded_anew_after_a_change(tmp_path, expansions, monkeypatch):
+    """A change of an included file, of an argument or of the environment counts."""
+    part = package(tmp_path / "parts") / "urdf" / "part.xacro"
+    path = main_file(tmp_path / "robot" / "main.xacro")
+    assert load_arm(path).joint_names == ("j",)
+    part.write_text(PART.replace('name="j"', 'name="k"'))
+    assert load_arm(path).joint_names == ("k",)
+
+    named = '<xacro:arg name="n" default="$(optenv JOINT_OF_TEST m)"/>'
+    part.write_text(PART.replace(ARM, named + ARM.replace('name="j"', 'name="$(arg n)"')))
+    assert load_arm(path).joint_names == ("m",)
+    assert load_arm(path, xacro_args={"n": "a"}).joint_names == ("a",)
+    monkeypatch.setenv("JOINT_OF_TEST", "e")
+    assert load_arm(path).joint_names == ("e",)
+    assert len(expansions) == 5
+
+    (tmp_path / "parts" / "urdf" / "part.xacro").unlink()
+    with pytest.raises(FileFormatError, match=r"part\.xacro"):
+        load_arm(path)

@@ -3,10 +3,11 @@
 The argument is JSON with the keys ``path``, ``most`` (the largest size of the file and of each included file [bytes]),
 ``memory`` (the memory limit [bytes]), ``folders`` (of packages) and ``arguments`` (of the file, by name). The standard
 output is JSON with the keys ``urdf`` or ``error``, and ``package`` (a package that was not found), ``missing``
-(arguments
-without a value) and ``declared`` (all arguments that the file declares or uses).
+(arguments without a value), ``declared`` (all arguments that the file declares or uses) and ``opened`` (SHA-256 of the
+content of each file that was read, by its path).
 """
 
+import hashlib
 import importlib
 import json
 import os
@@ -33,6 +34,7 @@ class Expansion:
         self.package = ""
         self.missing: list[str] = []
         self.declared: list[str] = []
+        self.digests: dict[str, str] = {}
 
     def urdf(self) -> str:
         """Expand the file to a URDF; missing arguments have a placeholder."""
@@ -89,6 +91,8 @@ class Expansion:
             raise ValueError(f"{name}: this is a pipe, a socket or a device")
         if status.st_size > self.most:
             raise ValueError(f"{name}: has {status.st_size} bytes; at most {self.most} are read")
+        with open(name, "rb") as stream:
+            self.digests[os.path.abspath(name)] = hashlib.sha256(stream.read()).hexdigest()
         return open(name, *args, **options)
 
 
@@ -111,6 +115,7 @@ def main() -> None:
     answer["package"] = expansion.package
     answer["missing"] = list(dict.fromkeys(expansion.missing))
     answer["declared"] = sorted(set(expansion.declared))
+    answer["opened"] = expansion.digests
     sys.stdout.write(json.dumps(answer))
 
 

@@ -1,10 +1,12 @@
 """Xacro files expanded to URDF, in a process with limits."""
 
+import hashlib
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from maniport.arms.loaders import xacro_child
@@ -15,17 +17,47 @@ from maniport.util.optional import xacrodoc
 LONGEST_XACRO = 30.0  # time limit for endless macros [s]
 
 
+@dataclass(frozen=True)
+class Expansion:
+    """A URDF, and the digests of the files that it was made of, by their paths."""
+
+    urdf: str
+    digests: Mapping[str, str]
+
+    def is_current(self) -> bool:
+        """Return whether all files have the content that they had."""
+        return all(_digest(file) == digest for file, digest in self.digests.items())
+
+
+MOST_EXPANSIONS = 8  # that are kept, the latest
+_EXPANSIONS: dict[str, Expansion] = {}  # by what an expansion depends on, except for the files
+
+
 def expanded(path: Path, folders: Sequence[Path], arguments: Mapping[str, str]) -> str:
-    """Expand a xacro file to a URDF in a process with limits."""
+    """Expand a xacro file to a URDF, once until a file that it reads changes."""
+    order = json.dumps(
+        {
+            "path": os.path.abspath(path),
+            "most": ROBOT_BYTES,
+            "memory": 2048 * MEGABYTE,
+            "folders": [os.path.abspath(folder) for folder in folders],
+            "arguments": dict(arguments),
+        }
+    )
+    surroundings = json.dumps([order, os.getcwd(), sorted(os.environ.items())])
+    known = _EXPANSIONS.pop(surroundings, None)
+    if known is None or not known.is_current():
+        known = _expand(path, order, arguments)
+    _EXPANSIONS[surroundings] = known
+    for oldest in list(_EXPANSIONS)[:-MOST_EXPANSIONS]:
+        _EXPANSIONS.pop(oldest, None)
+    return known.urdf
+
+
+def _expand(path: Path, order: str, arguments: Mapping[str, str]) -> Expansion:
+    """Expand a xacro file in a process with limits; `order` is the argument of that process."""
     xacrodoc()
-    order = {
-        "path": os.path.abspath(path),
-        "most": ROBOT_BYTES,
-        "memory": 2048 * MEGABYTE,
-        "folders": [os.path.abspath(folder) for folder in folders],
-        "arguments": dict(arguments),
-    }
-    child = [sys.executable, "-P", xacro_child.__file__, json.dumps(order)]
+    child = [sys.executable, "-P", xacro_child.__file__, order]
     try:
         done = subprocess.run(
             child, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST_XACRO, check=False
@@ -51,7 +83,16 @@ def expanded(path: Path, folders: Sequence[Path], arguments: Mapping[str, str]) 
         raise FileFormatError(f"{path}: xacro cannot expand it: {reason}")
     if len(text) > ROBOT_BYTES:
         raise FileFormatError(f"{path}: is {len(text) / MEGABYTE:.4g} MB when expanded; too large")
-    return str(text)
+    return Expansion(str(text), answer["opened"])
+
+
+def _digest(path: str) -> str:
+    """SHA-256 of the content of a file; empty where it cannot be read."""
+    try:
+        with open(path, "rb") as stream:
+            return hashlib.sha256(stream.read()).hexdigest()
+    except (OSError, ValueError):
+        return ""
 
 
 def _require_arguments(
