@@ -155,10 +155,11 @@ def test_geoms_touch_as_in_mujoco(tmp_path, name):
     assert 0.0 < hit.mean() < 1.0
 
 
-def test_bodies_of_a_model_without_contacts_are_listed_as_unchecked(tmp_path):
+@pytest.mark.parametrize("kind", ["contact", "constraint"])
+def test_bodies_of_a_model_without_contacts_are_listed_as_unchecked(tmp_path, kind):
     text = (CASES / "collision_geom.xml").read_text()
     path = tmp_path / "robot.xml"
-    flag = '<option><flag contact="disable"/></option><worldbody>'
+    flag = f'<option><flag {kind}="disable"/></option><worldbody>'
     path.write_text(text.replace("<worldbody>", flag, 1))
     arm = load_arm(path)
     collisions = Collisions.of(arm)

@@ -27,6 +27,7 @@ SOFT_LIMITS = "soft-limits"
 IGNORED_SOFT_LIMITS = "ignored-soft-limits"
 IGNORED_INCLUDES = "ignored-includes"
 IMPLAUSIBLE_INERTIA = "implausible-inertia"
+IGNORED_GRAVITY = "ignored-gravity"
 """Kinds of remarks about the description of a robot."""
 
 UNIT = 1e-6  # tolerance of the length of axes and rotations: files have six digits

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from maniport.arms.chain import (
+    IGNORED_GRAVITY,
     PRISMATIC,
     REVOLUTE,
     Contact,
@@ -17,6 +18,7 @@ from maniport.arms.chain import (
     Joint,
     Mesh,
     Shape,
+    moved_inertia,
 )
 from maniport.arms.loaders.document import (
     LARGEST,
@@ -68,14 +70,48 @@ def read(path: Path, root: Element, folders: Sequence[Path] = ()) -> RobotModel:
             model.sites.setdefault(site.get("name", ""), (name, document.pose(site)))
         waiting += [(name, child) for child in reversed(element.findall("body"))]
     for joint in document.root.findall("equality/joint"):
-        if joint.get("active", "true") == "true":
+        if document.attribute(joint, "active") != "false":
             follower, leader = joint.get("joint1", ""), joint.get("joint2")
             c = [*document.numbers(joint, "polycoef", None, "0 1 0 0 0").tolist(), 0.0]
             offset = (
                 c[0] + document.rest(follower) - c[1] * document.rest(leader)
             )  # positions count from rest
             model.followers[follower] = Follower(leader, c[1], offset, not any(c[2:]))
+    _scale_masses(model, document)
+    _set_gravity(model, document)
     return model
+
+
+def _scale_masses(model: RobotModel, document: Document) -> None:
+    """Scale all masses to the `settotalmass` of a document; they are unknown where one of them is."""
+    total = float(document.option("settotalmass", 1, "-1")[0])
+    if total <= 0.0:
+        return
+    inertias = [body.inertia for body in model.bodies.values()]
+    known = [inertia for inertia in inertias if inertia is not None]
+    mass = float(sum(inertia[0, 0] for inertia in known))
+    for name, body in model.bodies.items():
+        inertia = None
+        if name == WORLD:
+            inertia = body.inertia
+        elif len(known) == len(inertias) and body.inertia is not None and mass > 0.0:
+            inertia = body.inertia * (total / mass)
+        model.bodies[name] = replace(body, inertia=inertia)
+
+
+def _set_gravity(model: RobotModel, document: Document) -> None:
+    """Take the gravity of a document; a model for simulation without gravity is of a robot that has weight."""
+    option = document.root.find("option")
+    if option is None:
+        return
+    where = f"{document.path}: <option> needs gravity"
+    standard = " ".join(map(str, model.gravity))
+    gravity = numbers(option.get("gravity", standard), 3, where)
+    flags = option.findall("flag")
+    if not np.any(gravity) or any(flag.get("gravity") == "disable" for flag in flags):
+        model.remark(IGNORED_GRAVITY, model.name)
+        return
+    model.gravity = tuple(gravity.tolist())
 
 
 def _body(model: RobotModel, document: Document, parent: str, element: Element) -> RobotBody:
@@ -121,14 +157,33 @@ def _inertia(document: Document, body: Element) -> Array | None:
             all(document.numbers(geom, key, 1, "1")[0] > 0 for key in ("mass", "density"))
             for geom in body.findall("geom")
         ]
-        return None if any(heavy) else np.zeros((6, 6))
+        return None if any(heavy) else _bounded(document, np.zeros((6, 6)), np.eye(4))
     full = inertial.get("fullinertia") is not None
     moments = document.numbers(
         inertial, "fullinertia" if full else "diaginertia", 6 if full else 3, "0 0 0"
     )
     where = f"{document.path}: link {body.get('name')!r}"
     mass = float(numbers(inertial.get("mass"), 1, f"{where} needs a mass", least=0.0)[0])
-    return body_inertia(where, mass, [*moments, 0.0, 0.0, 0.0][:6], document.pose(inertial))
+    found = body_inertia(where, mass, [*moments, 0.0, 0.0, 0.0][:6], document.pose(inertial))
+    return _bounded(document, found, document.pose(inertial))
+
+
+def _bounded(document: Document, inertia: Array, pose: Array) -> Array:
+    """Raise mass and moments of a spatial inertia (6, 6) to the smallest ones of a document.
+
+    The moments are principal ones about the center of mass, the origin of the pose (4, 4).
+    """
+    least_mass = float(document.option("boundmass", 1, "0")[0])
+    least_moment = float(document.option("boundinertia", 1, "0")[0])
+    if least_mass <= 0.0 and least_moment <= 0.0:
+        return inertia
+    central = moved_inertia(inertia, np.asarray(np.linalg.inv(pose), dtype=np.float64))
+    moments, axes = np.linalg.eigh(central[3:, 3:])
+    moments = np.maximum(moments, least_moment)
+    mass = max(float(central[0, 0]), least_mass)
+    bounded = np.diag([mass, mass, mass, 0.0, 0.0, 0.0])
+    bounded[3:, 3:] = axes @ np.diag(moments) @ axes.T
+    return moved_inertia(bounded, pose)
 
 
 def shapes(
@@ -195,7 +250,9 @@ def _contact_rules(document: Document, explicit: frozenset[frozenset[int]]) -> C
     }
     flags = document.root.findall("option/flag")
     filter_parents = all(flag.get("filterparent") != "disable" for flag in flags)
-    enabled = all(flag.get("contact") != "disable" for flag in flags)
+    enabled = all(
+        flag.get(kind) != "disable" for flag in flags for kind in ("contact", "constraint")
+    )
     return ContactRules(
         carriers,
         parents,

@@ -4,7 +4,7 @@ import copy
 import os
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import count
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -40,6 +40,13 @@ ACTUATORS = (
     "muscle",
     "adhesion",
 )
+
+PLAIN_MOTOR = {
+    "gaintype": ("fixed",),
+    "biastype": ("none",),
+    "dyntype": ("none", "filter", "filterexact"),
+}
+"""Types of an actuator whose force is its control times a gain."""
 
 
 class Document:
@@ -95,8 +102,12 @@ class Document:
         """Return an attribute of an element, its own or that of its default class; actuators share their defaults."""
         if element.get(attribute) is not None or element.tag in ("body", "inertial"):
             return element.get(attribute)
-        tags = ACTUATORS if element.tag in ACTUATORS else (element.tag,)
         name, node = element.get("class"), self.parents.get(element)
+        tags: tuple[str, ...] = (element.tag,)
+        if element.tag in ACTUATORS:
+            tags = ACTUATORS
+        elif node is not None and node.tag in ("equality", "tendon"):
+            tags = (node.tag,)
         while name is None and node is not None:
             name, node = node.get("childclass"), self.parents.get(node)
         top = self.root.find("default")
@@ -124,6 +135,11 @@ class Document:
         text, title = self.attribute(element, name), element.get("name", element.get("joint"))
         where = f"{self.path}: <{element.tag}>{'' if title is None else f' {title!r}'} needs {name}"
         return numbers(default if text is None else text, count, where, most, least)
+
+    def option(self, name: str, count: int, default: str) -> Array:
+        """Numbers of an attribute of <compiler>."""
+        where = f"{self.path}: <compiler> needs {name}"
+        return numbers(self.options.get(name, default), count, where)
 
     def pose(self, element: Element) -> Array:
         """Pose (4, 4) of an element in the frame of its body."""
@@ -186,26 +202,47 @@ class Document:
 
     def effort_limit(self, joint: Element) -> float:
         """Largest torque [N m] or force [N] of a joint and of all its actuators, in the weaker direction."""
-        ends = ("joint", "jointinparent")
-        actuators = [
-            a
-            for a in self.root.findall("actuator/*")
-            if joint.get("name") in [a.get(end) for end in ends]
-        ]
-        total = sum(map(self._actuator_limit, actuators)) if actuators else np.inf
-        return min(total, self._weaker(joint, "actuatorfrc"))
+        limit = self._weaker(joint, "actuatorfrc")
+        drives = list(self._drives(joint))
+        if not drives:
+            return limit
+        both_directions = np.zeros(2)
+        for actuator, ratio in drives:
+            low, high = self._actuator_range(actuator)
+            ends = (ratio * low, ratio * high)
+            both_directions += (max(0.0, -min(ends)), max(0.0, *ends))
+        return min(limit, float(both_directions.min()))
 
-    def _actuator_limit(self, actuator: Element) -> float:
-        """Largest torque [N m] or force [N] at the joint: by the force range, or by the controls of a plain motor."""
-        gear, gain = (
-            float(self.numbers(actuator, name, None, "1")[0]) for name in ("gear", "gainprm")
-        )
-        plain = actuator.tag in ("motor", "general") and self.attribute(actuator, "biastype") in (
-            None,
-            "none",
-        )
-        controls = abs(gain) * self._weaker(actuator, "ctrl") if plain else np.inf
-        return abs(gear) * min(self._weaker(actuator, "force"), controls)
+    def _drives(self, joint: Element) -> Iterator[tuple[Element, float]]:
+        """Actuators of a joint, also through fixed tendons, with the factors from their forces to its own."""
+        name = joint.get("name")
+        ratios: dict[str | None, float] = {}  # of tendons
+        for tendon in self.root.findall("tendon/fixed"):
+            for part in tendon.findall("joint"):
+                if part.get("joint") == name:
+                    coefficient = float(self.numbers(part, "coef", 1)[0])
+                    ratios[tendon.get("name")] = coefficient + ratios.get(tendon.get("name"), 0.0)
+        for actuator in self.root.findall("actuator/*"):
+            gear = float(self.numbers(actuator, "gear", None, "1")[0])
+            ratio = ratios.get(actuator.get("tendon"), 0.0)
+            if name in (actuator.get("joint"), actuator.get("jointinparent")):
+                ratio = 1.0
+            if gear * ratio != 0.0:
+                yield actuator, gear * ratio
+
+    def _actuator_range(self, actuator: Element) -> Array:
+        """Smallest and largest force of an actuator (2,): by its force range, or by the controls of a plain motor."""
+        forces = self.range(actuator, "forcerange", "forcelimited")
+        if actuator.tag not in ("motor", "general"):
+            return forces
+        for kind, plain in PLAIN_MOTOR.items():
+            if self.attribute(actuator, kind) not in (None, *plain):
+                return forces
+        gain = float(self.numbers(actuator, "gainprm", None, "1")[0])
+        if gain == 0.0:
+            return np.zeros(2)
+        controls = np.sort(gain * self.range(actuator, "ctrlrange", "ctrllimited"))
+        return np.clip(controls, *forces)
 
     def _weaker(self, element: Element, what: str) -> float:
         """Smaller absolute value of the bounds ``<what>range``; infinite without them."""
@@ -236,16 +273,7 @@ def with_includes(path: Path, root: Element, folders: Sequence[Path] = ()) -> El
     tree = copy.deepcopy(root)
     if root.find(".//include") is not None:
         Inclusion(path, folders, tree)
-        first: dict[str, Element] = {}
-        for section in list(
-            tree
-        ):  # join sections of one name; later attributes override earlier ones
-            if section.tag in first:
-                first[section.tag].attrib.update(section.attrib)
-                first[section.tag].extend(section)
-                tree.remove(section)
-            else:
-                first[section.tag] = section
+    _join_sections(tree)
     taken = {element.get("name") for element in tree.iterfind("worldbody//*")}
     for tag in ("body", "joint"):
         names = (name for k in count(1) if (name := f"{tag}{k}") not in taken)
@@ -253,6 +281,18 @@ def with_includes(path: Path, root: Element, folders: Sequence[Path] = ()) -> El
             if element.get("name") is None:
                 element.set("name", next(names))
     return tree
+
+
+def _join_sections(tree: Element) -> None:
+    """Join the sections of one name; later attributes override earlier ones."""
+    first: dict[str, Element] = {}
+    for section in list(tree):
+        if section.tag in first:
+            first[section.tag].attrib.update(section.attrib)
+            first[section.tag].extend(section)
+            tree.remove(section)
+        else:
+            first[section.tag] = section
 
 
 class Inclusion:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.arms.chain import PRISMATIC, Joint
+from maniport.arms.chain import PRISMATIC, Chain, Joint
 from maniport.arms.loaders.document import ShapeReader
 from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
 from maniport.util.validation import Array
@@ -98,6 +98,7 @@ class RobotModel:
     efforts: dict[str, float] = field(default_factory=dict)  # infinite where unknown
     unlimited: list[str] = field(default_factory=list)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)  # as in `Chain`
+    gravity: tuple[float, ...] = Chain.gravity  # in the frame of the root [m/s²]
     closed: dict[str, tuple[float, float]] = field(
         default_factory=dict
     )  # limits that exclude all positions

@@ -87,6 +87,7 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
         velocity_limits=np.array([model.speeds[name] for name in coordinates]),
         effort_limits=np.array([model.efforts[name] for name in coordinates]),
         inertia=inertia,
+        gravity=model.gravity,
         remarks=remarks,
         unlimited=tuple(model.unlimited),
         shapes=partial(read_shapes, model.shapes, path.absolute()),

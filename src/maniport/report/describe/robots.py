@@ -7,6 +7,7 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.chain import (
+    IGNORED_GRAVITY,
     IGNORED_INCLUDES,
     IGNORED_SOFT_LIMITS,
     IMPLAUSIBLE_INERTIA,
@@ -37,6 +38,10 @@ REMARKS: dict[str, tuple[Severity, str]] = {
         "warning",
         "moments of inertia do not fit the masses of these links, and torques are wrong: {}. Correct them in the "
         "robot's description",
+    ),
+    IGNORED_GRAVITY: (
+        "note",
+        "the description is of a simulation without gravity; torques are those with gravity, downward: {}",
     ),
 }
 """Severity and text of remarks about the description of a robot."""
