@@ -2,6 +2,7 @@
 
 import os
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from maniport.arms.loaders.package_folders import (
     ros_folders,
 )
 from maniport.arms.loaders.xacro_files import expanded
-from maniport.arms.meshes.mesh_files import load_mesh
+from maniport.arms.meshes.mesh_files import load_mesh, require_no_pointer
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import (
     NESTING,
@@ -34,6 +35,8 @@ from maniport.util.input_limits import (
 from maniport.util.validation import MAX_POSITION, Array
 
 XACRO = ".xacro"
+ENCODINGS = (b"iso-8859", b"iso8859", b"latin", b"windows-125", b"cp125", b"gb", b"big5", b"euc")
+"""Beginnings of the encodings that an XML file may declare, in addition to UTF-8 and UTF-16."""
 LARGEST = 1e9  # upper bound of all numbers of a robot
 
 
@@ -233,7 +236,7 @@ def parsed(
     A xacro file is expanded with its arguments; `folders` are searched for packages in addition.
     """
     try:
-        content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
+        content = _decoded(path, read_whole(path, (), ROBOT_BYTES))
         if path.suffix.lower() == XACRO:
             text = expanded(path, folders, {} if xacro_args is None else xacro_args)
         else:
@@ -246,10 +249,6 @@ def parsed(
         parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
         parser.Parse(text, True)
         root = builder.close()
-    except UnicodeDecodeError as error:
-        raise FileFormatError(
-            f"{path}: not a text file: {error.reason} at byte {error.start}"
-        ) from None
     except expat.ExpatError as error:
         raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
     level, depth = [root], 0
@@ -257,6 +256,25 @@ def parsed(
         level, depth = [child for element in level for child in element], depth + 1
     require_at_most(depth, NESTING, "levels of elements within elements", path)
     return root
+
+
+def _decoded(path: Path, content: bytes) -> str:
+    """Return the text of an XML file: UTF-8, or else UTF-16 or the encoding that it declares."""
+    require_no_pointer(path, content)
+    try:
+        return content.decode("utf-8").lstrip("\ufeff")
+    except UnicodeDecodeError as error:
+        fault = f"{error.reason} at byte {error.start}"
+    encoding = "utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else None
+    declared = re.match(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']", content)
+    if declared is not None and declared[1].lower().startswith(ENCODINGS):
+        encoding = declared[1].decode()
+    if encoding is not None:
+        try:
+            return content.decode(encoding).lstrip("\ufeff")
+        except (UnicodeError, LookupError) as error:
+            fault = f"it cannot be decoded as {encoding}: {error}"
+    raise FileFormatError(f"{path}: not a text file: {fault}")
 
 
 @dataclass(frozen=True)
@@ -333,6 +351,8 @@ class MeshPaths:
             title, inner = package
             for place in (*self._packages(title), *self._own()):
                 yield place / inner
+                if "%" in inner:
+                    yield place / unquote(inner)
         elif is_absolute(plain):
             yield from _below(self._own(), tails)
         else:
@@ -415,6 +435,15 @@ def _below(folders: Iterable[Path], tails: Sequence[Path]) -> Iterator[Path]:
 
 
 def _package(name: str) -> tuple[str, str] | None:
-    """Package and path of a name such as ``package://robot/meshes/link.stl``; None for other names."""
-    match = re.fullmatch(r"(?:package|model):/{2,}([^/]+)/+(.+)", name, re.DOTALL)
-    return None if match is None else (match[1], match[2])
+    """Package and path of a name, None for other names.
+
+    Names of packages are such as ``package://robot/meshes/link.stl`` or ``$(find robot)/meshes/link.stl``.
+    """
+    for pattern in (
+        r"(?:package|model):/{2,}([^/]+)/+(.+)",
+        r"(?:file://)?\$\(find ([^)]+)\)/+(.+)",
+    ):
+        match = re.fullmatch(pattern, name, re.DOTALL)
+        if match is not None:
+            return match[1].strip(), match[2]
+    return None

@@ -11,7 +11,13 @@ import numpy as np
 
 from maniport.arms.chain import PRISMATIC, Chain, Joint
 from maniport.arms.loaders.document import ShapeReader
-from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
+from maniport.errors import (
+    FileFormatError,
+    InvalidInputError,
+    argument,
+    nearest_first,
+    unknown_name,
+)
 from maniport.util.validation import Array
 
 _SIDES = ("left", "right", "l", "r")
@@ -130,7 +136,11 @@ class RobotModel:
         with np.errstate(
             invalid="ignore", divide="ignore", over="ignore"
         ):  # `Joint` checks the axis
-            return Joint(name, kind, axis / np.linalg.norm(axis), placement, armature)
+            direction = axis / np.linalg.norm(axis)
+        try:
+            return Joint(name, kind, direction, placement, armature)
+        except InvalidInputError as error:
+            raise FileFormatError(f"{self.path}: {error}") from None
 
     def remark(self, kind: str, name: str, detail: str = "") -> None:
         """Note something about a joint or link for reports."""

@@ -43,9 +43,8 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
             raise unknown_name("joint", name, model.bounds, f"in '{path}'")
         if name in model.followers:
             leader = model.followers[name].leader
-            raise InvalidInputError(
-                f"joints: {name!r} in '{path}' cannot move by itself, it follows {leader!r}"
-            )
+            reason = "it is constant" if leader is None else f"it follows {leader!r}"
+            raise InvalidInputError(f"joints: {name!r} in '{path}' cannot move by itself, {reason}")
     if end_frame is None:
         end_frame = Limbs(model, wanted).choose()
     elif end_frame not in places:

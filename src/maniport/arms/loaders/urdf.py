@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from maniport.arms.chain import (
     IGNORED_INCLUDES,
@@ -38,7 +39,7 @@ KINDS = {
     "prismatic": PRISMATIC,
     **dict.fromkeys(("fixed", "floating", "planar"), ""),
 }
-"""Joints with one axis by their types; a floating joint is at rest."""
+"""Joints with one axis by their types; a floating joint is at rest, and the planar one of a mobile base."""
 XACRO_PREFIX = "xacro:"
 INERT = ("property", "arg", "include", "if", "unless")
 """Elements of xacro that a URDF may contain: what they declare has no effect without macros and expressions."""
@@ -85,7 +86,16 @@ def read(path: Path, root: Element) -> RobotModel:
         model.bodies[body.name] = body
         waiting += [(other, depth + 1) for other in reversed(children[body.name])]
     require(len(model.bodies) == len(links), path, "has links in a cycle")
+    _release_followers_of_welds(model)
     return model
+
+
+def _release_followers_of_welds(model: RobotModel) -> None:
+    """Hold joints that mimic a fixed joint at their offset."""
+    welds = {name for body in model.bodies.values() for name in body.welds}
+    for name, rule in model.followers.items():
+        if rule.leader in welds:
+            model.followers[name] = Follower(None, 0.0, rule.offset)
 
 
 def _require_expanded(model: RobotModel, root: Element) -> None:
@@ -145,7 +155,8 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
     parent, child, placement = _end(joint, "parent"), link.get("name", ""), _origin(joint, where)
     inertia = _inertia(model.path, link)
     if not KINDS[kind]:
-        blocked = "planar" if kind == "planar" else ""
+        moving_above = any(model.bodies[above].joints for above in model.line(parent))
+        blocked = "planar" if kind == "planar" and moving_above else ""
         return RobotBody(child, parent, placement, blocked=blocked, inertia=inertia, welds=(name,))
     fault = f"joint {name!r} is {kind} and has no <limit>; use the type 'continuous' for joints without limits"
     require(limit is not None or kind == "continuous", model.path, fault)
@@ -158,6 +169,8 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
         for key in ("lower", "upper", "velocity", "effort")
     )
     bounds = (-np.inf, np.inf) if kind == "continuous" else (low, high)
+    if bounds[0] == bounds[1] != 0.0 and mimic is None:
+        model.followers[name] = Follower(None, 0.0, bounds[0])
     bounds = _soft_bounds(model, joint, bounds)
     direction = numbers(
         "1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, f"{where} an axis"
@@ -212,12 +225,21 @@ def _origin(element: Element, where: str) -> Array:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
-    return pose(
-        *(
-            numbers(origin.get(key, "0 0 0"), 3, f"{where} an origin {key}").tolist()
-            for key in ("xyz", "rpy")
+    xyz = numbers(origin.get("xyz", "0 0 0"), 3, f"{where} an origin xyz")
+    quaternion = origin.get("quat_xyzw")  # since version 1.1 of the format
+    if quaternion is None:
+        rpy = numbers(origin.get("rpy", "0 0 0"), 3, f"{where} an origin rpy")
+        return pose(xyz.tolist(), rpy.tolist())
+    if origin.get("rpy") is not None:
+        raise FileFormatError(f"{where} an origin with rpy or with quat_xyzw; found both")
+    values = numbers(quaternion, 4, f"{where} an origin quat_xyzw")
+    if not np.linalg.norm(values) > 1e-9:
+        raise FileFormatError(
+            f"{where} an origin quat_xyzw that is a rotation; found {quaternion!r}"
         )
-    )
+    matrix = pose(xyz.tolist())
+    matrix[:3, :3] = Rotation.from_quat(values).as_matrix()
+    return matrix
 
 
 def _inertia(path: Path, link: Element) -> Array:

@@ -41,11 +41,20 @@ def scaled(mesh: Mesh, scale: Array) -> Mesh:
     ) < 0 else triangles
 
 
+def require_no_pointer(path: Path, content: bytes) -> None:
+    """Raise `FileFormatError` for a pointer of Git LFS, which a clone without LFS has in place of a file."""
+    if content.startswith(b"version https://git-lfs"):
+        raise FileFormatError(
+            f"{path}: is a pointer of Git LFS, not the file itself; fetch it with git lfs pull"
+        )
+
+
 def load_mesh(path: Path) -> Mesh:
     """Read the points and triangles of a mesh file."""
     content = read_whole(
         path, (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf"), MESH_BYTES
     )
+    require_no_pointer(path, content)
     readers = {".dae": _read_collada, ".stl": _read_stl, ".gltf": _read_gltf, ".glb": _read_gltf}
     read = readers.get(path.suffix.lower(), _read_by_trimesh)
     try:
