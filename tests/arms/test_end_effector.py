@@ -34,6 +34,10 @@ def arm(count=6):
     return '<link name="l0"/>' + "".join(steps)
 
 
+def link_of(name):
+    return f'<link name="{name}"/>'
+
+
 def fingers(parent, *names, kind="prismatic"):
     return "".join(joint(f"{name}_joint", parent, name, kind) for name in names)
 
@@ -90,6 +94,38 @@ def test_a_body_called_gripper_opens_where_it_slides_or_is_on_a_hand(loaded):
 def test_a_prefix_that_all_joints_share_is_no_gripper(loaded):
     steps = (joint(f"gripper_arm_{i}", f"l{i}", f"l{i + 1}", axis=AXES[i]) for i in range(6))
     assert loaded('<link name="l0"/>', *steps).dof == 6
+
+
+@pytest.mark.parametrize(
+    "prefix", ["hand_link_", "finger_link_", "claw", "gripper_", "jaw_", "handy"]
+)
+def test_a_prefix_that_all_bodies_share_is_no_gripper(loaded, prefix):
+    steps = [
+        joint(f"j{i}", f"{prefix}{i}", f"{prefix}{i + 1}", axis=AXES[i - 1]) for i in range(1, 7)
+    ]
+    robot = (link_of(f"{prefix}1"), *steps)
+    assert loaded(*robot).dof == 6
+    jaw = joint("j8", f"{prefix}7", "clamp_plate", "prismatic")
+    assert (loaded(*robot, jaw).frame, loaded(*robot, jaw).dof) == (f"{prefix}7", 6)
+
+
+def test_the_last_body_on_a_fixed_hand_opens_it(loaded):
+    """The name of the joint does not matter, unless it is that of a wrist."""
+    for carrier, moved in (("hand_base", "hand_upper"), ("palm", "hand"), ("tool_hand", "palm_2")):
+        robot = loaded(arm(), fixed("l6", carrier), joint("j7", carrier, moved))
+        assert (robot.frame, robot.dof) == (carrier, 6)
+        wrist = loaded(arm(), fixed("l6", carrier), joint("wrist_2", carrier, moved))
+        assert (wrist.frame, wrist.dof) == (moved, 7)
+
+
+@pytest.mark.parametrize(("carrier", "moved"), [
+    ("hand_mount", "hand"), ("l6x", "hand"), ("hand_adapter", "palm"), ("hand_base", "hand_roll_link"),
+])  # fmt: skip
+def test_a_hand_that_is_mounted_on_a_wrist_is_the_arms(loaded, carrier, moved):
+    robot = loaded(arm(), fixed("l6", carrier), joint("j7", carrier, moved))
+    assert (robot.frame, robot.dof) == (moved, 7)
+    robot = loaded(arm(), joint("j7", "l6", "hand_1"), joint("j8", "hand_1", "hand_2"))
+    assert (robot.frame, robot.dof) == ("hand_2", 8)
 
 
 def test_a_leader_of_two_branches_is_the_grippers(loaded):

@@ -431,14 +431,10 @@ class Limbs:
 
     def _opens(self, body: RobotBody, moved: RobotBody) -> bool:
         """Whether the joints of a body below another one open a gripper."""
-        hands = [
-            name
-            for name, path in self._paths.items()
-            if path and path[-1].name == body.name and _has(name, _HANDS)
-        ]
+        # words of the first joint or body may be a prefix of all of them
         first = self._paths[body.name][0]
-        # else all joints or bodies may have that prefix
-        named = not _has(first.joints[0].name, (*_FINGERS, *_GRIPPERS))
+        joint_words = _Words.without_those_of(first.joints[0].name)
+        body_words = _Words.without_those_of(first.name)
         for joint in moved.joints:
             followed = {  # branches beyond, whose joints follow this one
                 child.name
@@ -448,10 +444,30 @@ class Limbs:
             }
             if joint.name in self._leaders or len(followed) > 1:
                 return True
-            slides = joint.kind == PRISMATIC
-            if named and _is_gripper(joint.name, moved.name, slides=slides, on_hand=bool(hands)):
+            if _has(joint.name, joint_words.fingers):
+                return True
+            if _has(joint.name, _TURNS):
+                continue
+            if _has(joint.name, joint_words.grippers) or _has(moved.name, body_words.fingers):
+                return True
+            if self._grips(body, moved, body_words, slides=joint.kind == PRISMATIC):
                 return True
         return False
+
+    def _grips(self, body: RobotBody, moved: RobotBody, words: "_Words", slides: bool) -> bool:
+        """Whether a body below another one is a part of a gripper or hand that opens, by the names of bodies.
+
+        The body of a wrist may be called gripper: its name counts where the joint slides, or is carried by a hand. It
+        may be called hand: that counts where it is the last, and fixed bodies of a hand carry it.
+        """
+        if _has(moved.name, words.grippers):
+            rigid = [name for name, path in self._paths.items() if path and path[-1] is body]
+            return slides or any(_has(name, _HANDS) for name in rigid)
+        if self._below[moved.name] or not _has(moved.name, words.hands) or _has(moved.name, _TURNS):
+            return False
+        line = self.model.line(moved.name)
+        carriers = line[1 : line.index(body.name)]
+        return any(_has(name, words.hands) and not _is_no_tool(name) for name in carriers)
 
     def _leader(self, name: str) -> str | None:
         """Return the joint that another one follows."""
@@ -508,28 +524,35 @@ def _has(name: str, parts: Collection[str]) -> bool:
     )
 
 
-def _is_gripper(joint: str, body: str, *, slides: bool, on_hand: bool) -> bool:
-    """Whether a joint opens a gripper, by its name and that of the body that it moves.
+@dataclass(frozen=True)
+class _Words:
+    """Parts of words in names of joints and bodies of grippers."""
 
-    The body of a wrist may be called gripper: its name counts where the joint slides, or is carried by a hand.
-    """
-    if _has(joint, _FINGERS):
-        return True
-    if _has(joint, _TURNS):
-        return False
-    if _has(joint, _GRIPPERS) or _has(body, _FINGERS):
-        return True
-    return _has(body, _GRIPPERS) and (slides or on_hand)
+    fingers: Sequence[str]
+    grippers: Sequence[str]
+    hands: Sequence[str]
+
+    @classmethod
+    def without_those_of(cls, name: str) -> "_Words":
+        """Return the words that do not occur in a name."""
+        lists = []
+        for parts in (_FINGERS, _GRIPPERS, _HANDS):
+            lists.append([part for part in parts if not _has(name, (part,))])
+        return cls(*lists)
+
+
+def _is_no_tool(name: str) -> bool:
+    """Whether the name of a body is that of a mount or cover of a tool."""
+    return any(word.startswith(_NO_TOOLS) for word in _words(name))
 
 
 def _is_fixed_gripper(name: str) -> bool:
     """Whether the name of a body is that of a gripper or hand, rather than of its mount or tool frame."""
-    words = _words(name)
-    if _is_sensor(name) or any(word.startswith(_NO_TOOLS) for word in words):
+    if _is_sensor(name) or _is_no_tool(name):
         return False
     if _tool_rank(name) not in (_GRIPPER_RANK, _NO_RANK):
         return False
-    return _has(name, _FIXED_GRIPPERS) or any(word.endswith("hand") for word in words)
+    return _has(name, _FIXED_GRIPPERS) or any(word.endswith("hand") for word in _words(name))
 
 
 def _is_sensor(name: str) -> bool:
@@ -549,7 +572,7 @@ def _tool_rank(name: str) -> int:
     words = _words(name)
     if _is_sensor(name):
         return _NO_RANK
-    if any(word.startswith(_NO_TOOLS) or word in ("x", "y", "z") for word in words):
+    if _is_no_tool(name) or any(word in ("x", "y", "z") for word in words):
         return _NO_RANK
     core = [word for word in words if word not in _FILLERS]
     text = "_".join(words)
