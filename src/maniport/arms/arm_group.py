@@ -1,22 +1,24 @@
 """A group of arms: chains in one frame, of one robot or of several, over the union of their joints."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import combinations, permutations
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import Chain
+from maniport.arms.chain import Chain, Joint
 from maniport.arms.joint_space import JointSpace
 from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
 from maniport.arms.restriction import carried_inertia
 from maniport.errors import InvalidInputError, typed
 from maniport.util.validation import Array, as_choice, as_numbers
+
+EQUAL_POSITIONS = 1e-9  # difference of the positions of a shared joint by rounding [rad] or [m]
 
 
 class ArmGroup(JointSpace):
@@ -47,60 +49,28 @@ class ArmGroup(JointSpace):
     """
 
     def __init__(self, *arms: Arm, names: Sequence[str] | None = None):
-        for i, arm in enumerate(arms):
-            if not isinstance(arm, Arm):
-                raise InvalidInputError(
-                    f"arms[{i}] must be an Arm, as load_arm makes it; found {type(arm).__name__}"
-                )
         self.arms = arms
-        self.names = (
-            tuple(f"arm{i + 1}" for i in range(len(arms))) if names is None else tuple(names)
-        )
-        if not arms or len(set(self.names)) != len(arms):
-            raise InvalidInputError(
-                f"names must be one for each of {len(arms)} arms, all different; found {self.names}"
-            )
+        self.names = _names_of(arms, names)
         self.common, shared = _shared_joints([arm.chain for arm in arms], self.names)
-        self.shared = tuple(dict.fromkeys(name for _, _, moving in shared for name in moving))
+        self.shared = tuple(dict.fromkeys(name for pair in shared for name in pair.coordinates))
         self.frames = tuple(dict.fromkeys(frame for arm in arms for frame in arm.frames))
-        own: list[
-            tuple[Arm, int, int]
-        ] = []  # arm, its index, and index of the joint of each column
-        columns: list[NDArray[np.intp]] = []
-        for i, arm in enumerate(arms):
-            columns.append(np.empty(arm.dof, dtype=np.intp))
-            earlier = {name: k for k, j, same in shared if j == i for name in same}
-            for k, name in enumerate(arm.joint_names):
-                if name in earlier:
-                    columns[i][k] = columns[earlier[name]][
-                        arms[earlier[name]].joint_names.index(name)
-                    ]
-                else:
-                    columns[i][k] = len(own)
-                    own.append((arm, i, k))
-        self.columns = tuple(columns)
-        joints = [arm.joint_names[k] for arm, _, k in own]
-        self.prefixes = tuple(f"{name}_" * (len(set(joints)) < len(joints)) for name in self.names)
-        self.locked = {
-            self.prefixes[i] + name: at
-            for i, arm in enumerate(arms)
-            for name, at in arm.locked.items()
-        }
-        speeds, efforts = (
-            np.array([np.inf if limits is None else limits[k] for limits, k in of])
-            for of in (
-                [(arm.velocity_limits, k) for arm, _, k in own],
-                [(arm.effort_limits, k) for arm, _, k in own],
-            )
-        )
+        self.columns, own = _columns(arms, shared)
+
+        joints = [arms[i].joint_names[k] for i, k in own]
+        repeated = len(set(joints)) < len(joints)
+        self.prefixes = tuple(f"{name}_" if repeated else "" for name in self.names)
+        self.locked = {}
+        for prefix, arm in zip(self.prefixes, arms, strict=True):
+            for name, position in arm.locked.items():
+                self.locked[prefix + name] = position
         super().__init__(
             "+".join(dict.fromkeys(arm.name for arm in arms)),
-            tuple(self.prefixes[i] + arm.joint_names[k] for arm, i, k in own),
-            np.array([arm.lower[k] for arm, _, k in own]),
-            np.array([arm.upper[k] for arm, _, k in own]),
-            speeds,
-            efforts,
-            tuple(arm.joint_units[k] for arm, _, k in own),
+            tuple(self.prefixes[i] + arms[i].joint_names[k] for i, k in own),
+            np.array([arms[i].lower[k] for i, k in own]),
+            np.array([arms[i].upper[k] for i, k in own]),
+            _joined_limits([arm.velocity_limits for arm in arms], own),
+            _joined_limits([arm.effort_limits for arm in arms], own),
+            tuple(arms[i].joint_units[k] for i, k in own),
         )
 
     def __repr__(self) -> str:
@@ -112,7 +82,7 @@ class ArmGroup(JointSpace):
     def __len__(self) -> int:
         return len(self.arms)
 
-    def __reduce__(self) -> tuple[Any, tuple[Arm, ...]]:
+    def __reduce__(self) -> tuple[Callable[..., "ArmGroup"], tuple[Arm, ...]]:
         return partial(type(self), names=self.names), self.arms
 
     @property
@@ -142,27 +112,35 @@ class ArmGroup(JointSpace):
             raise InvalidInputError(
                 f"configurations must be of {len(self.arms)} arms; found {len(parts)}"
             )
-        arrays = [
-            arm.configurations(part, f"configurations of {name}")
-            for arm, part, name in zip(self.arms, parts, self.names, strict=True)
-        ]
+        arrays = []
+        for arm, part, name in zip(self.arms, parts, self.names, strict=True):
+            arrays.append(arm.configurations(part, f"configurations of {name}"))
         shapes = {array.shape[:-1] for array in arrays}
         if len(shapes) > 1:
             raise InvalidInputError(
                 f"configurations of all arms must have the same leading shape; found {shapes}"
             )
+
         q = np.empty((*shapes.pop(), self.dof))
         for array, columns in reversed(list(zip(arrays, self.columns, strict=True))):
             q[..., columns] = array
         for array, columns, name in zip(arrays, self.columns, self.names, strict=True):
-            difference = np.abs(q[..., columns] - array)
-            if np.any(difference > 1e-9):
-                worst = np.unravel_index(difference.argmax(), difference.shape)
-                raise InvalidInputError(
-                    f"the arms must agree on the shared joint {self.joint_names[columns[worst[-1]]]!r}; found "
-                    f"{array[worst]:.6g} for {name}, {q[..., columns][worst]:.6g} for an earlier arm"
-                )
+            self._require_agreement(q[..., columns], array, columns, name)
         return q
+
+    def _require_agreement(
+        self, expected: Array, found: Array, columns: NDArray[np.intp], name: str
+    ) -> None:
+        """Require that an arm has shared joints where an earlier one has them, shapes (..., arm.dof)."""
+        difference = np.abs(expected - found)
+        if not np.any(difference > EQUAL_POSITIONS):
+            return
+        worst = np.unravel_index(difference.argmax(), difference.shape)
+        joint = self.joint_names[columns[worst[-1]]]
+        raise InvalidInputError(
+            f"the arms must agree on the shared joint {joint!r}; found "
+            f"{found[worst]:.6g} for {name}, {expected[worst]:.6g} for an earlier arm"
+        )
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "ArmGroup":
         """Return the group with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
@@ -175,19 +153,19 @@ class ArmGroup(JointSpace):
     def with_payload(self, mass: ArrayLike, center: ArrayLike = (0.0, 0.0, 0.0)) -> "ArmGroup":
         """Return the group with payloads [kg], one for all arms or one for each; see `Arm.with_payload`."""
         masses = as_numbers(mass, "mass", len(self), broadcast=True)
-        arms = [
-            arm.with_payload(float(own), center) for arm, own in zip(self.arms, masses, strict=True)
-        ]
+        arms = []
+        for arm, arm_mass in zip(self.arms, masses, strict=True):
+            arms.append(arm.with_payload(float(arm_mass), center))
+
         chains = [arm.chain for arm in arms]
         for i, j in permutations(range(len(self)), 2):
-            if fork := int(
-                self.common[i, j]
-            ):  # this link of arm i has the masses of arm j, at rest
-                inertia = np.array(chains[i].inertia)
-                inertia[fork] += carried_inertia(arms[j].chain, fork) - carried_inertia(
-                    self.arms[j].chain, fork
-                )
-                chains[i] = replace(chains[i], inertia=inertia)
+            fork = int(self.common[i, j])  # this link of arm i has the masses of arm j, at rest
+            if fork == 0:
+                continue
+            inertia = np.array(chains[i].inertia)
+            carried = carried_inertia(arms[j].chain, fork)
+            inertia[fork] += carried - carried_inertia(self.arms[j].chain, fork)
+            chains[i] = replace(chains[i], inertia=inertia)
         return ArmGroup(*map(Arm, chains), names=self.names)
 
     def forward(self, q: ArrayLike) -> Array:
@@ -257,64 +235,137 @@ def as_group(arm: Arm | ArmGroup) -> ArmGroup:
     return arm if isinstance(arm, ArmGroup) else ArmGroup(arm)
 
 
+def _names_of(arms: Sequence[Arm], names: Sequence[str] | None) -> tuple[str, ...]:
+    """Require arms, and one name for each."""
+    for i, arm in enumerate(arms):
+        if not isinstance(arm, Arm):
+            raise InvalidInputError(
+                f"arms[{i}] must be an Arm, as load_arm makes it; found {type(arm).__name__}"
+            )
+    titles = tuple(f"arm{i + 1}" for i in range(len(arms))) if names is None else tuple(names)
+    if not arms or len(set(titles)) != len(arms):
+        raise InvalidInputError(
+            f"names must be one for each of {len(arms)} arms, all different; found {titles}"
+        )
+    return titles
+
+
+def _columns(
+    arms: Sequence[Arm], shared: Sequence["_SharedJoints"]
+) -> tuple[tuple[NDArray[np.intp], ...], list[tuple[int, int]]]:
+    """Columns of each arm's joints, and for each column the first arm with that joint, and its index there."""
+    own: list[tuple[int, int]] = []
+    columns: list[NDArray[np.intp]] = []
+    for i, arm in enumerate(arms):
+        earlier: dict[str, int] = {}  # arm with the same joint, by its name
+        for pair in shared:
+            if pair.second == i:
+                earlier |= dict.fromkeys(pair.coordinates, pair.first)
+        listed = np.empty(arm.dof, dtype=np.intp)
+        for k, name in enumerate(arm.joint_names):
+            if name in earlier:
+                other = earlier[name]
+                listed[k] = columns[other][arms[other].joint_names.index(name)]
+            else:
+                listed[k] = len(own)
+                own.append((i, k))
+        columns.append(listed)
+    return tuple(columns), own
+
+
+def _joined_limits(limits: Sequence[Array | None], own: Sequence[tuple[int, int]]) -> Array:
+    """Limits of the joints of a group, by arm and index; infinite where those of an arm are unknown."""
+    values = []
+    for i, k in own:
+        of_arm = limits[i]
+        values.append(np.inf if of_arm is None else of_arm[k])
+    return np.array(values)
+
+
+class _SharedJoints(NamedTuple):
+    """Coordinates that move two arms."""
+
+    first: int  # of the arms
+    second: int
+    coordinates: tuple[str, ...]
+
+
 def _shared_joints(
     chains: Sequence[Chain], names: Sequence[str]
-) -> tuple[NDArray[np.intp], list[tuple[int, int, tuple[str, ...]]]]:
+) -> tuple[NDArray[np.intp], list[_SharedJoints]]:
     """Numbers of common joints (n_arms, n_arms), and the coordinates that move them for each pair of arms."""
     common = np.diag([len(chain.joints) for chain in chains]).astype(np.intp)
     shared = []
     for i, j in combinations(range(len(chains)), 2):
-        first, second = chains[i], chains[j]
-        if first.base != second.base:
-            ends = " and ".join(repr(chain.base or "the robot's base") for chain in (first, second))
-            raise InvalidInputError(f"all arms must have the same base frame; found {ends}")
-        pairs = list(zip(first.joints, second.joints, strict=False))
-        differences = (
-            k for k, (a, b) in enumerate(pairs)
-            if (a.name, a.kind) != (b.name, b.kind)
-            or not (np.array_equal(a.axis, b.axis) and np.array_equal(a.placement, b.placement))
-        )  # fmt: skip
-        count = next(differences, len(pairs))
-        if count in (len(first.joints), len(second.joints)):
-            advice = f", which stand in one place; place them with {placing_options()}"
-            where = "" if first.base_pose is None else advice
-            raise InvalidInputError(
-                f"frames: {first.frame!r} and {second.frame!r} must end two limbs; found both on one chain of "
-                f"{first.name!r}{where}"
-            )
-        moving: list[dict[str, Any]] = []
-        for chain in (first, second):
-            limits = zip(
-                chain.coordinates, chain.lower, chain.upper, chain.coupling[:count].T, strict=True
-            )
-            moving.append(
-                {name: (low, high, *column) for name, low, high, column in limits if np.any(column)}
-            )
-        differ = [
-            name for name in moving[0] | moving[1] if moving[0].get(name) != moving[1].get(name)
-        ]
-        differ += [
-            first.joints[k].name
-            for k in np.flatnonzero(first.offset[:count] != second.offset[:count])
-        ]
-        if differ:
-            ranges = []
-            for chain, own in zip((first, second), moving, strict=True):
-                locked = dict(
-                    zip([joint.name for joint in chain.joints], chain.offset, strict=True)
-                ).get(differ[0])
-                ranges.append(
-                    "{:g} to {:g}".format(*own[differ[0]])
-                    if differ[0] in own
-                    else f"locked at {locked}"
-                )
-            raise InvalidInputError(
-                f"the joint {differ[0]!r} carries two arms and must have the same limits, or be locked at one "
-                f"position; found {ranges[0]} for {names[i]}, {ranges[1]} for {names[j]}"
-            )
-        common[i, j] = common[j, i] = count
-        shared.append((i, j, tuple(moving[0])))
+        pair = (chains[i], chains[j])
+        count = _common_joints(*pair)
+        _require_equal_joints(pair, (names[i], names[j]), count)
+        common[i, j] = count
+        common[j, i] = count
+        shared.append(_SharedJoints(i, j, tuple(_moving(chains[i], count))))
     return common, shared
+
+
+def _common_joints(first: Chain, second: Chain) -> int:
+    """Count the joints with which two chains begin in common; they must have one base, and end two limbs."""
+    if first.base != second.base:
+        ends = " and ".join(repr(chain.base or "the robot's base") for chain in (first, second))
+        raise InvalidInputError(f"all arms must have the same base frame; found {ends}")
+    count = 0
+    for one, other in zip(first.joints, second.joints, strict=False):
+        if not _is_same(one, other):
+            break
+        count += 1
+    if count in (len(first.joints), len(second.joints)):
+        advice = f", which stand in one place; place them with {placing_options()}"
+        where = "" if first.base_pose is None else advice
+        raise InvalidInputError(
+            f"frames: {first.frame!r} and {second.frame!r} must end two limbs; found both on one chain of "
+            f"{first.name!r}{where}"
+        )
+    return count
+
+
+def _is_same(first: Joint, second: Joint) -> bool:
+    """Whether two joints are one joint of a robot."""
+    if (first.name, first.kind) != (second.name, second.kind):
+        return False
+    same_axis = np.array_equal(first.axis, second.axis)
+    return same_axis and np.array_equal(first.placement, second.placement)
+
+
+def _moving(chain: Chain, count: int) -> dict[str, tuple[float, ...]]:
+    """Return the coordinates that move the first joints of a chain: limits, and coupling to these joints."""
+    moving: dict[str, tuple[float, ...]] = {}
+    columns = chain.coupling[:count].T
+    limits = zip(chain.coordinates, chain.lower, chain.upper, columns, strict=True)
+    for name, low, high, column in limits:
+        if np.any(column):
+            moving[name] = (low, high, *column)
+    return moving
+
+
+def _require_equal_joints(chains: tuple[Chain, Chain], names: tuple[str, str], count: int) -> None:
+    """Require that joints which carry two arms have the same limits, or are locked at one position."""
+    first, second = (_moving(chain, count) for chain in chains)
+    differ = [name for name in first | second if first.get(name) != second.get(name)]
+    offsets = chains[0].offset[:count] != chains[1].offset[:count]
+    differ += [chains[0].joints[k].name for k in np.flatnonzero(offsets)]
+    if not differ:
+        return
+
+    ranges = []
+    for chain, moving in zip(chains, (first, second), strict=True):
+        if differ[0] in moving:
+            ranges.append("{:g} to {:g}".format(*moving[differ[0]]))
+            continue
+        joints = [joint.name for joint in chain.joints]
+        locked = dict(zip(joints, chain.offset, strict=True))
+        ranges.append(f"locked at {locked.get(differ[0])}")
+    raise InvalidInputError(
+        f"the joint {differ[0]!r} carries two arms and must have the same limits, or be locked at one "
+        f"position; found {ranges[0]} for {names[0]}, {ranges[1]} for {names[1]}"
+    )
 
 
 def placing_options() -> str:

@@ -6,9 +6,10 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup, placing_options
@@ -137,13 +138,19 @@ def load_arm(
     """
     chain = read_arm(name_or_path, frame, joints, base, mesh_folders, side, xacro_args)
     chain = restrict(chain, frame, joints, base, lock)
+    source = os.fspath(name_or_path)
+    _require_limits(chain, source)
+    return Arm(replace(chain, source=source))
+
+
+def _require_limits(chain: Chain, source: str) -> None:
+    """Require finite limits of all coordinates."""
     for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
         if not low > -inf or not high < inf:
             raise FileFormatError(
-                f"{os.fspath(name_or_path)}: the prismatic joint {name!r} has no limits; add them to the file, or "
+                f"{source}: the prismatic joint {name!r} has no limits; add them to the file, or "
                 f"exclude the joint with {_exclusion(chain, name)}"
             )
-    return Arm(replace(chain, source=os.fspath(name_or_path)))
 
 
 def _exclusion(chain: Chain, name: str) -> str:
@@ -174,39 +181,49 @@ def read_arm(
         raise InvalidInputError(
             f"name_or_path must be a name or a path; found {type(name_or_path).__name__}"
         )
-    text = os.fspath(name_or_path)
+    name = os.fspath(name_or_path)
     folders = _as_folders(mesh_folders)
     arguments = _as_xacro_args(xacro_args)
-    if arguments and Path(text).suffix.lower() != XACRO:
-        raise InvalidInputError(f"{argument('xacro_args')} is for {XACRO} files; found {text!r}")
+    if arguments and Path(name).suffix.lower() != XACRO:
+        raise InvalidInputError(f"{argument('xacro_args')} is for {XACRO} files; found {name!r}")
     if name_or_path in PERSONS:
-        return human_arm(text, RIGHT if side is None else side).chain
+        return human_arm(name, RIGHT if side is None else side).chain
     if side is not None:
         raise InvalidInputError(
-            f"{argument('side')} is for persons ({', '.join(PERSONS)}); {text!r} is a robot"
+            f"{argument('side')} is for persons ({', '.join(PERSONS)}); {name!r} is a robot"
         )
     if name_or_path in ROBOTS:
-        return ROBOTS[text](frame)
+        return ROBOTS[name](frame)
+
     file = _robot_file(name_or_path)
-    folders = (*folders, *file.folders)
-    limb = None
+    file = replace(file, folders=(*folders, *file.folders))
     if file.side is not None:
-        limb = one_side(Limbs(read_model(file.path, folders)).all(), file.side, text)
-        frame = limb.frame if frame is None else frame
-    elif file.pair and frame is None and joints is None:
+        return _read_side(name, file, frame, joints, base)
+    if file.pair and frame is None and joints is None:
         raise InvalidInputError(
-            f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the end effector with "
+            f"the robot {name!r} has two arms: name '{name}_left_arm' or '{name}_right_arm', or the end effector with "
             f"{argument('frame')}"
         )
+    return _read_file(file, frame, joints, arguments)
+
+
+def _read_file(
+    file: RobotFile,
+    frame: str | None,
+    joints: Sequence[str] | None,
+    arguments: Mapping[str, str],
+) -> Chain:
+    """Read the chain of a robot file; its shapes are read with the same folders and arguments."""
     reader = READERS[file.path.suffix.lower()]
     if reader is _read_xml:
-        chain = chain_to(read_model(file.path, folders, arguments), frame, joints)
+        chain = chain_to(read_model(file.path, file.folders, arguments), frame, joints)
     else:
         chain = reader(file.path, frame, joints)
     chain = replace(chain, name=file.name or chain.name, xacro_args=arguments)
+
     options: dict[str, object] = {}
-    if folders:
-        options["mesh_folders"] = folders
+    if file.folders:
+        options["mesh_folders"] = file.folders
     if arguments:
         options["xacro_args"] = arguments
     if options and chain.shapes is not None:
@@ -214,13 +231,30 @@ def read_arm(
     if options and chain.collision_shapes is not None:
         readers = partial(chain.collision_shapes, **options)
         chain = replace(chain, collision_shapes=readers)
-    if limb is None:
+    return chain
+
+
+def _read_side(
+    name: str,
+    file: RobotFile,
+    frame: str | None,
+    joints: Sequence[str] | None,
+    base: str | None,
+) -> Chain:
+    """Read one arm of a robot with two, from the body that both have in common unless `base` is given."""
+    limbs = Limbs(read_model(file.path, file.folders)).all()
+    limb = one_side(limbs, str(file.side), name)
+    if frame is None:
+        frame = limb.frame
+    chain = _read_file(file, frame, joints, {})
+    for ours, theirs in zip(chain.joints, limb.joints, strict=False):
+        if ours.name != theirs:
+            raise InvalidInputError(
+                f"the frame {frame!r} is not on {name!r}; its end effector is {limb.frame!r}"
+            )
+    if limb.fork is None or base is not None:
         return chain
-    if any(ours.name != theirs for ours, theirs in zip(chain.joints, limb.joints, strict=False)):
-        raise InvalidInputError(
-            f"the frame {frame!r} is not on {text!r}; its end effector is {limb.frame!r}"
-        )
-    return chain if limb.fork is None or base is not None else restrict(chain, base=limb.fork)
+    return restrict(chain, base=limb.fork)
 
 
 def _as_folders(folders: Sequence[Robot]) -> tuple[Path, ...]:
@@ -269,34 +303,39 @@ def robot_limbs(
         raise InvalidInputError(f"{file.path}: has no movable joint")
     if file.side is not None:
         return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
-    alone = len(longest_limbs(limbs)) == 1
-    return limbs, limbs[0] if alone and not file.pair else None
+    if file.pair or len(longest_limbs(limbs)) > 1:
+        return limbs, None
+    return limbs, limbs[0]
 
 
 def _robot_file(name_or_path: Robot) -> RobotFile:
     """Return the file of a name or path."""
-    text, path = os.fspath(name_or_path), Path(name_or_path)
+    name = os.fspath(name_or_path)
+    path = Path(name_or_path)
     is_name = isinstance(name_or_path, str) and not os.path.isfile(path)
-    robot = find_robot(text) if is_name else None
-    if (
-        robot is None
-        and is_name
-        and path.suffix.lower() not in READERS
-        and path.name == text
-        and not path.exists()
-    ):
-        names, how = known_names()
-        where = f"(a file must end in {', '.join(READERS)}{how})"
-        raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where, MOST_ROBOTS)
-    robot = RobotFile(path) if robot is None else robot
+    robot = find_robot(name) if is_name else None
+    if robot is None:
+        if is_name:
+            _require_path(name)
+        robot = RobotFile(path)
     return replace(robot, path=existing_file(robot.path, READERS, ROBOT_BYTES))
+
+
+def _require_path(name: str) -> None:
+    """Raise `UnknownNameError` for a name that is none of a file, with similar names of robots."""
+    path = Path(name)
+    if path.suffix.lower() in READERS or path.name != name or path.exists():
+        return
+    names, how = known_names()
+    where = f"(a file must end in {', '.join(READERS)}{how})"
+    raise unknown_name("robot", name, {*ROBOTS, *PERSONS, *names}, where, MOST_ROBOTS)
 
 
 def load_arms(
     robot: Robot | Sequence[Robot],
     frames: Sequence[str | None] | None = None,
     *,
-    bases: Sequence[Any] | None = None,
+    bases: Sequence[ArrayLike] | None = None,
     joints: Sequence[str] | None = None,
     lock: Mapping[str, float] | None = None,
     mesh_folders: Sequence[Robot] = (),
@@ -333,52 +372,76 @@ def load_arms(
     >>> arms.dof, arms.forward(arms.sample(4)).shape
     (14, (4, 2, 4, 4))
     """
-    single = isinstance(robot, (str, os.PathLike))
-    one_robot = single and bases is None
-    counted = ("bases", bases) if single else ("robot", robot)
-    count = len(_several(*(("frames", frames or (LEFT, RIGHT)) if one_robot else counted)))
-    robots: Any = [robot] * count if single else robot
-    if persons := [name for name in robots if name in PERSONS]:
-        raise InvalidInputError(f"robot: {persons[0]!r} is a person; load_arms loads robots")
+    one_robot = isinstance(robot, (str, os.PathLike)) and bases is None
+    robots = _robots(robot, frames, bases)
+    count = len(robots)
+    for name in robots:
+        if name in PERSONS:
+            raise InvalidInputError(f"robot: {name!r} is a person; load_arms loads robots")
     names = (LEFT, RIGHT) if count == 2 else tuple(f"arm{i + 1}" for i in range(count))
     end_frames = [None] * count if frames is None else _several("frames", frames, count)
     places = [np.eye(4)] * count if bases is None else _several("bases", bases, count)
     if one_robot and None in end_frames:
         limbs, _ = robot_limbs(robots[0], mesh_folders, xacro_args)
         end_frames = _ends(robots[0], limbs, end_frames)
+
     arms = []
     for name, end_frame, place, side in zip(robots, end_frames, places, names, strict=True):
         arm = load_arm(name, end_frame, mesh_folders=mesh_folders, xacro_args=xacro_args)
-        arms.append(arm if one_robot else Arm(standing(arm.chain, _base(place, side))))
-    group = ArmGroup(*arms, names=names)
-    wanted, held = None if joints is None else check_names(joints, "joints"), check_lock(lock, None)
+        if not one_robot:
+            arm = Arm(standing(arm.chain, _base(place, side)))
+        arms.append(arm)
+    return _restricted_group(ArmGroup(*arms, names=names), joints, lock)
+
+
+def _restricted_group(
+    group: ArmGroup, joints: Sequence[str] | None, lock: Mapping[str, float] | None
+) -> ArmGroup:
+    """Return a group in which other joints are locked; names are those of the group."""
+    wanted = None if joints is None else check_names(joints, "joints")
+    held = check_lock(lock, None)
     for name in (*(wanted or ()), *held):
         if name not in group.joint_names:
             raise unknown_name("joint", name, group.joint_names, f"on the arms of {group.name!r}")
-    for i, columns in enumerate(group.columns):
-        own = {
-            group.joint_names[column]: name
-            for column, name in zip(columns, arms[i].joint_names, strict=True)
-        }
-        moving = None if wanted is None else [own[name] for name in wanted if name in own]
+    if not wanted and not held:
+        return group
+
+    arms = []
+    for arm, title, columns in zip(group.arms, group.names, group.columns, strict=True):
+        in_group = [group.joint_names[column] for column in columns]
+        names = dict(
+            zip(in_group, arm.joint_names, strict=True)
+        )  # of the arm, by that of the group
+        moving = None if wanted is None else [names[name] for name in wanted if name in names]
         if moving == []:
-            listed = ", ".join(wanted or ())
             raise InvalidInputError(
-                f"joints: none of {listed} moves the {names[i]} arm, which has {', '.join(own)}"
+                f"joints: none of {', '.join(wanted or ())} moves the {title} arm, which has {', '.join(names)}"
             )
-        arms[i] = arms[i].restricted(
-            joints=moving, lock={own[name]: at for name, at in held.items() if name in own}
-        )
-    return ArmGroup(*arms, names=names) if wanted or held else group
+        locked = {names[name]: at for name, at in held.items() if name in names}
+        arms.append(arm.restricted(joints=moving, lock=locked))
+    return ArmGroup(*arms, names=group.names)
 
 
-def _several(name: str, value: Any, count: int | None = None) -> list[Any]:
+def _robots(
+    robot: Robot | Sequence[Robot],
+    frames: Sequence[str | None] | None,
+    bases: Sequence[ArrayLike] | None,
+) -> list[Robot]:
+    """List the robot of each arm: one robot has as many as frames, or bases."""
+    if not isinstance(robot, (str, os.PathLike)):
+        return _several("robot", robot)
+    if bases is not None:
+        return [robot] * len(_several("bases", bases))
+    return [robot] * len(_several("frames", frames or (LEFT, RIGHT)))
+
+
+T = TypeVar("T")
+
+
+def _several(name: str, value: Sequence[T], count: int | None = None) -> list[T]:
     """Require a sequence of values, one for each arm."""
-    values = (
-        []
-        if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__")
-        else list(value)
-    )
+    is_sequence = hasattr(value, "__len__") and not isinstance(value, (str, os.PathLike, Mapping))
+    values = list(value) if is_sequence else []
     if not values or len(values) != (count or len(values)):
         raise InvalidInputError(
             f"{spoken(name)} must be a sequence of {count or 'several'}, one for each arm; found {value!r}"
@@ -390,25 +453,33 @@ def _ends(
     robot: Robot, limbs: Sequence[Limb], end_frames: Sequence[str | None]
 ) -> list[str | None]:
     """Return the end effectors of the left and right limb of a robot, where `end_frames` has None."""
+    name = os.fspath(robot)
     longest = longest_limbs(limbs) if limbs else []
     if len(longest) < 2:
         only = f"one longest limb, to {longest[0].frame!r}" if longest else "one arm"
         raise InvalidInputError(
-            f"robot {os.fspath(robot)!r} must have two arms; found {only}: name both end effectors with "
+            f"robot {name!r} must have two arms; found {only}: name both end effectors with "
             f"{argument('frames')}, or place two robots with {placing_options()}"
         )
-    try:
-        sided = {side: one_side(limbs, side, os.fspath(robot)).frame for side in (LEFT, RIGHT)}
-        return [end_frame or sided[side] for end_frame, side in zip(end_frames, sided, strict=True)]
-    except (UnknownNameError, ValueError):  # no sides, or more than two arms
+    sided = _sided_ends(limbs, name)
+    if len(sided) != len(end_frames):  # no sides, or more than two arms
         ends = ", ".join(repr(limb.frame) for limb in longest)
         raise InvalidInputError(
-            f"the robot {os.fspath(robot)!r} has limbs without left and right in their names: name both end "
+            f"the robot {name!r} has limbs without left and right in their names: name both end "
             f"effectors with {argument('frames')}; they end at {ends}"
-        ) from None
+        )
+    return [chosen or default for chosen, default in zip(end_frames, sided, strict=True)]
 
 
-def _base(value: Any, side: str) -> Array:
+def _sided_ends(limbs: Sequence[Limb], robot: str) -> list[str]:
+    """Return the end effectors of the limbs named left and right; empty where names have no sides."""
+    try:
+        return [one_side(limbs, side, robot).frame for side in (LEFT, RIGHT)]
+    except UnknownNameError:
+        return []
+
+
+def _base(value: ArrayLike, side: str) -> Array:
     """Return the pose of a base in the world."""
     name = f"--pose ({side})" if typed() else f"bases: {side}"
     array = as_finite(value, name)

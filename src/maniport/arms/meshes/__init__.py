@@ -213,7 +213,7 @@ def solid_core(kind: str, *size: float) -> tuple[Array, float]:
 def hull_triangles(points: Array) -> Triangles:
     """Triangles of the convex hull of points (n, 3), counter-clockwise from outside; `QhullError` for flat ones."""
     hull = ConvexHull(points)
-    triangles = hull.simplices.astype(np.int32)
+    triangles: Triangles = hull.simplices.astype(np.int32)
     corners = points[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0

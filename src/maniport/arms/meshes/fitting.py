@@ -83,7 +83,7 @@ def _sizes_of_inertia(kind: str, half_edges: Array) -> list[float]:
         return [radius, max(0.0, float(half_edges[2]) - 0.5 * radius)]
     if kind == "cylinder":
         return [radius, float(half_edges[2])]
-    return half_edges.tolist()
+    return [float(edge) for edge in half_edges]
 
 
 def _sizes_of_bounds(kind: str, half_edges: Array) -> list[float]:
@@ -95,7 +95,7 @@ def _sizes_of_bounds(kind: str, half_edges: Array) -> list[float]:
         return [radius, max(0.0, float(half_edges[2]) - radius)]
     if kind == "cylinder":
         return [radius, float(half_edges[2])]
-    return half_edges.tolist()
+    return [float(edge) for edge in half_edges]
 
 
 def _mass_properties(mesh: Mesh, inertia: str) -> _MassProperties:
@@ -138,5 +138,7 @@ def _mass_properties(mesh: Mesh, inertia: str) -> _MassProperties:
 
 def _volumes(corners: Array, normals: Array, inertia: str) -> Array:
     """Signed volumes (n,) of the pyramids over triangles (n, 3, 3) from the origin; all positive for "legacy"."""
-    volumes = np.einsum("ij,ij->i", corners.mean(axis=1), normals) / 3
-    return np.abs(volumes) if inertia == "legacy" else volumes
+    volumes: Array = np.einsum("ij,ij->i", corners.mean(axis=1), normals) / 3
+    if inertia == "legacy":
+        return np.abs(volumes)
+    return volumes
