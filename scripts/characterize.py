@@ -352,19 +352,11 @@ def speed(whole: bool) -> Iterator[Row]:
     adapter = mp.RiemannianICP(damping=DAMPING)
     clouds = domains(400)
     yield "ICP, N = 400", {"seconds": _least(lambda: adapter.fit(*clouds))}
-    one, many, compiled, out = (
-        clouds[0][7],
-        domains(1_000_000)[0],
-        adapter.compiled(),
-        np.empty((3, 3)),
-    )
+    one = clouds[0][7]
+    many = domains(1_000_000)[0]
     yield (
         "transform of one",
         {"seconds": _least(lambda: [adapter.transform(one) for _ in range(1000)]) / 1000},
-    )
-    yield (
-        "compiled map of one",
-        {"seconds": _least(lambda: [compiled(one, out) for _ in range(10000)]) / 10000},
     )
     yield "transform of a million", {"seconds": _least(lambda: adapter.transform(many))}
 

@@ -249,7 +249,7 @@ class LedArm:
         path: Placement | None,
         spec: EllipsoidSpec,
     ):
-        self.person, self._map, self._spec, self._path = person, adapter.compiled(), spec, path
+        self.person, self._map, self._spec, self._path = person, adapter.transform, spec, path
         self._rows = np.array(rows)  # indexing by a list is slow
         if (size := len(adapter.teacher_mean_)) != spec.size:
             raise InvalidInputError(

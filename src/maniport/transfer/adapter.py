@@ -203,15 +203,6 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
             back = congruence(self.base_rotation_.T, back)
         return without_damping(back, float(self.teacher_damping_)).reshape(regular.shape)
 
-    def compiled(self) -> Callable[..., Array]:
-        """Return the map of one ellipsoid (d, d) at a time, as a callable for control loops.
-
-        It maps as `transform` does, up to rounding. Rigid maps and the length field take about 2 µs for d = 3, and
-        allocate nothing when they are given `out`. Take it once, after `fit`; a later `fit` does not change it.
-        """
-        self._dimension()
-        return self.transform
-
     def errors(self, points: ArrayLike, truth: ArrayLike) -> Array:
         """Distances, shape (n,), from the teacher's `points`, (n, d, d), adapted, to the true ones in the same order.
 

@@ -1,7 +1,6 @@
 """Rigid maps f(T) = B (W T W)^s Bᵀ, W = T̄^-½, B = S̄^½ R; in closed form mean and parallel transport."""
 
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -78,19 +77,6 @@ class RigidAdapter(DomainAdapter):
         """Polar factor of S̄^½ R T̄^-½."""
         left, _, right = self._rigid_map.factors
         return orthonormal(right @ left)
-
-    def compiled(self) -> Callable[..., Array]:
-        """Return the map as a callable; see `DomainAdapter.compiled`."""
-        self._dimension()
-        from maniport.transfer.control import compiled_map, map_rigidly
-
-        left, power, right = self._rigid_map.factors
-        if self.base_rotation_ is not None:
-            left = left @ self.base_rotation_
-        numbers = np.array([power, self.teacher_damping_, self.student_damping_])
-        return compiled_map(
-            map_rigidly, len(left), *map(np.ascontiguousarray, (left, right)), numbers
-        )
 
     def _map(self, points: Array) -> Array:
         return self._rigid_map.apply(points)

@@ -80,7 +80,7 @@ class Maps:
         unfitted = method_of(name, damping=DAMPING, random_state=0, base_rotation=base_rotation)
         adapter = with_feasible_set(unfitted, *self._robot)
         with _alone, collected_warnings() as notes:
-            transform = adapter.fit(*self._domains).compiled()
+            transform = adapter.fit(*self._domains).transform
         return LiveMap(name, transform, adapter.map_rotation_, tuple(notes))
 
     def get(self, name: str, base_rotation: Array) -> LiveMap:

@@ -1,6 +1,5 @@
 """The length field: rescale eigenvalues toward the student's feasible set and keep the teacher's axes."""
 
-from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -106,6 +105,8 @@ class LengthField(DomainAdapter):
         self.ridge = ridge
         self.n_rounds = n_rounds
 
+    _lengths_map: LengthsMap
+
     @threadpool_limits.wrap(limits=1)  # type: ignore[untyped-decorator]  # more threads take longer
     def _fit(self, teacher: Array, student: Array) -> None:
         most, width = (
@@ -170,6 +171,7 @@ class LengthField(DomainAdapter):
         if not isinstance(report := getattr(self, "report_", {}), FieldReport):  # read from a file
             self.report_ = FieldReport(**report)
             self.report_.in_words()  # raises where a value is no number
+        self._lengths_map = self._field()
 
     def _field(self) -> LengthsMap:
         """Return the fitted map."""
@@ -184,10 +186,10 @@ class LengthField(DomainAdapter):
         )
 
     def _map(self, points: Array) -> Array:
-        return self._field().apply(points)
+        return self._lengths_map.apply(points)
 
     def _map_back(self, points: Array) -> Array:
-        field = self._field()
+        field = self._lengths_map
         if (folded := field.folded_centers) > MAX_NEAR_SINGULAR:
             raise NotInvertibleError(
                 f"the map has no inverse: its derivative is nearly singular at {100 * folded:.0f} % of centers (limit "
@@ -201,19 +203,6 @@ class LengthField(DomainAdapter):
                 f"teacher; so do {len(lost)} of {len(points)}"
             )
         return back
-
-    def compiled(self) -> Callable[..., Array]:
-        """Return the map as a callable; see `DomainAdapter.compiled`."""
-        d = self._dimension()
-        from maniport.transfer.control import compiled_map, map_lengths
-
-        base, *terms = self._field().terms()
-        numbers = [self.teacher_damping_, self.student_damping_, *base]
-        base_rotation = np.eye(d) if self.base_rotation_ is None else self.base_rotation_
-        terms = [
-            np.array(term, dtype=np.float64, order="C") for term in (base_rotation, numbers, *terms)
-        ]
-        return compiled_map(map_lengths, d, *terms)
 
 
 def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:

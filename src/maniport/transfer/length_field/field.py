@@ -35,17 +35,6 @@ class LengthsMap:
     lengths: Array  # a_jr, (m, 3)
     axis: Array  # unit vector (3,), or (0,) where there is none
 
-    def terms(self) -> tuple[Array, Array, Array]:
-        """Terms for `maniport.transfer.control`: base, harmonics, and centers, their squares and lengths in columns."""
-        base = np.array([self.power, self.shift, self.level, self.width**-2, self._softening**2])
-        centers = self._center_features
-        weighed = np.column_stack([centers, -0.5 * np.sum(centers**2, axis=1)]) / self.width**2
-        return (
-            base,
-            harmonics(self.axis),
-            np.ascontiguousarray(np.column_stack([weighed, self.lengths]).T),
-        )
-
     @property
     def _softening(self) -> float:
         """Distance from the axis below which features no longer change at once, so that they are smooth there."""
