@@ -8,7 +8,7 @@
 # make docs   the site in build/docs, with all examples; warnings of Sphinx are errors (about three minutes)
 # make links  check external links of the documentation; needs the network
 # make dist   wheel and sdist in dist/, each checked, installed and run outside of the checkout
-# make lint   style, types, import contracts and spelling
+# make lint   style, types, import contracts, spelling and the measure of readability
 # make bench  speed relative to other libraries; rewrites BENCHMARKS.md (about ten minutes)
 
 # Another Python than the first one that is new enough: make demo PYTHON=/path/to/python3.11
@@ -63,6 +63,7 @@ lint: $(VENV)/.installed-lint
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell
+	$(BIN)/python scripts/readability.py --check src/maniport
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m benchmarks
