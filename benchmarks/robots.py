@@ -85,14 +85,11 @@ def transferred(name: str, motion: Motion) -> Comparison:
     ).arms
     seconds = clock.process_time() - begin
     # the tracker has the same margin of the joint limits as the plan
-    (tracked,) = track(
-        planner.limits.arm,
-        placed.profile,
-        time=time,
-        path=placed.path,
-        start=plan.joint_positions[0],
-        damping=damping,
-    ).arms
+    arm = planner.limits.arm
+    followed = TargetTrajectory.checked(
+        arm, time, placed.profile, positions=placed.path, damping=damping
+    )
+    (tracked,) = track(arm, followed, start=plan.joint_positions[0]).arms
     return Comparison(
         plan.distance, tracked.distance, plan.position_error, plan.clearance.share, seconds
     )

@@ -58,15 +58,15 @@ def main(folder):
     path = demonstrated + np.array([0.0, 0.0, 0.1])
     start = mp.nearest_feasible(arm, profile[:1], positions=path[:1]).joint_positions[0]
     for name, weights in (("without", None), ("with", tracking_weights(covariance))):
-        motion = mp.track(
+        targets = mp.motion.TargetTrajectory.checked(
             arm,
+            alignment.time,
             profile,
-            time=alignment.time,
-            path=path,
-            weights=weights,
-            start=start,
-            position_cost=10.0,
-        ).arms[0]
+            positions=path,
+            direction_weights=weights,
+        )
+        options = mp.motion.TrackOptions(position_cost=10.0)
+        motion = mp.track(arm, targets, options, start=start).arms[0]
         error = 1e3 * motion.position_error
         rms = np.sqrt(np.mean(deviation(profile, covariance, motion.achieved) ** 2))
         print(

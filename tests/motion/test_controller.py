@@ -6,9 +6,10 @@ from extensions.height_cost import HeightCost
 from maniport.arms import Arm, EllipsoidSpec, load_arm, load_arms
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
-from maniport.motion import controller, nearest_feasible, track
+from maniport.motion import TargetTrajectory, controller, nearest_feasible, track
 from maniport.report import report_of
 from maniport.util.files import load_ellipsoids
+from motion_plans import tracked_arm, tracked_motion
 
 TIME = np.linspace(0.0, 2.0, 41)
 START = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
@@ -25,7 +26,7 @@ def motion(panda):
 @pytest.fixture(scope="module")
 def own(panda, motion):
     joints, profile, path = motion
-    return track(panda, profile, time=TIME, path=path, start=joints[0]).arms[0]
+    return tracked_arm(panda, profile, time=TIME, path=path, start=joints[0]).arms[0]
 
 
 def keeps_limits(result, arm, velocity_limits=None):
@@ -62,7 +63,7 @@ def test_own_ellipsoids_and_path_are_followed(panda, motion, own):
 def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
     far = 3.0 * motion[2]
     start = nearest_feasible(panda, motion[1][:1], positions=far[:1], bank=bank).joint_positions[0]
-    result = track(panda, motion[1], time=TIME, path=far, start=start).arms[0]
+    result = tracked_arm(panda, motion[1], time=TIME, path=far, start=start).arms[0]
     assert keeps_limits(result, panda)
     assert "position missed" in result.status
     assert "followed" not in result.status
@@ -81,7 +82,7 @@ def test_joint_and_velocity_limits_are_named(panda, turn, speed, status):
     joints = np.repeat(START[None], len(TIME), axis=0)
     joints[:, 0] = np.linspace(*turn, len(TIME))
     path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
-    result = track(
+    result = tracked_arm(
         panda, profile, time=TIME, path=path, start=joints[0], velocity_limits=speed
     ).arms[0]
     assert result.status[-1] == status
@@ -92,7 +93,7 @@ def test_joint_and_velocity_limits_are_named(panda, turn, speed, status):
 def test_acceleration_limits_are_kept(panda):
     turn = np.stack([np.cos(TIME), np.sin(TIME), 0 * TIME], axis=1)
     needles = 0.01 * np.eye(3) + turn[:, :, None] * turn[:, None, :]
-    result = track(
+    result = tracked_arm(
         panda, needles, time=TIME, start=START, acceleration_limits=5.0, velocity_limits=1.0
     ).arms[0]
     step = np.diff(result.control_time)[0]
@@ -110,7 +111,7 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
         return step, value, -1 if 100 <= next(count) < 110 else flag, info
 
     monkeypatch.setattr(controller.daqp, "solve", sometimes)
-    result = track(panda, profile, time=TIME, path=path, start=joints[0]).arms[0]
+    result = tracked_arm(panda, profile, time=TIME, path=path, start=joints[0]).arms[0]
     assert_array_equal(np.flatnonzero(result.held), np.arange(101, 111))
     assert_array_equal(
         result.control_positions[101:111], np.repeat(result.control_positions[[100]], 10, axis=0)
@@ -129,7 +130,7 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
 ])  # fmt: skip
 def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):
     joints, uneven = motion[0], np.cumsum(np.concatenate([[0.5], np.linspace(0.02, 0.08, 40)]))
-    result = track(
+    result = tracked_arm(
         panda, panda.ellipsoids(joints, spec), time=uneven, start=joints[0], rate=50, spec=spec
     ).arms[0]
     assert np.percentile(result.distance, 95) < 0.05
@@ -177,11 +178,13 @@ class StillJoint:
 def test_own_costs_limits_and_weights_are_used(panda, motion, own):
     joints, profile, path = motion
     options = {"time": TIME, "path": path, "start": joints[0]}
-    still = track(panda, profile, limits=[StillJoint(7, 1)], **options).arms[0]
+    still = tracked_arm(panda, profile, limits=[StillJoint(7, 1)], **options).arms[0]
     assert np.ptp(still.control_positions[:, 1]) < 1e-4
     assert np.ptp(still.control_positions[:, 0]) > 0.1
     assert keeps_limits(still, panda)
-    raised = track(panda, profile, costs=[HeightCost(panda, "panda_link4", 0.4, 50.0)], **options)
+    raised = tracked_arm(
+        panda, profile, costs=[HeightCost(panda, "panda_link4", 0.4, 50.0)], **options
+    )
     with_cost, without = (
         np.abs(
             panda.point_positions(result.joint_positions[10:], ["panda_link4"])[:, 0, 2] - 0.4
@@ -190,7 +193,9 @@ def test_own_costs_limits_and_weights_are_used(panda, motion, own):
     )
     assert with_cost < 0.5 * without
     weights = np.repeat(np.diag([1.0, 1, 1, 0, 0, 0])[None], len(TIME), axis=0)
-    assert np.all(np.isfinite(track(panda, profile, weights=weights, **options).arms[0].distance))
+    assert np.all(
+        np.isfinite(tracked_arm(panda, profile, weights=weights, **options).arms[0].distance)
+    )
 
 
 @pytest.mark.parametrize(("change", "error", "words"), [
@@ -212,7 +217,7 @@ def test_bad_input_is_refused(panda, motion, change, error, words):
     joints, profile, path = motion
     arguments = {"profile": profile, "time": TIME, "path": path, "start": joints[0], **change}
     with pytest.raises(error, match=words):
-        track(panda, arguments.pop("profile"), **arguments)
+        tracked_arm(panda, arguments.pop("profile"), **arguments)
 
 
 def test_arms_that_cannot_be_tracked_are_errors():
@@ -221,7 +226,7 @@ def test_arms_that_cannot_be_tracked_are_errors():
         (load_arm("myoarm"), "coupled"),
     ):
         with pytest.raises(ManiportError, match=words):
-            track(arm, np.repeat(np.eye(3)[None], 3, axis=0), time=[0, 1, 2])
+            tracked_arm(arm, np.repeat(np.eye(3)[None], 3, axis=0), time=[0, 1, 2])
 
 
 @pytest.fixture(scope="module")
@@ -230,11 +235,11 @@ def pandas():
 
 
 def targets(group, *joints, scale=1.0):
-    """Arguments of `track`: ellipsoids, perhaps scaled, and paths of configurations of each arm."""
+    """Arguments of `tracked_motion`: ellipsoids, perhaps scaled, and paths of configurations of each arm."""
     arms = list(zip(group.arms, joints, strict=True))
     return {
-        "profile": [scale * arm.manipulability(q) for arm, q in arms],
-        "path": [arm.forward(q)[:, :3, 3] for arm, q in arms],
+        "profiles": [scale * arm.manipulability(q) for arm, q in arms],
+        "paths": [arm.forward(q)[:, :3, 3] for arm, q in arms],
         "time": np.linspace(0.0, 2.0, len(joints[0])),
         "reference": group.joined(*joints),
     }
@@ -246,16 +251,18 @@ def test_arms_far_from_each_other_follow_as_each_alone(pandas):
     )
     both = targets(pandas, swing, swing[::-1], scale=0.9)
     options = {"rate": 50.0, "acceleration_limits": 10.0}
-    group = track(pandas, **both, **options)
+    group = tracked_motion(pandas, **both, **options)
     for i, motion in enumerate(group.arms):
-        own = {name: both[name][i] for name in ("profile", "path")}
-        own["reference"] = both["reference"][:, pandas.columns[i]]
-        alone = track(pandas.arms[i], time=both["time"], **own, **options).trajectory
+        reference = both["reference"][:, pandas.columns[i]]
+        single = {"time": both["time"], "reference": reference}
+        ellipsoids, path = both["profiles"][i], both["paths"][i]
+        alone = tracked_arm(pandas.arms[i], ellipsoids, path, **single, **options).trajectory
         assert_allclose(motion.control_positions, alone.control_positions, atol=1e-4)
     assert_array_equal(group.arms[0].control_positions, group.trajectory.control_positions[:, :7])
     assert not group.arms[0].held.any()
-    with pytest.raises(InvalidInputError, match="profile"):
-        track(pandas, both["profile"][:1], time=both["time"])
+    target = TargetTrajectory.checked(pandas.arms[0], both["time"], both["profiles"][0])
+    with pytest.raises(InvalidInputError, match="targets"):
+        track(pandas, target)
 
 
 def test_arms_keep_clear_of_one_another(pandas):
@@ -266,6 +273,6 @@ def test_arms_keep_clear_of_one_another(pandas):
         START + share * (end - START),
     )
     for model in (None, collisions):
-        motion = track(pandas, **targets(pandas, left, right), rate=25.0, collisions=model)
+        motion = tracked_motion(pandas, **targets(pandas, left, right), rate=25.0, collisions=model)
         assert collisions.collides(motion.trajectory.control_positions).any() == (model is None)
     assert motion.clearance.share == 0.0

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import load_arm
 from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError
-from maniport.motion import track
-from motion_plans import planned_arm
+from motion_plans import planned_arm, tracked_arm
 
 TIME = np.linspace(0.0, 2.0, 12)
 
@@ -59,7 +58,9 @@ def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, axe
         "rotations": rotations,
         "orientation_axes": axes,
     }
-    tracked = track(panda, profile, reference=kept.joint_positions, rate=50.0, **options).arms[0]
+    tracked = tracked_arm(
+        panda, profile, reference=kept.joint_positions, rate=50.0, **options
+    ).arms[0]
     for motion in (kept, tracked):
         assert np.median(motion.orientation_error) < 0.1 < np.median(free_error)
 
@@ -69,4 +70,4 @@ def test_wrong_orientations_are_named(panda, motion):
     with pytest.raises(InvalidInputError, match=r"rotations\[0\] must be a rotation"):
         planned_arm(panda, profile, rotations=2.0 * rotations, time=TIME, path=path)
     with pytest.raises(InvalidInputError, match=r"rotations must have shape \(12, 3, 3\)"):
-        track(panda, profile, rotations=rotations[:5], time=TIME, path=path)
+        tracked_arm(panda, profile, rotations=rotations[:5], time=TIME, path=path)

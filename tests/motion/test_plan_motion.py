@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from arm_problems import arm_problem
 from maniport.arms import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.motion import MotionLimits, Planner
+from maniport.motion import MotionLimits, Planner, TargetTrajectory
 from maniport.motion.problem import MotionProblem
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
@@ -268,9 +268,10 @@ def test_ellipsoids_of_joint_torques_are_planned(panda, kind):
     middle = 0.5 * (robot.lower + robot.upper) + 0.3
     q = middle + 0.2 * np.sin(np.outer(TIME - TIME[0], np.linspace(0.5, 2.0, 7)))
     options = {"ellipsoids": kind, "joint_weights": "joint-limits"}
-    result = follow_profile(
-        robot, [robot.ellipsoids(q, spec)], TIME, [robot.forward(q)[:, :3, 3]], **options
+    targets = TargetTrajectory.checked(
+        robot, TIME, robot.ellipsoids(q, spec), positions=robot.forward(q)[:, :3, 3], spec=spec
     )
+    result = follow_profile(robot, targets, **options)
     arm = require_laws(result.motion)
     assert arm.spec == spec.bounded
     assert np.median(arm.distance) < 0.1

@@ -76,7 +76,7 @@ class Live:
     clock : callable or None
         Returns the time on this machine [s]. None: simulated time; commands keep the limits at the times of frames.
     costs, limits
-        As in `maniport.track`; the time of costs is that of the robot's clock.
+        As in `maniport.motion.TrackOptions`; the time of costs is that of the robot's clock.
     progress : optional
         As in `maniport.transfer_recording`.
 

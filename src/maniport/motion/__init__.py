@@ -19,7 +19,7 @@ from maniport.motion.plan.plan_options import PlanOptions
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search import SeedBank
 from maniport.motion.targets import TargetTrajectory
-from maniport.motion.tracker import track
+from maniport.motion.tracker import TrackOptions, track
 from maniport.motion.trajectory import Clearance, Trajectory
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "RobotMotion",
     "SeedBank",
     "TargetTrajectory",
+    "TrackOptions",
     "Trajectory",
     "export_motion",
     "nearest_feasible",

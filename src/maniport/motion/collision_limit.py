@@ -14,7 +14,7 @@ from maniport.util.validation import Array
 
 @runtime_checkable
 class Limit(Protocol):
-    """A hard limit of a control step. Pass own limits as ``track(limits=[...])``."""
+    """A hard limit of a control step. Pass own limits as ``TrackOptions(limits=[...])``."""
 
     def inequalities(self, q: Array, dt: float) -> tuple[Array, Array]:
         """Return G, shape (k, dof), and h, shape (k,), of k ≥ 0 inequalities G Δq ≤ h.

@@ -62,7 +62,7 @@ def nearest_feasible(
     ellipsoids : array_like, shape (n, d, d)
         Target ellipsoids in the arm's base frame, without damping.
     spec, damping
-        As in `maniport.motion.track`, of force too, and None for no damping.
+        As in `maniport.motion.TargetTrajectory`, of force too, and None for no damping.
     positions : array_like, shape (n, 3), optional
         Target positions of the end effector in the base frame [m]. The search then minimizes
         ``d² + (50 · position error)²``.
@@ -119,7 +119,7 @@ class FeasibleProjector:
     spec : EllipsoidSpec
         Which ellipsoids.
     damping : float or Regularization
-        As in `maniport.motion.track`, above zero: the ε of the ellipsoids that the object is called with.
+        As in `maniport.motion.TargetTrajectory`, above zero: the ε of the ellipsoids that the object is called with.
     bank : SeedBank, optional
         Seed configurations. Default: 16 384 new samples.
     random_state : None, int or numpy.random.Generator

@@ -1,13 +1,14 @@
 """An arm, or a group of arms, follows target ellipsoids and paths step by step with the `Controller`."""
 
 from collections.abc import Sequence
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import ThreadpoolController
 
-from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.collision_limit import Limit
@@ -17,92 +18,96 @@ from maniport.motion.costs.orientation import axis_weights
 from maniport.motion.problem import FOLLOWING_WEIGHT, ArmProblem, CostWeights
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.targets import (
-    Damping,
+    TargetTrajectory,
     as_limits,
-    checked_targets,
     linear,
     speed_limits,
+    targets_of_arms,
 )
 from maniport.motion.trajectory import Trajectory
-from maniport.util.defaults import DAMPING
 from maniport.util.progress import Part, Progress, Step, between, ignore_fraction
 from maniport.util.validation import Array, as_number, require_shape
 
 
-def track(
-    arm: Arm | ArmGroup,
-    profile: ArrayLike | Sequence[ArrayLike],
-    *,
-    time: ArrayLike,
-    path: ArrayLike | Sequence[ArrayLike] | None = None,
-    start: ArrayLike | None = None,
-    reference: ArrayLike | None = None,
-    spec: EllipsoidSpec = VELOCITY,
-    damping: Damping = DAMPING,
-    weights: ArrayLike | Sequence[ArrayLike] | None = None,
-    rotations: ArrayLike | Sequence[ArrayLike] | None = None,
-    orientation_axes: str = "pointing",
-    position_cost: float = FOLLOWING_WEIGHT,
-    rate: float = 100.0,
-    velocity_limits: ArrayLike | None = None,
-    acceleration_limits: ArrayLike | None = None,
-    collisions: Collisions | bool | None = None,
-    costs: Sequence[Cost] = (),
-    limits: Sequence[Limit] = (),
-    progress: Progress | None = None,
-) -> RobotMotion:
-    """Track target ellipsoids and target paths of end effectors with a controller.
+@dataclass(frozen=True, kw_only=True)
+class TrackOptions:
+    """Options of `track`.
 
-    Profiles and paths may be infeasible. Where the quadratic program of a step has no solution, the arm brakes.
-
-    Parameters
+    Attributes
     ----------
-    arm : Arm or ArmGroup
-        With at least three joints, and a joint for each degree of freedom.
-    profile : array_like, shape (n, d, d)
-        Target ellipsoids in the base frame, without damping, n ≥ 2; `path`, `weights`, `rotations` and this are
-        sequences for a group, with an item for each arm.
-    time : array_like, shape (n,)
-        Increasing [s].
-    path, rotations : array_like, shapes (n, 3) and (n, 3, 3), optional
-        Target positions [m] and orientations of the end effector in the base frame.
-    start : array_like, shape (dof,), optional
-        First configuration. Default: the first of the reference.
-    reference : array_like, shape (n, dof), optional
-        Configurations to stay near where path and ellipsoids leave freedom, such as a plan's [rad or m].
-    spec, damping, orientation_axes
-        As in `maniport.motion.plan_motion`; the damping is above zero, since arms pass singular configurations.
-    weights : array_like, shape (n, m, m), optional
-        Weights of the directions of the ellipsoids, see `maniport.learning.tracking_weights`; m = d (d + 1) / 2.
+    orientation_axes : {"pointing", "whole"}
+        Which axes of target orientations count: z, or all.
     position_cost : float
         Weight of position errors [1/m].
     rate : float
-        Control rate [Hz]; there is at least one step for each time of the profile.
+        Control rate [Hz]; there is at least one step for each time of the targets.
     velocity_limits, acceleration_limits : array_like, shape (dof,) or one number, optional
         [rad/s], [rad/s²], or in meters. Default: the arm's own velocity limits, and no acceleration limits.
     collisions : Collisions or bool, optional
         Collision model; True: of the arm with itself, and with the other arms of the group.
     costs, limits : sequences of Cost and Limit
         Further costs and hard limits, see `maniport.motion.Cost` and `maniport.motion.Limit`.
-    progress : optional
+    """
+
+    orientation_axes: str = "pointing"
+    position_cost: float = FOLLOWING_WEIGHT
+    rate: float = 100.0
+    velocity_limits: ArrayLike | None = None
+    acceleration_limits: ArrayLike | None = None
+    collisions: Collisions | bool | None = None
+    costs: Sequence[Cost] = ()
+    limits: Sequence[Limit] = ()
+
+    def __post_init__(self) -> None:
+        as_number(self.rate, "rate", above=0.0)
+        as_number(self.position_cost, "position_cost", above=0.0)
+        axis_weights(self.orientation_axes)
+
+
+def track(
+    robot: Arm | ArmGroup,
+    targets: TargetTrajectory | Sequence[TargetTrajectory],
+    options: TrackOptions | None = None,
+    *,
+    start: ArrayLike | None = None,
+    reference: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> RobotMotion:
+    """Track target ellipsoids and target paths of end effectors with a controller.
+
+    Ellipsoids and paths may be infeasible. Where the quadratic program of a step has no solution, the arm brakes.
+
+    Parameters
+    ----------
+    robot : Arm or ArmGroup
+        Arms with at least three joints, and a joint for each degree of freedom.
+    targets : TargetTrajectory or sequence of TargetTrajectory
+        Targets of the arm, or of each arm of a group, in its base frame.
+    options : TrackOptions, optional
+    start : array_like, shape (dof,), optional
+        First configuration. Default: the first of the reference.
+    reference : array_like, shape (n, dof), optional
+        Configurations to stay near where path and ellipsoids leave freedom, such as a plan's [rad or m].
+    progress : callable, optional
         Called with the name of a step and the fraction done.
 
     Raises
     ------
     InvalidInputError, NotSPDError
-        When an argument has a wrong shape or value, an ellipsoid is asymmetric or indefinite, or an arm has fewer than
-        three joints or coupled ones.
+        When an argument has a wrong shape or value, or an arm has fewer than three joints or coupled ones.
     """
-    group, model = as_group(arm), as_collisions(collisions, arm)
-    control_rate = as_number(rate, "rate", above=0.0)
-    position_weight = as_number(position_cost, "position_cost", above=0.0)
-    weighting = CostWeights(position_weight, axis_weights(orientation_axes))
-    near = None if reference is None else group.require_within_limits(reference, "reference")
-    arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    targets = checked_targets(arm, time, spec, damping, arrays)
-    waypoint_times = targets[0].time
+    if options is None:
+        options = TrackOptions()
+    group = as_group(robot)
+    model = as_collisions(options.collisions, robot)
+    near = None
+    if reference is not None:
+        near = group.require_within_limits(reference, "reference")
+    checked = targets_of_arms(robot, targets)
+    waypoint_times = checked[0].time
     if near is not None:
-        require_shape(near, "reference", (len(waypoint_times), arm.dof), ", one row for each time")
+        shape = (len(waypoint_times), robot.dof)
+        require_shape(near, "reference", shape, ", one row for each time")
     if start is None:
         if near is None:
             raise InvalidInputError(
@@ -110,29 +115,39 @@ def track(
             )
         start = near[0]
     begin = group.require_within_limits(start, "start", single=True)
-    speeds = speed_limits(arm, velocity_limits)
-    accelerations = as_limits(arm, acceleration_limits, "acceleration_limits")
-    costs = as_costs(costs, arm, waypoint_times)
-    controller = Controller(arm, speeds, accelerations, model, costs, limits)
+    speeds = speed_limits(robot, options.velocity_limits)
+    accelerations = as_limits(robot, options.acceleration_limits, "acceleration_limits")
+    costs = as_costs(options.costs, robot, waypoint_times)
+    controller = Controller(robot, speeds, accelerations, model, costs, options.limits)
+
     step = Step(progress, "Track trajectory")
-    sampled = [target.sampled(control_rate) for target in targets]
+    sampled = [target.sampled(options.rate) for target in checked]
     control_time = sampled[0].time
     references = None
     if near is not None:
         references = linear(waypoint_times, near, control_time)  # splines may exceed limits
-    problems = tuple(map(partial(ArmProblem.of, weights=weighting), group.arms, sampled))
+    weights = CostWeights(options.position_cost, axis_weights(options.orientation_axes))
     joints, held = follow(
         controller,
-        np.clip(begin, arm.lower, arm.upper),
-        problems,
+        np.clip(begin, robot.lower, robot.upper),
+        _problems(group, sampled, weights),
         references,
         between(step, 0.0, 1.0),
     )
     trajectory = Trajectory.of_positions(group, waypoint_times, control_time, joints)
-    at_waypoints = tuple(map(partial(ArmProblem.of, weights=weighting), group.arms, targets))
+    at_waypoints = _problems(group, checked, weights)
     result = RobotMotion.of(group, at_waypoints, trajectory, model, speeds, held=held)
     step.end()
     return result
+
+
+def _problems(
+    group: ArmGroup, targets: Sequence[TargetTrajectory], weights: CostWeights
+) -> tuple[ArmProblem, ...]:
+    problems = []
+    for arm, target in zip(group.arms, targets, strict=True):
+        problems.append(ArmProblem.of(arm, target, weights))
+    return tuple(problems)
 
 
 def follow(
