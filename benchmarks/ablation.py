@@ -24,7 +24,7 @@ import numpy as np
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
 from maniport.mocap import fit_arm, read_recording, shipped_recording
-from maniport.motion import MotionLimits, Planner
+from maniport.motion import MotionLimits, Planner, TargetTrajectory
 from maniport.motion.placement import search
 from maniport.motion.placement.cost import PlacementCost
 from maniport.motion.plan import plan_options, planner
@@ -109,8 +109,10 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
             adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3))
             adapter.fit(mp.sample_domain(person, 4096, 0), student)
             target, tolerance = adapter.transform(profile), 0.012 if name == "ladder" else 0.005
+            targets = TargetTrajectory.checked(
+                arm, clock, target, positions=path, damping=adapter.student_regularization
+            )
             options = {
-                "damping": adapter.student_regularization,
                 "planner": samples,
                 "position_tolerance": tolerance,
             }
@@ -120,7 +122,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                 with changed(variant):
                     begin = time.process_time()
                     options |= {"seed": seed}
-                    result = follow_profile(arm, [target], clock, [path], place=True, **options)
+                    result = follow_profile(arm, targets, place=True, **options)
                     seconds = time.process_time() - begin
                 motion, clearance = result.arm.motion, result.motion.clearance
                 assert motion is not None

@@ -285,7 +285,7 @@ def track(run, monkeypatch, tmp_path):
     save_ellipsoids(tmp_path / "p.npz", np.tile(np.eye(3), (3, 1, 1)), [0.0, 1.0, 2.0])
     configs = []
 
-    def stop(arm, profiles, time, paths, config, **_):
+    def stop(arm, targets, config, **_):
         plan_options(config, arm)
         configs.append(config)
         raise ManiportError("no work")

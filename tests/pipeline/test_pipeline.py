@@ -236,7 +236,8 @@ def own():
 def test_the_robot_repeats_its_own_motion(own, tmp_path):
     """Ellipsoids to a median distance of 0.05; it is at rest at both ends. The folder can be read back."""
     panda, time, profile, path = own
-    execution = follow_profile(panda, [profile], time, [path])
+    targets = mp.motion.TargetTrajectory.checked(panda, time, profile, positions=path)
+    execution = follow_profile(panda, targets)
     motion = execution.arm.motion
     assert np.median(motion.distance) < 0.05
     assert np.percentile(motion.distance, 95) < 0.1
@@ -264,7 +265,8 @@ def test_the_robot_repeats_its_own_motion(own, tmp_path):
 @pytest.mark.slow
 def test_tempo_and_placement(own):
     panda, time, profile, path = own
-    slow = follow_profile(panda, [profile], time, [path + 2.0], place=True, speed_scale=0.5)
+    targets = mp.motion.TargetTrajectory.checked(panda, time, profile, positions=path + 2.0)
+    slow = follow_profile(panda, targets, place=True, speed_scale=0.5)
     assert 2.0 * np.ptp(time) <= slow.arm.motion.control_time[-1] < 2.1 * np.ptp(time)
     np.testing.assert_array_equal(slow.arm.motion.demonstrated_time, time)
     np.testing.assert_allclose(slow.arm.motion.path, slow.arm.placement.path, atol=1e-12)
@@ -274,17 +276,16 @@ def test_tempo_and_placement(own):
 
 
 @pytest.mark.parametrize(("change", "word"), [
-    ({"time": None}, "no times"), ({"speed_scale": 0.0}, "speed_scale"), ({"scale": 0.0, "place": True}, "scale"),
+    ({"speed_scale": 0.0}, "speed_scale"), ({"scale": 0.0, "place": True}, "scale"),
     ({"scale": 0.5}, "scale= is for a path that is placed"), ({"orientation": "demonstrated"}, "orientation"),
-    ({"positions": np.zeros((20, 3))}, "shape"), ({"time": np.arange(20.0), "place": False}, "shape"),
+    ({"part": "full"}, "ellipsoids of the options"), ({"targets": 3}, "targets"),
 ])  # fmt: skip
 def test_wrong_targets_are_named(own, change, word):
     panda, time, profile, path = own
-    arguments = {"time": time, "positions": path} | change
+    targets = mp.motion.TargetTrajectory.checked(panda, time, profile, positions=path)
+    arguments = {"targets": targets} | change
     with pytest.raises(InvalidInputError, match=word):
-        follow_profile(
-            panda, [profile], arguments.pop("time"), [arguments.pop("positions")], **arguments
-        )
+        follow_profile(panda, **arguments)
 
 
 @pytest.mark.parametrize("name", ["small_result", "two_arm_result"])

@@ -31,8 +31,14 @@ def followed(robot, arms, options):
     turn = np.kron(np.eye(config.spec.size // 3), mp.arms.chain.rotation_about(2, 0.4))
     profiles = [1.3 * turn @ arm.ellipsoids(joints, config.spec) @ turn.T for arm in arms]
     paths = [path + arm.forward(joints[0])[:3, 3] - path[0] for arm in arms]
+    targets = []
+    for arm, profile, hand_path in zip(arms, profiles, paths, strict=True):
+        target = mp.motion.TargetTrajectory.checked(
+            arm, time, profile, positions=hand_path, spec=config.spec
+        )
+        targets.append(target)
     with little_search():
-        return follow_profile(robot, profiles, time, paths, config, collisions=False)
+        return follow_profile(robot, targets, config, collisions=False)
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,10 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
+from typer.models import OptionInfo
 
 from maniport import pipeline
 from maniport.cli.application import (
@@ -26,7 +27,7 @@ from maniport.report.render import as_numbers
 from maniport.util.atomic_io import folder_written_whole, require_free, written
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.process import ending_in_order
-from maniport.util.validation import as_times
+from maniport.util.validation import Array, as_times
 
 if TYPE_CHECKING:
     from maniport.mocap import Recording
@@ -35,8 +36,14 @@ if TYPE_CHECKING:
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 
 
-@command("transfer", "motion", "payload", "payload_center", "seed",
-         example="maniport demo;  maniport demo ladder -o on-the-ladder")  # fmt: skip
+@command(
+    "transfer",
+    "motion",
+    "payload",
+    "payload_center",
+    "seed",
+    example="maniport demo;  maniport demo ladder -o on-the-ladder",
+)
 def demo(
     config: Config,
     console: Console,
@@ -55,9 +62,14 @@ def demo(
 
 
 @command(
-    "recording", "human", "robot", "transfer", "motion", "seed",
+    "recording",
+    "human",
+    "robot",
+    "transfer",
+    "motion",
+    "seed",
     example="maniport transfer walk.bvh --robot ur5.urdf -o results",
-)  # fmt: skip
+)
 def transfer(
     config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
 ) -> None:
@@ -94,14 +106,22 @@ def only_recording(job: "Transfer", config: Config, console: Console) -> "Record
     return recording
 
 
-def _execution(help: str, *flags: str) -> Any:
-    return typer.Option(*flags, help=help, rich_help_panel="Execution")
+def _execution(help: str, *flags: str) -> OptionInfo:
+    option: OptionInfo = typer.Option(*flags, help=help, rich_help_panel="Execution")
+    return option
 
 
 @command(
-    "recording", "human", "robot", "transfer", "motion", "batch", "seed", defaults=BATCH,
+    "recording",
+    "human",
+    "robot",
+    "transfer",
+    "motion",
+    "batch",
+    "seed",
+    defaults=BATCH,
     example="maniport batch 'recordings/**/*.bvh' --robot panda -o dataset",
-)  # fmt: skip
+)
 def batch(
     config: Config,
     console: Console,
@@ -126,42 +146,52 @@ def batch(
         find_robots(config.robot, config, ())
     folder = require_output(output)
 
-    options: dict[str, Any] = {
-        "processes": processes,
-        "dask": dask,
-        "ray": ray,
-        "overwrite": overwrite,
-    }
     try:
         with console.progress() as progress, ending_in_order():
             result = transfer_batch(
-                config.recording, config.robot, folder, config, progress=progress, **options
+                config.recording,
+                config.robot,
+                folder,
+                config,
+                processes=processes,
+                dask=dask,
+                ray=ray,
+                overwrite=overwrite,
+                progress=progress,
             )
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted; {str(interrupted) or written()}", file=sys.stderr)
         raise typer.Exit(130) from None
     config.save(folder / CONFIG)
-    failed, pairs = failures(result.failed), len(result.table)
+    failed = failures(result.failed)
+    pairs = len(result.table)
     count = f"{pairs - len(result.failed)} of {pairs} pairs are done, {len(result.failed)} failed"
-    lines = [
-        f"  {row['recording']} → {', '.join(row['robots'])}: {row['reason']}" for row in failed
-    ]
+    lines = [f"{count}{':' if failed else '.'}"]
+    for row in failed:
+        lines.append(f"  {row['recording']} → {', '.join(row['robots'])}: {row['reason']}")
+    lines.append(f"Overview {folder / PAGE}")
     values = {
         "pairs": pairs,
         "done_before": result.kept,
         "failed": failed,
         "seconds": result.seconds,
     }
-    text = "\n".join([f"{count}{':' if lines else '.'}", *lines, f"Overview {folder / PAGE}"])
-    console.finish({**values, "output": str(folder)}, text)
+    console.finish({**values, "output": str(folder)}, "\n".join(lines))
     if failed:
         raise typer.Exit(1)
 
 
 @command(
-    "recording", "human", "robot", "transfer", "motion", "learning", "seed", defaults=NO_ROBOT,
+    "recording",
+    "human",
+    "robot",
+    "transfer",
+    "motion",
+    "learning",
+    "seed",
+    defaults=NO_ROBOT,
     example="maniport learn jumps.bvh --segments auto -o learned",
-)  # fmt: skip
+)
 def learn(
     config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
 ) -> None:
@@ -199,10 +229,22 @@ def learn(
 
 
 @command(
-    "profile", "path", "robot", "scale", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt",
-    "rank", "seed", without=("hand_targets", "pose"),
+    "profile",
+    "path",
+    "robot",
+    "scale",
+    "workspace",
+    "table",
+    "ellipsoids",
+    "part",
+    "joint_weights",
+    "damping",
+    "tilt",
+    "rank",
+    "seed",
+    without=("hand_targets", "pose"),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
-)  # fmt: skip
+)
 def place(
     config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
 ) -> None:
@@ -215,28 +257,27 @@ def place(
 
     folder = output_folder(output, [_profile(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
-    target, positions, time = _targets(config)
-    if time is None:
-        raise InvalidInputError(
-            "the profile has no times; write it with an array 'time' (n,) in seconds"
-        )
-    if positions is None:
+    files = _targets(config)
+    if files.positions is None:
         raise InvalidInputError("--path is needed: a file of positions of the hand")
-    spec, arm = config.spec, pipeline.load_single_arm(config)
-    (targets,), control = bounded_profiles([target], spec), plan_options(config, arm)
+    spec = config.spec
+    arm = pipeline.load_single_arm(config)
+    (ellipsoids,) = bounded_profiles([files.ellipsoids], spec)
+    plan = plan_options(config, arm)
+    targets = TargetTrajectory.checked(
+        arm,
+        files.time,
+        ellipsoids,
+        spec=spec.bounded,
+        damping=config.damping,
+        positions=files.positions,
+    )
     with console.progress() as progress:
         ranked = place_path(
             arm,
-            TargetTrajectory.checked(
-                arm,
-                time,
-                targets,
-                spec=spec.bounded,
-                damping=config.damping,
-                positions=positions,
-            ),
+            targets,
             replace(config.placement, tilt=config.tilt or 0.0),
-            plan=control,
+            plan=plan,
             random_state=config.seed,
             progress=progress,
         )
@@ -246,9 +287,9 @@ def place(
         )
     placed = ranked[config.rank - 1]
     with folder_written_whole(folder, RESULT_FILES, overwrite) as staging:
-        placed.write_data(staging, time)
+        placed.write_data(staging, files.time)
         (profile,) = bounded_profiles([placed.profile], spec)  # of the kind of the options
-        save_ellipsoids(staging / "placed_profile.npz", profile, time)
+        save_ellipsoids(staging / "placed_profile.npz", profile, files.time)
         config.save(staging / CONFIG)
     console.name_folder(folder, chosen=output is None)
     report = report_of(placed)
@@ -257,25 +298,46 @@ def place(
 
 
 @command(
-    "profile", "path", "robot", "motion", "ellipsoids", "part", "joint_weights", "damping", "place", "seed",
+    "profile",
+    "path",
+    "robot",
+    "motion",
+    "ellipsoids",
+    "part",
+    "joint_weights",
+    "damping",
+    "place",
+    "seed",
     without=("hand_targets", "pose", "move"),
     example="maniport track placed_profile.npz --robot panda --path path.npz -o motion",
-)  # fmt: skip
+)
 def track(
     config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
 ) -> None:
     """Plan a robot motion that follows a target profile and path."""
+    from maniport.arms import Arm
+    from maniport.motion import TargetTrajectory
     from maniport.pipeline.results import RESULT_FILES
+    from maniport.pipeline.settings import with_limits
     from maniport.report.write import export_files, write_results
 
     folder = output_folder(output, [_profile(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
     export_files(config.export)
-    target, positions, time = _targets(config)
-    arm, paths = pipeline.load_single_arm(config), None if positions is None else [positions]
-    time = None if time is None else as_times(time, f"time of {config.profile!r}", fewest=2)
+    files = _targets(config)
+    time = as_times(files.time, f"time of {config.profile!r}", fewest=2)
+    arm = with_limits(pipeline.load_single_arm(config), config).robot
+    assert isinstance(arm, Arm)  # as it was before
+    targets = TargetTrajectory.checked(
+        arm,
+        time,
+        files.ellipsoids,
+        positions=files.positions,
+        spec=config.spec,
+        damping=config.damping,
+    )
     with console.progress() as progress:
-        result = pipeline.follow_profile(arm, [target], time, paths, config, progress=progress)
+        result = pipeline.follow_profile(arm, targets, config, progress=progress)
         report = write_results(result, folder, progress, config.export, overwrite=overwrite)
     console.name_folder(folder, chosen=output is None)
     console.print_report(report, output=str(folder))
@@ -290,16 +352,35 @@ def _profile(config: Config) -> str:
     return config.profile
 
 
-def _targets(config: Config) -> tuple[Any, Any, Any]:
+class TargetFiles(NamedTuple):
+    """What files say of the targets of an arm."""
+
+    ellipsoids: Array  # (n, d, d)
+    time: Array  # (n,) [s]
+    positions: Array | None  # (n, 3) [m]
+
+
+def _targets(config: Config) -> TargetFiles:
     """Read ellipsoids, positions if there are some, and the times of either."""
-    target, time = load_ellipsoids(_profile(config))
-    positions, path_time = (None, None) if config.path is None else load_path(config.path)
-    times = [values for values in (time, path_time) if values is not None]
-    if len(times) == 2 and not (
-        len(times[0]) == len(times[1]) and abs(times[0] - times[1]).max() < 1e-6
-    ):
+    ellipsoids, time = load_ellipsoids(_profile(config))
+    positions = None
+    if config.path is not None:
+        positions, path_time = load_path(config.path)
+        if time is None:
+            time = path_time
+        elif path_time is not None:
+            _require_same_times(time, path_time, config)
+    if time is None:
         raise InvalidInputError(
-            f"{config.path}: its times must be those of {config.profile}, {times[0][0]:g} to {times[0][-1]:g} s; "
-            f"found {times[1][0]:g} to {times[1][-1]:g} s"
+            "the profile has no times; write it with an array 'time' (n,) in seconds"
         )
-    return target, positions, path_time if time is None else time
+    return TargetFiles(ellipsoids, time, positions)
+
+
+def _require_same_times(time: Array, path_time: Array, config: Config) -> None:
+    if len(time) == len(path_time) and abs(time - path_time).max() < 1e-6:
+        return
+    raise InvalidInputError(
+        f"{config.path}: its times must be those of {config.profile}, {time[0]:g} to {time[-1]:g} s; "
+        f"found {path_time[0]:g} to {path_time[-1]:g} s"
+    )

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.manipulability import JOINT_LIMITS
@@ -15,6 +14,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, argument, collec
 from maniport.motion import (
     MotionLimits,
     Placement,
+    PlacementOptions,
     Planner,
     RobotMotion,
     SeedBank,
@@ -23,14 +23,19 @@ from maniport.motion import (
 )
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import plan_checked
-from maniport.motion.targets import Damping, TargetTrajectory, as_rotations, damping_of
+from maniport.motion.targets import (
+    TargetTrajectory,
+    as_rotations,
+    damping_of,
+    targets_of_arms,
+)
 from maniport.pipeline.config import Config
 from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import ArmResult, MotionResult
 from maniport.pipeline.settings import Settings, plan_options, with_limits
 from maniport.util.progress import Progress, Step, no_progress
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_finite, as_points, as_times
+from maniport.util.validation import Array, as_points
 
 REAL_TIME_SCALES = (
     0.3,
@@ -159,13 +164,16 @@ def place(
     robot: SampledRobot,
     settings: Settings,
     map_rotation: Array | None,
+    options: PlacementOptions | None = None,
 ) -> list[tuple[Placement, ...]]:
     """Return placements of the paths relative to the robot, from the best to the worst."""
     assert robot.planner is not None
+    if options is None:
+        options = settings.config.placement
     return place_path(
         robot.planner.group,
         targets,
-        settings.config.placement,
+        options,
         map_rotation=map_rotation,
         planner=robot.planner,
         plan=settings.plan,
@@ -238,12 +246,9 @@ def measure(
 
 def follow_profile(
     robot: Arm | ArmGroup,
-    profiles: Sequence[ArrayLike],
-    time: ArrayLike | None,
-    paths: Sequence[ArrayLike] | None = None,
+    targets: TargetTrajectory | Sequence[TargetTrajectory],
     config: TransferOptions | None = None,
     *,
-    damping: Damping | None = None,
     planner: Planner | None = None,
     progress: Progress | None = None,
     **options: Any,
@@ -253,16 +258,10 @@ def follow_profile(
     Parameters
     ----------
     robot : Arm or ArmGroup
-    profiles : sequence of array_like, shape (n, d, d)
-        Target ellipsoids of each arm in its base frame, without damping, n ≥ 2.
-    time : array_like, shape (n,)
-        Increasing [s].
-    paths : sequence of array_like, shape (n, 3), optional
-        Target positions of each end effector [m].
+    targets : TargetTrajectory or sequence of TargetTrajectory
+        Targets of the arm, or of each arm of a group, in its base frame. Their ellipsoids are those of the options.
     config : TransferOptions, optional
         Options of the ellipsoids, the motion and the seed; ``place`` places the paths relative to the robot first.
-    damping : float or Regularization, optional
-        Regularization of the ellipsoids. Default: the damping of the options.
     planner : Planner, optional
         A planner of this robot, as for `maniport.motion.plan_motion`.
     progress, **options
@@ -273,54 +272,51 @@ def follow_profile(
     ManiportError
         When an option does not exist or an input cannot be used.
     """
-    if time is None:
-        raise InvalidInputError(
-            "the profile has no times; write it with an array 'time' (n,) in seconds"
-        )
     config = Config.of(config).changed(
         allowed=("robot", "transfer", "motion", "placement"), **options
     )
-    config, orientation = replace(config, verb="track"), config.orientation
+    config = replace(config, verb="track")
+    orientation = config.orientation
     if isinstance(orientation, str) and orientation != "free":
         text = f"{argument('orientation')} must be free or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
     limited = with_limits(robot, config)
     robot = limited.robot
+    group = as_group(robot)
     settings = Settings(
         config, robot, plan_options(config, robot, limited.limits), progress=progress or no_progress
     )
+
+    checked = targets_of_arms(robot, targets)
+    has_paths = checked[0].positions is not None
     for name in ("workspace", "scale", "yaw", "offset"):
-        if getattr(config, name) is not None and (paths is None or not config.place):
+        if getattr(config, name) is not None and not (has_paths and config.place):
             raise InvalidInputError(f"{argument(name)} is for a path that is placed; found none")
-    group, generator, times = as_group(robot), np.random.default_rng(config.seed), as_times(time)
-    for name, values in (("profiles", profiles), ("paths", paths)):
-        shapes = [] if values is None else [np.shape(value) for value in values]
-        if values is not None and [shape[:1] for shape in shapes] != [(len(times),)] * len(group):
+    bounded = []
+    for target, spec in zip(checked, settings.specs, strict=True):
+        if target.spec != spec:
             raise InvalidInputError(
-                f"{name} must be {len(group)}, one for each arm, of shape ({len(times)}, ...) as time; found {shapes}"
+                f"targets must be of the ellipsoids of the options, {spec}; found {target.spec}"
             )
-    spec = config.spec.bounded
-    regularization = damping_of(
-        group.arms[0], spec, config.damping if damping is None else damping, positive=True
-    )
-    ellipsoids = bounded_profiles([as_finite(one, "profile") for one in profiles], config.spec)
-    targets = []
-    for i, (arm, arm_spec) in enumerate(zip(group.arms, group.specs(spec), strict=True)):
-        target = TargetTrajectory.checked(
-            arm,
-            times,
-            ellipsoids[i],
-            positions=None if paths is None else paths[i],
-            spec=arm_spec,
-            damping=regularization,
-        )
-        targets.append(target)
-    sampled = SampledRobot(
-        planner_of(settings, generator) if planner is None else planner, (), generator
-    )
-    motion, placements = move(
-        tuple(targets), sampled, settings, placed=config.place and paths is not None
-    )
+        bounded.append(bounded_targets(target, group.arms[0]))
+
+    generator = np.random.default_rng(config.seed)
+    if planner is None:
+        planner = planner_of(settings, generator)
+    sampled = SampledRobot(planner, (), generator)
+    motion, placements = move(tuple(bounded), sampled, settings, placed=config.place and has_paths)
     names = group.names if len(group) > 1 else (group.arms[0].name,)
     arms = measure(motion, placements, sampled.planner, names, settings)
     return MotionResult(robot=group, arms=arms, motion=motion, config=config)
+
+
+def bounded_targets(target: TargetTrajectory, arm: Arm) -> TargetTrajectory:
+    """Return targets of `EllipsoidSpec.bounded`: of the inverses of force ellipsoids, with the damping of an arm."""
+    if target.spec.kind != "force":
+        return target
+    spec = target.spec.bounded
+    damping = target.damping
+    if damping.damping is not None:  # relative to the ellipsoids of the arm
+        damping = damping_of(arm, spec, damping.damping, positive=True)
+    (ellipsoids,) = bounded_profiles([target.ellipsoids], target.spec)
+    return replace(target, ellipsoids=ellipsoids, spec=spec, damping=damping)
