@@ -9,10 +9,11 @@ from scipy.interpolate import make_interp_spline
 from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
 from maniport.arms import VELOCITY
-from maniport.domain import sample_domain
-from maniport.motion import Placement, SeedBank
+from maniport.motion import Placement
+from maniport.pipeline.config import Config
+from maniport.pipeline.transfer import Transfer
 from maniport.transfer import METHODS
-from maniport.viewer.state import Maps, Side, ViewState
+from maniport.viewer.state import Fits, Side, ViewState
 
 
 @pytest.fixture(scope="session")
@@ -21,8 +22,8 @@ def arms():
 
 
 @pytest.fixture(scope="session")
-def domains(arms):
-    return sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1)
+def transfer():
+    return Transfer.of(Config(robot=("panda",), n_teacher=256, n_student=512))
 
 
 @pytest.fixture(scope="session")
@@ -37,23 +38,22 @@ def place():
 
 
 @pytest.fixture(scope="session")
-def make_state(arms, domains, place):
-    first = Maps(*domains)
+def make_state(arms, transfer, place):
+    first = Fits(transfer, arms[:1])
     for name in METHODS:
         first.get(name, np.eye(3))
     for fit in first.fits.values():
         fit.result(600.0)
-    bank = SeedBank(arms[1], 2048, 0)
+    bank = transfer.robot.bank(0, VELOCITY)
 
-    def make(maps=None, recorded=False):
+    def make(recorded=False):
         playback = None
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
             playback = make_interp_spline(np.linspace(0.0, 2.0, 5), path, k=1)
-        if maps is None:
-            maps = Maps(*domains)
-            maps.fits |= first.fits
-        state = ViewState(arms[1], [Side(*arms, maps, bank)], playback)
+        fits = Fits(transfer, arms[:1])
+        fits.fits |= first.fits
+        state = ViewState(arms[1], [Side(*arms, bank, np.zeros(3))], fits, playback)
         state.places = Future()
         state.places.set_result([place])
         return state

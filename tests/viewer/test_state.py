@@ -1,21 +1,21 @@
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from maniport.arms import load_arms
+from maniport.arms import VELOCITY, load_arms
 from maniport.arms.human import human_arm
-from maniport.domain import sample_domain
 from maniport.errors import ManiportError
 from maniport.mocap import read_recording
-from maniport.motion import SeedBank
 from maniport.pipeline.config import Config
+from maniport.pipeline.transfer import Transfer
 from maniport.report.page.animation import surfaces_of
 from maniport.transfer import METHODS
 from maniport.util.process import in_background
 from maniport.viewer import state as states
-from maniport.viewer.state import Command, Maps, Side, ViewState, prepare
+from maniport.viewer.state import Command, Fits, Side, ViewState, prepare
 from real_robots import NEEDS_ROBOTS
 from sizes import little_search
 
@@ -50,7 +50,7 @@ def test_every_method_can_be_chosen(make_state):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
     rotation = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
     advance(state, METHOD, base_rotation=rotation)
-    list(state.sides[0].maps.fits.values())[-1].result(60.0)
+    list(state.fits.fits.values())[-1].result(60.0)
     assert (
         np.abs(
             advance(state, METHOD, base_rotation=rotation).target.ellipsoid - targets[METHOD]
@@ -91,25 +91,24 @@ def test_the_end_effector_follows_on_request(make_state):
 
 def test_an_error_of_a_fit_is_raised(make_state, monkeypatch):
     state = make_state()
-    maps = state.sides[0].maps
     advance(state)
-    monkeypatch.setattr(maps, "fit", lambda *_: 1 / 0)
+    monkeypatch.setattr(state.fits, "fit", lambda *_: 1 / 0)
 
     def follow_until_the_fit_ends():
         for _ in range(2):
             advance(state, base_rotation=-np.eye(3))
-            list(maps.fits.values())[-1].exception(60.0)
+            list(state.fits.fits.values())[-1].exception(60.0)
 
     with pytest.raises(ZeroDivisionError):
         follow_until_the_fit_ends()
 
 
 def test_the_view_begins_before_the_method_is_fitted(monkeypatch):
-    gate, fit = threading.Event(), Maps.fit
+    gate, fit = threading.Event(), Fits.fit
     monkeypatch.setattr(
-        Maps, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args)
+        Fits, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args)
     )
-    for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
+    for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256}.items():
         monkeypatch.setattr(states, name, size)
     with little_search():
         state = prepare(Config().changed(person="rhuman"))
@@ -122,7 +121,7 @@ def test_the_view_begins_before_the_method_is_fitted(monkeypatch):
         finally:
             gate.set()
         assert state.places.result(60.0)[0].scale > 0
-        list(state.sides[0].maps.fits.values())[-1].result(60.0)
+        list(state.fits.fits.values())[-1].result(60.0)
 
 
 @pytest.fixture(scope="module")
@@ -130,16 +129,35 @@ def pandas():
     return load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
 
 
-def sides_of(robot):
-    for side, arm, base in zip(("left", "right"), robot.arms, BASES, strict=True):
-        person = human_arm("rhuman", side)
-        maps = Maps(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
-        yield Side(person, arm, maps, SeedBank(arm, 512, 0), base=base)
+def pair_of(robot):
+    """A person's both arms lead a robot of two arms."""
+    config = Config(n_teacher=128, n_student=256).changed(robot=robot, person="rhuman", side="both")
+    transfer = Transfer.of(config)
+    persons = [human_arm("rhuman", side) for side in ("left", "right")]
+    sides = []
+    for i, (person, arm, base) in enumerate(zip(persons, robot.arms, BASES, strict=True)):
+        sides.append(Side(person, arm, transfer.robot.bank(i, VELOCITY), base))
+    return ViewState(robot, sides, Fits(transfer, persons))
+
+
+class OfArm(Fits):
+    """Fits of one arm of two."""
+
+    def __init__(self, both, i):
+        self.both = both
+        self.i = i
+
+    def get(self, method, base_rotation):
+        fit = self.both.get(method, base_rotation)
+        fitted = replace(fit.transfer, maps=fit.transfer.maps[self.i : self.i + 1])
+        return replace(fit, transfer=fitted)
 
 
 def test_both_arms_move_as_each_alone(pandas):
-    pair = ViewState(pandas, list(sides_of(pandas)))
-    alone = [ViewState(side.student, [side]) for side in sides_of(pandas)]
+    pair = pair_of(pandas)
+    alone = []
+    for i, side in enumerate(pair.sides):
+        alone.append(ViewState(side.student, [side], OfArm(pair.fits, i)))
     for joints in (POSE, POSE + 0.1):
         both = pair.frames(Command(np.tile(joints, 2), METHOD, np.eye(3)), 1.0 / 60.0)
         for frame, state in zip(both, alone, strict=True):
@@ -147,9 +165,9 @@ def test_both_arms_move_as_each_alone(pandas):
             np.testing.assert_array_equal(frame.target.ellipsoid, expected.target.ellipsoid)
             np.testing.assert_allclose(frame.joints, expected.joints, atol=1e-5)
     with little_search():
-        maps = [side.maps.get(METHOD, np.eye(3)) for side in pair.sides]
+        fit = pair.fits.get(METHOD, np.eye(3))
         joints = [side.teacher.sample(4, 0) for side in pair.sides]
-        pair.places = in_background(pair.find_places, np.arange(4.0), joints, maps)
+        pair.places = in_background(pair.find_places, np.arange(4.0), joints, fit)
         scales = [place.scale for place in pair.places.result()]
     left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
     hands = [side.teacher.skeleton(POSE)[-1] + side.base for side in pair.sides]
@@ -161,7 +179,7 @@ def test_both_arms_move_as_each_alone(pandas):
 @NEEDS_ROBOTS
 def test_a_shared_torso_is_in_one_place():
     humanoid = load_arms("talos")
-    pair = ViewState(humanoid, list(sides_of(humanoid)))
+    pair = pair_of(humanoid)
     both = Command(np.tile(POSE, 2), METHOD, np.eye(3))
     first = pair.frames(both, 0.0)
     for _ in range(12):

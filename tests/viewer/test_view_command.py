@@ -15,16 +15,16 @@ ENDLESS = """
 import threading
 from maniport import __main__ as entry_point
 from maniport.viewer import state
-from maniport.viewer.state import Maps, ViewState
-state.TEACHER_SAMPLES, state.STUDENT_SAMPLES, state.BANK_SIZE = 128, 256, 512
+from maniport.viewer.state import Fits, ViewState
+state.TEACHER_SAMPLES, state.STUDENT_SAMPLES = 128, 256
 ViewState.find_places = lambda *args: None
-fit = Maps.fit
+fit = Fits.fit
 def endless(self, name, base_rotation):
     if name != state.AT_ONCE:
         print("fitting", flush=True)
         threading.Event().wait()
     return fit(self, name, base_rotation)
-Maps.fit = endless
+Fits.fit = endless
 entry_point.main()
 """
 """The command line in a process of its own, on a small scale, with a fit that does not end."""

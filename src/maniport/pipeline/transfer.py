@@ -33,7 +33,7 @@ from maniport.evaluation import Capability, Evaluation, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import ArmFit, Recording
-from maniport.motion import Planner
+from maniport.motion import Placement, PlacementOptions, Planner
 from maniport.motion.targets import TargetTrajectory, damping_of
 from maniport.pipeline.capability import (
     Comparison,
@@ -44,11 +44,11 @@ from maniport.pipeline.capability import (
 )
 from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
-from maniport.pipeline.following import SampledRobot, bounded_profiles, measure, move
+from maniport.pipeline.following import SampledRobot, bounded_profiles, measure, move, place
 from maniport.pipeline.human import Human, fit_human, load, origin_of
 from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
-from maniport.pipeline.settings import Settings, settings_of
+from maniport.pipeline.settings import Settings, adapter_of, settings_of
 from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter, load_adapter, method_of, name_of
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
@@ -148,6 +148,14 @@ class Transfer:
             options = settings_of(options, progress)
         transfer = cls.__new__(cls)
         transfer.settings = options
+        return transfer
+
+    def with_method(self, method: str | DomainAdapter, base_rotation: Array) -> "Transfer":
+        """Return a transfer by another method at a base orientation (3, 3), to the same samples of the robot."""
+        config = self.settings.config.changed(method=method, base_rotation=base_rotation)
+        settings = replace(self.settings, config=config, adapter=adapter_of(config))
+        transfer = Transfer.of(settings)
+        transfer.robot = self.robot
         return transfer
 
     @cached_property
@@ -267,6 +275,15 @@ class FittedTransfer:
         if self.robot.planner is None or self.settings.config.spec.part == "rotation":
             return [()] * len(self.maps)
         return directions_of(human, self.adapters, self.robot.planner, self.settings.config)
+
+    def place(
+        self, targets: Sequence[TargetTrajectory], options: PlacementOptions | None = None
+    ) -> list[tuple[Placement, ...]]:
+        """Return placements of the paths of all arms, from the best to the worst; default: by the own options."""
+        robot = replace(self.robot, random=deepcopy(self.robot.random))
+        with threadpool_limits(1):
+            rotation = mean_rotation(self.maps)
+            return place(tuple(targets), robot, self.settings, rotation, options)
 
     def run(self, human: Human, *, baselines: bool = True) -> TransferResult:
         """Map, place and plan a motion of a person; without `baselines` only a selection is evaluated."""

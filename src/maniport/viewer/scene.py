@@ -87,7 +87,8 @@ class Shell:
 
     def draw(self, ellipsoid: Array, position: Array) -> None:
         """Take the shape of an ellipsoid (3, 3) about a position (3,) [m]."""
-        (self._ball.scale, self._ball.wxyz), self._ball.position = shell(ellipsoid), position
+        self._ball.scale, self._ball.wxyz = shell(ellipsoid)
+        self._ball.position = position
 
 
 class Scene:
@@ -106,9 +107,15 @@ class Scene:
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
         scene.add_grid(
-            "/floor", 8.0, 8.0, cell_size=0.25, cell_color=(225, 228, 232), section_color=(190, 195, 202),
-            fade_distance=9.0, fade_from="origin",
-        )  # fmt: skip
+            "/floor",
+            8.0,
+            8.0,
+            cell_size=0.25,
+            cell_color=(225, 228, 232),
+            section_color=(190, 195, 202),
+            fade_distance=9.0,
+            fade_from="origin",
+        )
         scene.add_frame("/person", show_axes=False, position=PERSON_AT - aside)
         # head and trunk about the middle of the neck [m], in the trunk frame
         middles = [
@@ -164,7 +171,10 @@ class DrawnSide:
         base: Array,
         frame: Frame,
     ):
-        self._person, self._robot, home, place = person, robot, f"/person{name}", f"/robot{name}"
+        self._person = person
+        self._robot = robot
+        home = f"/person{name}"
+        place = f"/robot{name}"
         if name:
             scene.add_frame(home, show_axes=False, position=base)
             scene.add_frame(place, show_axes=False)
@@ -194,13 +204,15 @@ class DrawnSide:
     def draw(self, frame: Frame) -> None:
         """Draw a frame."""
         target = frame.target
-        person, robot = self._person.skeleton(target.joints), self._robot.skeleton(frame.joints)
+        person = self._person.skeleton(target.joints)
+        robot = self._robot.skeleton(frame.joints)
         self._teacher.draw(person)
         if self._skeleton is not None:
             self._skeleton.draw(robot)
         poses = self._robot.link_poses(frame.joints)[self._joints]
         for mesh, turn, pose in zip(self.meshes, quaternion(poses[:, :3, :3]), poses, strict=True):
-            mesh.wxyz, mesh.position = turn, pose[:3, 3]
+            mesh.wxyz = turn
+            mesh.position = pose[:3, 3]
         self._demonstrated.draw(target.demonstrated, person[-1])
         self._target.draw(target.ellipsoid, robot[-1])
         self._achieved.draw(frame.achieved, robot[-1])

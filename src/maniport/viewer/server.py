@@ -178,7 +178,9 @@ class Panel:
     """Controls and numbers of the live view; the loop reads the controls, which call nothing."""
 
     def __init__(self, gui: Any, state: ViewState, base_rotation: Array):
-        self._state, player, several = state, state.playback, len(state.sides) > 1
+        self._state = state
+        player = state.playback
+        several = len(state.sides) > 1
         self._names = [f"{side.teacher.side}: " if several else "" for side in state.sides]
         moved = "The recording moves" if player is not None else "Move the sliders of"
         gui.add_markdown(f"{moved} the person's arm; the robot follows. Drag to rotate the view.")
@@ -191,11 +193,13 @@ class Panel:
         button.on_click(lambda _: setattr(state, "jump", True))
         self._sliders: list[Any] = []
         if player is not None:
-            self._plays, self._duration = gui.add_checkbox("Play", True), float(player.t[-1])
+            self._plays = gui.add_checkbox("Play", True)
+            self._duration = float(player.t[-1])
             self._time = gui.add_slider(
                 "Time [s]", 0.0, float(np.ceil(100 * self._duration) / 100), 0.01, 0.0
             )
-            self._speed, self._position = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0), 0.0
+            self._speed = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0)
+            self._position = 0.0
             self._written = 0.0  # position in the slider
         else:
             bent = {
@@ -204,14 +208,17 @@ class Panel:
                 "elbow_flexion": 80.0,
             }  # at first, far from singular
             for side in state.sides:
-                arm, name = side.teacher, f"{side.teacher.side} " if several else ""
+                arm = side.teacher
+                name = f"{side.teacher.side} " if several else ""
                 limits = np.degrees([arm.lower, arm.upper]).round(3).T.tolist()
                 with gui.add_folder(f"Person's {name}joints [°]"):
                     for joint, (low, high) in zip(arm.joint_names, limits, strict=True):
                         start = float(np.clip(bent.get(joint, 0.0), low, high))
                         self._sliders.append(gui.add_slider(readable(joint), low, high, 0.5, start))
-        rotations = {name: np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
-                     for name, angles in BASE_ORIENTATIONS.items()}  # fmt: skip
+        rotations = {
+            name: np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
+            for name, angles in BASE_ORIENTATIONS.items()
+        }
         preset = next(
             (name for name, own in rotations.items() if np.allclose(own, base_rotation, atol=1e-6)),
             "own",
@@ -229,10 +236,8 @@ class Panel:
             joints = np.radians([slider.value for slider in self._sliders])
         else:
             if self._time.value != self._written:  # the slider was moved
-                self._written, self._position = (
-                    self._time.value,
-                    min(self._time.value, self._duration),
-                )
+                self._written = self._time.value
+                self._position = min(self._time.value, self._duration)
             elif self._plays.value:
                 self._position = (self._position + self._speed.value * seconds) % self._duration
             joints = player(self._position)
@@ -242,7 +247,8 @@ class Panel:
 
     def write(self, frames: Sequence[Frame]) -> None:
         """Write the numbers of the frame of each arm."""
-        lines, notes = [], []
+        lines = []
+        notes = []
         for name, frame in zip(self._names, frames, strict=True):
             error = (
                 ""
@@ -273,13 +279,12 @@ class LiveView(Page):
 
     def __init__(self, state: ViewState, base_rotation: Array, port: int = 0):
         super().__init__(port)
-        self.state, self.rate = state, 0.0
+        self.state = state
+        self.rate = 0.0
         try:
             self._panel = Panel(self._server.gui, state, base_rotation)
-            first, persons = (
-                state.frames(self._panel.read(0.0), 0.0),
-                [side.teacher for side in state.sides],
-            )
+            first = state.frames(self._panel.read(0.0), 0.0)
+            persons = [side.teacher for side in state.sides]
             bases = [side.base for side in state.sides]
             self._scene = Scene(self._server.scene, persons, state.robot, first, bases)
             self.no_surface = self._scene.no_surface
@@ -292,21 +297,28 @@ class LiveView(Page):
 
     def run(self, stop: threading.Event, rate: float = 60.0) -> None:
         """Read the controls, let the robot follow and draw, at most so often [Hz], until `stop` is set."""
-        before, numbers_at, count = clock.perf_counter(), 0.0, 0
+        before = clock.perf_counter()
+        numbers_at = 0.0
+        count = 0
         while not stop.is_set():
             started = clock.perf_counter()
             if not self._server.get_clients():
-                self.rate, count, numbers_at, before = 0.0, 0, started, started
+                self.rate = 0.0
+                count = 0
+                numbers_at = started
+                before = started
                 stop.wait(0.05)
                 continue
             command = self._panel.read(started - before)
             frames = self.state.frames(command, started - before)
-            before, count = started, count + 1
+            before = started
+            count = count + 1
             with self._server.atomic():
                 self._scene.draw(frames, command.base_rotation)
                 if started - numbers_at >= NUMBERS_PERIOD:
                     self.rate = count / (started - numbers_at)
-                    numbers_at, count = started, 0
+                    numbers_at = started
+                    count = 0
                     self._panel.write(frames)
             stop.wait(max(0.0, 1.0 / rate - (clock.perf_counter() - started)))
 
@@ -323,13 +335,12 @@ class Onlooker(Page):
 
     def __init__(self, person: Arm, robot: Arm, port: int = 0):
         super().__init__(port)
-        self._person, self._robot = person, as_group(robot)
+        self._person = person
+        self._robot = as_group(robot)
         self._scene: Scene | None = None
         self._began = 0.0  # time of the first state that was drawn [s]
-        self._text, self._written = (
-            self._server.gui.add_markdown("The person has not been seen yet."),
-            0.0,
-        )
+        self._text = self._server.gui.add_markdown("The person has not been seen yet.")
+        self._written = 0.0
         self._server.gui.add_html(f'<div style="padding: 0 0.6em">{LEGEND}</div>')
 
     def show(self, state: LiveState) -> None:
