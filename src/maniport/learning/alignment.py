@@ -74,7 +74,9 @@ class Alignment(NotebookDisplay):
             raise InvalidInputError(
                 f"signals must be {len(self.paths)}, one a demonstration; found {len(signals)}"
             )
-        arrays = [as_finite(signal, f"signals[{index}]") for index, signal in enumerate(signals)]
+        arrays = []
+        for index, signal in enumerate(signals):
+            arrays.append(as_finite(signal, f"signals[{index}]"))
         warped = []
         for index, (array, path) in enumerate(zip(arrays, self.paths, strict=True)):
             require_shape(array, f"signals[{index}]", (path[-1, 1] + 1, *arrays[0].shape[1:]))
@@ -128,41 +130,61 @@ def align(
     """
     if not len(profiles):
         raise InvalidInputError("profiles must hold at least one demonstration; found none")
-    first, k = as_points(profiles[0], "profiles[0]"), len(profiles)
-    data = [
-        first,
-        *(
-            as_points(p, f"profiles[{i}]", first.shape[-1])
-            for i, p in enumerate(profiles[1:], start=1)
-        ),
-    ]
-    if times is None:
-        clocks = [np.linspace(0.0, 1.0, len(profile)) for profile in data]
-    elif len(times) != k:
-        raise InvalidInputError(
-            f"times must be {k} arrays, one for each profile; found {len(times)}"
-        )
-    else:
-        clocks = [as_times(clock, f"times[{i}]", len(data[i])) for i, clock in enumerate(times)]
-    chosen = (
-        None if reference is None else as_count(reference, "reference", minimum=0, maximum=k - 1)
-    )
+    first = as_points(profiles[0], "profiles[0]")
+    k = len(profiles)
+    data = [first]
+    for i, profile in enumerate(profiles[1:], start=1):
+        data.append(as_points(profile, f"profiles[{i}]", first.shape[-1]))
+    clocks = _clocks(times, data)
+    if reference is not None:
+        reference = as_count(reference, "reference", minimum=0, maximum=k - 1)
     step = Step(progress, "Align demonstrations")
+    chosen = reference
     if chosen is None:
-        pairs, apart = list(combinations(range(k), 2)), np.zeros((k, k))
-        for a, b in counted(pairs, len(pairs) + k, step):
-            apart[a, b] = apart[b, a] = matched(data[b], data[a])[1]
-        chosen = int(np.argmin(apart.sum(axis=0)))
-    itself = np.repeat(np.arange(len(data[chosen]))[:, None], 2, axis=1)
-    paths = tuple(
-        itself if i == chosen else matched(data[chosen], other)[0] for i, other in enumerate(data)
-    )
-    warped = np.stack([
-        [mean(profile[own]) if len(own) > 1 else profile[own[0]] for own in _groups(path)]
-        for profile, path in zip(data, paths, strict=True)
-    ])  # fmt: skip
+        chosen = _medoid(data, step)
+
+    paths = []
+    warped = []
+    for i, profile in enumerate(data):
+        if i == chosen:
+            path = np.repeat(np.arange(len(profile))[:, None], 2, axis=1)
+        else:
+            path = matched(data[chosen], profile)[0]
+        paths.append(path)
+        warped.append([_mean_of_group(profile[group]) for group in _groups(path)])
     step.end(f"{k} demonstrations, {len(clocks[chosen])} times")
-    return Alignment(clocks[chosen].copy(), warped, paths, chosen)
+    return Alignment(clocks[chosen].copy(), np.stack(warped), tuple(paths), chosen)
+
+
+def _clocks(times: Sequence[ArrayLike] | None, data: Sequence[Array]) -> list[Array]:
+    """Return the times (n_i,) of each demonstration; from 0 to 1 where none are given."""
+    if times is None:
+        return [np.linspace(0.0, 1.0, len(profile)) for profile in data]
+    if len(times) != len(data):
+        raise InvalidInputError(
+            f"times must be {len(data)} arrays, one for each profile; found {len(times)}"
+        )
+    clocks = []
+    for i, (clock, profile) in enumerate(zip(times, data, strict=True)):
+        clocks.append(as_times(clock, f"times[{i}]", len(profile)))
+    return clocks
+
+
+def _medoid(data: Sequence[Array], step: Step) -> int:
+    """Return the index of the demonstration with the least sum of distances from the others."""
+    count = len(data)
+    pairs = list(combinations(range(count), 2))
+    apart = np.zeros((count, count))
+    for a, b in counted(pairs, len(pairs) + count, step):
+        apart[a, b] = apart[b, a] = matched(data[b], data[a])[1]
+    return int(np.argmin(apart.sum(axis=0)))
+
+
+def _mean_of_group(ellipsoids: Array) -> Array:
+    """Return the Fréchet mean (d, d) of ellipsoids (n, d, d) that are matched with one time."""
+    if len(ellipsoids) == 1:
+        return np.asarray(ellipsoids[0])
+    return mean(ellipsoids)
 
 
 def matched(reference: Array, profile: Array) -> tuple[Path, float]:
@@ -186,12 +208,13 @@ def cheapest_path(costs: Array) -> tuple[Path, float]:
         j = diagonal - i
         before = np.minimum(np.minimum(total[i, j], total[i, j + 1]), total[i + 1, j])
         total[i + 1, j + 1] = costs[i, j] + before
-    i, j = n, m
     path = [(n - 1, m - 1)]
-    while (i, j) != (1, 1):
+    entry = (n, m)
+    while entry != (1, 1):
+        i, j = entry
         steps = ((i - 1, j - 1), (i - 1, j), (i, j - 1))
-        i, j = min(steps, key=lambda entry: total[entry])
-        path.append((i - 1, j - 1))
+        entry = min(steps, key=lambda step: total[step])
+        path.append((entry[0] - 1, entry[1] - 1))
     return np.array(path[::-1], dtype=np.intp), float(total[n, m])
 
 
@@ -211,7 +234,9 @@ class Agreement:
     def share(self) -> float:
         """Share of the total variance that lies between the demonstrations, 0 to 1."""
         total = self.after**2 + self.movement**2
-        return self.after**2 / total if total > 0.0 else 0.0
+        if not total > 0.0:
+            return 0.0
+        return self.after**2 / total
 
     @property
     def alone(self) -> Array:
@@ -221,13 +246,13 @@ class Agreement:
     @property
     def outlier(self) -> int | None:
         """Index of a demonstration more than 1.5 times as far from the others as the median one; else None."""
+        if len(self.apart) <= 2:
+            return None
         farthest = int(np.argmax(self.alone))
-        far = (
-            self.alone[farthest] > 1.5 * np.median(np.delete(self.alone, farthest))
-            if len(self.apart) > 2
-            else False
-        )
-        return farthest if far else None
+        others = np.delete(self.alone, farthest)
+        if self.alone[farthest] > 1.5 * np.median(others):
+            return farthest
+        return None
 
 
 def agreement(
@@ -237,11 +262,14 @@ def agreement(
     progress: Progress | None = None,
 ) -> Agreement:
     """Measure the agreement of demonstrations and hold out each of them."""
-    step, k, n = Step(progress, "Hold out demonstrations"), len(profiles), min(map(len, profiles))
+    step = Step(progress, "Hold out demonstrations")
+    k = len(profiles)
+    n = min(map(len, profiles))
     apart = np.zeros((k, k))
     for i, j in combinations(range(k), 2):
         apart[i, j] = apart[j, i] = _aligned_distance(profiles[j], profiles[i])
-    held_out, text = dict[str, Array](), ""
+    held_out = dict[str, Array]()
+    text = ""
     if k >= MIN_COUNT and (k - 1) * n >= points_each(profiles[0].shape[-1]):
         rows = [_held_out(i, profiles, apart, model) for i in counted(range(k), k, step)]
         held_out = dict(zip(PREDICTIONS, np.array(rows).T, strict=True))
@@ -250,11 +278,14 @@ def agreement(
     learned = np.asarray(model.predict(alignment.time))
     movement = float(np.sqrt(np.mean(distance_unchecked(mean(learned), learned) ** 2)))
     before = np.stack([profile[evenly_spaced(len(profile), n)] for profile in profiles])
-    squares = (
-        distance_unchecked(own, _means(own)[None]) ** 2 for own in (before, alignment.ellipsoids)
-    )
-    spread, aligned_spread = (float(np.sqrt(np.mean(own))) for own in squares)
-    return Agreement(spread, aligned_spread, movement, apart, held_out)
+    after = alignment.ellipsoids
+    return Agreement(_spread(before), _spread(after), movement, apart, held_out)
+
+
+def _spread(ellipsoids: Array) -> float:
+    """Return the distance of demonstrations (k, n, d, d) from their mean at each time."""
+    squares = distance_unchecked(ellipsoids, _means(ellipsoids)[None]) ** 2
+    return float(np.sqrt(np.mean(squares)))
 
 
 def _means(ellipsoids: Array) -> Array:
@@ -277,20 +308,13 @@ def _held_out(
     aligned = align([profiles[k] for k in others], reference=int(np.argmin(among.sum(axis=0))))
     inputs, ellipsoids, groups = aligned.stacked()
     most = len(ellipsoids) // points_each(ellipsoids.shape[-1])
-    fitted = (
-        clone(model)
-        .set_params(n_components=min(model.n_components_, most))
-        .fit(inputs, ellipsoids, groups)
-    )
-    predictions = (
-        np.asarray(fitted.predict(aligned.time)),
-        _means(aligned.ellipsoids),
-        mean(ellipsoids)[None],
-    )
-    learned, average, constant = (
-        _aligned_distance(prediction, profiles[i]) for prediction in predictions
-    )
-    return learned, average, float(apart[i, others].min()), constant
+    unfitted = clone(model).set_params(n_components=min(model.n_components_, most))
+    fitted = unfitted.fit(inputs, ellipsoids, groups)
+    prediction = np.asarray(fitted.predict(aligned.time))
+    learned = _aligned_distance(prediction, profiles[i])
+    plain_mean = _aligned_distance(_means(aligned.ellipsoids), profiles[i])
+    constant = _aligned_distance(mean(ellipsoids)[None], profiles[i])
+    return learned, plain_mean, float(apart[i, others].min()), constant
 
 
 def axis_deviations(profile: Array, covariance: Array) -> Array:

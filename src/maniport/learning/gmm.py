@@ -126,11 +126,15 @@ class ProfileGMM(NotebookDisplay, Estimator):
             raise InvalidInputError(
                 f"time must not be the same everywhere; found {times[0]:g} {len(times)} times"
             )
-        demonstrations, counts = _number_of(groups, len(points)), self._component_counts(points)
+        demonstrations = _number_of(groups, len(points))
+        counts = self._component_counts(points)
         regularization = as_number(self.regularization, "regularization", above=0.0)
-        tol, max_iter = as_number(self.tol, "tol", above=0.0), as_count(self.max_iter, "max_iter")
+        tol = as_number(self.tol, "tol", above=0.0)
+        max_iter = as_count(self.max_iter, "max_iter")
         ridge = regularization * np.r_[np.var(times), np.ones(points_each(points.shape[-1]) - 2)]
-        step, fits, curve = Step(progress, "Fit Gaussian mixture"), [], list[float]()
+        step = Step(progress, "Fit Gaussian mixture")
+        fits = []
+        curve = list[float]()
         with threadpool_limits(
             1
         ):  # threads cost more than they bring on matrices this small, and far more when busy
@@ -144,7 +148,8 @@ class ProfileGMM(NotebookDisplay, Estimator):
                     )
                 )
                 part(1.0)
-                (k, s), likelihood = fits[-1][0].covariances.shape[:2], max(fits[-1][1])
+                k, s = fits[-1][0].covariances.shape[:2]
+                likelihood = max(fits[-1][1])
                 free = k - 1 + k * s + k * s * (s + 1) // 2
                 curve.append(free * np.log(len(points)) - 2.0 * len(points) * likelihood)
                 if curve[-1] > min(curve):
@@ -157,14 +162,15 @@ class ProfileGMM(NotebookDisplay, Estimator):
                 ConvergenceWarning,
                 stacklevel=2,
             )
-        self.weights_, self.input_means_ = mixture.weights, mixture.times
-        self.means_, self.covariances_ = mixture.ellipsoids, mixture.covariances
-        self.history_, self.log_likelihood_, self.bic_curve_ = (
-            np.array(history),
-            max(history),
-            np.array(curve),
-        )
-        self.n_components_, self.n_demonstrations_ = len(mixture.weights), demonstrations
+        self.weights_ = mixture.weights
+        self.input_means_ = mixture.times
+        self.means_ = mixture.ellipsoids
+        self.covariances_ = mixture.covariances
+        self.history_ = np.array(history)
+        self.log_likelihood_ = max(history)
+        self.bic_curve_ = np.array(curve)
+        self.n_components_ = len(mixture.weights)
+        self.n_demonstrations_ = demonstrations
         step.end(f"{self.n_components_} Gaussians, mean log-likelihood {self.log_likelihood_:.3g}")
         return self
 
@@ -206,11 +212,15 @@ class ProfileGMM(NotebookDisplay, Estimator):
             )
         mixture = Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)
         centers, covariance = regressed(mixture, as_numbers(time, "time"))
-        if (k := self.n_demonstrations_) is not None:  # predictive instead of maximum-likelihood
-            unbiased, m = k / (k - 1) * covariance, covariance.shape[-1]
+        k = self.n_demonstrations_
+        if k is not None:  # predictive instead of maximum-likelihood
+            unbiased = k / (k - 1) * covariance
+            m = covariance.shape[-1]
             variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m
             covariance = (1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m)
-        return (centers, covariance) if return_covariance else centers
+        if return_covariance:
+            return centers, covariance
+        return centers
 
 
 def points_each(d: int) -> int:
@@ -224,6 +234,7 @@ def _number_of(groups: ArrayLike | None, points: int) -> int | None:
         return None
     labels = np.asarray(groups)
     require_shape(labels, "groups", (points,), ", a label for each point")
-    if (count := len(set(labels.tolist()))) < 2:
+    count = len(set(labels.tolist()))
+    if count < 2:
         raise InvalidInputError(f"groups must hold at least 2 different labels; found {count}")
     return count

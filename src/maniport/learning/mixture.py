@@ -47,7 +47,9 @@ def expectation_maximization(
     times: Array, points: Array, shares: Array, ridge: Array, tol: float, max_iter: int
 ) -> tuple[Mixture, list[float], bool]:
     """Fit a mixture by EM from shares (n, K); return the most likely, the log-likelihoods, and whether it converged."""
-    history, best, converged = list[float](), None, False
+    history = list[float]()
+    best = None
+    converged = False
     while len(history) < max_iter and not converged:
         shares = shares[:, shares.sum(axis=0) > MIN_WEIGHT]
         counts = shares.sum(axis=0)
@@ -65,7 +67,8 @@ def expectation_maximization(
         likelihood = logsumexp(joint, axis=1, keepdims=True)
         shares = np.exp(joint - likelihood)
         history.append(float(likelihood.mean()))
-        best = mixture if best is None or history[-1] == max(history) else best
+        if best is None or history[-1] == max(history):
+            best = mixture
         converged = len(history) > 1 and history[-1] - history[-2] <= tol
     assert best is not None
     return best, history, converged
@@ -73,18 +76,18 @@ def expectation_maximization(
 
 def regressed(mixture: Mixture, times: Array) -> tuple[Array, Array]:
     """Return the conditional mean (n, d, d) and covariance (n, m, m) of the ellipsoid at times (n,)."""
-    spread, cross = mixture.covariances[:, :1, :1], mixture.covariances[:, :1, 1:]
-    slopes, away = (
-        cross / spread,
-        (times - mixture.times[:, None])[..., None],
-    )  # (K, 1, m), (K, n, 1)
+    spread = mixture.covariances[:, :1, :1]
+    cross = mixture.covariances[:, :1, 1:]
+    slopes = cross / spread  # (K, 1, m)
+    away = (times - mixture.times[:, None])[..., None]  # (K, n, 1)
     shares = softmax(np.log(mixture.weights) + _log_density(away, spread), axis=1)  # (n, K)
     ahead = from_vector(
         np.swapaxes(away @ slopes, 0, 1)
     )  # at the means of the components, (n, K, d, d)
     centers = _conditional_means(mixture, shares, ahead)
     errors, rotations = _transported(mixture, centers, ahead)
-    vectors, mean_error = to_vector(errors), to_vector(np.einsum("nk,nkij->nij", shares, errors))
+    vectors = to_vector(errors)
+    mean_error = to_vector(np.einsum("nk,nkij->nij", shares, errors))
     images = congruence(rotations[..., None, :, :], mandel_basis(centers.shape[-1]))
     basis = np.swapaxes(to_vector(images), -1, -2)  # of V → Q V Qᵀ on Mandel vectors
     within = (
@@ -111,18 +114,19 @@ def _conditional_means(
     mixture: Mixture, shares: Array, ahead: Array, max_steps: int = 100
 ) -> Array:
     """Return conditional means (n, d, d) by fixed-point steps from the prediction of the most likely component."""
-    rows, best = np.arange(len(shares)), shares.argmax(axis=1)
+    rows = np.arange(len(shares))
+    best = shares.argmax(axis=1)
     starts = apply(ahead[rows, best], bounded(np.exp, "the prediction at these times"))
     centers = congruence(roots(mixture.ellipsoids)[0][best], starts)
     tolerance = np.clip(10 * np.finfo(np.float64).eps * np.linalg.cond(centers), 1e-9, 1e-3)
-    lengths, last = np.ones(len(shares)), np.full(len(shares), np.inf)
+    lengths = np.ones(len(shares))
+    last = np.full(len(shares), np.inf)
     for _ in range(max_steps):
         steps = np.einsum("nk,nkij->nij", shares, _transported(mixture, centers, ahead)[0])
         norms = np.linalg.norm(steps, axis=(-2, -1))
-        lengths, last = (
-            np.where(norms > np.maximum(last, tolerance), 0.5 * lengths, lengths),
-            norms,
-        )  # it overshoots
+        overshoots = norms > np.maximum(last, tolerance)
+        lengths = np.where(overshoots, 0.5 * lengths, lengths)
+        last = norms
         centers = congruence(roots(centers)[0], apply(lengths[:, None, None] * steps, np.exp))
         if np.all(norms <= tolerance):
             return centers
@@ -157,8 +161,12 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:
     NotSPDError, InvalidInputError
         When a covariance is not positive-semidefinite, all are zero, or one is singular without damping.
     """
-    array, rho = as_finite(covariance, "covariance"), as_number(damping, "damping", minimum=0.0)
-    require_shape(array, "covariance", ("n", array.shape[-1] if array.ndim else 0, "m"))
+    array = as_finite(covariance, "covariance")
+    rho = as_number(damping, "damping", minimum=0.0)
+    size = 0
+    if array.ndim:
+        size = array.shape[-1]
+    require_shape(array, "covariance", ("n", size, "m"))
     values, vectors = np.linalg.eigh(0.5 * (array + np.swapaxes(array, -1, -2)))
     scale = max(float(np.abs(values).max()), np.finfo(np.float64).tiny)  # weights have no unit
     if values.min() < -1e-10 * scale:
