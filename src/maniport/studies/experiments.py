@@ -32,11 +32,11 @@ from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, counted, pieces
 from maniport.util.validation import Array
 
-PAPER, OURS = "ours, paper's settings", "ours, defaults"  # How a row is fitted and measured
-SEPARATE, SAME = (
-    "random, sampled separately for each arm",
-    "random, the same joint samples for both arms",
-)
+# How a row is fitted and measured
+PAPER = "ours, paper's settings"
+OURS = "ours, defaults"
+SEPARATE = "random, sampled separately for each arm"
+SAME = "random, the same joint samples for both arms"
 DRAWS = 10  # Random sets over which errors are averaged
 PRINTED = (
     "table",
@@ -104,56 +104,61 @@ class PaperRow:
     @property
     def label(self) -> str:
         """Number of samples, as the paper writes it."""
-        return (
-            f"{self.most_singular} most singular of {self.samples}"
-            if self.most_singular
-            else str(self.samples)
-        )
+        if self.most_singular:
+            return f"{self.most_singular} most singular of {self.samples}"
+        return str(self.samples)
 
 
 TOY = "10 new points"
 EVALUATIONS = {
     "I": [TOY],
-    "II": [f"M-Eval-{i}" for i in (1, 2, 3)],
-    "III": [f"H-Eval-{i}" for i in (1, 2, 3, 4)],
+    "II": ["M-Eval-1", "M-Eval-2", "M-Eval-3"],
+    "III": ["H-Eval-1", "H-Eval-2", "H-Eval-3", "H-Eval-4"],
 }
 """Sets that the maps of each table are evaluated on, in the order of its columns."""
 
 
 def paper_table(number: str) -> list[PaperRow]:
     """Rows of Table I, II or III, from the top, as in `printed.csv` next to this module."""
-    lines, rows = (
-        (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines(),
-        list[PaperRow](),
-    )
+    lines = (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines()
+    rows = list[PaperRow]()
     for row in csv.DictReader(lines[1:]):
-        if row["table"] == number:
-            errors = dict(zip(EVALUATIONS[number], map(float, row["errors"].split()), strict=True))
-            exponent = float(row["exponent"]) if row["exponent"] else None
-            most, iterations = (
-                int(row[key]) if row[key] else None for key in ("most_singular", "iterations")
-            )
-            own = (
-                row["data"],
-                int(row["samples"]),
-                row["method"],
-                errors,
-                row["start"],
-                exponent,
-                most,
-                iterations,
-            )
-            rows.append(PaperRow(number, len(rows) + 1, *own))
+        if row["table"] != number:
+            continue
+        errors = map(float, row["errors"].split())
+        exponent = None
+        if row["exponent"]:
+            exponent = float(row["exponent"])
+        printed = PaperRow(
+            table=number,
+            row=len(rows) + 1,
+            data=row["data"],
+            samples=int(row["samples"]),
+            method=row["method"],
+            rmse=dict(zip(EVALUATIONS[number], errors, strict=True)),
+            start=row["start"],
+            exponent=exponent,
+            most_singular=_integer(row["most_singular"]),
+            iterations=_integer(row["iterations"]),
+        )
+        rows.append(printed)
     return rows
+
+
+def _integer(text: str) -> int | None:
+    """Return the number of a cell; None of an empty one."""
+    if not text:
+        return None
+    return int(text)
 
 
 def adapter_of(
     row: PaperRow, settings: str, base_rotation: ArrayLike | None, damping: float | None
 ) -> DomainAdapter:
     """Return the adapter of a row: by the paper's text, or the same method with maniport's defaults."""
-    options: dict[str, Any] = (
-        {} if settings == PAPER else {"damping": damping, "base_rotation": base_rotation}
-    )
+    options: dict[str, Any] = {}
+    if settings != PAPER:
+        options = {"damping": damping, "base_rotation": base_rotation}
     if row.exponent is None:
         return ParallelTransport(**options)
     if settings == PAPER:
@@ -184,7 +189,9 @@ class Experiment:
 def toy(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the toy experiment on several draws, beginning with seed `seed`."""
     data = [_toy_draw(seed + k) for k in range(draws)]
-    title, lines, rows = "Table I: toy data", list[Line](), paper_table("I")
+    title = "Table I: toy data"
+    lines = list[Line]()
+    rows = paper_table("I")
     for row in counted(rows, len(rows), Step(progress, title)):
         for settings in (PAPER, OURS):
             lines += measure(adapter_of(row, settings, None, None), data, settings, row.data, row)
@@ -193,7 +200,8 @@ def toy(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> Expe
 
 def _toy_draw(seed: int, samples: int = 100, new: int = 10) -> Draw:
     """Sample the Panda's ellipsoids, and transform them rigidly for the teacher."""
-    random, arm = np.random.default_rng(seed), trajectories.robot_arm()
+    random = np.random.default_rng(seed)
+    arm = trajectories.robot_arm()
     ellipsoids = arm.manipulability(arm.sample(samples + new, random, "uniform"))
     student, others = np.split(_raised(ellipsoids), [samples])
 
@@ -211,19 +219,28 @@ def two_dof(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> 
 
     Random rows come twice, with separate and with the same joint samples; the paper has only the first.
     """
-    title, rows, arms = "Table II: two-joint arms", paper_table("II"), trajectories.two_dof_arms()
+    title = "Table II: two-joint arms"
+    rows = paper_table("II")
+    arms = trajectories.two_dof_arms()
+    random_rows = [row for row in rows if row.data == "random"]
     jobs = [(row, "trajectories") for row in rows if row.data == "trajectories"]
-    jobs += [(row, data) for data in (SEPARATE, SAME) for row in rows if row.data == "random"]
-    truth = {
-        name: _ellipsoids(arms, path, path)
-        for name, path in trajectories.two_dof_evaluation().items()
+    jobs += [(row, SEPARATE) for row in random_rows]
+    jobs += [(row, SAME) for row in random_rows]
+    truth = {}
+    for name, path in trajectories.two_dof_evaluation().items():
+        truth[name] = _ellipsoids(arms, path, path)
+
+    training = trajectories.two_dof_training().reshape(-1, 2)
+    domains: dict[str, list[Domains]] = {
+        "trajectories": [_ellipsoids(arms, training, training)],
+        SEPARATE: [],
+        SAME: [],
     }
-    domains = {
-        "trajectories": [_ellipsoids(arms, *2 * [trajectories.two_dof_training().reshape(-1, 2)])]
-    }
-    domains[SEPARATE] = [_uniform(arms, 500, seed + k) for k in range(draws)]
-    same = (arms[0].sample(500, np.random.default_rng(seed + k), "uniform") for k in range(draws))
-    domains[SAME] = [_ellipsoids(arms, path, path) for path in same]
+    for k in range(draws):
+        domains[SEPARATE].append(_uniform(arms, 500, seed + k))
+    for k in range(draws):
+        path = arms[0].sample(500, np.random.default_rng(seed + k), "uniform")
+        domains[SAME].append(_ellipsoids(arms, path, path))
     lines = list[Line]()
     for row, data in counted(jobs, len(jobs), Step(progress, title)):
         for settings in (PAPER, OURS):
@@ -235,41 +252,36 @@ def two_dof(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> 
 
 def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the experiment from the human arm to the Panda; random sets begin with seed `seed`."""
-    title, samples, rows, lines = (
-        "Table III: human arm to Panda",
-        5000,
-        paper_table("III"),
-        list[Line](),
-    )
+    title = "Table III: human arm to Panda"
+    samples = 5000
+    rows = paper_table("III")
+    lines = list[Line]()
     arms = trajectories.human_arm(), trajectories.robot_arm()
-    profiles = {
-        name: arms[0].manipulability(path) for name, path in trajectories.human_evaluation().items()
-    }
+    profiles = {}
+    for name, path in trajectories.human_evaluation().items():
+        profile = arms[0].manipulability(path)
+        profiles[name] = (profile, profile)
     person = trajectories.human_training()
-    paths = (
-        np.concatenate(person),
-        np.concatenate([trajectories.robot_path(path) for path in person]),
-    )
-    domains = {"trajectories": [_ellipsoids(arms, *paths)]}
-    domains["random"] = [_uniform(arms, 400, seed + k) for k in range(draws)]
+    robot = [trajectories.robot_path(path) for path in person]
+    training = _ellipsoids(arms, np.concatenate(person), np.concatenate(robot))
+    random = [_uniform(arms, 400, seed + k) for k in range(draws)]
     parts = pieces(Step(progress, title), 1.0, 1.0)
     for settings, damping, part in zip((PAPER, OURS), (None, DAMPING), parts, strict=True):
-        draw = _draw(
-            settings, _uniform(arms, samples, seed), {name: (p, p) for name, p in profiles.items()}
-        )
-        baseline = NearestNeighbor(damping=damping, n_samples=samples).fit(
-            draw.teacher, draw.student
-        )
-        truth = {
-            name: (points, baseline.transform(points))
-            for name, (points, _) in draw.evaluation.items()
-        }
+        draw = _draw(settings, _uniform(arms, samples, seed), profiles)
+        unfitted = NearestNeighbor(damping=damping, n_samples=samples)
+        baseline = unfitted.fit(draw.teacher, draw.student)
+        truth = {}
+        for name, (points, _) in draw.evaluation.items():
+            truth[name] = (points, baseline.transform(points))
         for row in counted(rows, len(rows), part):
-            sets = [_draw(settings, pair, truth, row.samples) for pair in domains[row.data]]
-            data = SEPARATE if row.data == "random" else row.data
-            lines += measure(
-                adapter_of(row, settings, np.eye(3), DAMPING), sets, settings, data, row
-            )
+            data = row.data
+            domains = [training]
+            if data == "random":
+                data = SEPARATE
+                domains = random
+            sets = [_draw(settings, pair, truth, row.samples) for pair in domains]
+            adapter = adapter_of(row, settings, np.eye(3), DAMPING)
+            lines += measure(adapter, sets, settings, data, row)
         resampled = _draw(settings, _uniform(arms, samples, seed + 1), truth)
         for line in measure(baseline, [resampled], settings, "baselines", rows[0], printed=False):
             lines.append(line | {"samples": str(samples), "method": "naive baseline, resampled"})
@@ -285,8 +297,9 @@ def measure(
     printed: bool = True,
 ) -> list[Line]:
     """Fit an adapter to every draw; return a line for each evaluation set, with the paper's numbers if `printed`."""
-    errors: dict[str, list[RMSE]] = {name: [] for name in draws[0].evaluation}
-    iterations, warned = [], 0
+    errors: dict[str, list[RMSE]] = {}
+    iterations = []
+    warned = 0
     for draw in draws:
         with collected_warnings() as texts:
             fitted = clone(adapter).fit(draw.teacher, draw.student)
@@ -294,15 +307,18 @@ def measure(
         iterations.append(fitted.n_iter_)
         for name, (points, truth) in draw.evaluation.items():
             mapped, target = fitted._compared(points, truth)  # with the damping of the fit
-            errors[name].append(rmse(target, mapped))
+            errors.setdefault(name, []).append(rmse(target, mapped))
     lines = []
-    for name, own in errors.items():
+    for name, of_draws in errors.items():
         forms: dict[str, float] = {}
-        for form in (form.name for form in fields(RMSE)):
-            values = [getattr(error, form) for error in own]
-            forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
-        paper = row.table, row.row, row.rmse[name], row.iterations
-        line: Line = dict(zip(PRINTED, paper if printed else [None] * 4, strict=True))
+        for field in fields(RMSE):
+            values = [getattr(error, field.name) for error in of_draws]
+            forms[field.name] = float(np.mean(values))
+            forms[f"{field.name}_spread"] = float(np.std(values))
+        line: Line = dict.fromkeys(PRINTED)
+        if printed:
+            paper = row.table, row.row, row.rmse[name], row.iterations
+            line = dict(zip(PRINTED, paper, strict=True))
         line |= {
             "data": data,
             "samples": row.label,
@@ -322,20 +338,23 @@ def _raised(points: Array) -> Array:
 
 def _draw(settings: str, domains: Domains, evaluation: Pairs, samples: int | None = None) -> Draw:
     """Take every n-th ellipsoid of the domains (§ V-A); the paper's settings raise eigenvalues."""
-    raised = (lambda points: points) if settings == OURS else _raised
-    teacher, student = (
-        raised(points[:: len(points) // (samples or len(points))]) for points in domains
-    )
-    return Draw(
-        teacher,
-        student,
-        {name: (raised(own), raised(truth)) for name, (own, truth) in evaluation.items()},
-    )
+    teacher, student = domains
+    if samples is not None:
+        teacher = teacher[:: len(teacher) // samples]
+        student = student[:: len(student) // samples]
+    if settings == OURS:
+        return Draw(teacher, student, evaluation)
+    raised = {}
+    for name, (points, truth) in evaluation.items():
+        raised[name] = (_raised(points), _raised(truth))
+    return Draw(_raised(teacher), _raised(student), raised)
 
 
 def _uniform(arms: tuple[Arm, Arm], samples: int, seed: int) -> Domains:
     random = np.random.default_rng(seed)
-    return _ellipsoids(arms, *(arm.sample(samples, random, "uniform") for arm in arms))
+    teacher_path = arms[0].sample(samples, random, "uniform")
+    student_path = arms[1].sample(samples, random, "uniform")
+    return _ellipsoids(arms, teacher_path, student_path)
 
 
 def _ellipsoids(arms: tuple[Arm, Arm], teacher_path: Array, student_path: Array) -> Domains:

@@ -3,9 +3,7 @@
 import os
 import time as clock
 from collections.abc import Iterable, Sequence
-from itertools import product
 from pathlib import Path
-from typing import Any
 
 from maniport.report.page import write_page
 from maniport.report.render import write_report
@@ -25,7 +23,9 @@ from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count
 
 EXPERIMENTS = {"toy": toy, "two-dof": two_dof, "human-robot": human_robot}
-FILES = "paper.md", "paper.json", "report.html"  # What `reproduce` writes
+TABLES = "paper.md", "paper.json"
+PAGE = "report.html"
+FILES = (*TABLES, PAGE)  # What `reproduce` writes
 
 FORMS = {"per_dispersion": "÷ c", "per_squared_dispersion": "÷ c²"}
 """Forms of the error in the paper's text and in the authors' program, with their column heads."""
@@ -56,27 +56,24 @@ def reproduce(
     overwrite: bool = False,
 ) -> Report:
     """Run one or all of the paper's experiments and write tables to a folder, whole or not at all."""
-    names = (
-        tuple(EXPERIMENTS)
-        if as_choice(which, "experiment", (*EXPERIMENTS, "all")) == "all"
-        else (which,)
-    )
-    first, count = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
+    names: Sequence[str] = (which,)
+    if as_choice(which, "experiment", (*EXPERIMENTS, "all")) == "all":
+        names = tuple(EXPERIMENTS)
+    first = as_count(seed, "seed", minimum=0)
+    count = as_count(draws, "draws")
     require_free(Path(output), FILES, overwrite)
-    progress, started, experiments = (
-        progress or no_progress,
-        clock.perf_counter(),
-        list[Experiment](),
-    )
+    progress = progress or no_progress
+    started = clock.perf_counter()
+    experiments = list[Experiment]()
     with folder_written_whole(output, FILES, overwrite) as folder:
         for name in names:
-            experiments.append(experiment := EXPERIMENTS[name](first, progress, draws=count))
+            experiment = EXPERIMENTS[name](first, progress, draws=count)
+            experiments.append(experiment)
             progress(experiment.title, 1.0, f"{len(experiment.lines)} results")
         report = _report(experiments, first, clock.perf_counter() - started)
-        *tables, page = (folder / name for name in FILES)
-        for file in tables:
-            write_report(file, report)
-        write_page(page, report)
+        for name in TABLES:
+            write_report(folder / name, report)
+        write_page(folder / PAGE, report)
     return report
 
 
@@ -89,13 +86,8 @@ def _report(experiments: Sequence[Experiment], seed: int, seconds: float) -> Rep
     )
     run.metrics += tuple(software(seed))
     groups = compare(experiments)
-    table = Table(
-        tuple(groups[0]),
-        tuple(tuple(map(str, group.values())) for group in groups),
-        "",
-        "groups",
-        groups,
-    )
+    cells = [tuple(map(str, group.values())) for group in groups]
+    table = Table(tuple(groups[0]), tuple(cells), "", "groups", groups)
     lead = "The paper's numbers against ours with the paper's settings; our defaults use the base rotation and damping."
     compared = Section("Comparison with the paper", (), (table,), "comparison", lead)
     return Report(
@@ -106,18 +98,16 @@ def _report(experiments: Sequence[Experiment], seed: int, seconds: float) -> Rep
     )
 
 
-def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[dict[str, Any]]:
+def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[dict[str, object]]:
     """Count the paper's numbers that are matched, lower and higher, by table, settings and form of the error."""
-    lines = [
-        line
-        for own in experiments
-        for line in own.lines
-        if line["table"] and line["settings"] != OURS
-    ]
     ratios: dict[tuple[str, str, str], list[float]] = {}
-    for line, form in product(lines, FORMS):
-        key = line["table"], line["settings"], FORMS[form]
-        ratios.setdefault(key, []).append(line[form] / line["paper_rmse"])
+    for experiment in experiments:
+        for line in experiment.lines:
+            if not line["table"] or line["settings"] == OURS:
+                continue
+            for form, head in FORMS.items():
+                key = line["table"], line["settings"], head
+                ratios.setdefault(key, []).append(line[form] / line["paper_rmse"])
     groups = []
     for (table, settings, error), values in ratios.items():
         lower = sum(value < 1.0 - tolerance for value in values)
@@ -127,7 +117,9 @@ def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[d
             "lower": lower,
             "higher": higher,
         }
-        reason = REASONS[table] if lower + higher else ""
+        reason = ""
+        if lower + higher:
+            reason = REASONS[table]
         groups.append(
             {"table": table, "settings": settings, "error": error, **counts, "reason": reason}
         )
@@ -139,18 +131,18 @@ def _section(experiment: Experiment) -> Section:
     lines = list(experiment.lines)
     section = Section(experiment.title, key=experiment.name, text="\n".join(experiment.notes))
     for settings in dict.fromkeys(line["settings"] for line in lines):
-        own = [line for line in lines if line["settings"] == settings]
-        fits = {
-            (line["row"], line["data"], line["samples"], line["method"]): line for line in own
-        }.values()
-        warned, draws = (sum(line[key] for line in fits) for key in ("warned", "draws"))
+        fits = {}  # each once: it has a line for each evaluation set
+        for line in lines:
+            if line["settings"] == settings:
+                fits[line["row"], line["data"], line["samples"], line["method"]] = line
+        warned = sum(line["warned"] for line in fits.values())
+        draws = sum(line["draws"] for line in fits.values())
         if warned:
             section.warn(
                 "fits", f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits"
             )
-    printed, further = (
-        [line for line in lines if (line["table"] is None) is extra] for extra in (False, True)
-    )
+    printed = [line for line in lines if line["table"] is not None]
+    further = [line for line in lines if line["table"] is None]
     section.tables = (_pivot(printed, LEGEND, "rows", lines),)
     if further:
         section.tables += (
@@ -159,7 +151,9 @@ def _section(experiment: Experiment) -> Section:
     return section
 
 
-def _pivot(lines: list[Line], caption: str, key: str = "", value: Any = None) -> Table:
+def _pivot(
+    lines: list[Line], caption: str, key: str = "", value: list[Line] | None = None
+) -> Table:
     """Arrange lines as the paper does: a column for each evaluation set, a row for each settings and form."""
     names = "data", "samples", "method"
     columns = [*dict.fromkeys(line["evaluation"] for line in lines)]
@@ -168,27 +162,44 @@ def _pivot(lines: list[Line], caption: str, key: str = "", value: Any = None) ->
     rows: dict[tuple[str, ...], dict[str, dict[str, str]]] = {}  # cells by numbers' origin, by data
     for line in lines:
         block = rows.setdefault(tuple(line[name] for name in names), {})
-        if line["table"] is not None:
-            cells = block.setdefault("paper", {"iterations": _number(line["paper_iterations"])})
-            cells[line["evaluation"]] = _number(line["paper_rmse"])
-        compared = line["table"] is not None and line["settings"] == PAPER
-        for form, head in list(FORMS.items())[: 2 if compared else 1]:
-            origin = line["settings"] if line["table"] is None else f"{line['settings']} {head}"
-            cells = block.setdefault(origin, {"iterations": f"{line['iterations']:.3g}"})
-            spread = f" ± {_number(line[f'{form}_spread'])}" if line["draws"] > 1 else ""
-            cells[line["evaluation"]] = _number(line[form]) + spread
-    cells_of = tuple(
-        (*data, origin, *(cells.get(column, "–") for column in columns))
-        for data, block in rows.items()
-        for origin, cells in block.items()
-    )
-    return Table((*names, "numbers of", *columns), cells_of, caption, key, value)
+        for origin, cells in _cells(line).items():
+            known = block.setdefault(origin, cells)
+            known[line["evaluation"]] = cells[line["evaluation"]]
+
+    cells_of = []
+    for data, block in rows.items():
+        for origin, cells in block.items():
+            numbers = [cells.get(column, "–") for column in columns]
+            cells_of.append((*data, origin, *numbers))
+    return Table((*names, "numbers of", *columns), tuple(cells_of), caption, key, value)
 
 
-def _number(value: Any) -> str:
+def _cells(line: Line) -> dict[str, dict[str, str]]:
+    """Return the cells of a line by the origin of their numbers, and by column."""
+    evaluation = line["evaluation"]
+    cells = {}
+    if line["table"] is None:
+        heads = {"per_dispersion": line["settings"]}
+    else:
+        iterations = _number(line["paper_iterations"])
+        cells["paper"] = {"iterations": iterations, evaluation: _number(line["paper_rmse"])}
+        heads = {"per_dispersion": f"{line['settings']} {FORMS['per_dispersion']}"}
+        if line["settings"] == PAPER:
+            heads = {form: f"{line['settings']} {head}" for form, head in FORMS.items()}
+    for form, origin in heads.items():
+        text = _number(line[form])
+        if line["draws"] > 1:
+            text += f" ± {_number(line[f'{form}_spread'])}"
+        cells[origin] = {"iterations": f"{line['iterations']:.3g}", evaluation: text}
+    return cells
+
+
+def _number(value: float | str | None) -> str:
     """Three decimals, or the power of ten of small values."""
     if value is None:
         return "–"
     if isinstance(value, int | str):
         return str(value)
-    return f"{value:.3f}" if value >= 1e-3 or value == 0 else f"{value:.0e}"
+    if value >= 1e-3 or value == 0:
+        return f"{value:.3f}"
+    return f"{value:.0e}"

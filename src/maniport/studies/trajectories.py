@@ -85,10 +85,8 @@ def robot_targets(path: ArrayLike, reach: float = 0.815) -> tuple[Array, Array]:
 
     While the human arm is extended, the flange is `reach` from the shoulder; its farthest is 0.858 m.
     """
-    arm, shoulder = (
-        human_arm(),
-        np.array([0.0, 0.0, 0.333]),
-    )  # where the axes of its first three joints meet [m]
+    arm = human_arm()
+    shoulder = np.array([0.0, 0.0, 0.333])  # where the axes of its first three joints meet [m]
     extended = float(np.linalg.norm(arm.forward(np.zeros(arm.dof))[:3, 3]))
     return np.asarray(shoulder + reach / extended * arm.forward(path)[:, :3, 3]), shoulder
 
@@ -98,7 +96,8 @@ def robot_path(path: ArrayLike, pull: float = 1e-3, smoothing: float = 0.1) -> A
 
     The weights [m/rad] are those of the ready position and of second differences, relative to the position error.
     """
-    arm, (targets, shoulder) = robot_arm(), robot_targets(path)
+    arm = robot_arm()
+    targets, shoulder = robot_targets(path)
 
     def residual(q: Array) -> tuple[Array, Array]:
         return arm.forward(q)[:, :3, 3] - targets, arm.jacobian(q)[:, :3]
