@@ -59,8 +59,9 @@ def main() -> None:
     except ManiportError as error:
         message = str(error)
     except OSError as error:  # such as a name that is too long
-        where = f"{error.filename!s:.80}: " if error.filename else ""
-        message = f"{where}{error.strerror or error}"
+        message = str(error.strerror or error)
+        if error.filename:
+            message = f"{error.filename!s:.80}: {message}"
     print(f"maniport: {printable(message)}", file=sys.stderr)
     sys.exit(2)
 
@@ -90,14 +91,23 @@ class _Command(TyperCommand):
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the options; those that are not common with ``--help-all`` only."""
         groups: dict[str, list[tuple[str, str]]] = {}
-        for parameter in self.get_params(ctx):
-            hidden, parameter.hidden = getattr(parameter, "hidden", False), False  # type: ignore[attr-defined]
+        parameters: list[Any] = self.get_params(ctx)  # of options and arguments
+        for parameter in parameters:
+            hidden = getattr(parameter, "hidden", False)
+            if hidden and "all" not in ctx.meta:
+                continue
+            parameter.hidden = False
             row = parameter.get_help_record(ctx)
-            parameter.hidden = hidden  # type: ignore[attr-defined]
-            if row is not None and (not hidden or "all" in ctx.meta):
-                option, title = row[0].startswith("-"), getattr(parameter, "rich_help_panel", None)
-                row = row if option else (row[0].partition(" <")[0], row[1])
-                groups.setdefault(title or ("Options" if option else "Arguments"), []).append(row)
+            parameter.hidden = hidden
+            if row is None:
+                continue
+            name, help = row
+            title = "Options"
+            if not name.startswith("-"):
+                title = "Arguments"
+                name = name.partition(" <")[0]
+            title = getattr(parameter, "rich_help_panel", None) or title
+            groups.setdefault(title, []).append((name, help))
         for title, rows in groups.items():
             with formatter.section(title):
                 formatter.write_dl(rows, col_max=32)
@@ -250,9 +260,15 @@ def _annotation(option: Option, usual: Config) -> Any:
         return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]
 
     words = "|".join(option.choices)
-    metavar = option.metavar or (words if 0 < len(words) <= 24 else option.unit)
+    metavar = option.metavar
+    if not metavar and len(words) <= 24:
+        metavar = words
     if not metavar:
-        metavar = "FILE" if option.is_file else option.placeholder
+        metavar = option.unit
+    if not metavar and option.is_file:
+        metavar = "FILE"
+    if not metavar:
+        metavar = option.placeholder
     help = option.help
     if option.choices and metavar == "NAME":
         help += f": {', '.join(option.choices)}"
@@ -263,44 +279,55 @@ def _annotation(option: Option, usual: Config) -> Any:
     flag = option.flag
     if isinstance(option, Flag):
         flag = f"{flag}/--no-{flag[2:]}"
+    completion = None
+    if option.choices:
+        completion = _completion(option.choices)
     settings = typer.Option(
         flag,
         help=help,
         hidden=not option.common,
         metavar=metavar,
         rich_help_panel=PANELS.get(option.section),
-        autocompletion=(lambda: list(option.choices)) if option.choices else None,
+        autocompletion=completion,
     )
     return Annotated[kind | None, settings]
 
 
+def _completion(choices: Iterable[str]) -> Callable[[], list[str]]:
+    def complete() -> list[str]:
+        return list(choices)
+
+    return complete
+
+
 def in_si_units(config: Config, typed: dict[str, Any], robot: Any) -> Config:
     """Convert `lock` and `home`, where they were typed, to rad or m; this loads the robot."""
-    if (lock := typed.get("lock")) and robot:
+    if not robot:
+        return config
+    if typed.get("lock"):
         with suppress(UnknownNameError):  # is raised again where the robot is loaded
-            config = config.changed(
-                lock=_converted("--lock", lock, _joints(config.changed(robot=robot)))
-            )
-    if (home := typed.get("home")) is not None and robot:
-        from maniport.motion import MotionLimits
-        from maniport.pipeline.settings import load_robot
-
-        arm = MotionLimits.of(load_robot(config), config.limits, config.joint_limit_margin).arm
-        if len(home) != arm.dof:
-            names = ", ".join(arm.joint_names)
-            raise InvalidInputError(
-                f"--home must have {arm.dof} numbers, for {names}; found {len(home)}"
-            )
-        joints = dict(
-            zip(
-                arm.joint_names,
-                zip(arm.joint_units, arm.lower, arm.upper, strict=True),
-                strict=True,
-            )
-        )
-        values = _converted("--home", dict(zip(arm.joint_names, home, strict=True)), joints)
-        config = config.changed(home=tuple(values.values()))
+            joints = _joints(config.changed(robot=robot))
+            config = config.changed(lock=_converted("--lock", typed["lock"], joints))
+    if typed.get("home") is not None:
+        config = config.changed(home=_home(config, typed["home"]))
     return config
+
+
+def _home(config: Config, home: Sequence[float]) -> tuple[float, ...]:
+    """Convert a configuration of the robot to rad or m, and require its limits."""
+    from maniport.motion import MotionLimits
+    from maniport.pipeline.settings import load_robot
+
+    arm = MotionLimits.of(load_robot(config), config.limits, config.joint_limit_margin).arm
+    if len(home) != arm.dof:
+        names = ", ".join(arm.joint_names)
+        raise InvalidInputError(
+            f"--home must have {arm.dof} numbers, for {names}; found {len(home)}"
+        )
+    ranges = zip(arm.joint_units, arm.lower, arm.upper, strict=True)
+    joints = dict(zip(arm.joint_names, ranges, strict=True))
+    values = _converted("--home", dict(zip(arm.joint_names, home, strict=True)), joints)
+    return tuple(values.values())
 
 
 def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
@@ -309,19 +336,22 @@ def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
     from maniport.pipeline.settings import load_robot, names_several
 
     if config.side == BOTH or names_several(config):
-        joints: Any = load_robot(config.changed(lock=None))
-        names, units = joints.joint_names, joints.joint_units
-    else:
-        joints = read_arm(
-            config.robot[0],
-            config.frame[0] if config.frame else None,
-            config.joints or None,
-            config.base,
-            config.mesh_folders,
-            xacro_args=config.xacro_args,
-        )
-        names, units = joints.coordinates, joints.units
-    return dict(zip(names, zip(units, joints.lower, joints.upper, strict=True), strict=True))
+        robot = load_robot(config.changed(lock=None))
+        ranges = zip(robot.joint_units, robot.lower, robot.upper, strict=True)
+        return dict(zip(robot.joint_names, ranges, strict=True))
+    frame = None
+    if config.frame:
+        frame = config.frame[0]
+    chain = read_arm(
+        config.robot[0],
+        frame,
+        config.joints or None,
+        config.base,
+        config.mesh_folders,
+        xacro_args=config.xacro_args,
+    )
+    ranges = zip(chain.units, chain.lower, chain.upper, strict=True)
+    return dict(zip(chain.coordinates, ranges, strict=True))
 
 
 def _converted(
@@ -333,11 +363,15 @@ def _converted(
     """Convert positions of joints from degrees, and require the limits; a limit rounded as printed counts as it."""
     converted = {}
     for name, value in values.items():
-        unit, low, high = joints.get(
-            name, ("", -inf, inf)
-        )  # unknown joints are refused when the robot is loaded
-        factor, sign = (radians(1.0), "°") if unit == "rad" else (1.0, " m")
-        least, most = low / factor, high / factor
+        # unknown joints are refused when the robot is loaded
+        unit, low, high = joints.get(name, ("", -inf, inf))
+        factor = 1.0
+        sign = " m"
+        if unit == "rad":
+            factor = radians(1.0)
+            sign = "°"
+        least = low / factor
+        most = high / factor
         if isfinite(least) and not least - rounding <= value <= most + rounding:
             raise InvalidInputError(
                 f"{option}: {name} is {value:g}{sign}; allowed are {least:.2f}{sign} to {most:.2f}{sign}"

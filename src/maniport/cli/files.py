@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -42,9 +43,18 @@ EllipsoidFile = Annotated[
 
 
 @command(
-    "frame", "joints", "base", "lock", "mesh_folders", "xacro_args", "side", "ellipsoids", "part", "seed",
+    "frame",
+    "joints",
+    "base",
+    "lock",
+    "mesh_folders",
+    "xacro_args",
+    "side",
+    "ellipsoids",
+    "part",
+    "seed",
     example="maniport domain panda -n 16384 -o panda.npz",
-)  # fmt: skip
+)
 def domain(
     config: Config,
     console: Console,
@@ -54,7 +64,8 @@ def domain(
 ) -> None:
     """Sample the ellipsoids of an arm within its joint limits."""
     require_suffix(output, ".npz")
-    body, spec = pipeline.load_single_arm(config.changed(robot=arm), config.side), config.spec
+    body = pipeline.load_single_arm(config.changed(robot=arm), config.side)
+    spec = config.spec
     as_count(n, "n", maximum=MOST_SAMPLES)
     file = require_output(output)
     ellipsoids = maniport.sample_domain(body, n, config.seed, spec=spec)
@@ -71,9 +82,17 @@ def domain(
 
 
 @command(
-    "robot", "method", "damping", "base_rotation", "ellipsoids", "part", "seed", without=("hand_targets", "pose"),
-    defaults=NO_ROBOT.changed(method="icp"), example="maniport fit person.npz panda.npz -o adapter.npz",
-)  # fmt: skip
+    "robot",
+    "method",
+    "damping",
+    "base_rotation",
+    "ellipsoids",
+    "part",
+    "seed",
+    without=("hand_targets", "pose"),
+    defaults=NO_ROBOT.changed(method="icp"),
+    example="maniport fit person.npz panda.npz -o adapter.npz",
+)
 def fit(
     config: Config,
     console: Console,
@@ -92,7 +111,9 @@ def fit(
         raise InvalidInputError(
             f"--method {AUTO} needs a motion: use maniport transfer, or name a method"
         )
-    arm = pipeline.load_single_arm(config) if names_robot(config) else None
+    arm = None
+    if names_robot(config):
+        arm = pipeline.load_single_arm(config)
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     file = require_output(output)
     adapter = with_feasible_set(adapter_of(config), arm, config.spec, random_state=config.seed)
@@ -125,9 +146,14 @@ def apply(
 
 
 @command(
-    "robot", "ellipsoids", "part", "seed", without=("hand_targets", "pose"), defaults=NO_ROBOT,
+    "robot",
+    "ellipsoids",
+    "part",
+    "seed",
+    without=("hand_targets", "pose"),
+    defaults=NO_ROBOT,
     example="maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md",
-)  # fmt: skip
+)
 def evaluate(
     config: Config,
     console: Console,
@@ -146,13 +172,16 @@ def evaluate(
 
     if output is not None:
         require_suffix(output, ".md", ".json")
-    arm, fitted = (
-        pipeline.load_single_arm(config) if names_robot(config) else None,
-        maniport.load_adapter(adapter),
-    )
+    arm = None
+    if names_robot(config):
+        arm = pipeline.load_single_arm(config)
+    fitted = maniport.load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
-    names = METHODS if methods == "all" else () if methods is None else methods.split(",")
-    rows = [name.strip() for name in names] or BASELINES
+    rows: Sequence[str] = BASELINES
+    if methods == "all":
+        rows = list(METHODS)
+    elif methods is not None:
+        rows = [name.strip() for name in methods.split(",")]
     with console.progress() as progress:
         evaluation = maniport.evaluate(
             fitted,
@@ -241,10 +270,9 @@ def _description(what: str, config: Config) -> Report:
 
         _require_none(config, f"{what!r} is a recording", "robot")
         changes = config.changed(markers=None, side=AUTO).changes("human")
-        words = [
-            shlex.quote(what),
-            *(word for name, value in changes.items() for word in OPTIONS[name].words(value)),
-        ]
+        words = [shlex.quote(what)]
+        for name, value in changes.items():
+            words += OPTIONS[name].words(value)
         return recording_report(
             pipeline.read_part(what, config),
             marker_roles(config),
@@ -264,8 +292,9 @@ def _description(what: str, config: Config) -> Report:
 
 def _require_none(config: Config, reason: str, *sections: str) -> None:
     """Raise if an option of a section differs from its default."""
-    for name in (name for section in sections for name in config.changes(section)):
-        raise InvalidInputError(f"{OPTIONS[name].flag} cannot be used here: {reason}")
+    for section in sections:
+        for name in config.changes(section):
+            raise InvalidInputError(f"{OPTIONS[name].flag} cannot be used here: {reason}")
 
 
 def _is_recording(what: str) -> bool:
@@ -304,11 +333,10 @@ def _of_robot(what: str, config: Config) -> Report:
             f"{what!r} is no file, no result folder and no bundled recording ({', '.join(SHIPPED)}): {error}"
         ) from None
     several = limbs and default is None and not config.frame and not config.joints
-    return robot_report(
-        what,
-        limbs,
-        None if several else pipeline.load_single_arm(config.changed(robot=what), config.side),
-    )
+    arm = None
+    if not several:
+        arm = pipeline.load_single_arm(config.changed(robot=what), config.side)
+    return robot_report(what, limbs, arm)
 
 
 def _of_arrays(path: str) -> Report:
@@ -316,15 +344,17 @@ def _of_arrays(path: str) -> Report:
     names = array_names(path, "file")
     if "adapter" in names:
         return report_of(maniport.load_adapter(path))
-    is_path = "manipulability" not in names
-    values, time = (load_path if is_path else load_ellipsoids)(path)
-    n, d = values.shape[:2]
-    section = Section("", key="path" if is_path else "ellipsoids")
-    if is_path:
-        section.add("Path", "count", n, f"{n} positions")
-    else:
+    if "manipulability" in names:
+        ellipsoids, time = load_ellipsoids(path)
+        n, d = ellipsoids.shape[:2]
+        section = Section("", key="ellipsoids")
         section.add("Ellipsoids", "count", n, f"{n} of {d} × {d}")
         section.numbers(dimension=d)
+    else:
+        positions, time = load_path(path)
+        n = len(positions)
+        section = Section("", key="path")
+        section.add("Path", "count", n, f"{n} positions")
     if time is not None:
         seconds = round(float(time[-1] - time[0]), 3)
         section.add("Duration", "duration", seconds, f"{seconds:g} s", unit="s")

@@ -9,9 +9,10 @@ import threading
 from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.models import OptionInfo
 
 import maniport
 from maniport import pipeline
@@ -24,16 +25,29 @@ from maniport.report.console import Console
 from maniport.util.optional import how_to_install
 from maniport.util.process import LOOPBACK, ending_in_order, is_loopback
 
+if TYPE_CHECKING:
+    from maniport.arms import Arm
+    from maniport.live import Live
+    from maniport.live.transport import Datagrams, Pipe
+    from maniport.mocap import Recording
 
-def _transport(help: str, *flags: str) -> Any:
-    return typer.Option(*flags, help=help, rich_help_panel="Transport")
+
+def _transport(help: str, *flags: str) -> OptionInfo:
+    option: OptionInfo = typer.Option(*flags, help=help, rich_help_panel="Transport")
+    return option
 
 
 @command(
-    "recording", "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"),
+    "recording",
+    "human",
+    "robot",
+    "transfer",
+    "motion",
+    "seed",
+    without=("hand_targets", "move", "export"),
     defaults=LIVE,
     example="maniport live walk.bvh --robot ur5.urdf --udp 9000",
-)  # fmt: skip
+)
 def live(
     config: Config,
     console: Console,
@@ -75,13 +89,14 @@ def live(
             "--simulate takes the frames of the recording; leave out all options of the transport"
         )
     with console.progress() as progress:
-        transport = (
-            None if simulate else _opened(udp, host, send)
-        )  # raises where a port cannot be opened
+        transport = None
+        clock = None
+        if not simulate:
+            transport = _opened(udp, host, send)  # raises where a port cannot be opened
+            clock = monotonic
         job = pipeline.Transfer.of(config, progress)
         recording = only_recording(job, config, console)
         result = job.run(job.human(recording))
-        clock = None if transport is None else monotonic
         for arm in result.arms:
             for text in arm.fit.quality_warnings:
                 console.warn(text)
@@ -92,7 +107,8 @@ def live(
             clock=clock,
             progress=progress,
         )
-    if (placement := result.arms[0].placement) is not None:
+    placement = result.arms[0].placement
+    if placement is not None:
         console.print(
             f"Scale {placement.scale:.2f} of the person's motion; the robot follows {delay:g} s later"
         )
@@ -120,12 +136,14 @@ def live(
         )
 
 
-def _simulate(console: Console, live: Any, person: Any, recording: Any) -> None:
+def _simulate(console: Console, live: "Live", person: "Arm", recording: "Recording") -> None:
     """Play a recording to a simulated robot: again and again in the 3D view until Ctrl-C, or once without it."""
     from maniport.arms import as_group
     from maniport.live.simulation import Simulation
 
-    simulation, frames, page = Simulation(live), recording.select(live.points), None
+    simulation = Simulation(live)
+    frames = recording.select(live.points)
+    page = None
     if len(as_group(live.robot)) > 1:
         console.warn("the 3D view needs robots of one arm")
     elif find_spec("viser") is None:
@@ -135,12 +153,17 @@ def _simulate(console: Console, live: Any, person: Any, recording: Any) -> None:
 
         page = Onlooker(person, live.robot)
         _print(console, {"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
-    stop, begin, pause = threading.Event(), monotonic(), 1.0
+    stop = threading.Event()
+    begin = monotonic()
+    pause = 1.0
     try:
         with ending_in_order(stop.set):
             while True:
                 for points, t in zip(frames.positions, frames.time - frames.time[0], strict=True):
-                    if stop.wait(0.0 if page is None else max(begin + t - monotonic(), 0.0)):
+                    wait = 0.0
+                    if page is not None:
+                        wait = max(begin + t - monotonic(), 0.0)
+                    if stop.wait(wait):
                         break
                     state = simulation.step(points, begin + t)
                     if page is not None:
@@ -154,12 +177,12 @@ def _simulate(console: Console, live: Any, person: Any, recording: Any) -> None:
             page.stop()
 
 
-def _print(console: Console, values: dict[str, Any], text: str) -> None:
+def _print(console: Console, values: dict[str, object], text: str) -> None:
     console.finish(values, text, always=True)
     sys.stdout.flush()  # a reader of a pipe waits for it
 
 
-def _opened(udp: int | None, host: str, send: int | None) -> Any:
+def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
     """Open standard streams or a port for frames and answers."""
     from maniport.live.transport import Datagrams, Pipe
 
@@ -177,16 +200,26 @@ def _opened(udp: int | None, host: str, send: int | None) -> Any:
             f"standard output cannot be written, where answers go: {reason}"
         ) from None
     out = sys.stdout.buffer
-    return (
-        Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
-    )
+    if udp is None:
+        return Pipe(sys.stdin.fileno(), out.fileno())
+    return Datagrams(udp, host, send, out)
 
 
 @command(
-    "person", "side", "unit", "height", "fps", "markers", "start", "stop", "robot", "base_rotation", "seed",
+    "person",
+    "side",
+    "unit",
+    "height",
+    "fps",
+    "markers",
+    "start",
+    "stop",
+    "robot",
+    "base_rotation",
+    "seed",
     without=("payload", "payload_center", "hand_targets"),
     example="maniport view;  maniport view ladder;  maniport view walk.bvh --robot ur5.urdf",
-)  # fmt: skip
+)
 def view(
     config: Config,
     console: Console,
