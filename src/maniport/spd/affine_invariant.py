@@ -64,7 +64,8 @@ def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
     """
     point = as_spd(base, "base")
     d = point.shape[-1]
-    left, right = as_symmetric(first, "first", d), as_symmetric(second, "second", d)
+    left = as_symmetric(first, "first", d)
+    right = as_symmetric(second, "second", d)
     require_broadcast(base=point, first=left, second=right)
     return np.asarray(
         np.einsum("...ij,...ji->...", np.linalg.solve(point, left), np.linalg.solve(point, right))
@@ -151,10 +152,8 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     exponent = as_finite(t, "t")[..., None]
     require_broadcast(a=start, b=end, t=exponent[..., None])
     ((factor, inverse), _, left, singular, _), moved = _factored(start, end)
-    logs, beyond = (
-        2.0 * np.log(singular),
-        np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0],
-    )
+    logs = 2.0 * np.log(singular)
+    beyond = np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0]
     moved = moved * np.maximum(1.0, _growth(logs, beyond) / _growth(logs, 1.0))
     powers = bounded(lambda logs: np.exp(exponent * logs), "t")(logs)
     return _point(factor, inverse, powers, left, moved)
@@ -202,7 +201,8 @@ class NeighborIndex:
     def query(self, queries: Array) -> tuple[Indices, Array]:
         """For every query, shape (n, d, d), the index of the nearest point and the distance to it, shapes (n,)."""
         queried, vectors = self._seen(queries)
-        best, distance = np.zeros(len(queried), np.intp), np.full(len(queried), np.inf)
+        best = np.zeros(len(queried), np.intp)
+        distance = np.full(len(queried), np.inf)
         open_queries = np.arange(len(queried))
         count = min(8, len(self._cloud))
         while len(open_queries):
@@ -211,8 +211,10 @@ class NeighborIndex:
             for part in np.split(open_queries, range(block, len(open_queries), block)):
                 lower, candidates = self._tree.query(vectors[part], k=[*range(1, count + 1)])
                 distances = distance_unchecked(queried[part][:, None], self._cloud[candidates])
-                choice, rows = np.argmin(distances, axis=1), np.arange(len(part))
-                best[part], distance[part] = candidates[rows, choice], distances[rows, choice]
+                choice = np.argmin(distances, axis=1)
+                rows = np.arange(len(part))
+                best[part] = candidates[rows, choice]
+                distance[part] = distances[rows, choice]
                 still_open.append(part[lower[:, -1] < distance[part]])
             if count == len(self._cloud):
                 break

@@ -70,7 +70,8 @@ def line_angles(first: Array, other: Array) -> Array:
 
 def axis_angles(points: Array, others: Array, which: int) -> Array:
     """Angles [degrees] between the major (−1) or minor (0) axes of ellipsoids (n, d, d), where both are distinct."""
-    (values, vectors), (other_values, other_vectors) = eigh(points), eigh(others)
+    values, vectors = eigh(points)
+    other_values, other_vectors = eigh(others)
     clear = _distinct(values, which) & _distinct(other_values, which)
     return np.degrees(line_angles(vectors[clear][..., which], other_vectors[clear][..., which]))
 
@@ -99,7 +100,9 @@ def axis_over_time(points: Array, which: int, like: Array | None = None) -> Arra
     kept[1:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
     kept *= np.sign(kept[0, np.argmax(np.abs(kept[0]))])
     if like is not None:
-        agreement, sign, allowed = np.sum(kept * like[defined], axis=1), 1.0, 0.0
+        agreement = np.sum(kept * like[defined], axis=1)
+        sign = 1.0
+        allowed = 0.0
         for k in np.flatnonzero(np.isfinite(agreement)):
             if sign * agreement[k] < allowed:
                 kept[k:] *= -1.0

@@ -126,17 +126,16 @@ class _State(NamedTuple):
         # than 1e-3 is not put down to rounding.
         size = float(weights @ (np.linalg.norm(data, axis=(-2, -1)) / values[:, 0]))
         rounding = min(float(np.finfo(np.float64).eps) / spectrum[0] * size, 1e-3)
-        cost, norm = (
-            0.5 * float(weights @ np.sum(logs**2, axis=-1)),
-            float(np.linalg.norm(gradient)),
-        )
+        cost = 0.5 * float(weights @ np.sum(logs**2, axis=-1))
+        norm = float(np.linalg.norm(gradient))
         return cls(center, compose(root, frame), values, vectors, cost, gradient, norm, rounding)
 
 
 def _line_search(now: _State, data: Array, weights: Array) -> _State | None:
     """Take the Newton step, or the largest half of a half … of it that makes progress; None when none does."""
     direction = _newton_direction(now, weights)
-    descent, length = float(np.sum(now.gradient * direction)), 1.0
+    descent = float(np.sum(now.gradient * direction))
+    length = 1.0
     while length > 1e-8:
         following = _State.at(
             congruence(now.root, apply(length * direction, np.exp)), data, weights
@@ -186,7 +185,8 @@ def _add_hessians(values, logs, vectors, weights, hessian):  # type: ignore[no-u
         v = vectors[row]
         for p in range(n):
             for q in range(p, n):
-                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0  # x coth x
+                x = 0.5 * (logs[row, p] - logs[row, q])
+                stretch = 1.0  # x coth x
                 if abs(x) < 1e-3:
                     stretch += x * x / 3.0
                 else:

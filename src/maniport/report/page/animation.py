@@ -55,7 +55,8 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         sides = [str(arm.side) for arm in result.arms]
         curves = {group: _alternated([part[group] for part in parts], sides) for group in parts[0]}
         return Animation(result.alignment.time, (), curves, unit=result.config.spec.unit)
-    transferred, spec = isinstance(result, TransferResult), result.arms[0].spec
+    transferred = isinstance(result, TransferResult)
+    spec = result.arms[0].spec
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     moves = "translates" if spec.part == "translation" else "rotates"
     speed = "unit joint speed" if spec.joint_weights is None else "the joint speeds of its weights"
@@ -75,7 +76,8 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
     for arm in result.arms:
         for topic, panels in _panels_of(result, arm, spec):
             topics.setdefault(topic, []).append(panels)
-    names, order = [arm.name for arm in result.arms], list(STATES)
+    names = [arm.name for arm in result.arms]
+    order = list(STATES)
     return Animation(
         result.time if isinstance(result, TransferResult) else moved[0].time,
         tuple(stages),
@@ -110,10 +112,8 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     if reason:  # the page is useful without surfaces
         notes.append(f"{result.robot.name} is drawn as a skeleton: {reason}.")
     for arm, motion, own in zip(result.arms, motions, surfaces, strict=True):
-        poses, skeleton = (
-            arm.robot.link_poses(motion.joint_positions),
-            arm.robot.skeleton(motion.joint_positions),
-        )
+        poses = arm.robot.link_poses(motion.joint_positions)
+        skeleton = arm.robot.skeleton(motion.joint_positions)
         parts = tuple(Part(*_joined(surface), poses[:, surface.joint]) for surface in own)
         drawn = {
             role: points for role, points in _profiles_of(arm, spec).items() if role != PERSON.name
@@ -146,9 +146,11 @@ def surfaces_of(
     before = list[Array]()
     for arm, q in zip(arms, configurations, strict=True):
         try:
-            surfaces, reason = arm.surfaces(), f"the description of {arm.name} names no shapes"
+            surfaces = arm.surfaces()
+            reason = f"the description of {arm.name} names no shapes"
         except FileFormatError as error:
-            surfaces, reason = (), " ".join(str(error).split())
+            surfaces = ()
+            reason = " ".join(str(error).split())
         if not surfaces:
             return [[] for _ in arms], reason
         poses = arm.link_poses(q)

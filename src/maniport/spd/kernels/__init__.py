@@ -24,10 +24,9 @@ from maniport.spd.kernels.loops import (
 )
 from maniport.util.validation import SPD_TOLERANCE, Array
 
-MIN_EIGENVALUE, MAX_EIGENVALUE = (
-    1e-150,
-    1e150,
-)  # Range of the eigenvalues that an exponential or power may produce
+# Range of the eigenvalues that an exponential or power may produce
+MIN_EIGENVALUE = 1e-150
+MAX_EIGENVALUE = 1e150
 ROUNDED = (
     0.1 * SPD_TOLERANCE
 )  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
@@ -120,7 +119,8 @@ def factored(
 
     The eigenvalues of A⁻¹ B are σ².
     """
-    start, end = cholesky(a), cholesky(b)
+    start = cholesky(a)
+    end = cholesky(b)
     left, singular, right = np.linalg.svd(start[1] @ end[0])
     return start, end, left, singular, right
 
@@ -143,7 +143,8 @@ def _run(
     options: tuple[Any, ...] = (),
 ) -> list[Array]:
     """Call a loop on broadcast matrices (..., d, d), in threads if many; results have so many `axes` of length d."""
-    batch, d = arrays[0].shape[:-2], arrays[0].shape[-1]
+    batch = arrays[0].shape[:-2]
+    d = arrays[0].shape[-1]
     for array in arrays[1:]:
         if array.shape[:-2] != batch:
             batch = (
@@ -151,7 +152,8 @@ def _run(
                 if batch and array.ndim > 2
                 else batch or array.shape[:-2]
             )
-    inputs, count = [_flat(array, batch) for array in arrays], math.prod(batch)
+    inputs = [_flat(array, batch) for array in arrays]
+    count = math.prod(batch)
     results = [np.empty((*batch, *(d,) * number)) for number in axes]
     flat = (
         results
@@ -169,10 +171,8 @@ def _divide(
     loop: Callable[..., None], arrays: list[Array], options: Any, results: list[Array], d: int
 ) -> None:
     """Call a loop on parts of a batch of matrices (d, d), by several threads where that pays."""
-    count, size = (
-        len(results[0]),
-        WIDTH * max(1, 65_000 // (WIDTH * d**3)),
-    )  # some 0.1 ms, in the processor's cache
+    count = len(results[0])
+    size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # some 0.1 ms, in the processor's cache
     threads = max(1, min(int(config.NUMBA_NUM_THREADS), count // (8 * size)))
 
     def work(number: int) -> None:

@@ -50,7 +50,9 @@ def _annihilate(a, p, q, turns):  # type: ignore[no-untyped-def]
     """Set entries (p, q) to zero; fill cosines and sines; return how many matrices are rotated."""
     rotated = 0
     for w in range(a.shape[2]):
-        app, aqq, apq = a[p, p, w], a[q, q, w], a[p, q, w]
+        app = a[p, p, w]
+        aqq = a[q, q, w]
+        apq = a[p, q, w]
         large = apq * apq > EPS2 * abs(app * aqq)
         rotated += large
         gap = aqq - app
@@ -58,8 +60,10 @@ def _annihilate(a, p, q, turns):  # type: ignore[no-untyped-def]
         twice = -twice if gap < 0.0 else twice
         tangent = twice / (abs(gap) + np.sqrt(gap * gap + twice * twice) if large else 1.0)
         cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
-        turns[0, w], turns[1, w] = cosine, tangent * cosine
-        a[p, p, w], a[q, q, w] = app - tangent * apq, aqq + tangent * apq
+        turns[0, w] = cosine
+        turns[1, w] = tangent * cosine
+        a[p, p, w] = app - tangent * apq
+        a[q, q, w] = aqq + tangent * apq
         a[p, q, w] = 0.0 if large else apq
     return rotated
 
@@ -67,7 +71,8 @@ def _annihilate(a, p, q, turns):  # type: ignore[no-untyped-def]
 @part
 def _rotate(a, i, j, k, m, turns):  # type: ignore[no-untyped-def]
     for w in range(a.shape[2]):
-        x, y = a[i, j, w], a[k, m, w]
+        x = a[i, j, w]
+        y = a[k, m, w]
         a[i, j, w] = turns[0, w] * x - turns[1, w] * y
         a[k, m, w] = turns[1, w] * x + turns[0, w] * y
 
@@ -88,8 +93,10 @@ def eigh_loop(matrices, values, vectors):  # type: ignore[no-untyped-def]
     """Write ascending eigenvalues (count, n) and eigenvectors (count, n, n) in columns."""
     count, n = values.shape
     width = min(WIDTH, count)
-    a, v = np.empty((n, n, width)), np.empty((n, n, width))
-    turns, order = np.empty((2, width)), np.empty(n, np.intp)
+    a = np.empty((n, n, width))
+    v = np.empty((n, n, width))
+    turns = np.empty((2, width))
+    order = np.empty(n, np.intp)
     for start in range(0, count, width):
         _fill(a, matrices, start)
         diagonalize(a, v, turns)
@@ -98,9 +105,11 @@ def eigh_loop(matrices, values, vectors):  # type: ignore[no-untyped-def]
             for i in range(n):
                 place = i
                 while place > 0 and values[row, place - 1] > a[i, i, w]:
-                    values[row, place], order[place] = values[row, place - 1], order[place - 1]
+                    values[row, place] = values[row, place - 1]
+                    order[place] = order[place - 1]
                     place -= 1
-                values[row, place], order[place] = a[i, i, w], i
+                values[row, place] = a[i, i, w]
+                order[place] = i
             for k in range(n):
                 for i in range(n):
                     vectors[row, k, i] = v[k, order[i], w]
@@ -111,7 +120,8 @@ def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
     """Write V diag(values) Vᵀ of V (count, n, n) and values (count, 1, n); one V or one row of values serves all."""
     count, n = results.shape[:2]
     for row in range(count):
-        v, x = vectors[min(row, len(vectors) - 1)], values[min(row, len(values) - 1), 0]
+        v = vectors[min(row, len(vectors) - 1)]
+        x = values[min(row, len(values) - 1), 0]
         for i in range(n):
             for j in range(i, n):
                 total = 0.0
@@ -125,7 +135,9 @@ def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
     """Write L M Lᵀ; one L or one M serves all results."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
-    factor, a, b = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
+    factor = np.empty((n, n, width))
+    a = np.empty((n, n, width))
+    b = np.empty((n, n, width))
     for start in range(0, count, width):
         if start == 0 or len(left) > 1:
             _fill(factor, left, start)
@@ -169,8 +181,13 @@ def power_congruence_loop(left, matrices, right, exponent, low, high, results): 
     """Write R (L M Lᵀ)^s Rᵀ with one L and R; return the first power out of bounds, -1 for indefinite M, else nan."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
-    blocks, turns = np.empty((5, n, n, width)), np.empty((2, width))
-    factor, outer, a, b, v = blocks[0], blocks[1], blocks[2], blocks[3], blocks[4]
+    blocks = np.empty((5, n, n, width))
+    turns = np.empty((2, width))
+    factor = blocks[0]
+    outer = blocks[1]
+    a = blocks[2]
+    b = blocks[3]
+    v = blocks[4]
     _fill(factor, left, 0)
     _fill(outer, right, 0)
     for start in range(0, count, width):
@@ -193,7 +210,9 @@ def release_loop(matrices, epsilon, results):  # type: ignore[no-untyped-def]
     """Write matrices with released eigenvalues."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
-    a, v, turns = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((2, width))
+    a = np.empty((n, n, width))
+    v = np.empty((n, n, width))
+    turns = np.empty((2, width))
     for start in range(0, count, width):
         _fill(a, matrices, start)
         diagonalize(a, v, turns)
@@ -220,10 +239,13 @@ def _compose_block(a, v, total, results, start):  # type: ignore[no-untyped-def]
 @kernel
 def distance_loop(a, b, results):  # type: ignore[no-untyped-def]
     """Write affine-invariant distances; one A or one B serves all."""
-    count, n = len(results), a.shape[1]
+    count = len(results)
+    n = a.shape[1]
     width = min(WIDTH, count)
-    factor, white = np.empty((n, n, width)), np.empty((n, n, width))
-    turns, no_vectors = np.empty((2, width)), np.empty((0, n, width))
+    factor = np.empty((n, n, width))
+    white = np.empty((n, n, width))
+    turns = np.empty((2, width))
+    no_vectors = np.empty((0, n, width))
     for start in range(0, count, width):
         if start == 0 or len(a) > 1:
             _fill(factor, a, start)
@@ -232,10 +254,13 @@ def distance_loop(a, b, results):  # type: ignore[no-untyped-def]
         _whiten(factor, white)
         diagonalize(white, no_vectors, turns)
         for w in range(min(width, count - start)):
-            smallest, largest, squares = white[0, 0, w], white[0, 0, w], 0.0
+            smallest = white[0, 0, w]
+            largest = white[0, 0, w]
+            squares = 0.0
             for i in range(n):
                 value = white[i, i, w]
-                smallest, largest = min(smallest, value), max(largest, value)
+                smallest = min(smallest, value)
+                largest = max(largest, value)
                 logarithm = np.log(value)
                 squares += logarithm * logarithm
             results[start + w] = np.sqrt(squares) if smallest > APART * largest else np.nan
