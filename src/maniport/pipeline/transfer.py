@@ -2,15 +2,17 @@
 
     Transfer(robot, options)              options checked; the robot is sampled when first needed
       .read(recording)  -> Human          the part that is used, and the arms of the person in it
+      .with_method(…)   -> Transfer       another method or base orientation, the same samples of the robot
       .fit(human)       -> FittedTransfer one map for each arm
       .run(recording)   -> TransferResult
 
     FittedTransfer
       .map(human)       -> targets        of each arm, not placed yet
+      .place(targets)   -> placements     from the best to the worst
       .run(human)       -> TransferResult map, place, plan, evaluate
 
-Command, batches, live control and `transfer_recording` use these objects. One arm is a group of one: values that belong
-to an arm are tuples over the arms, for two arms of a person left first.
+Command, batches, live control, the view and `transfer_recording` use these objects. One arm is a group of one: values
+that belong to an arm are tuples over the arms, for two arms of a person left first.
 """
 
 import os

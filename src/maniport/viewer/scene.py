@@ -1,7 +1,7 @@
 """The scene of the page: a person's arms, a robot, ellipsoids; and where cameras look from."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,6 +13,9 @@ from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.spd.ellipsoid import axes
 from maniport.util.validation import Array
 from maniport.viewer.state import Frame
+
+if TYPE_CHECKING:
+    from viser import SceneApi
 
 PERSON_AT = np.array(
     [0.0, -0.6, 1.4]
@@ -30,10 +33,16 @@ def camera_for(aspect: float, arms: int = 1) -> tuple[Array, Array]:
 
     On phones the controls cover the lower part: the scene is moved up by 30 % of the height.
     """
-    height, width = (2.4, 2.9) if arms == 1 else (2.6, 5.0)
+    height = 2.4
+    width = 2.9
+    if arms > 1:
+        height = 2.6
+        width = 5.0
     height = max(height, width / max(aspect, 0.2))
     distance = height / (2.0 * np.tan(np.radians(0.5 * FIELD_OF_VIEW)))
-    to = np.array([0.0, -0.05, 1.15 - (0.3 * height if aspect < 0.7 else 0.0)])
+    to = np.array([0.0, -0.05, 1.15])
+    if aspect < 0.7:
+        to[2] -= 0.3 * height
     return to + distance * np.array([0.97, 0.0, 0.24]), to
 
 
@@ -57,7 +66,7 @@ def _edges(skeleton: Array) -> Array:
 class Skeleton:
     """A polyline (k, 3) of an arm as thick lines with balls at its corners."""
 
-    def __init__(self, scene: Any, name: str, skeleton: Array, radius: float, color: Color):
+    def __init__(self, scene: "SceneApi", name: str, skeleton: Array, radius: float, color: Color):
         self._lines = scene.add_line_segments(
             f"{name}/lines", _edges(skeleton), color, thickness=2.0 * radius
         )
@@ -77,12 +86,22 @@ class Shell:
     """An ellipsoid at a hand; as a wireframe it is visible around another one, too."""
 
     def __init__(
-        self, scene: Any, name: str, color: Color, opacity: float, wireframe: bool = False
+        self, scene: "SceneApi", name: str, color: Color, opacity: float, wireframe: bool = False
     ):
-        look = {"subdivisions": 2 if wireframe else 4, "wireframe": wireframe, "opacity": opacity}
-        radius = 1.015 if wireframe else 1.0  # the middles of its edges are outside of a ball
+        radius = 1.0
+        subdivisions = 4
+        if wireframe:
+            radius = 1.015  # the middles of its edges are outside of a ball
+            subdivisions = 2
         self._ball = scene.add_icosphere(
-            name, radius, color, **look, cast_shadow=False, receive_shadow=False
+            name,
+            radius,
+            color,
+            subdivisions=subdivisions,
+            wireframe=wireframe,
+            opacity=opacity,
+            cast_shadow=False,
+            receive_shadow=False,
         )
 
     def draw(self, ellipsoid: Array, position: Array) -> None:
@@ -96,13 +115,15 @@ class Scene:
 
     def __init__(
         self,
-        scene: Any,
+        scene: "SceneApi",
         persons: Sequence[Arm],
         robot: ArmGroup,
         frames: Sequence[Frame],
         bases: Sequence[Array] = (np.zeros(3),),
     ):
-        aside = np.array([0.0, 0.0 if len(robot.arms) == 1 else 0.45, 0.0])
+        aside = np.zeros(3)
+        if len(robot.arms) > 1:
+            aside[1] = 0.45
         place = ROBOT_AT + aside
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
@@ -146,7 +167,9 @@ class Scene:
             )
         above = place + np.array([0.0, 0.0, 1.25])
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
-        names = [""] if len(persons) == 1 else [f"/{k}" for k in range(len(persons))]
+        names = [""]
+        if len(persons) > 1:
+            names = [f"/{k}" for k in range(len(persons))]
         surfaces, self.no_surface = surfaces_of(robot.arms, [frame.joints for frame in frames])
         parts = zip(names, persons, robot.arms, surfaces, bases, frames, strict=True)
         self.sides = [DrawnSide(scene, *part) for part in parts]
@@ -163,7 +186,7 @@ class DrawnSide:
 
     def __init__(
         self,
-        scene: Any,
+        scene: "SceneApi",
         name: str,
         person: Arm,
         robot: Arm,

@@ -7,8 +7,8 @@ import logging
 import socket
 import threading
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,6 +25,15 @@ from maniport.util.validation import Array
 from maniport.viewer.messages import accepted
 from maniport.viewer.scene import FIELD_OF_VIEW, Scene, camera_for
 from maniport.viewer.state import Command, Frame, Target, ViewState
+
+if TYPE_CHECKING:
+    from viser import ClientHandle, GuiApi, GuiSliderHandle
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
+
+Controls = Mapping[str, Any]  # viser's handles by their identifiers
+Answer = Callable[["ServerConnection", "Request"], "Response | None"]
+Handler = Callable[["ServerConnection"], Awaitable[None]]
 
 PROTOCOL_ERROR = 1002  # code with which a connection is closed, as viser does it
 NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
@@ -67,11 +76,11 @@ class Page:
         server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
         self.url = f"http://{LOOPBACK}:{server.get_port()}/"
 
-    def _controls(self) -> Mapping[str, Any]:
+    def _controls(self) -> Controls:
         """Return viser's handles of the controls by their identifiers."""
         if self._server is None:  # the server is being started
             return {}
-        handles: Mapping[str, Any] = self._server.gui._gui_input_handle_from_uuid
+        handles: Controls = self._server.gui._gui_input_handle_from_uuid
         return handles
 
     def stop(self) -> None:
@@ -87,13 +96,13 @@ def require_free(port: int) -> None:
     bound(LOOPBACK, port, socket.SOCK_STREAM).close()
 
 
-def _silent() -> contextlib.AbstractContextManager[Any]:
+def _silent() -> contextlib.AbstractContextManager[io.StringIO]:
     """Keep what viser prints about itself from standard output, which belongs to the caller."""
     return contextlib.redirect_stdout(io.StringIO())
 
 
 @contextlib.contextmanager
-def _own_pages_only(controls: Callable[[], Mapping[str, Any]]) -> Iterator[None]:
+def _own_pages_only(controls: Callable[[], Controls]) -> Iterator[None]:
     """Let the server that viser starts in the context refuse other pages, which could move the controls.
 
     `controls` returns viser's handles by their identifiers; messages that do not fit them are dropped.
@@ -105,13 +114,13 @@ def _own_pages_only(controls: Callable[[], Mapping[str, Any]]) -> Iterator[None]
     log = logging.getLogger("maniport.viewer")
     log.setLevel(logging.CRITICAL)  # connections that break off need no traceback
 
-    def serve(handler: Any, *args: Any, process_request: Any, **options: Any) -> Any:
+    def serve(handler: Handler, *args: Any, process_request: Answer, **options: Any) -> Any:
         guarded.append(True)
 
-        def answer(connection: Any, request: Any) -> Any:
+        def answer(connection: "ServerConnection", request: "Request") -> "Response | None":
             return _response(connection, request, process_request)
 
-        async def handle(connection: Any) -> None:
+        async def handle(connection: "ServerConnection") -> None:
             await _handle(connection, handler, controls)
 
         return usual(handle, *args, process_request=answer, logger=log, **options)
@@ -127,7 +136,9 @@ def _own_pages_only(controls: Callable[[], Mapping[str, Any]]) -> Iterator[None]
         )
 
 
-def _response(connection: Any, request: Any, process_request: Any) -> Any:
+def _response(
+    connection: "ServerConnection", request: "Request", process_request: Answer
+) -> "Response | None":
     """Return the response to a request; None for a page of this server that opens its connection."""
     hosts = request.headers.get_all("Host")
     origins = request.headers.get_all("Origin")
@@ -136,7 +147,9 @@ def _response(connection: Any, request: Any, process_request: Any) -> Any:
         return connection.respond(
             http.HTTPStatus.BAD_REQUEST, "maniport view: a header occurs more than once\n"
         )
-    host = hosts[0] if hosts else ""
+    host = ""
+    if hosts:
+        host = hosts[0]
     is_own = not origins or origins == [f"http://{host}"]
     if (host.rpartition(":")[0] or host) not in LOOPBACK_NAMES or not is_own:
         return connection.respond(
@@ -156,7 +169,7 @@ def _response(connection: Any, request: Any, process_request: Any) -> Any:
     return response
 
 
-async def _handle(connection: Any, handler: Any, controls: Callable[[], Mapping[str, Any]]) -> None:
+async def _handle(connection: Any, handler: Handler, controls: Callable[[], Controls]) -> None:
     """Let viser handle a connection of its own page, of which it gets only accepted messages."""
     version = f"viser-v{viser().__version__}"
     if connection.subprotocol != version:  # viser would print it
@@ -164,7 +177,7 @@ async def _handle(connection: Any, handler: Any, controls: Callable[[], Mapping[
         return
     receive = connection.recv
 
-    async def receive_accepted() -> Any:
+    async def receive_accepted() -> object:
         message = await receive()
         while not accepted(message, controls()):
             message = await receive()
@@ -177,12 +190,16 @@ async def _handle(connection: Any, handler: Any, controls: Callable[[], Mapping[
 class Panel:
     """Controls and numbers of the live view; the loop reads the controls, which call nothing."""
 
-    def __init__(self, gui: Any, state: ViewState, base_rotation: Array):
+    def __init__(self, gui: "GuiApi", state: ViewState, base_rotation: Array):
         self._state = state
         player = state.playback
         several = len(state.sides) > 1
-        self._names = [f"{side.teacher.side}: " if several else "" for side in state.sides]
-        moved = "The recording moves" if player is not None else "Move the sliders of"
+        self._names = [""]
+        if several:
+            self._names = [f"{side.teacher.side}: " for side in state.sides]
+        moved = "Move the sliders of"
+        if player is not None:
+            moved = "The recording moves"
         gui.add_markdown(f"{moved} the person's arm; the robot follows. Drag to rotate the view.")
         self._head = gui.add_html("")
         self._method = gui.add_dropdown("Method", tuple(METHODS), initial_value="length-field")
@@ -191,7 +208,7 @@ class Panel:
             "Find a better configuration", hint="The robot jumps to the best configuration found"
         )
         button.on_click(lambda _: setattr(state, "jump", True))
-        self._sliders: list[Any] = []
+        self._sliders: list[GuiSliderHandle] = []
         if player is not None:
             self._plays = gui.add_checkbox("Play", True)
             self._duration = float(player.t[-1])
@@ -209,7 +226,9 @@ class Panel:
             }  # at first, far from singular
             for side in state.sides:
                 arm = side.teacher
-                name = f"{side.teacher.side} " if several else ""
+                name = ""
+                if several:
+                    name = f"{side.teacher.side} "
                 limits = np.degrees([arm.lower, arm.upper]).round(3).T.tolist()
                 with gui.add_folder(f"Person's {name}joints [°]"):
                     for joint, (low, high) in zip(arm.joint_names, limits, strict=True):
@@ -250,11 +269,9 @@ class Panel:
         lines = []
         notes = []
         for name, frame in zip(self._names, frames, strict=True):
-            error = (
-                ""
-                if frame.position_error is None
-                else f"; position error {1e3 * frame.position_error:.1f} mm"
-            )
+            error = ""
+            if frame.position_error is not None:
+                error = f"; position error {1e3 * frame.position_error:.1f} mm"
             lines += [
                 f'<div style="font-size: 2.2em; line-height: 1.1">{frame.distance:.2f}</div>',
                 f"<div>{name}ellipsoid distance: {in_axes(frame.distance).replace(' %', '&nbsp;%')}{error}</div>",
@@ -322,7 +339,7 @@ class LiveView(Page):
                     self._panel.write(frames)
             stop.wait(max(0.0, 1.0 / rate - (clock.perf_counter() - started)))
 
-    def _frame(self, client: Any) -> None:
+    def _frame(self, client: "ClientHandle") -> None:
         position, target = camera_for(client.camera.aspect, len(self.state.sides))
         client.camera.position = (
             position  # viser shifts the target along, so that it is set afterwards
@@ -364,12 +381,11 @@ class Onlooker(Page):
                 self._scene = Scene(self._server.scene, [self._person], self._robot, frames)
                 self._began = state.time
             self._scene.draw(frames, np.eye(3))
-            if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
-                error = (
-                    ""
-                    if arm.position_error is None
-                    else f", position error {1e3 * arm.position_error:.0f} mm"
-                )
+            now = clock.monotonic()
+            if now - self._written >= NUMBERS_PERIOD:
+                error = ""
+                if arm.position_error is not None:
+                    error = f", position error {1e3 * arm.position_error:.0f} mm"
                 numbers = f"ellipsoid distance {arm.distance:.2f}{error}"
                 self._text.content = (
                     f"**{state.state}**, {state.time - self._began:.1f} s\n\n{numbers}"

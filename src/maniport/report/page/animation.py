@@ -12,6 +12,7 @@ from maniport.arms.human import middle_of
 from maniport.errors import FileFormatError
 from maniport.evaluation import Capability
 from maniport.learning.alignment import axis_deviations
+from maniport.motion import ArmMotion
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.describe.motions import ALONG, STATISTICS
@@ -32,13 +33,15 @@ from maniport.report.page.content import (
 from maniport.spd.ellipsoid import lengths
 from maniport.util.validation import Array
 
-TORSO = np.array([
-    (-0.02, 0.0, 0.20, -0.02, 0.0, 0.23, 0.09),
-    (-0.04, 0.0, 0.00, -0.03, 0.0, 0.10, 0.045),
-    (-0.04, -0.16, 0.00, -0.04, 0.16, 0.00, 0.045),
-    (-0.06, -0.09, -0.10, -0.06, -0.07, -0.42, 0.07),
-    (-0.06, 0.09, -0.10, -0.06, 0.07, -0.42, 0.07),
-])  # fmt: skip
+TORSO = np.array(
+    [
+        (-0.02, 0.0, 0.20, -0.02, 0.0, 0.23, 0.09),
+        (-0.04, 0.0, 0.00, -0.03, 0.0, 0.10, 0.045),
+        (-0.04, -0.16, 0.00, -0.04, 0.16, 0.00, 0.045),
+        (-0.06, -0.09, -0.10, -0.06, -0.07, -0.42, 0.07),
+        (-0.06, 0.09, -0.10, -0.06, 0.07, -0.42, 0.07),
+    ]
+)
 """Rods of head, neck, shoulders and trunk about the middle of the neck: start, end and radius [m]."""
 
 MEANINGS = {
@@ -51,45 +54,85 @@ MEANINGS = {
 def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Animation:
     """Return the arms that move in a result, with curves: at demonstrated times, or at those of the robot alone."""
     if isinstance(result, LearnedProfile):
-        parts = [_panels_of_learned(part) for part in result.each_arm()]
-        sides = [str(arm.side) for arm in result.arms]
-        curves = {group: _alternated([part[group] for part in parts], sides) for group in parts[0]}
-        return Animation(result.alignment.time, (), curves, unit=result.config.spec.unit)
-    transferred = isinstance(result, TransferResult)
+        return _animation_of_learned(result)
     spec = result.arms[0].spec
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
-    moves = "translates" if spec.part == "translation" else "rotates"
-    speed = "unit joint speed" if spec.joint_weights is None else "the joint speeds of its weights"
-    notes = [
-        MEANINGS[spec.kind].format(moves, speed),
-        f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long.",
-    ]
-    if spec.part == "full":
-        notes = ["Ellipsoids of six dimensions cannot be drawn; their distances can."]
+    notes = _notes(spec)
     persons = [_person(arm, spec) for arm in result.arms if isinstance(arm, ArmTransfer)]
-    stages = [Stage("Person", tuple(persons), torso=TORSO)] if persons else []
+    stages = []
+    if persons:
+        stages.append(Stage("Person", tuple(persons), torso=TORSO))
     if moved:
         stages.append(_robot(result, spec, notes))
     else:
         notes.append("The robot was not moved.")
+
+    clocks = {}
+    if isinstance(result, TransferResult):
+        time = result.time
+        if moved:
+            clocks["robot"] = moved[0].time
+    else:
+        time = moved[0].time
+    return Animation(
+        time,
+        tuple(stages),
+        _curves(result, spec),
+        unit=spec.bounded.unit,
+        clocks=clocks,
+        note=" ".join(notes),
+        states=_worst_states(moved),
+    )
+
+
+def _animation_of_learned(result: LearnedProfile) -> Animation:
+    """Return the curves of a learned profile; nothing moves."""
+    parts = [_panels_of_learned(part) for part in result.each_arm()]
+    sides = [str(arm.side) for arm in result.arms]
+    curves = {}
+    for group in parts[0]:
+        curves[group] = _alternated([part[group] for part in parts], sides)
+    return Animation(result.alignment.time, (), curves, unit=result.config.spec.unit)
+
+
+def _notes(spec: EllipsoidSpec) -> list[str]:
+    """Return what ellipsoids show, and how large they are drawn."""
+    if spec.part == "full":
+        return ["Ellipsoids of six dimensions cannot be drawn; their distances can."]
+    moves = "rotates"
+    if spec.part == "translation":
+        moves = "translates"
+    speed = "the joint speeds of its weights"
+    if spec.joint_weights is None:
+        speed = "unit joint speed"
+    return [
+        MEANINGS[spec.kind].format(moves, speed),
+        f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long.",
+    ]
+
+
+def _curves(
+    result: TransferResult | MotionResult, spec: EllipsoidSpec
+) -> dict[str, tuple[Panel, ...]]:
+    """Return the panels of all arms by topic."""
     topics: dict[str, list[list[Panel]]] = {}
     for arm in result.arms:
         for topic, panels in _panels_of(result, arm, spec):
             topics.setdefault(topic, []).append(panels)
     names = [arm.name for arm in result.arms]
+    curves = {}
+    for topic, panels_of_arms in topics.items():
+        curves[topic] = _alternated(panels_of_arms, names)
+    return curves
+
+
+def _worst_states(motions: Sequence[ArmMotion]) -> tuple[str, ...]:
+    """Return the worst state of all arms at each time."""
     order = list(STATES)
-    return Animation(
-        result.time if isinstance(result, TransferResult) else moved[0].time,
-        tuple(stages),
-        {topic: _alternated(panels, names) for topic, panels in topics.items()},
-        unit=spec.bounded.unit,
-        clocks={"robot": moved[0].time} if transferred and moved else {},
-        note=" ".join(notes),
-        states=tuple(
-            max(worst, key=order.index)
-            for worst in zip(*(item.status for item in moved), strict=True)
-        ),
-    )
+    states = []
+    for of_arms in zip(*(motion.status for motion in motions), strict=True):
+        states.append(max(of_arms, key=order.index))
+    return tuple(states)
 
 
 def _person(arm: ArmTransfer, spec: EllipsoidSpec) -> Body:
@@ -114,16 +157,18 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     for arm, motion, own in zip(result.arms, motions, surfaces, strict=True):
         poses = arm.robot.link_poses(motion.joint_positions)
         skeleton = arm.robot.skeleton(motion.joint_positions)
-        parts = tuple(Part(*_joined(surface), poses[:, surface.joint]) for surface in own)
-        drawn = {
-            role: points for role, points in _profiles_of(arm, spec).items() if role != PERSON.name
-        }
-        bodies.append(Body(arm.robot.name, skeleton, drawn, motion.path, parts))
+        parts = []
+        for surface in own:
+            parts.append(Part(*_joined(surface), poses[:, surface.joint]))
+        drawn = _profiles_of(arm, spec)
+        drawn.pop(PERSON.name, None)
+        bodies.append(Body(arm.robot.name, skeleton, drawn, motion.path, tuple(parts)))
     rotation = None
     if isinstance(result, TransferResult):
         placement = result.arms[0].placement
         rotation = result.config.rotation
-        rotation = rotation if placement is None else placement.rotation @ rotation
+        if placement is not None:
+            rotation = placement.rotation @ rotation
     return Stage(result.robot.name, tuple(bodies), rotation)
 
 
@@ -170,15 +215,16 @@ def surfaces_of(
 def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:
     """Return velocity ellipsoids of an arm by role, none of six dimensions; those of force are the inverses."""
     profiles: dict[str, Array] = {}
+    if spec.part == "full":
+        return profiles
     if isinstance(arm, ArmTransfer):
         profiles = {PERSON.name: arm.demonstrated_profile, TARGET.name: arm.target_profile}
         if spec.kind == "force":
-            profiles = {
-                role: np.asarray(np.linalg.inv(profile)) for role, profile in profiles.items()
-            }
+            for role, profile in profiles.items():
+                profiles[role] = np.asarray(np.linalg.inv(profile))
     if arm.motion is not None:
         profiles |= {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
-    return {} if spec.part == "full" else profiles
+    return profiles
 
 
 def _panels_of(

@@ -19,7 +19,7 @@ APART = 1e-9  # Least ratio of the eigenvalues of A⁻¹B up to which a distance
 
 
 @part
-def diagonalize(a, v, turns):  # type: ignore[no-untyped-def]  # Numba infers the types
+def diagonalize(a, v, turns):
     """Turn A (n, n, width) into diagonal matrices by cyclic Jacobi; V (n, n, width) gets the eigenvectors."""
     n = a.shape[0]
     for i in range(v.shape[0]):
@@ -46,7 +46,7 @@ def diagonalize(a, v, turns):  # type: ignore[no-untyped-def]  # Numba infers th
 
 
 @part
-def _annihilate(a, p, q, turns):  # type: ignore[no-untyped-def]
+def _annihilate(a, p, q, turns):
     """Set entries (p, q) to zero; fill cosines and sines; return how many matrices are rotated."""
     rotated = 0
     for w in range(a.shape[2]):
@@ -69,7 +69,7 @@ def _annihilate(a, p, q, turns):  # type: ignore[no-untyped-def]
 
 
 @part
-def _rotate(a, i, j, k, m, turns):  # type: ignore[no-untyped-def]
+def _rotate(a, i, j, k, m, turns):
     for w in range(a.shape[2]):
         x = a[i, j, w]
         y = a[k, m, w]
@@ -78,7 +78,7 @@ def _rotate(a, i, j, k, m, turns):  # type: ignore[no-untyped-def]
 
 
 @part
-def _fill(block, matrices, start):  # type: ignore[no-untyped-def]
+def _fill(block, matrices, start):
     """Copy matrices from `start` on into a block; a single one, or the last, fills the rest."""
     n, width = block.shape[1:]
     last = len(matrices) - 1
@@ -89,7 +89,7 @@ def _fill(block, matrices, start):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def eigh_loop(matrices, values, vectors):  # type: ignore[no-untyped-def]
+def eigh_loop(matrices, values, vectors):
     """Write ascending eigenvalues (count, n) and eigenvectors (count, n, n) in columns."""
     count, n = values.shape
     width = min(WIDTH, count)
@@ -116,7 +116,7 @@ def eigh_loop(matrices, values, vectors):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
+def compose_loop(values, vectors, results):
     """Write V diag(values) Vᵀ of V (count, n, n) and values (count, 1, n); one V or one row of values serves all."""
     count, n = results.shape[:2]
     for row in range(count):
@@ -131,7 +131,7 @@ def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
+def congruence_loop(left, matrices, results):
     """Write L M Lᵀ; one L or one M serves all results."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
@@ -150,7 +150,7 @@ def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
 
 
 @part
-def _multiply(left, a, b):  # type: ignore[no-untyped-def]
+def _multiply(left, a, b):
     """B ← L A."""
     n, width = a.shape[1:]
     for i in range(n):
@@ -163,7 +163,7 @@ def _multiply(left, a, b):  # type: ignore[no-untyped-def]
 
 
 @part
-def _transform(left, a, b):  # type: ignore[no-untyped-def]
+def _transform(left, a, b):
     """Set A ← L A Lᵀ, its upper triangle; overwrite B."""
     n, width = a.shape[1:]
     _multiply(left, a, b)
@@ -177,7 +177,7 @@ def _transform(left, a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def power_congruence_loop(left, matrices, right, exponent, low, high, results):  # type: ignore[no-untyped-def]
+def power_congruence_loop(left, matrices, right, exponent, low, high, results):
     """Write R (L M Lᵀ)^s Rᵀ with one L and R; return the first power out of bounds, -1 for indefinite M, else nan."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
@@ -206,7 +206,7 @@ def power_congruence_loop(left, matrices, right, exponent, low, high, results): 
 
 
 @kernel
-def release_loop(matrices, epsilon, results):  # type: ignore[no-untyped-def]
+def release_loop(matrices, epsilon, results):
     """Write matrices with released eigenvalues."""
     count, n = results.shape[:2]
     width = min(WIDTH, count)
@@ -223,7 +223,7 @@ def release_loop(matrices, epsilon, results):  # type: ignore[no-untyped-def]
 
 
 @part
-def _compose_block(a, v, total, results, start):  # type: ignore[no-untyped-def]
+def _compose_block(a, v, total, results, start):
     """Write V diag(A) Vᵀ of a block to the results from `start` on."""
     n, width = a.shape[1:]
     for i in range(n):
@@ -237,7 +237,7 @@ def _compose_block(a, v, total, results, start):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def distance_loop(a, b, results):  # type: ignore[no-untyped-def]
+def distance_loop(a, b, results):
     """Write affine-invariant distances; one A or one B serves all."""
     count = len(results)
     n = a.shape[1]
@@ -267,7 +267,7 @@ def distance_loop(a, b, results):  # type: ignore[no-untyped-def]
 
 
 @part
-def _factorize(a):  # type: ignore[no-untyped-def]
+def _factorize(a):
     """Replace the lower triangle of A by its Cholesky factor L, with 1 / L_ii on the diagonal."""
     n, width = a.shape[1:]
     for j in range(n):
@@ -282,7 +282,7 @@ def _factorize(a):  # type: ignore[no-untyped-def]
 
 
 @part
-def _whiten(factor, b):  # type: ignore[no-untyped-def]
+def _whiten(factor, b):
     """B ← L⁻¹ B L⁻ᵀ, its upper triangle, by substitution."""
     n, width = b.shape[1:]
     for j in range(n):
@@ -302,7 +302,7 @@ def _whiten(factor, b):  # type: ignore[no-untyped-def]
 
 
 @part
-def release(value, epsilon):  # type: ignore[no-untyped-def]
+def release(value, epsilon):
     """Return the y with y (y + ε) / (y + κ ε) = `value`."""
     gap = value - epsilon
     root = np.sqrt(gap * gap + (4.0 * KAPPA * epsilon) * value)

@@ -4,7 +4,7 @@ from maniport.util.jit import part
 
 
 @part
-def multiply(left, v, b):  # type: ignore[no-untyped-def]
+def multiply(left, v, b):
     """B ← L V."""
     n = len(v)
     for i in range(n):
