@@ -587,6 +587,24 @@ def test_a_killed_process_takes_one_task_with_it():
     assert found == {"1 + 1": 2, "2 + 2": 4}
 
 
+def test_a_killed_dask_worker_takes_no_task_with_it(tmp_path):
+    """Of two workers one is killed by a task; the scheduler gives its tasks to others, and starts it anew."""
+    distributed = pytest.importorskip("distributed")
+    mark = tmp_path / "killed"
+    killing = f"open({str(mark)!r}, 'x') and __import__('os')._exit(1)"
+    once = f"4 if __import__('os').path.exists({str(mark)!r}) else {killing}"
+    tasks = ["1 + 1", once, "2 + 1", "1 / 0"]
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(**options) as cluster,
+        executor_for(1, cluster.scheduler_address, False) as executor,
+    ):
+        found = dict(completed(executor, eval, tasks))
+    assert mark.exists()
+    assert isinstance(found.pop("1 / 0"), ZeroDivisionError)
+    assert found == {"1 + 1": 2, once: 4, "2 + 1": 3}
+
+
 def test_a_lost_cluster_ends_the_batch():
     future = Future()
     client = SimpleNamespace(

@@ -1,6 +1,8 @@
 """Where tasks run: in this process, in processes of this computer, on a Dask cluster, or on Ray; all return futures.
 
-joblib's backends are not used: of a Dask worker that dies, its backend never reports the task, and waits for ever.
+Each engine's own `submit` is used. joblib has back ends for Dask and Ray, but they would lose what a batch needs: of a
+Dask worker that dies, joblib's back end never reports the task, and waits for ever; neither tells how many workers
+there are as they join and leave, nor that a cluster is gone.
 """
 
 import asyncio
@@ -13,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from dataclasses import dataclass
 from functools import partial
 from time import monotonic
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from joblib.externals.loky import ProcessPoolExecutor
 
@@ -21,8 +23,11 @@ from maniport.errors import ManiportError
 from maniport.util.optional import distributed, ray
 from maniport.util.process import end_with_parent, in_background, settled
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 T = TypeVar("T")
-Work = Callable[[Any], Any]
+R = TypeVar("R")
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
@@ -43,14 +48,20 @@ class ClusterLostError(ManiportError):
     """No task will ever end, because the cluster is gone."""
 
 
+class Submit(Protocol):
+    """Run a function on an argument, somewhere."""
+
+    def __call__(self, work: Callable[[T], R], task: T, /) -> "Future[R]":
+        """Return a future of the result."""
+
+
 @dataclass(frozen=True)
 class Executor:
     """Something that runs tasks.
 
     Attributes
     ----------
-    submit : callable
-        Called with a function and its argument; it returns a future.
+    submit : Submit
     width : callable
         Returns how many tasks are submitted at a time, which changes as workers join and leave.
     check : callable
@@ -59,7 +70,7 @@ class Executor:
         Time after which files of workers on other computers are visible here at the latest [s].
     """
 
-    submit: Callable[[Work, Any], "Future[Any]"]
+    submit: Submit
     width: Callable[[], int]
     check: Callable[[], None] = lambda: None
     shown_after: float = 0.0
@@ -71,8 +82,8 @@ class Executor:
 
 
 def completed(
-    executor: Executor, work: Work, tasks: Iterable[T], period: float = 1.0
-) -> Iterator[tuple[T, Any]]:
+    executor: Executor, work: Callable[[T], R], tasks: Iterable[T], period: float = 1.0
+) -> Iterator[tuple[T, R | Exception]]:
     """Run tasks; yield each, as it ends, with its result or with the error that ended it.
 
     When a process is killed, all tasks under way may be lost. Each of them is run once more, alone, after the others.
@@ -91,14 +102,18 @@ def completed(
 
 
 def _ended(
-    executor: Executor, work: Work, tasks: Iterable[T], width: Callable[[], int], period: float
-) -> Iterator[tuple[T, Any]]:
+    executor: Executor,
+    work: Callable[[T], R],
+    tasks: Iterable[T],
+    width: Callable[[], int],
+    period: float,
+) -> Iterator[tuple[T, R | Exception]]:
     """Run at most `width` tasks at a time; yield each with its result or error.
 
     Every `period` [s] the executor is checked, and more tasks are submitted if the width has grown.
     """
     waiting = deque(tasks)
-    running = dict[Future[Any], T]()
+    running = dict[Future[R], T]()
     while waiting or running:
         free = width() - len(running)
         while waiting and free > 0:
@@ -108,17 +123,20 @@ def _ended(
         done = wait(running, period, FIRST_COMPLETED).done
         executor.check()
         for future in done:
-            yield running.pop(future), _outcome(future)
+            outcome = _outcome(future)
+            yield running.pop(future), outcome
 
 
-def _outcome(future: "Future[Any]") -> Any:
+def _outcome(future: "Future[R]") -> R | Exception:
     """Return the result or the error of a future that is done; one that was cancelled lost its cluster."""
     if future.cancelled():
         raise ClusterLostError("the cluster was lost")
     error = future.exception()
     if isinstance(error, CancelledError | asyncio.CancelledError):
         raise ClusterLostError("the cluster was lost")
-    return future.result() if error is None else error
+    if isinstance(error, Exception):
+        return error
+    return future.result()
 
 
 def executor_for(
@@ -131,7 +149,12 @@ def executor_for(
         return _ray()
     if processes > 1:
         return _processes(processes)
-    return nullcontext(Executor(lambda work, task: settled(Future(), work, task), lambda: 1))
+    return nullcontext(Executor(_here, lambda: 1))
+
+
+def _here(work: Callable[[T], R], task: T) -> "Future[R]":
+    """Run a task in this process, at once."""
+    return settled(Future(), work, task)
 
 
 @contextmanager
@@ -145,10 +168,10 @@ def _processes(width: int) -> Iterator[Executor]:
 
     pool = start()
 
-    def submit(work: Work, task: Any) -> "Future[Any]":
+    def submit(work: Callable[[T], R], task: T) -> "Future[R]":
         nonlocal pool
         try:
-            submitted: Future[Any] = pool.submit(work, task)
+            submitted: Future[R] = pool.submit(work, task)
         except BrokenExecutor:
             pool = start()
             submitted = pool.submit(work, task)
@@ -196,7 +219,7 @@ def _without_logs(package: str) -> Iterator[None]:
             logger.setLevel(level)
 
 
-def dask_executor(client: Any, patience: float = PATIENCE) -> Executor:
+def dask_executor(client: "Client", patience: float = PATIENCE) -> Executor:
     """Return an executor on a client's cluster.
 
     The cluster is lost when it is without workers, or its scheduler without an answer, for `patience` [s].
@@ -272,8 +295,8 @@ def _ray(patience: float = 0.5 * PATIENCE, timeout: float = 10.0) -> Iterator[Ex
     def count_processors() -> int:
         return int(package.cluster_resources().get("CPU", 0))
 
-    def submit(work: Work, task: Any) -> "Future[Any]":
-        future: Future[Any] = remote.remote(work, task).future()
+    def submit(work: Callable[[T], R], task: T) -> "Future[R]":
+        future: Future[R] = remote.remote(work, task).future()
         return future
 
     threads = _Threads("Ray", count_processors, patience)

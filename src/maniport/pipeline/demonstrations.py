@@ -30,10 +30,9 @@ from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_numbers
 
 MIN_FRAMES = 10  # Fewest frames of a demonstration
-RATE, MAX_ELLIPSOIDS = (
-    30.0,
-    1500,
-)  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
+# Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
+RATE = 30.0
+MAX_ELLIPSOIDS = 1500
 CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
 
 
@@ -121,7 +120,8 @@ class LearnedProfile(SavedResult):
         d = self.profile.shape[-1] // len(self.arms)
         parts = []
         for i, arm in enumerate(self.arms):
-            rows, hand = slice(i * d, (i + 1) * d), slice(3 * i, 3 * i + 3)
+            rows = slice(i * d, (i + 1) * d)
+            hand = slice(3 * i, 3 * i + 3)
             columns = np.eye(len(self.arms) * d)[:, rows]
             vectors = to_vector(
                 columns @ from_vector(np.eye(d * (d + 1) // 2)) @ columns.T
@@ -198,11 +198,11 @@ def learn(
     files = tuple(os.fspath(source) for source in recordings if not isinstance(source, Recording))
     config, spec = replace(config, recording=files, verb="learn"), config.spec
     motions = [demonstration.motion for demonstration in demonstrations]
-    arms, bases = (
-        _mean_arms(config.person, motions),
-        np.mean([motion.bases for motion in motions], axis=0),
-    )
-    times, ellipsoids, hands = [], [], []
+    arms = _mean_arms(config.person, motions)
+    bases = np.mean([motion.bases for motion in motions], axis=0)
+    times = []
+    ellipsoids = []
+    hands = []
     for motion in motions:
         number = np.ceil(np.ptp(motion.time) * RATE) + 1
         rows = evenly_spaced(len(motion), int(np.clip(number, MIN_FRAMES, MAX_ELLIPSOIDS)))
@@ -293,11 +293,13 @@ def _demonstrations(
     progress: Progress | None,
 ) -> tuple[Demonstration, ...]:
     """Fit the person's arms to each recording, and cut the fits."""
-    demonstrations, step = list[Demonstration](), Step(progress, "Fit human arms")
+    demonstrations = list[Demonstration]()
+    step = Step(progress, "Fit human arms")
     for source, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
         recording = read_part(source, config)
         name = Path(recording.source).name or "a recording"
-        first, last = recording.time[0], recording.time[-1]
+        first = recording.time[0]
+        last = recording.time[-1]
         for start, stop in [] if segments == AUTO else filter(None, segments):
             if start < first - 1.0 / recording.rate or stop > last + 1.0 / recording.rate:
                 raise InvalidInputError(
@@ -332,7 +334,8 @@ def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
     """Return each arm of the person, of the side of most demonstrations, with the mean of the recorded lengths."""
     arms = []
     for fits in zip(*(motion.arms for motion in motions), strict=True):
-        sides, lengths = Counter(fit.arm.side for fit in fits), dict[str, list[float]]()
+        sides = Counter(fit.arm.side for fit in fits)
+        lengths = dict[str, list[float]]()
         for name, length in (pair for fit in fits for pair in fit.segment_lengths.items()):
             lengths.setdefault(name, []).append(length)
         means = {name: float(np.mean(values)) for name, values in lengths.items()}

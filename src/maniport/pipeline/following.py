@@ -223,7 +223,9 @@ def measure(
     for i, (name, arm, spec) in enumerate(zip(names, settings.arms, settings.specs, strict=True)):
         result = ArmResult(name=name, robot=arm, spec=spec)
         if motion is not None and planner is not None and settings.plan is not None:
-            own, part, budget = planner.arms[i], motion.arms[i], settings.plan.budget
+            own = planner.arms[i]
+            part = motion.arms[i]
+            budget = settings.plan.budget
             rows = evenly_spaced(len(part.target), budget.gap_points)
             nearest = nearest_feasible(
                 own.limits.arm, part.target[rows], bank=own.bank, spec=part.spec, damping=part.damping,

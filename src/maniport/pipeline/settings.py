@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -137,17 +137,16 @@ def load_robot(
     config: TransferOptions, both: bool | None = None, side: str | None = None
 ) -> Arm | ArmGroup:
     """Load the arm with its payload, of a person that of `side`, or a group where the options name several arms."""
-    arm, payload = (
-        _loaded(config, config.side == BOTH if both is None else both, side),
-        config.payload,
-    )
+    arm = _loaded(config, config.side == BOTH if both is None else both, side)
+    payload = config.payload
     if not any(payload):
         if any(config.payload_center):
             raise InvalidInputError(
                 f"{argument('payload_center')} needs {argument('payload')}; found none"
             )
         return arm
-    group, masses = as_group(arm), payload if len(payload) > 1 else payload[0]
+    group = as_group(arm)
+    masses = payload if len(payload) > 1 else payload[0]
     checked = as_numbers(
         masses, f"{argument('payload')} of {arm.name!r}", len(group), broadcast=True
     )
@@ -240,9 +239,25 @@ def plan_options(
         limits = source
     if limits is None:
         limits = MotionLimits.of(arm, source, config.joint_limit_margin)
-    around = {name: getattr(config, name) for name in ("table", "obstacles", "srdf")}
-    surrounded = any(value is not None for value in around.values())
-    model = Collisions.of(limits.arm, **around) if surrounded else config.collisions
-    names = {item.name for item in fields(PlanOptions)} - {"motion_limits", "collisions", "budget"}
-    options = {name: getattr(config, name) for name in names}
-    return PlanOptions(**options, motion_limits=limits, collisions=model).resolved(arm)
+    model: Collisions | bool = config.collisions
+    if config.table is not None or config.obstacles is not None or config.srdf is not None:
+        model = Collisions.of(
+            limits.arm,
+            table=config.table,
+            obstacles=config.obstacles,
+            srdf=config.srdf,
+        )
+    options = PlanOptions(
+        position_tolerance=config.position_tolerance,
+        speed_scale=config.speed_scale,
+        real_time=config.real_time,
+        rate=config.rate,
+        motion_limits=limits,
+        joint_limit_margin=config.joint_limit_margin,
+        collisions=model,
+        orientation_axes=config.orientation_axes,
+        home=config.home,
+        costs=config.costs,
+        hand_targets=config.hand_targets,
+    )
+    return options.resolved(arm)

@@ -405,12 +405,11 @@ def fit_map(
     person: Arm, profile: Array | None, robot: SampledRobot, settings: Settings, arm: int = 0
 ) -> FittedMap:
     """Fit the map from a person's arm to an arm of the robot; a selection needs the demonstrated profile (n, d, d)."""
-    teacher, student, spec = (
-        sample_teacher(person, settings),
-        robot.domains[arm],
-        settings.specs[arm],
-    )
-    bank, config = robot.bank(arm, spec), settings.config
+    teacher = sample_teacher(person, settings)
+    student = robot.domains[arm]
+    spec = settings.specs[arm]
+    bank = robot.bank(arm, spec)
+    config = settings.config
     if settings.adapter is None:
         assert profile is not None
         adapter, evaluation = select_method(
