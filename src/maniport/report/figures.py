@@ -142,7 +142,10 @@ ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a matrix, among xx, xy, xz, yy, yz, 
 def _figures(data: dict[str, Any]) -> dict[str, Figure]:
     """Draw the figures of a motion from the data of its page."""
     stages = data["stages"]
-    columns = 2 if any(len(stage["bodies"]) > 1 for stage in stages) else 1
+    columns = 1
+    for stage in stages:
+        if len(stage["bodies"]) > 1:
+            columns = 2
     skeletons = dict[str, Array]()
     shells = dict[str, Array]()
     roles = dict[str, str]()
@@ -230,8 +233,7 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
         lines = _plot_lines(plot, time, panel)
         if len(panel.lines) > 1:
             handles |= lines
-        title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
-        plot.set_title(title, fontsize=TEXT, loc="left", pad=2)
+        plot.set_title(panel.heading, fontsize=TEXT, loc="left", pad=2)
         _set_value_axis(plot, panel)
         plot.tick_params(labelsize=TEXT, length=2)
         plot.grid(alpha=0.25, lw=0.5)
@@ -255,13 +257,18 @@ def _plot_lines(plot: Axes, time: Array, panel: Panel) -> dict[str, Artist]:
     lines = dict[str, Artist]()
     for line in panel.lines:
         values = np.insert(line.values, gaps, np.nan)
+        width = 1.0
+        opacity = 1.0
+        if line.wide:
+            width = 3.0
+            opacity = 0.35
         (drawn,) = plot.plot(
             clock,
             values,
             color=ROLES[line.role].color,
             ls=STYLES[line.style],
-            lw=3.0 if line.wide else 1.0,
-            alpha=0.35 if line.wide else 1.0,
+            lw=width,
+            alpha=opacity,
             label=line.name,
         )
         lines[line.name] = drawn
@@ -279,7 +286,9 @@ def _set_value_axis(plot: Axes, panel: Panel) -> None:
     if panel.logarithmic and is_positive:
         plot.set_yscale("log")
         low, high = plot.get_ylim()
-        subs = (1.0, 3.0) if high < 50.0 * low else (1.0,)
+        subs = [1.0]
+        if high < 50.0 * low:
+            subs.append(3.0)
         plot.yaxis.set_major_locator(LogLocator(subs=subs))
         plot.yaxis.set_major_formatter("{x:g}")
         plot.yaxis.set_minor_formatter(NullFormatter())
@@ -397,7 +406,9 @@ def arms(
 
     for color, (name, lines) in zip(_colors(skeletons, roles), skeletons.items(), strict=True):
         chosen = evenly_spaced(len(lines), count)
-        opacities = np.linspace(0.25, 1.0, len(chosen)) if len(chosen) > 1 else np.ones(1)
+        opacities = np.ones(1)
+        if len(chosen) > 1:
+            opacities = np.linspace(0.25, 1.0, len(chosen))
         shells = ellipsoids[name][chosen]
         for line, shell, opacity in zip(lines[chosen], shells, opacities, strict=True):
             _draw_arm(plots[titles[name]], line, shell, size, color, opacity)
@@ -407,7 +418,9 @@ def arms(
         ends = np.array([plot.get_xlim(), plot.get_ylim(), plot.get_zlim()])
         limits.append(ends)
     reach = max(float(np.ptp(ends, axis=1).max()) / 2 for ends in limits)
-    tick_count = 3 if columns < 3 else 2
+    tick_count = 2
+    if columns < 3:
+        tick_count = 3
     for (title, plot), ends in zip(plots.items(), limits, strict=True):
         plot.patch.set_visible(False)  # it would cover labels of the panel before
         plot.set_title(title, fontsize=TEXT, pad=0)

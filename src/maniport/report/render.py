@@ -218,7 +218,9 @@ def as_terminal(
         lines += _wrapped(f"! {text}", width)
     more = len(report.warnings) - most_warnings
     if more > 0:
-        noun = "warning" if more == 1 else "warnings"
+        noun = "warnings"
+        if more == 1:
+            noun = "warning"
         lines += _wrapped(f"! {more} more {noun} in summary.md", width)
     lines += _wrapped(report.advice, width)
     return "\n".join([*lines, *_terminal_files(report, folder)])

@@ -165,7 +165,9 @@ def _add_arm(section: Section, recording: Recording, roles: Roles, side: str) ->
     """Describe one arm: its missing roles and its lengths."""
     missing = missing_roles(roles)
     lengths = _segment_lengths(recording, roles)
-    texts = [f"lacks {listed(missing)}" if missing else "complete"]
+    texts = ["complete"]
+    if missing:
+        texts = [f"lacks {listed(missing)}"]
     for name, length in lengths.items():
         texts.append(f"{name} {length:.3f} m")
     value = {"complete": not missing, "lacks": missing, "lengths_m": lengths, "markers": roles}
@@ -211,7 +213,9 @@ def _completion(
 
     template = example_markers(missing)
     file = command or shlex.quote(recording.source or "FILE")
-    option = " --side left" if side == "left" else ""
+    option = ""
+    if side == "left":
+        option = " --side left"
     lines.append("Replace the capitalized words with point names and save as markers.json:")
     lines.append(f"`{json.dumps(template)}`")
     transfer = f"maniport transfer {file} --markers markers.json{option} -o results"
@@ -293,7 +297,9 @@ def learned_report(learned: LearnedProfile) -> Report:
     count = len(demonstrations)
     seconds = float(np.ptp(learned.time))
     grade = next(words for words, bound in AGREEMENT.items() if agreement.share <= bound)
-    outlier = "" if agreement.outlier is None else learned.names[agreement.outlier]
+    outlier = ""
+    if agreement.outlier is not None:
+        outlier = learned.names[agreement.outlier]
 
     section = Section("Learned profile", key="profile")
     for demonstration in demonstrations:

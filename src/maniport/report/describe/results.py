@@ -87,7 +87,9 @@ def _transfer_heading(result: TransferResult) -> tuple[str, str]:
     robot = result.robot.name
     spec = result.config.spec
     sides = " and ".join(str(arm.fit.arm.side) for arm in result.arms)
-    noun = "arms" if len(result.arms) > 1 else "arm"
+    noun = "arm"
+    if len(result.arms) > 1:
+        noun = "arms"
     methods = [label(arm.method) for arm in result.arms]
     method = " and ".join(dict.fromkeys(methods))
     lead = (
@@ -183,7 +185,9 @@ def _settings(result: Result) -> Section:
         files = [file for file in (config.profile, config.path) if file]
         section.add("Files", "sources", files)
     for arm in result.arms:
-        key = "robot" if len(result.arms) == 1 else f"{arm.name}_robot"
+        key = "robot"
+        if len(result.arms) > 1:
+            key = f"{arm.name}_robot"
         _add_robot(section, arm.robot, key)
     section.metrics += tuple(software(config.seed))
     return section
@@ -196,7 +200,9 @@ def _add_robot(section: Section, robot: Arm, key: str) -> None:
     for metric in (base, frame, fixed):
         value[metric.key] = metric.value
     text = f"{robot.name}, {robot.dof} joints, from {base.text} to {robot.frame}"
-    about = f"Fixed joints: {fixed.text}" if fixed.text else ""
+    about = ""
+    if fixed.text:
+        about = f"Fixed joints: {fixed.text}"
     section.add("Robot", key, value, text, about)
 
 
@@ -207,7 +213,9 @@ def _with_outcome(report: Report, result: Result, metrics_of_arms: Mapping[str, 
     for arm, (name, metrics) in zip(result.arms, metrics_of_arms.items(), strict=True):
         assert arm.motion is not None
         directed = arm.motion.directed
-        start = f"{name.capitalize()}: " if len(metrics_of_arms) > 1 else ""
+        start = ""
+        if len(metrics_of_arms) > 1:
+            start = f"{name.capitalize()}: "
         distance = _statistics(metrics, "distance").median
         grades = _gains(metrics)
         if not directed:

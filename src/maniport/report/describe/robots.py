@@ -50,7 +50,9 @@ REMARKS: dict[str, tuple[Severity, str]] = {
 def arm_report(arm: Arm) -> Report:
     """Describe an arm: its joints with their limits, fixed joints, and frames."""
     section = Section("", tables=(_joint_table(arm),))
-    text = f"{arm.name}, a human {arm.side} arm" if arm.side else arm.name
+    text = arm.name
+    if arm.side:
+        text = f"{arm.name}, a human {arm.side} arm"
     section.add("Arm", "arm", arm.name, text)
     section.add("Degrees of freedom", "degrees_of_freedom", arm.dof)
     section.metrics += chain_metrics(arm)
@@ -88,7 +90,9 @@ def _joint_table(arm: Arm) -> Table:
 
 
 def _limit(value: float, unit: str) -> str:
-    return f"{value:.3g} {unit}" if value < np.inf else "unknown"
+    if value < np.inf:
+        return f"{value:.3g} {unit}"
+    return "unknown"
 
 
 def _add_mass(section: Section, arm: Arm) -> None:
@@ -142,7 +146,9 @@ def warn_of_limits(section: Section, limits: MotionLimits) -> None:
     for quantity in ("position", *DERIVATIVES):
         texts = []
         for value, joints in _joints_by_assumed_limit(limits, quantity).items():
-            names = listed(joints) if len(joints) < arm.dof else "all joints"
+            names = "all joints"
+            if len(joints) < arm.dof:
+                names = listed(joints)
             texts.append(f"{value} for {names}")
         if texts:
             text = f"{quantity} limits are assumed: {'; '.join(texts)}. {advice}"
@@ -196,7 +202,9 @@ def warn_of_description(section: Section, arm: Arm | ArmGroup) -> None:
 
 def _detailed(details: Mapping[str, str], most: int = 8) -> str:
     """List names with their details."""
-    texts = [f"{name} ({detail})" if detail else name for name, detail in details.items()]
+    texts = []
+    for name, detail in details.items():
+        texts.append(f"{name} ({detail})" if detail else name)
     if len(texts) > most:
         texts[most:] = [f"{len(texts) - most} more"]
     return listed(texts)

@@ -141,9 +141,12 @@ def evaluation_section(evaluation: Evaluation) -> Section:
     section.numbers(summary=summary)
 
     for weakness, value in adapter.weaknesses.items():
-        unit = "°" if weakness == "rotated_axes" else ""
-        text = f"{label(adapter.name)}: {weakness.replace('_', ' ')} {value:.3g}{unit}"
-        severity: Severity = "warning" if weakness == "rank_correlation" else "note"
+        severity: Severity = "note"
+        text = f"{label(adapter.name)}: {weakness.replace('_', ' ')} {value:.3g}"
+        if weakness == "rotated_axes":
+            text += "°"
+        if weakness == "rank_correlation":
+            severity = "warning"
         section.warn(weakness.replace("_", "-"), text, severity=severity)
     for text in adapter.warnings:
         section.warn("evaluation", f"{adapter.name}: {text}")

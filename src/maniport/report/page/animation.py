@@ -389,5 +389,8 @@ def _learned_lines(learned: LearnedProfile, curves: Mapping[str, Array]) -> list
     lines = []
     for name, curve in curves.items():
         values = np.interp(learned.alignment.time, learned.time, curve)
-        lines.append(Line(name, values, style=0 if name == "learned" else 1))
+        style = 1
+        if name == "learned":
+            style = 0
+        lines.append(Line(name, values, style=style))
     return lines

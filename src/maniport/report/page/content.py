@@ -122,6 +122,13 @@ class Panel:
     span: tuple[float, float] | None = None  # ends of the axis; None: those of the values
     strip: bool = False  # drawn as a strip until it is opened
 
+    @property
+    def heading(self) -> str:
+        """Title with the unit."""
+        if not self.unit:
+            return self.title
+        return f"{self.title} [{self.unit}]"
+
 
 @dataclass(frozen=True, eq=False)
 class Animation:
@@ -221,7 +228,9 @@ def kept_rows(time: Array, frames: int, linked: Iterable[float] = ()) -> NDArray
 
 def is_gap(steps: Array) -> NDArray[np.bool_]:
     """Return which time steps are more than three times the median, so that a line breaks there."""
-    return np.asarray(steps > 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
+    if not len(steps):
+        return np.zeros(0, dtype=bool)
+    return np.asarray(steps > 3.0 * np.median(steps))
 
 
 def packed(array: ArrayLike, form: str = "f32") -> dict[str, object]:
@@ -282,11 +291,13 @@ def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
             home = place(stage.name)
             stream.log(home, package.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             for k, body in enumerate(stage.bodies):
-                where = f"{home}/{k}" if len(stage.bodies) > 1 else home
+                where = home
+                if len(stage.bodies) > 1:
+                    where = f"{home}/{k}"
                 _log_arm(package, stream, body, where, columns, animation.size)
         for topic, panels in animation.panels.items():
             for panel in panels:
-                title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
+                title = panel.heading
                 for line in panel.lines:
                     where = "/".join(map(place, filter(None, ("curves", topic, title, line.name))))
                     look = package.SeriesLines(
