@@ -60,10 +60,9 @@ def scores(teacher, student):
     )
     directions = sum(np.abs(axes_t[:, :, k] @ axes_s[:, :, k].T) for k in (0, -1))
     shapes = [
-        [values[:, -1] / values[:, 0], np.sqrt(np.linalg.det(points))]
+        np.array([values[:, -1] / values[:, 0], spd.volume(points)])
         for values, points in ((values_t, teacher), (values_s, student))
     ]
-    shapes = [np.array(shape) for shape in shapes]
     return directions + np.exp(-np.abs(shapes[0][:, :, None] - shapes[1][:, None, :])).sum(axis=0)
 
 

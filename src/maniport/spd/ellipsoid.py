@@ -56,8 +56,12 @@ def volume(points: ArrayLike) -> Array:
     ndarray, shape (...)
     """
     semi_axes = lengths(points)
-    d = semi_axes.shape[-1]
-    return np.asarray(pi ** (d / 2) / gamma(d / 2 + 1) * np.prod(semi_axes, axis=-1))
+    return np.asarray(unit_ball_volume(semi_axes.shape[-1]) * np.prod(semi_axes, axis=-1))
+
+
+def unit_ball_volume(d: int) -> float:
+    """Volume of the unit ball in d dimensions: π for d = 2, 4π/3 for d = 3."""
+    return float(pi ** (d / 2) / gamma(d / 2 + 1))
 
 
 def line_angles(first: Array, other: Array) -> Array:

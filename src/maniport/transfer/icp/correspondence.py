@@ -12,6 +12,7 @@ import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import Indices, NeighborIndex
+from maniport.spd.ellipsoid import unit_ball_volume
 from maniport.spd.kernels import congruence, eigh
 from maniport.util.jit import kernel
 from maniport.util.validation import Array, as_choice, as_number
@@ -90,7 +91,8 @@ class EllipsoidCorrespondence(Correspondence):
     """Match every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 18).
 
     The score ``w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|)``, between 0 and 4, compares the
-    directions of the shortest and the longest axis, the condition numbers and the volumes.
+    directions of the shortest and the longest axis, the condition numbers λ_n/λ_1 and the volumes, which are
+    `maniport.spd.volume`.
 
     Parameters
     ----------
@@ -158,8 +160,9 @@ def _features(points: Array) -> tuple[Array, Array]:
     )
     directions = np.stack([vectors[:, :, 0], vectors[:, :, -1]], axis=1)
     directions *= (gaps > EQUAL_EIGENVALUES)[:, :, None]
-    shapes = np.stack([values[:, -1] / values[:, 0], np.sqrt(np.prod(values, axis=-1))], axis=1)
-    return directions, shapes
+    conditions = values[:, -1] / values[:, 0]
+    volumes = unit_ball_volume(points.shape[-1]) * np.sqrt(np.prod(values, axis=-1))
+    return directions, np.stack([conditions, volumes], axis=1)
 
 
 @kernel
