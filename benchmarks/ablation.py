@@ -106,7 +106,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
         student = mp.sample_domain(arm, 4096, 1)
         samples = Planner.of(MotionLimits.of(arm), VELOCITY)
         for name, person, clock, profile, path in todo:
-            adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3))
+            adapter = mp.ScaledTransport(damping=DAMPING, base_rotation=np.eye(3))
             adapter.fit(mp.sample_domain(person, 4096, 0), student)
             target, tolerance = adapter.transform(profile), 0.012 if name == "ladder" else 0.005
             targets = TargetTrajectory.checked(

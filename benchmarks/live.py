@@ -41,7 +41,7 @@ def frames(rate: float, count: int) -> Iterator[tuple[mp.Live, Array, float]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = mp.transfer_recording(
-            recording, method="parallel-transport", n_teacher=1024, n_student=2048
+            recording, method="scaled-transport", n_teacher=1024, n_student=2048
         )
     live, instants = mp.Live.of(result, clock=None, auto_engage=True), recording.time
     points = np.stack([recording.point(name) for name in live.points], axis=1)

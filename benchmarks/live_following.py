@@ -36,7 +36,7 @@ from .inputs import Array
 NOISE, FRAME_RATE = 0.012, 30.0  # [m], [Hz]
 OPTIONS: dict[str, Any] = {
     "real_time": True,
-    "method": "parallel-transport",
+    "method": "scaled-transport",
     "n_teacher": 1024,
     "n_student": 2048,
 }

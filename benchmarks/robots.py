@@ -71,7 +71,7 @@ def transferred(name: str, motion: Motion) -> Comparison:
         mp.sample_domain(robot, STUDENT_SAMPLES, 1),
         mp.sample_domain(motion.person, TEACHER_SAMPLES, 0),
     )
-    adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(teacher, student)
+    adapter = mp.ScaledTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(teacher, student)
     damping, time = adapter.student_regularization, motion.robot_time
     begin = clock.process_time()
     planner = Planner.of(MotionLimits.of(robot), VELOCITY)

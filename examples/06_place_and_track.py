@@ -37,7 +37,7 @@ def main(folder):
 
     # 2. Sample both domains and fit the map between them. Both bases have the same orientation.
     robot = mp.load_arm("panda")
-    adapter = mp.ParallelTransport(damping=0.01, base_rotation=np.eye(3))
+    adapter = mp.ScaledTransport(damping=0.01, base_rotation=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 4096, 0), mp.sample_domain(robot, 16384, 1))
     target, damping = adapter.transform(profile), adapter.student_regularization
 

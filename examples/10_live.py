@@ -27,7 +27,7 @@ GAP = 24.5, 25.0  # missing points [s]
 def calibrate(recording, robot, clock):
     """Return the fitted person and the live controller."""
     person = mp.fit_arm(recording)
-    adapter = mp.ParallelTransport(damping=0.01, base_rotation=np.eye(3))
+    adapter = mp.ScaledTransport(damping=0.01, base_rotation=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 2048, 0), mp.sample_domain(robot, 8192, 1))
     joints = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(joints))

@@ -21,7 +21,7 @@ def main(folder):
     recording = mp.read_recording("both-arms").crop(5.1, 6.6)
     arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
     print(f"{arms.name}: {arms.dof} joints, from {arms.joint_names[0]} to {arms.joint_names[-1]}")
-    result = mp.transfer_recording(recording, robot=arms, method="parallel-transport")
+    result = mp.transfer_recording(recording, robot=arms, method="scaled-transport")
 
     # Distances between the hands and between the end effectors differ by the scale of the placement.
     hands = mp.fit_arms(recording).hands

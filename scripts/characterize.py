@@ -143,7 +143,7 @@ def both_arms(whole: bool) -> Iterator[Row]:
     for name, options in robots.items():
         arms = mp.load_arms(**options)
         result = mp.transfer_recording(
-            shipped_recording("both-arms"), robot=arms, method="parallel-transport"
+            shipped_recording("both-arms"), robot=arms, method="scaled-transport"
         )
         for side, arm, output in zip(("left", "right"), arms.arms, result.arms, strict=True):
             motion, clearance = output.motion, result.motion.clearance

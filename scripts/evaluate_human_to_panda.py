@@ -110,7 +110,13 @@ Results = Mapping[Motion, Evaluation]
 
 def gap_table(results: Results) -> str:
     """Mean feasibility gap by motion and method, in Markdown."""
-    methods = ("identity", "mean-transport", "parallel-transport", *FITTED_METHODS)
+    methods = (
+        "identity",
+        "mean-transport",
+        "parallel-transport",
+        "scaled-transport",
+        *FITTED_METHODS,
+    )
     lines = [f"| motion | method | {' | '.join(methods)} |", f"|---|---|{'---|' * len(methods)}"]
     for motion, evaluation in results.items():
         gaps = {

@@ -1,4 +1,4 @@
-"""Plan robot motions for targets of parallel transport and of the length field, and compare them.
+"""Plan robot motions for targets of scaled transport and of the length field, and compare them.
 
     python scripts/lengths_on_robot.py --robots Panda UR5 --motions H-Eval-1 ladder --seeds 0 1
 
@@ -38,7 +38,7 @@ EVALUATION_SECONDS = 5.0
 """Duration of H-Eval-1 to -4, for which the paper gives none."""
 POINTS, SLOWER = 150, 4.0
 """Waypoints of a recording, and smallest duration relative to the person's."""
-RIGID, LENGTHS = "parallel-transport", "length-field"
+RIGID, LENGTHS = "scaled-transport", "length-field"
 PATHS = {True: "hand path", False: "no path"}
 
 

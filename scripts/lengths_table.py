@@ -26,7 +26,7 @@ from maniport.errors import NotInvertibleError
 from maniport.estimator import clone
 from maniport.evaluation import distance_preservation, step_ratio
 from maniport.motion import FeasibleProjector, nearest_feasible
-from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
+from maniport.transfer import DomainAdapter, LengthField, ScaledTransport
 from maniport.transfer.length_field.field import NEAR_SINGULAR, least_singular
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
@@ -199,7 +199,7 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS), choices=list(ROBOTS))
     parser.add_argument("--persons", nargs="+", default=None, help="rHuMan, ladder, freeform")
     parser.add_argument("--draws", type=int, default=5)
-    parser.add_argument("--rigid", action="store_true", help="parallel transport instead")
+    parser.add_argument("--rigid", action="store_true", help="scaled transport instead")
     parser.add_argument(
         "--samples", action="store_true", help="let the field know the robot's samples only"
     )
@@ -217,7 +217,7 @@ def main() -> None:
         for draw in range(parsed.draws):
             options = {"damping": DAMPING, "base_rotation": np.eye(3)}
             adapter = (
-                ParallelTransport(**options)
+                ScaledTransport(**options)
                 if parsed.rigid
                 else LengthField(**options, projector=projector)
             )

@@ -48,5 +48,6 @@ from maniport.transfer import MeanTransport as MeanTransport
 from maniport.transfer import NearestNeighbor as NearestNeighbor
 from maniport.transfer import ParallelTransport as ParallelTransport
 from maniport.transfer import RiemannianICP as RiemannianICP
+from maniport.transfer import ScaledTransport as ScaledTransport
 from maniport.transfer import load_adapter as load_adapter
 from maniport.version import __version__ as __version__

@@ -16,7 +16,7 @@ METHOD_NAMES = tuple(METHODS)
 methods = pytest.mark.parametrize("name", METHOD_NAMES)
 ELONGATED = ("too ill-conditioned", "is singular", "is indefinite")
 """Words of the errors that refuse what is too elongated."""
-RIGID = ("mean-transport", "parallel-transport", "icp")
+RIGID = ("mean-transport", "parallel-transport", "scaled-transport", "icp")
 SMALL = (2, 3, 4, 5, 6)
 
 

@@ -16,7 +16,7 @@ from maniport.util import files
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 ADAPTERS = [
-    mp.ParallelTransport(damping=0.01, base_rotation=TURN), mp.NearestNeighbor(damping=0.05, n_samples=9),
+    mp.ParallelTransport(damping=0.01, base_rotation=TURN), mp.ScaledTransport(), mp.NearestNeighbor(damping=0.05, n_samples=9),
     mp.RiemannianICP(damping=np.float64(0.1), correspondence="geodesic", n_starts=0, most_singular=8),
     mp.LengthField(n_rounds=2),
 ]  # fmt: skip
@@ -86,6 +86,20 @@ def test_files_of_this_format_stay_readable(path):
     np.testing.assert_allclose(
         mp.load_adapter(path).transform(images["points"]), images[name], rtol=1e-9, atol=1e-12
     )
+
+
+def test_a_transport_with_dispersion_has_its_own_name(tmp_path):
+    """Files of this format from earlier versions have it under the name of parallel transport."""
+    loaded = mp.load_adapter(
+        Path(__file__).parent / "golden" / "maniport-adapter-4-parallel-transport.npz"
+    )
+    assert type(loaded) is mp.ScaledTransport
+    assert loaded.dispersion_ratio_ != 1.0
+    loaded.save(tmp_path / "again.npz")
+    again = mp.load_adapter(tmp_path / "again.npz")
+    assert type(again) is mp.ScaledTransport
+    points = loaded.student_mean_
+    assert_array_equal(again.transform(points), loaded.transform(points))
 
 
 def test_options_that_are_objects_are_not_saved(tmp_path, random_spd):

@@ -27,7 +27,9 @@ def relative_error(images, expected):
 @sizes
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
-    "adapter", [mp.ParallelTransport(), mp.RiemannianICP(n_starts=0)], ids=["pt", "icp"]
+    "adapter",
+    [mp.ParallelTransport(), mp.ScaledTransport(), mp.RiemannianICP(n_starts=0)],
+    ids=["pt", "scaled", "icp"],
 )
 def test_common_congruence(adapter, d, seed, random_spd):
     """Congruence of all data by C is congruence of all results: f'(C T Cᵀ) = C f(T) Cᵀ."""
@@ -44,7 +46,7 @@ def test_common_congruence(adapter, d, seed, random_spd):
 def test_mean_and_dispersion_arrive(d, seed, random_spd):
     rng = np.random.default_rng(seed)
     teacher, student = random_spd(rng, 20, d), random_spd(rng, 25, d, 1e3)
-    adapter = mp.ParallelTransport().fit(teacher, student)
+    adapter = mp.ScaledTransport().fit(teacher, student)
     images = adapter.transform(teacher)
     assert spd.distance(spd.mean(images), spd.mean(student)) < 1e-8
     assert spd.dispersion(images) == pytest.approx(spd.dispersion(student), rel=1e-8)
@@ -58,14 +60,35 @@ def test_mean_and_dispersion_arrive(d, seed, random_spd):
 def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
     rng = np.random.default_rng(seed)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
-    adapter = mp.ParallelTransport().fit(teacher, student)
     start, end = spd.mean(teacher), spd.mean(student)
     moved, moved_new = (
         spd.transport(points, start, end) for points in (teacher, new)
     )  # E X Eᵀ, of points as of tangents
+    plain = mp.ParallelTransport().fit(teacher, student)
+    assert plain.dispersion_ratio_ == 1.0
+    assert relative_error(plain.transform(new), moved_new) < 1e-8
+    assert relative_error(plain.inverse_transform(moved_new), new) < 1e-8
+    adapter = mp.ScaledTransport().fit(teacher, student)
     recentered = recenter(moved_new, spd.mean(moved), adapter.dispersion_ratio_)
     expected = congruence(spd.powm(spd.mean(student), 0.5), recentered)
     assert relative_error(adapter.transform(new), expected) < 1e-8
+
+
+@sizes
+@seeds
+def test_parallel_transport_preserves_distances_and_finds_the_mounting(d, seed, random_spd):
+    rng = np.random.default_rng(seed)
+    teacher, student = random_spd(rng, 20, d), random_spd(rng, 25, d, 1e3)
+    images = mp.ParallelTransport().fit(teacher, student).transform(teacher)
+    assert_allclose(
+        spd.distance(images[1:], images[:-1]), spd.distance(teacher[1:], teacher[:-1]), rtol=1e-6
+    )
+    turn = np.linalg.qr(rng.standard_normal((d, d)))[0]
+    turn[0] *= np.linalg.det(turn)
+    mounted = congruence(turn, teacher)
+    for kind in (mp.ParallelTransport, mp.ScaledTransport):
+        adapter = kind(base_rotation=turn).fit(teacher, mounted)
+        assert relative_error(adapter.transform(teacher), mounted) < 1e-8
 
 
 @seeds

@@ -424,7 +424,7 @@ def fit_map(
     adapter.fit(teacher, student)
     failures = adapter.failures()
     if failures:
-        text = "the length field maps this robot badly, parallel-transport does not: "
+        text = "the length field maps this robot badly, --method auto takes a transport: "
         text += "; ".join(failures)
         warnings.warn(text, ManiportWarning, stacklevel=2)
     step.end(f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")

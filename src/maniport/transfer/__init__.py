@@ -24,7 +24,7 @@ from maniport.transfer.icp.correspondence import (
     Matches,
 )
 from maniport.transfer.length_field import LengthField
-from maniport.transfer.rigid_adapter import MeanTransport, ParallelTransport
+from maniport.transfer.rigid_adapter import MeanTransport, ParallelTransport, ScaledTransport
 from maniport.util import defaults
 from maniport.util.validation import as_choice
 
@@ -123,6 +123,7 @@ __all__ = [
     "NearestNeighbor",
     "ParallelTransport",
     "RiemannianICP",
+    "ScaledTransport",
     "load_adapter",
     "method_of",
 ]

@@ -6,7 +6,7 @@ rotation, damping and files are here.
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import copy
 from typing import Any, ClassVar, Self
 
@@ -89,6 +89,11 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
     def _settle(self) -> None:
         """Prepare what the map needs from the fitted attributes, after a fit or the reading of a file."""
+
+    @classmethod
+    def class_of(cls, fitted: Mapping[str, object]) -> "type[DomainAdapter]":
+        """Return the class of the map that attributes from a file describe: this one, unless it was renamed since."""
+        return cls
 
     def with_projector(self, make: Callable[[], object]) -> Self:
         """Return a copy with a projector onto the student's feasible set, if the method uses one and has none.

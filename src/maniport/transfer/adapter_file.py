@@ -124,6 +124,7 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
         if unknown := {key for key in groups["fitted"] if not _is_attribute(key)}:
             raise InvalidInputError(f"unknown attributes {sorted(unknown)}")
         _require_valid(groups["fitted"], method.schema)
+        method = method.class_of(groups["fitted"])
         adapter = method(**groups["parameters"])
         Regularization(adapter.damping)  # raises where it is no number
         vars(adapter).update(groups["fitted"])

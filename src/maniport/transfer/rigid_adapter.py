@@ -1,6 +1,7 @@
-"""Rigid maps f(T) = B (W T W)^s Bᵀ, W = T̄^-½, B = S̄^½ R; in closed form mean and parallel transport."""
+"""Rigid maps f(T) = B (W T W)^s Bᵀ, W = T̄^-½, B = S̄^½ R; mean, parallel and scaled transport in closed form."""
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -69,6 +70,12 @@ class RigidAdapter(DomainAdapter):
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         """Refine `rotation_`, which holds that of parallel transport, and set the attributes that describe the fit."""
 
+    def _set_transport_cost(self, teacher: Array, student: Array) -> None:
+        """Set the attributes of a fit in closed form, with the distances to the student's nearest ellipsoids."""
+        self._settle()
+        _, distances = nearest(self._map(teacher), student)
+        self._set_closed_form("closed form", float(np.sqrt(np.mean(distances**2))))
+
     def _settle(self) -> None:
         parts = self.teacher_mean_, self.student_mean_, self.rotation_
         self._rigid_map = RigidMap(*parts, float(self.dispersion_ratio_))
@@ -100,11 +107,11 @@ class MeanTransport(RigidAdapter):
 
 
 class ParallelTransport(RigidAdapter):
-    """Move the teacher's mean onto the student's by parallel transport and make the dispersions equal.
+    """Move ellipsoids by the parallel transport from the teacher's mean to the student's, f(T) = E T Eᵀ.
 
-    In closed form and without matching: `base_rotation` determines the rotation, not the samples. After Yair, Ben-Chen
-    and Talmon 2019 and Reithmeir et al. 2022, § IV-C; unlike in the latter, the transported set is recentered
-    with its own mean, and the transport is part of the map.
+    E = (S̄ T̄⁻¹)^½. The map is a congruence: distances between ellipsoids stay as they are, and so does the teacher's
+    dispersion; `ScaledTransport` changes it to the student's. `base_rotation` determines the rotation, not the
+    samples. After Yair, Ben-Chen and Talmon 2019 and Reithmeir et al. 2022, § IV-C.
 
     Parameters
     ----------
@@ -126,8 +133,40 @@ class ParallelTransport(RigidAdapter):
     Trans. Signal Process. 67, 2019.
     """
 
+    @classmethod
+    def class_of(cls, fitted: Mapping[str, object]) -> type[DomainAdapter]:
+        """Return `ScaledTransport` for a map with a dispersion, which earlier versions saved under this name."""
+        if fitted["dispersion_ratio_"] != 1.0:
+            return ScaledTransport
+        return cls
+
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        self._settle()
-        self._set_closed_form(
-            "closed form", float(np.sqrt(np.mean(nearest(self._map(teacher), student)[1] ** 2)))
-        )
+        self.dispersion_ratio_ = 1.0
+        self._set_transport_cost(teacher, student)
+
+
+class ScaledTransport(RigidAdapter):
+    """Parallel transport that also makes the dispersions equal: f(T) = S̄^½ Q (T̄^-½ T T̄^-½)^s Qᵀ S̄^½.
+
+    Q is the rotation of `ParallelTransport`, and s the student's dispersion over the teacher's. With s = 1 both maps
+    are the same. Steps 1, 2 and 4 of Reithmeir et al. 2022 with the rotation of their start; unlike there, the
+    transported set is recentered with its own mean, and the transport is part of the map.
+
+    Parameters
+    ----------
+    damping, base_rotation
+        As in `ParallelTransport`.
+
+    Attributes
+    ----------
+    cost_ : float
+        As in `ParallelTransport`.
+
+    References
+    ----------
+    Rodrigues, Jutten and Congedo, Riemannian Procrustes analysis: transfer learning for brain-computer interfaces, IEEE
+    Trans. Biomed. Eng. 66, 2019: mean and dispersion.
+    """
+
+    def _fit_rotation(self, teacher: Array, student: Array) -> None:
+        self._set_transport_cost(teacher, student)

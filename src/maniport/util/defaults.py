@@ -1,7 +1,9 @@
 """Defaults that several packages share; light, since the command line loads it at each start."""
 
 AUTO = "auto"
-"""Word for a choice by the program; as a method: the length field if it passes its checks, else parallel transport."""
+"""Word for a choice by the program; as a method: the length field if it passes its checks, else a transport."""
+
+UNKNOWN = "unknown"  # base rotation that the method has to estimate
 
 BOTH = "both"  # side of a person with both arms
 
@@ -27,6 +29,7 @@ METHODS = {
     "identity": "baselines:IdentityMap",
     "mean-transport": "rigid_adapter:MeanTransport",
     "parallel-transport": "rigid_adapter:ParallelTransport",
+    "scaled-transport": "rigid_adapter:ScaledTransport",
     "nearest-neighbor": "baselines:NearestNeighbor",
     "icp": "icp:RiemannianICP",
     "length-field": "length_field:LengthField",
