@@ -15,6 +15,7 @@ from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
 from maniport.pipeline.settings import plan_options
 from maniport.report import write
+from maniport.studies.experiments import _toy_draw
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from sizes import little_search, panda_profile
 
@@ -30,6 +31,34 @@ def domains(run, tmp_path):
 def small_search():
     with little_search():
         yield
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_fit_recovers_the_toy_of_the_paper_if_the_base_rotation_is_unknown(run, tmp_path, seed):
+    """As `RiemannianICP(base_rotation=None)` does; the rotation is random."""
+    draw = _toy_draw(seed)
+    teacher, student, adapter = (tmp_path / f"{name}.npz" for name in ("t", "s", "a"))
+    save_ellipsoids(teacher, draw.teacher)
+    save_ellipsoids(student, np.random.default_rng(seed).permutation(draw.student))
+    words = ("fit", teacher, student, "-o", adapter, "--damping", "0", "--quiet")
+    assert run(*words, "--base-rotation", "unknown")[0] == 0
+    ((new, truth),) = draw.evaluation.values()
+    loaded = maniport.load_adapter(adapter)
+    assert maniport.spd.distance(loaded.transform(new), truth).max() < 1e-6
+    assert loaded.base_rotation is None
+
+
+def test_only_icp_estimates_a_base_rotation(run, domains):
+    words = ("fit", domains / "myoarm.npz", domains / "panda.npz", "-o", domains / "a.npz")
+    unknown = ("--base-rotation", "unknown")
+    for method in ("parallel-transport", "scaled-transport", "mean-transport", "identity"):
+        code, _, err = run(*words, *unknown, "--method", method)
+        assert (code, "icp" in err) == (2, True)
+    for command in (("transfer", "freeform"), ("view", "freeform")):
+        code, _, err = run(*command, *unknown)
+        assert (code, "icp" in err) == (2, True)
+    code, _, err = run(*words, "--base-rotation", "unknwon")
+    assert (code, "unknown" in err) == (2, True)
 
 
 def test_each_step_on_its_own(run, domains):

@@ -242,9 +242,10 @@ def view(
             )
         recording = Path(config.recording[0])
     viser()  # a missing package is reported before any long work
+    base_rotation = config.rotation
     require_free(port)
     with console.progress() as progress:
-        page = LiveView(prepare(config, recording, progress), config.rotation, port)
+        page = LiveView(prepare(config, recording, progress), base_rotation, port)
     if page.no_surface:
         console.warn(f"the robot is drawn as a skeleton: {page.no_surface}")
     stop = threading.Event()

@@ -31,8 +31,9 @@ from maniport.util.defaults import (
     ROBOT,
     STUDENT_SAMPLES,
     TEACHER_SAMPLES,
+    UNKNOWN,
 )
-from maniport.util.validation import Array, Bounds, as_finite, as_rotation
+from maniport.util.validation import Array, Bounds, as_choice, as_finite, as_rotation
 
 if TYPE_CHECKING:
     from maniport.arms import EllipsoidSpec
@@ -203,8 +204,9 @@ _TABLE: tuple[Option, ...] = (
     Vector(
         "base_rotation",
         "transfer",
-        "Rotation from human trunk to robot base",
+        "Rotation from human trunk to robot base; unknown: estimated by icp",
         "deg",
+        choices=(UNKNOWN,),
         metavar="ROLL,PITCH,YAW",
         count=3,
         unchecked=True,
@@ -514,7 +516,7 @@ class MapOptions(Options):
     part: str = "translation"
     joint_weights: str | tuple[float, ...] | None = None
     damping: float = DAMPING
-    base_rotation: tuple[float, ...] = (0.0, 0.0, 0.0)  # roll, pitch, yaw [rad]
+    base_rotation: str | tuple[float, ...] = (0.0, 0.0, 0.0)  # roll, pitch, yaw [rad]; or "unknown"
     n_teacher: int = TEACHER_SAMPLES
     n_student: int = STUDENT_SAMPLES
 
@@ -531,10 +533,29 @@ class MapOptions(Options):
         return EllipsoidSpec(self.ellipsoids, self.part, weights)
 
     @property
+    def known_rotation(self) -> Array | None:
+        """Base rotation as a matrix, shape (3, 3); None where it is unknown."""
+        if isinstance(self.base_rotation, str) and self.base_rotation == UNKNOWN:
+            return None
+        return self.rotation
+
+    @property
     def rotation(self) -> Array:
-        """Base rotation as a matrix, shape (3, 3)."""
+        """Base rotation as a matrix, shape (3, 3).
+
+        Raises
+        ------
+        InvalidInputError
+            When it is unknown, or no rotation.
+        """
         from scipy.spatial.transform import Rotation
 
+        if isinstance(self.base_rotation, str):
+            as_choice(self.base_rotation, "base_rotation", (UNKNOWN,))
+            raise InvalidInputError(
+                f"{argument('base_rotation', UNKNOWN)} needs {argument('method', 'icp')}, which estimates the rotation; "
+                "or give roll, pitch and yaw"
+            )
         value = as_finite(self.base_rotation, "base_rotation")
         if value.shape == (3,):
             return np.asarray(Rotation.from_euler("xyz", value).as_matrix())

@@ -21,7 +21,7 @@ from maniport.pipeline.options import (
     RobotOptions,
     TransferOptions,
 )
-from maniport.transfer import METHODS, DomainAdapter, method_of
+from maniport.transfer import METHODS, DomainAdapter, RiemannianICP, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.input_limits import SETTINGS_BYTES, read_whole
 from maniport.util.progress import Progress, no_progress
@@ -71,15 +71,20 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
         isinstance(config.method, str)
         and as_choice(config.method, "method", (AUTO, *METHODS)) == AUTO
     )
+    if selects:
+        _ = config.rotation  # raises where it is unknown or wrong
     adapter = None if selects else adapter_of(config)
     plan = plan_options(config, robot, limited.limits) if config.move else None
     return Settings(config, robot, plan, adapter, progress or no_progress)
 
 
 def adapter_of(config: TransferOptions) -> DomainAdapter:
-    """Return the unfitted adapter of the method."""
-    options: dict[str, Any] = {"random_state": config.seed, "base_rotation": config.rotation}
-    return method_of(config.method, damping=config.damping or None, **options)
+    """Return the unfitted adapter of the method; ICP estimates a base rotation that is unknown."""
+    options: dict[str, Any] = {"random_state": config.seed, "base_rotation": config.known_rotation}
+    adapter = method_of(config.method, damping=config.damping or None, **options)
+    if not isinstance(adapter, RiemannianICP):
+        _ = config.rotation  # raises where it is unknown
+    return adapter
 
 
 def read_part(recording: Recording | str | os.PathLike[str], config: HumanOptions) -> Recording:

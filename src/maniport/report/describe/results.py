@@ -180,7 +180,9 @@ def _settings(result: Result) -> Section:
         section.warn("step", *result.warnings)
         section.add("Ellipsoids", "ellipsoids", value, f"{count}, {spec.kind}, {spec.part}", about)
         methods = [arm.method for arm in result.arms]
-        section.numbers(method=methods, base_rotation=config.rotation.round(6).tolist())
+        rotation = config.known_rotation
+        matrix = None if rotation is None else rotation.round(6).tolist()
+        section.numbers(method=methods, base_rotation=matrix)
     else:
         files = [file for file in (config.profile, config.path) if file]
         section.add("Files", "sources", files)
@@ -307,7 +309,8 @@ def _distance_advice(result: Result, arm: ArmResult, motion: ArmMotion) -> Advic
     evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
     if evaluation is not None and evaluation.rejected is None:
         better = evaluation.recommended
-        if better and better != evaluation.adapter.name:
+        gaps = evaluation.values
+        if gaps.get(better, np.inf) < gaps.get(evaluation.adapter.name, 0.0):
             text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
             return Advice(text, _repeated(result, better, "method", better))
     text = "The targets are infeasible: try other methods and base rotations."

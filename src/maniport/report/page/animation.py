@@ -166,7 +166,9 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     rotation = None
     if isinstance(result, TransferResult):
         placement = result.arms[0].placement
-        rotation = result.config.rotation
+        rotation = result.config.known_rotation
+        if rotation is None:
+            rotation = result.arms[0].adapter.map_rotation_[:3, :3]
         if placement is not None:
             rotation = placement.rotation @ rotation
     return Stage(result.robot.name, tuple(bodies), rotation)
