@@ -1,4 +1,4 @@
-"""Model selection where no method is named: the length field if it passes its checks, else parallel transport."""
+"""Model selection where no method is named: the length field if it passes its checks, else a transport."""
 
 from dataclasses import replace
 
@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 import maniport as mp
+from maniport import spd
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.evaluation import select_method
+from maniport.evaluation import domain_distance, evaluate, select_method
+from maniport.evaluation.comparison import nearest_transport
 from maniport.report import as_markdown, report_of
-from maniport.transfer import name_of
+from maniport.studies.trajectories import human_evaluation
+from maniport.transfer import method_of, name_of
 from maniport.transfer.length_field.fit import FieldReport
 from sizes import SIX_ROWS
 
@@ -34,12 +37,13 @@ def chosen(request):
 def test_a_bad_length_field_is_not_chosen(chosen):
     name, (adapter, table) = chosen
     method = "length-field" if name == "panda" else "parallel-transport"
-    assert name_of(adapter) == table.adapter.name == method
+    assert name_of(adapter) == table.adapter.name == table.recommended == method
     assert bool(table.rejected) is (name != "panda")
     assert {row.name for row in table.rows} == {
         "identity",
         "mean-transport",
         "parallel-transport",
+        "scaled-transport",
         method,
     }
     gaps = {row.name: row.feasibility_gap for row in table.rows}
@@ -58,7 +62,49 @@ def test_every_check_can_fail(worse):
     assert len(replace(good, **worse).failures()) == 1
 
 
-def test_large_ellipsoids_get_parallel_transport():
+IRB140_ROWS = [
+    [0, 0.352, 0.07, -np.pi / 2], [0, 0, 0.36, 0], [0, 0, 0, -np.pi / 2],
+    [0, 0.38, 0, np.pi / 2], [0, 0, 0, -np.pi / 2], [0, 0.065, 0, 0],
+]  # fmt: skip
+IRB140_LOWER = np.radians([-180.0, -90.0, -230.0, -200.0, -115.0, -400.0])
+IRB140_UPPER = np.radians([180.0, 110.0, 50.0, 200.0, 115.0, 400.0])
+
+
+@pytest.mark.parametrize("motion", human_evaluation())
+def test_evaluation_recommends_what_selection_takes(motion):
+    """The criterion depends on the domains: it is the same for all motions and for every evaluated adapter."""
+    person = mp.load_arm("rhuman")
+    robot = mp.Arm.from_dh("irb140", IRB140_ROWS, IRB140_LOWER, IRB140_UPPER)
+    domains = mp.sample_domain(person, 1024, 0), mp.sample_domain(robot, 2048, 1)
+    profile = person.manipulability(human_evaluation()[motion][::8])
+    taken = nearest_transport(*domains, damping=0.01)
+    for method in ("identity", "mean-transport", "parallel-transport", "scaled-transport"):
+        adapter = method_of(method, damping=0.01).fit(*domains)
+        table = evaluate(adapter, *domains, profile)
+        assert table.recommended == name_of(taken) == "parallel-transport"
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 1.7])
+def test_another_dispersion_is_scaled(ratio, random_spd):
+    rng = np.random.default_rng(0)
+    teacher = random_spd(rng, 200, 3, 10.0)
+    student = 2.0 * spd.powm(random_spd(rng, 300, 3, 10.0), ratio)
+    wanted = "parallel-transport" if ratio == 1.0 else "scaled-transport"
+    assert name_of(nearest_transport(teacher, student)) == wanted
+
+
+def test_domain_distance_is_zero_between_equal_domains(random_spd):
+    rng = np.random.default_rng(1)
+    domain, other = random_spd(rng, 3000, 3), random_spd(rng, 400, 3)
+    assert domain_distance(domain, domain) == pytest.approx(0.0, abs=1e-12)
+    near, far = domain_distance(other, domain), domain_distance(3.0 * other, domain)
+    assert 0.0 < near < 0.1 * far
+    change = np.diag([1.0, 5.0, 0.2])
+    moved = domain_distance(change @ other @ change, change @ domain @ change)
+    assert moved == pytest.approx(near, rel=1e-3)
+
+
+def test_large_ellipsoids_get_a_transport():
     """For 6×6 the field is not fitted."""
     person, robot, spec = (
         mp.load_arm("rhuman"),
@@ -67,8 +113,9 @@ def test_large_ellipsoids_get_parallel_transport():
     )
     domains = [mp.sample_domain(arm, 64, 0, spec=spec) for arm in (person, robot)]
     profile = person.ellipsoids(person.sample(5, 0), spec)
-    adapter, _ = select_method(*domains, profile, robot=robot, spec=spec, damping=0.01)
-    assert isinstance(adapter, mp.ParallelTransport)
+    adapter, table = select_method(*domains, profile, robot=robot, spec=spec, damping=0.01)
+    assert name_of(adapter) == table.recommended
+    assert isinstance(adapter, mp.ParallelTransport | mp.ScaledTransport)
 
 
 def test_bad_input_is_refused():

@@ -15,6 +15,7 @@ from maniport.evaluation.metrics import (
     Gaps,
     Row,
     distance_preservation,
+    domain_distance,
     rmse,
     step_ratio,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "Row",
     "compare_capability",
     "distance_preservation",
+    "domain_distance",
     "ellipsoid_extent",
     "evaluate",
     "half_sphere",

@@ -4,20 +4,27 @@ The functions take SPD matrices with the same regularization on both sides; dist
 comparable. They raise `NotSPDError` when a matrix is not SPD, and `InvalidInputError` when the counts differ or there
 is no motion or dispersion to compare.
 
-A method without any weakness is sound. Recommended is, of the sound methods (of all, where none is), the first in the
-order of `maniport.transfer.METHODS` whose mean feasibility gap no other undercuts by more than 5 %. Where the truth is
-known, the root mean squared error decides alone.
+Without a known truth, a method is recommended by the criterion of `maniport.evaluation.select_method`, which depends on
+the domains and the robot and not on the profile: a length field that passes its checks, else the first of parallel
+transport, scaled transport and the evaluated adapter whose `domain_distance` no other undercuts by more than 5 %. The
+adapter takes part if it has no weakness. Identity and mean transport are baselines only: the first ignores the domains,
+and the second is not equivariant, so that its result depends on the frame. Where the truth is known, the root mean
+squared error decides alone, and the first in the order of `maniport.transfer.METHODS` within 5 % is recommended.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.distance import cdist
 
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
+from maniport.spd.kernels import congruence, roots
+from maniport.spd.matrix_functions import logarithm, to_vector
 from maniport.spd.mean import mean
 from maniport.transfer import METHODS
 from maniport.transfer.length_field.fit import AXIS_MOVED, MIN_RANK_CORRELATION
@@ -26,13 +33,15 @@ from maniport.util.sampling import evenly_spaced, rank_correlation
 from maniport.util.validation import Array, as_count, as_points
 
 STILL = 1e-9  # Largest distance that counts as rounding
-BASELINES = (
-    "identity",
-    "mean-transport",
+TRANSPORTS = (
     "parallel-transport",
-)  # The default baselines, cheapest first
+    "scaled-transport",
+)  # The rigid maps in closed form that fit the domains, the one of fewer parameters first
+BASELINES = ("identity", "mean-transport", *TRANSPORTS)  # The default baselines
+NEVER_RECOMMENDED = ("identity", "mean-transport", "nearest-neighbor")  # Without a known truth
 RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to count as better
 MAX_STEP_RATIO = 1.5
+MOST_OF_DOMAIN = 2048  # Most ellipsoids of a domain whose pairwise distances are computed
 
 
 @dataclass(frozen=True)
@@ -139,6 +148,44 @@ def distance_preservation(
     return DistancePreservation(rank, float(np.median(angles)) if len(angles) else None)
 
 
+def domain_distance(mapped: ArrayLike, student: ArrayLike) -> float:
+    """Compute the energy distance between a mapped domain and the student's, of log-vectors about the latter's mean.
+
+    D = 2 E|x − y| − E|x − x'| − E|y − y'|, zero for equal domains. Domains need no pairs and may differ in size; the same
+    subset of at most 2048 ellipsoids of each is taken for every map.
+
+    Parameters
+    ----------
+    mapped, student : array_like, shapes (n, d, d) and (m, d, d)
+        SPD.
+    """
+    images = subset_of_domain(as_points(mapped, "mapped", copy=False))
+    own = subset_of_domain(as_points(student, "student", images.shape[-1], copy=False))
+    whitening = roots(mean(own))[1]
+    image_vectors = to_vector(logarithm(congruence(whitening, images)))
+    own_vectors = to_vector(logarithm(congruence(whitening, own)))
+    between = cdist(image_vectors, own_vectors).mean()
+    within = cdist(image_vectors, image_vectors).mean() + cdist(own_vectors, own_vectors).mean()
+    return float(2.0 * between - within)
+
+
+def subset_of_domain(points: Array) -> Array:
+    """Return all ellipsoids (n, d, d), or 2048 random ones, the same for all domains of this size."""
+    if len(points) <= MOST_OF_DOMAIN:
+        return points
+    order = np.random.default_rng(0).permutation(len(points))
+    return points[order[:MOST_OF_DOMAIN]]
+
+
+def first_of_least(values: Mapping[str, float]) -> str:
+    """Return the first name whose value no other undercuts by more than 5 %; empty where there is none."""
+    least = min(values.values(), default=0.0)
+    for name, value in values.items():
+        if RELEVANT_RATIO * value <= least:
+            return name
+    return ""
+
+
 def _as_pair(
     first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int
 ) -> tuple[Array, Array]:
@@ -187,6 +234,8 @@ class Row:
         A remark.
     rmse : RMSE or None
         Where the truth is known.
+    domain_distance : float or None
+        Of the mapped domain of the teacher from the student's, see `domain_distance`.
     feasibility_gap : Gaps or None
         Of the profile; None without the student's kinematics.
     step_ratio : float or None
@@ -201,6 +250,7 @@ class Row:
     name: str
     note: str = ""
     rmse: RMSE | None = None
+    domain_distance: float | None = None
     feasibility_gap: Gaps | None = None
     step_ratio: float | None = None
     preservation: DistancePreservation | None = None
@@ -280,16 +330,31 @@ class Evaluation(NotebookDisplay):
 
     @property
     def recommended(self) -> str:
-        """Recommended method; empty where nothing is compared."""
-        values, order = self.values, list(METHODS)
-        rows = [
-            row
-            for row in self.rows
-            if row.name in values and (row.name in METHODS or row is self.adapter)
-        ]
-        if self.measure != "rmse":
-            rows = [row for row in rows if row.name != "nearest-neighbor"]
-            rows = [row for row in rows if not (row.weaknesses or row.failures)] or rows
-        names = sorted((row.name for row in rows), key=lambda name: (*order, name).index(name))
-        best = min((values[name] for name in names), default=0.0)
-        return next((name for name in names if RELEVANT_RATIO * values[name] <= best), "")
+        """Recommended method; empty where nothing is compared. The criterion is that of this module."""
+        if self.measure == "rmse":
+            return self._most_accurate()
+
+        candidates = []  # rows
+        for name in TRANSPORTS:
+            candidates += [row for row in self.rows if row.name == name]
+        for row in self.rows:
+            if row.name == "length-field" and not row.failures:
+                return row.name
+        own = self.adapter
+        is_candidate = own.name not in (*TRANSPORTS, *NEVER_RECOMMENDED)
+        if is_candidate and not (own.weaknesses or own.failures):
+            candidates.append(own)
+        distances = {}
+        for row in candidates or self.rows:
+            if row.domain_distance is not None and row.name != "nearest-neighbor":
+                distances[row.name] = row.domain_distance
+        return first_of_least(distances)
+
+    def _most_accurate(self) -> str:
+        """Return the first method, in the order of `METHODS`, whose error no other undercuts by more than 5 %."""
+        errors = self.values
+        ordered = {}
+        for name in (*METHODS, self.adapter.name):
+            if name in errors:
+                ordered[name] = errors[name]
+        return first_of_least(ordered)

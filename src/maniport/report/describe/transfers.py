@@ -90,15 +90,17 @@ class Column:
     """A column of the comparison: attributes of a measure of a row, and their meaning."""
 
     name: str
-    measure: Literal["rmse", "feasibility_gap", "preservation"]
-    attributes: tuple[str, ...]
+    measure: Literal["rmse", "domain_distance", "feasibility_gap", "preservation"]
+    attributes: tuple[str, ...]  # empty where the measure is a number
     meaning: str
 
     def cell(self, row: Row) -> str:
         """Write the attributes of a row, or a dash where the measure does not apply."""
         measured = getattr(row, self.measure)
-        if not measured:
+        if measured is None:
             return "–"
+        if not self.attributes:
+            return f"{measured:.4f}"
         numbers = [f"{getattr(measured, attribute):.3f}" for attribute in self.attributes]
         return " / ".join(numbers)
 
@@ -115,6 +117,12 @@ COLUMNS = (
         measure="feasibility_gap",
         attributes=("mean", "p95", "largest"),
         meaning="distance from the targets to the feasible set, an upper bound: mean / 95 % / max",
+    ),
+    Column(
+        name="domain distance",
+        measure="domain_distance",
+        attributes=(),
+        meaning="energy distance of the mapped domain from the robot's",
     ),
     Column(
         name="rank correlation",
@@ -161,7 +169,7 @@ def _comparison_table(evaluation: Evaluation) -> Table:
     """Return the measures of all methods; JSON has all metrics of each."""
     columns = []
     for column in COLUMNS:
-        if any(getattr(row, column.measure) for row in evaluation.rows):
+        if any(getattr(row, column.measure) is not None for row in evaluation.rows):
             columns.append(column)
 
     lines = []
