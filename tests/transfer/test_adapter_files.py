@@ -16,7 +16,8 @@ from maniport.util import files
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 ADAPTERS = [
-    mp.ParallelTransport(damping=0.01, base_rotation=TURN), mp.ScaledTransport(), mp.NearestNeighbor(damping=0.05, n_samples=9),
+    mp.ParallelTransport(damping=0.01, base_rotation=TURN), mp.ScaledTransport(),
+    mp.NearestNeighbor(damping=0.05, n_samples=9),
     mp.RiemannianICP(damping=np.float64(0.1), correspondence="geodesic", n_starts=0, most_singular=8),
     mp.LengthField(n_rounds=2),
 ]  # fmt: skip

@@ -380,7 +380,7 @@ _TABLE: tuple[Option, ...] = (
     Integer(
         "components",
         "learning",
-        "Number of Gaussians; default: minimum of the BIC",
+        "Number of Gaussians; default: most likely held-out points",
         minimum=1,
         common=True,
     ),
@@ -553,7 +553,7 @@ class MapOptions(Options):
         if isinstance(self.base_rotation, str):
             as_choice(self.base_rotation, "base_rotation", (UNKNOWN,))
             raise InvalidInputError(
-                f"{argument('base_rotation', UNKNOWN)} needs {argument('method', 'icp')}, which estimates the rotation; "
+                f"{argument('base_rotation', UNKNOWN)} needs {argument('method', 'icp')}, which estimates it; "
                 "or give roll, pitch and yaw"
             )
         value = as_finite(self.base_rotation, "base_rotation")
