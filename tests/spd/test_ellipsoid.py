@@ -93,3 +93,12 @@ def test_mandel_vectors_have_the_stated_order():
     assert_allclose(
         spd.to_vector(matrix), [1, 2, 3, 4 * 2**0.5, 5 * 2**0.5, 6 * 2**0.5], rtol=1e-15
     )
+
+
+def test_numbers_of_single_matrices_are_floats():
+    point, other = np.eye(3), 2.0 * np.eye(3)
+    for value in (spd.distance(point, other), spd.volume(point), spd.inner(point, other, point)):
+        assert isinstance(value, float)
+    assert spd.distance(point, other) == pytest.approx(np.sqrt(3.0) * np.log(2.0), rel=1e-12)
+    for values in (spd.distance(point[None], other), spd.volume(other[None])):
+        assert values.shape == (1,)

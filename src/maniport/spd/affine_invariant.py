@@ -17,10 +17,17 @@ from scipy.spatial import cKDTree
 from maniport.errors import NotSPDError
 from maniport.spd.kernels import cholesky, compose, congruence, distances, eigh, factored, roots
 from maniport.spd.matrix_functions import apply, bounded, logarithm, to_vector
-from maniport.util.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
+from maniport.util.validation import (
+    Array,
+    as_finite,
+    as_scalar,
+    as_spd,
+    as_symmetric,
+    require_broadcast,
+)
 
 
-def distance(a: ArrayLike, b: ArrayLike) -> Array:
+def distance(a: ArrayLike, b: ArrayLike) -> Array | np.float64:
     """Geodesic distance d(A, B) = ‖log(A^-½ B A^-½)‖_F = sqrt(Σ log² λ_i(A⁻¹B)).
 
     Parameters
@@ -30,7 +37,7 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
 
     Returns
     -------
-    ndarray, shape (...)
+    ndarray, shape (...), or float for two matrices
         Dimensionless: the root of the summed squared logarithms of the axis ratios (of the squared semi-axes).
 
     Raises
@@ -41,14 +48,14 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
     points_a = as_spd(a, "a", copy=False)
     points_b = as_spd(b, "b", points_a.shape[-1], copy=False)
     require_broadcast(a=points_a, b=points_b)
-    return distances(points_a, points_b)
+    return as_scalar(distances(points_a, points_b))
 
 
 Indices = NDArray[np.intp]
 distance_unchecked = distances  # Same as `distance` on float64 arrays that are known to be SPD
 
 
-def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
+def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array | np.float64:
     """Inner product tr(P⁻¹ L₁ P⁻¹ L₂) of two tangents.
 
     Parameters
@@ -60,16 +67,17 @@ def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
 
     Returns
     -------
-    ndarray, shape (...)
+    ndarray, shape (...), or float for one point
     """
     point = as_spd(base, "base")
     d = point.shape[-1]
     left = as_symmetric(first, "first", d)
     right = as_symmetric(second, "second", d)
     require_broadcast(base=point, first=left, second=right)
-    return np.asarray(
-        np.einsum("...ij,...ji->...", np.linalg.solve(point, left), np.linalg.solve(point, right))
+    products = np.einsum(
+        "...ij,...ji->...", np.linalg.solve(point, left), np.linalg.solve(point, right)
     )
+    return as_scalar(np.asarray(products))
 
 
 def log(base: ArrayLike, point: ArrayLike) -> Array:

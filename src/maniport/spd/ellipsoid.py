@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.spd.kernels import eigh
-from maniport.util.validation import Array, as_positive_semidefinite
+from maniport.util.validation import Array, as_positive_semidefinite, as_scalar
 
 
 def axes(points: ArrayLike) -> tuple[Array, Array]:
@@ -43,7 +43,7 @@ def lengths(points: ArrayLike) -> Array:
     return axes(points)[0]
 
 
-def volume(points: ArrayLike) -> Array:
+def volume(points: ArrayLike) -> Array | np.float64:
     """Volume of the ellipsoid (area for d = 2): that of the unit ball times the product of the semi-axes.
 
     Parameters
@@ -53,10 +53,11 @@ def volume(points: ArrayLike) -> Array:
 
     Returns
     -------
-    ndarray, shape (...)
+    ndarray, shape (...), or float for one ellipsoid
     """
     semi_axes = lengths(points)
-    return np.asarray(unit_ball_volume(semi_axes.shape[-1]) * np.prod(semi_axes, axis=-1))
+    volumes = unit_ball_volume(semi_axes.shape[-1]) * np.prod(semi_axes, axis=-1)
+    return as_scalar(np.asarray(volumes))
 
 
 def unit_ball_volume(d: int) -> float:

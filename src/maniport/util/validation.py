@@ -180,6 +180,13 @@ def as_points(
     return array
 
 
+def as_scalar(values: Array) -> Array | np.float64:
+    """Return an array of numbers as it is, and one without axes as the number, which is a float."""
+    if values.ndim == 0:
+        return np.float64(values)
+    return values
+
+
 def require_broadcast(**arrays: Array) -> None:
     """Raise unless the leading axes of matrices, shapes (..., d, d), broadcast against each other."""
     try:
