@@ -46,7 +46,9 @@ def main(folder):
     lengths = ", ".join(str(len(time)) for time in times)
     print(f"demonstrations of {lengths} ellipsoids, aligned to {len(alignment.time)}")
 
-    model = mp.ProfileGMM().fit(*alignment.stacked())  # BIC selects the number of Gaussians
+    model = mp.ProfileGMM().fit(
+        *alignment.stacked()
+    )  # held-out ones select the number of Gaussians
     profile, covariance = model.predict(alignment.time, return_covariance=True)
     deviations = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     similar = deviations < np.median(deviations)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import chi2
 from sklearn.base import clone
 from sklearn.mixture import GaussianMixture
 
@@ -66,9 +67,7 @@ def test_small_spread_equals_the_euclidean_mixture():
     scale = np.r_[1.0, np.full(6, small)]
     assert_allclose(model.covariances_ / np.outer(scale, scale), flat.covariances_, atol=2e-3)
     assert model.log_likelihood_ + 6 * np.log(small) == pytest.approx(flat.score(scaled), abs=1e-4)
-    assert model.bic_curve_[0] - 2 * 400 * 6 * np.log(small) == pytest.approx(
-        flat.bic(scaled), abs=0.1
-    )
+    assert model.held_out_ == {}
 
 
 def _in_flat(model, small):
@@ -86,15 +85,36 @@ def test_likelihood_rises_in_em(demonstrate):
 
 
 @pytest.mark.parametrize("count", [1, 4])
-def test_bic_finds_the_number_of_separate_components(count, scatter):
+def test_held_out_points_find_the_number_of_separate_components(count, scatter):
     rng = np.random.default_rng(count)
     centers = spd.expm(spd.from_vector(1.5 * rng.standard_normal((count, 6))))
     which = np.arange(160) % count
     points = scatter(centers[which], 0.1 * rng.standard_normal((160, 6)))
     model = ProfileGMM().fit(which + 0.1 * rng.standard_normal(160), points)
     assert model.n_components_ == count
-    assert len(model.bic_curve_) == (2 if count == 1 else 4)
+    assert max(model.held_out_, key=model.held_out_.get) == count
+    assert len(model.held_out_) == (3 if count == 1 else 6)
     assert_allclose(np.sort(model.weights_), 1 / count, atol=0.05)
+
+
+def covered(model, demonstration):
+    """Share of a demonstration inside the 95 % ellipsoids of a model."""
+    expected, covariance = model.predict(TIME, return_covariance=True)
+    whitening = spd.powm(expected, -0.5)
+    errors = spd.to_vector(spd.logm(whitening @ demonstration @ whitening))
+    squares = np.einsum("na,nab,nb->n", errors, np.linalg.inv(covariance), errors)
+    return float(np.mean(squares <= chi2.ppf(0.95, 6)))
+
+
+def test_default_model_covers_a_further_demonstration(demonstrate):
+    """Of smooth deviations, many Gaussians have a smaller covariance than five demonstrations justify."""
+    demos = demonstrate(np.random.default_rng(1), 6, TIME, 0.3, smooth=True)
+    times, groups = np.tile(TIME, 5), np.repeat(np.arange(5), len(TIME))
+    model = ProfileGMM().fit(times, demos[:5].reshape(-1, 3, 3), groups)
+    many = ProfileGMM(6).fit(times, demos[:5].reshape(-1, 3, 3), groups)
+    assert model.n_components_ < 6
+    assert covered(model, demos[5]) > covered(many, demos[5]) + 0.1
+    assert model.held_out_[model.n_components_] == max(model.held_out_.values())
 
 
 def covariance_tensor(ellipsoids, covariance):

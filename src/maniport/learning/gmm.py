@@ -7,17 +7,18 @@ deviate independently: 0.78 to 0.94 without, 0.97 to 1.00 with.
 """
 
 import warnings
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotFittedError
 from maniport.estimator import Estimator
-from maniport.learning.mixture import Mixture, expectation_maximization, regressed
+from maniport.learning.mixture import Mixture, expectation_maximization, log_likelihood, regressed
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.progress import Progress, Step, pieces
+from maniport.util.progress import Progress, Step
 from maniport.util.validation import (
     Array,
     as_count,
@@ -26,6 +27,12 @@ from maniport.util.validation import (
     as_points,
     require_shape,
 )
+
+COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)  # numbers of Gaussians that are tried
+PATIENCE = 2  # of these without a larger held-out likelihood end the search
+PARTS = 5  # Most parts that are held out, one after another
+HELD_OUT_TOL = 1e-2  # EM of these fits ends earlier: numbers of Gaussians differ by more
+HELD_OUT_STEPS = 50
 
 
 class ProfileGMM(NotebookDisplay, Estimator):
@@ -38,8 +45,10 @@ class ProfileGMM(NotebookDisplay, Estimator):
     Parameters
     ----------
     n_components : int, optional
-        Number of Gaussians. Default: of 1, 2, 4, … up to 32, or as many as the points allow, the last before the BIC
-        grows.
+        Number of Gaussians. Default: that of the largest likelihood of held-out points, of 1 to 6, 8, 10, 12, 16, … up
+        to 32, or as many as the points allow. With at least three `groups`, whole demonstrations are held out, in at
+        most five parts; otherwise every fifth point in the order of time, which overrates demonstrations that deviate
+        smoothly. The search ends after two numbers without a larger likelihood.
     regularization : float
         Added to the variances in log coordinates and, times the variance of the times, to theirs.
     max_iter : int
@@ -63,8 +72,8 @@ class ProfileGMM(NotebookDisplay, Estimator):
     converged_ : bool
     n_demonstrations_ : int or None
         Number of different `groups`.
-    bic_curve_ : ndarray
-        BIC of each number of components that was tried, 1, 2, 4, …
+    held_out_ : dict of int to float
+        Mean log-likelihood of held-out points by each number of components that was tried; empty where it was given.
 
     References
     ----------
@@ -127,34 +136,18 @@ class ProfileGMM(NotebookDisplay, Estimator):
                 f"time must not be the same everywhere; found {times[0]:g} {len(times)} times"
             )
         demonstrations = _number_of(groups, len(points))
-        counts = self._component_counts(points)
         regularization = as_number(self.regularization, "regularization", above=0.0)
         tol = as_number(self.tol, "tol", above=0.0)
         max_iter = as_count(self.max_iter, "max_iter")
         ridge = regularization * np.r_[np.var(times), np.ones(points_each(points.shape[-1]) - 2)]
         step = Step(progress, "Fit Gaussian mixture")
-        fits = []
-        curve = list[float]()
+        data = _Data(times, points, ridge)
         with threadpool_limits(
             1
         ):  # threads cost more than they bring on matrices this small, and far more when busy
-            for count, part in zip(counts, pieces(step, *counts), strict=True):
-                interval = np.searchsorted(
-                    np.quantile(times, np.arange(1, count) / count), times, side="right"
-                )
-                fits.append(
-                    expectation_maximization(
-                        times, points, np.eye(count)[interval], ridge, tol, max_iter
-                    )
-                )
-                part(1.0)
-                k, s = fits[-1][0].covariances.shape[:2]
-                likelihood = max(fits[-1][1])
-                free = k - 1 + k * s + k * s * (s + 1) // 2
-                curve.append(free * np.log(len(points)) - 2.0 * len(points) * likelihood)
-                if curve[-1] > min(curve):
-                    break
-        mixture, history, self.converged_ = fits[int(np.argmin(curve))]
+            parts = _held_out_parts(times, groups, demonstrations)
+            count, held_out = self._component_count(data, parts, step)
+            mixture, history, self.converged_ = data.fit(count, tol, max_iter)
         if not self.converged_:
             warnings.warn(
                 f"EM with {len(mixture.weights)} components stopped after {self.max_iter} steps; the mean "
@@ -168,24 +161,40 @@ class ProfileGMM(NotebookDisplay, Estimator):
         self.covariances_ = mixture.covariances
         self.history_ = np.array(history)
         self.log_likelihood_ = max(history)
-        self.bic_curve_ = np.array(curve)
+        self.held_out_ = held_out
         self.n_components_ = len(mixture.weights)
         self.n_demonstrations_ = demonstrations
         step.end(f"{self.n_components_} Gaussians, mean log-likelihood {self.log_likelihood_:.3g}")
         return self
 
-    def _component_counts(self, points: Array) -> list[int]:
-        """Return the numbers of components to try: `n_components`, or 1, 2, 4, … that the points allow."""
-        fewest = points_each(points.shape[-1])
-        allowed = len(points) // fewest
-        counts = [2**i for i in range(6) if 2**i <= max(allowed, 1)]
+    def _component_count(
+        self, data: "_Data", parts: NDArray[np.intp], step: Step
+    ) -> tuple[int, dict[int, float]]:
+        """Return `n_components`, or the number of the largest likelihood of held-out parts, and those likelihoods."""
+        fewest = points_each(data.points.shape[-1])
+        allowed = len(data.times) // fewest
         if self.n_components is not None:
-            counts = [as_count(self.n_components, "n_components")]
-        if counts[-1] > allowed:
-            raise InvalidInputError(
-                f"{counts[-1]} components need {counts[-1] * fewest} ellipsoids, {fewest} each; found {len(points)}"
-            )
-        return counts
+            count = as_count(self.n_components, "n_components")
+            _require_points(count, allowed, fewest, len(data.times))
+            return count, {}
+
+        _require_points(1, allowed, fewest, len(data.times))
+        likelihoods: dict[int, float] = {}
+        best = 1
+        for place, count in enumerate(COUNTS):
+            if count > allowed:
+                break
+            step(place / len(COUNTS))
+            likelihood = data.held_out_likelihood(count, parts)
+            if likelihood is None:  # too few points without a part
+                break
+            likelihoods[count] = likelihood
+            if likelihood > likelihoods[best]:
+                best = count
+            tried = list(likelihoods)
+            if len(tried) - 1 - tried.index(best) == PATIENCE:
+                break
+        return best, likelihoods
 
     def predict(
         self, time: ArrayLike, return_covariance: bool = False
@@ -221,6 +230,56 @@ class ProfileGMM(NotebookDisplay, Estimator):
         if return_covariance:
             return centers, covariance
         return centers
+
+
+def _require_points(count: int, allowed: int, fewest: int, found: int) -> None:
+    """Raise where there are too few points for a number of components."""
+    if count > allowed:
+        raise InvalidInputError(
+            f"{count} components need {count * fewest} ellipsoids, {fewest} each; found {found}"
+        )
+
+
+@dataclass(frozen=True)
+class _Data:
+    """Points of all demonstrations."""
+
+    times: Array  # (n,)
+    points: Array  # (n, d, d)
+    ridge: Array  # (1 + m,), added to the variances
+
+    def fit(self, count: int, tol: float, max_iter: int) -> tuple[Mixture, list[float], bool]:
+        """Fit a mixture by EM, from intervals of time with equal numbers of points."""
+        bounds = np.quantile(self.times, np.arange(1, count) / count)
+        interval = np.searchsorted(bounds, self.times, side="right")
+        shares = np.eye(count)[interval]
+        return expectation_maximization(self.times, self.points, shares, self.ridge, tol, max_iter)
+
+    def held_out_likelihood(self, count: int, parts: NDArray[np.intp]) -> float | None:
+        """Return the mean log-likelihood of points whose part (n,) is left out of the fit; None for too few points."""
+        total = 0.0
+        for part in np.unique(parts):
+            outside = parts == part
+            kept = _Data(self.times[~outside], self.points[~outside], self.ridge)
+            is_enough = len(kept.times) >= count * points_each(self.points.shape[-1])
+            if not is_enough or np.ptp(kept.times) == 0.0:
+                return None
+            mixture, _, _ = kept.fit(count, HELD_OUT_TOL, HELD_OUT_STEPS)
+            likelihood = log_likelihood(mixture, self.times[outside], self.points[outside])
+            total += likelihood * outside.sum()
+        return float(total / len(parts))
+
+
+def _held_out_parts(
+    times: Array, groups: ArrayLike | None, demonstrations: int | None
+) -> NDArray[np.intp]:
+    """Return the number of the part (n,) with which each point is held out."""
+    if groups is not None and demonstrations is not None and demonstrations >= 3:
+        _, numbers = np.unique(np.asarray(groups), return_inverse=True)
+        return np.asarray(numbers.reshape(-1) % PARTS, dtype=np.intp)
+    parts = np.empty(len(times), dtype=np.intp)
+    parts[np.argsort(times, kind="stable")] = np.arange(len(times)) % PARTS
+    return parts
 
 
 def points_each(d: int) -> int:

@@ -43,6 +43,22 @@ def _log_density(deviations: Array, covariances: Array) -> Array:
     return np.asarray((-0.5 * np.sum(whitened**2, axis=-2) - constant[:, None]).T)
 
 
+def _deviations(times: Array, points: Array, centers: tuple[Array, Array]) -> Array:
+    """Return deviations (K, n, 1 + m) of times and points (n, d, d) from mean times (K,) and ellipsoids (K, d, d)."""
+    mean_times, ellipsoids = centers
+    values, vectors = whitened_eigh(roots(ellipsoids)[1][:, None], points[None])
+    away = times - mean_times[:, None]
+    logarithms = to_vector(compose(np.log(values), vectors))
+    return np.concatenate([away[..., None], logarithms], axis=-1)
+
+
+def log_likelihood(mixture: Mixture, times: Array, points: Array) -> float:
+    """Return the mean log-density of times (n,) and points (n, d, d)."""
+    deviations = _deviations(times, points, (mixture.times, mixture.ellipsoids))
+    joint = np.log(mixture.weights) + _log_density(deviations, mixture.covariances)
+    return float(logsumexp(joint, axis=1).mean())
+
+
 def expectation_maximization(
     times: Array, points: Array, shares: Array, ridge: Array, tol: float, max_iter: int
 ) -> tuple[Mixture, list[float], bool]:
@@ -55,11 +71,7 @@ def expectation_maximization(
         counts = shares.sum(axis=0)
         own = (shares / counts).T  # (K, n)
         centers = np.stack([mean(points, weights) for weights in own])
-        values, vectors = whitened_eigh(roots(centers)[1][:, None], points[None])
-        away = times - (own @ times)[:, None]
-        deviations = np.concatenate(
-            [away[..., None], to_vector(compose(np.log(values), vectors))], axis=-1
-        )
+        deviations = _deviations(times, points, (own @ times, centers))
         covariances = np.swapaxes(deviations * own[..., None], -1, -2) @ deviations
         covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2)) + np.diag(ridge)
         mixture = Mixture(counts / counts.sum(), own @ times, centers, covariances)
