@@ -60,6 +60,9 @@ class ArmMotion(Trajectory):
     pointwise_best : ndarray, shape (n,), or None
         Distances of the pointwise optimum of a planned motion: the smallest found for each waypoint by itself, with the
         end effector on the path (at most 250 waypoints; its square is linear between them), or achieved by the motion.
+    local_minimum : ndarray of bool, shape (n,), or None
+        Waypoints at which a tracked motion without path and orientation is in a local minimum of the distance, more
+        than 0.05 above the least one that is found; see `maniport.motion.track`. At most 16 waypoints are searched.
     clearance : Clearance
         Of a planned motion, together with all other arms.
     directed : bool
@@ -84,6 +87,7 @@ class ArmMotion(Trajectory):
     velocity_limits: Array
     demonstrated_time: Array | None = None
     pointwise_best: Array | None = None
+    local_minimum: NDArray[np.bool_] | None = None
     clearance: Clearance = field(default_factory=Clearance)
     directed: bool = False
 

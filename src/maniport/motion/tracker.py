@@ -1,7 +1,8 @@
 """An arm, or a group of arms, follows target ellipsoids and paths step by step with the `Controller`."""
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -10,11 +11,12 @@ from threadpoolctl import ThreadpoolController
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions, as_collisions
-from maniport.errors import InvalidInputError
+from maniport.errors import ConvergenceWarning, InvalidInputError
 from maniport.motion.collision_limit import Limit
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost, as_costs
 from maniport.motion.costs.orientation import axis_weights
+from maniport.motion.local_minima import local_minima
 from maniport.motion.problem import FOLLOWING_WEIGHT, ArmProblem, CostWeights
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.targets import (
@@ -76,6 +78,9 @@ def track(
     """Track target ellipsoids and target paths of end effectors with a controller.
 
     Ellipsoids and paths may be infeasible. Where the quadratic program of a step has no solution, the arm brakes.
+    A controller descends from the present configuration: it may stop in a local minimum although the target is
+    reachable, which `ArmMotion.local_minimum` and a `ConvergenceWarning` report. Another start avoids it, or
+    `maniport.motion.plan_motion`, which searches from many configurations.
 
     Parameters
     ----------
@@ -136,7 +141,8 @@ def track(
     )
     trajectory = Trajectory.of_positions(group, waypoint_times, control_time, joints)
     at_waypoints = _problems(group, checked, weights)
-    result = RobotMotion.of(group, at_waypoints, trajectory, model, speeds, held=held)
+    motion = RobotMotion.of(group, at_waypoints, trajectory, model, speeds, held=held)
+    result = with_local_minima(motion, at_waypoints)
     step.end()
     return result
 
@@ -148,6 +154,23 @@ def _problems(
     for arm, target in zip(group.arms, targets, strict=True):
         problems.append(ArmProblem.of(arm, target, weights))
     return tuple(problems)
+
+
+def with_local_minima(motion: RobotMotion, problems: Sequence[ArmProblem]) -> RobotMotion:
+    """Return a motion with the local minima of each arm, and warn of them."""
+    arms = []
+    for arm, problem in zip(motion.arms, problems, strict=True):
+        flags = None
+        if not problem.pose_costs:
+            flags = local_minima(problem, arm.joint_positions)
+            if flags.any():
+                text = (
+                    f"{arm.arm!r} stops in a local minimum at {flags.sum()} of {len(flags)} waypoints although nearer "
+                    "ellipsoids are reachable: start elsewhere, or use plan_motion"
+                )
+                warnings.warn(text, ConvergenceWarning, stacklevel=3)
+        arms.append(replace(arm, local_minimum=flags))
+    return replace(motion, arms=tuple(arms))
 
 
 def follow(
