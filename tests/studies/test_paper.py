@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from maniport.errors import InvalidInputError, OutputError
 from maniport.report import as_numbers
 from maniport.studies import run, trajectories
-from maniport.studies.experiments import OURS, PAPER, SAME, Experiment, paper_table
+from maniport.studies.experiments import OURS, OWN_MEANS, PAPER, SAME, Experiment, paper_table
 from maniport.studies.run import compare
 
 
@@ -63,6 +63,15 @@ def test_exact_images_are_recovered(outcomes):
     ]
     assert len(same) == 3 * len(paper_table("II"))
     assert max(x.undivided for x in same) < 1e-6
+
+
+def test_parallel_transport_with_the_means_of_the_evaluation_is_an_attempt(outcomes):
+    """Errors of the row "400, PT only", which has paired samples, and of this attempt: neither are the paper's."""
+    rows = [x for x in outcomes["two-dof"] if x.settings == PAPER and x.method == "PT only"]
+    own = [x.per_dispersion for x in rows if (x.table, x.row) == ("II", 1)]
+    attempt = [x.per_dispersion for x in rows if x.data == OWN_MEANS]
+    assert_allclose(own, [1.861, 1.633, 1.707], atol=2e-3)
+    assert_allclose(attempt, [1.234, 1.396, 1.426], atol=2e-3)
 
 
 def test_files_agree(folder, reproduction, outcomes):
