@@ -12,6 +12,7 @@ from maniport.arms import load_arm
 
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(FOLDER.glob("*.py"))
+OTHER_DATA = "13_other_spd_data.py"
 PLACED, PHYSICS = "06_place_and_track.py", "08_replay_in_mujoco.py"
 LINKS = tuple(f"panda_link{i}" for i in range(1, 8))
 
@@ -33,3 +34,14 @@ def test_the_physical_panda_is_the_panda():
         assert_allclose(data.xpos[1:], panda.point_positions(q, LINKS), atol=1e-12)
         assert_allclose(data.qfrc_actuator, panda.gravity_torques(q), atol=1e-9)
         assert_allclose(data.qacc, 0.0, atol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
+def test_other_spd_data_are_registered():
+    """Without classes of the new session, ICP classifies as well as pyRiemann's rotation with them."""
+    pytest.importorskip("pyriemann.transfer")
+    accuracy, errors = runpy.run_path(str(FOLDER / OTHER_DATA))["main"]()
+    assert accuracy["as it is"] < 0.8
+    assert accuracy["RiemannianICP"] >= accuracy["… TLRotate, classes"] - 0.02
+    assert accuracy["ScaledTransport"] >= accuracy["TLCenter, TLScale"] - 0.02
+    assert max(errors.values()) < 1e-6
