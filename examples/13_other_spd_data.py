@@ -1,9 +1,8 @@
 """Registration of other SPD data: covariances of two sessions, stiffness and inertia.
 
-A classifier of covariance matrices is trained in one session and used in another, in which all matrices are moved,
-stretched and rotated, as in pyRiemann's example of transfer learning. Its TLCenter, TLScale and TLRotate, the last of
-which needs classes of the new session, stand beside adapters, which need none. Then stiffness and inertia matrices in an
-unknown frame are mapped back, which can be checked matrix by matrix.
+A classifier of covariance matrices is used in another session, in which all matrices are moved, stretched and rotated.
+TLCenter, TLScale and TLRotate of pyRiemann stand beside adapters; only TLRotate needs classes of the new session. Then
+stiffness and inertia matrices in an unknown frame are mapped back.
 
     python 13_other_spd_data.py
 """
@@ -17,25 +16,13 @@ from sklearn.pipeline import make_pipeline
 import maniport as mp
 
 OLD, NEW = "source_domain", "target_domain"
+SESSIONS = {"class_sep": 2.0, "class_disp": 0.6, "domain_sep": 5.0, "theta": 0.6, "stretch": 1.5}
 ADAPTERS = (mp.ParallelTransport(), mp.ScaledTransport(), mp.RiemannianICP())
-
-
-def sessions(seed):
-    """Return matrices of both sessions with domain and class in one label each."""
-    return make_classification_transfer(
-        100,
-        class_sep=2.0,
-        class_disp=0.6,
-        domain_sep=5.0,
-        theta=0.6,
-        stretch=1.5,
-        random_state=seed,
-    )
 
 
 def accuracies(seed):
     """Return the share of right classes of the new session's second half, by method."""
-    matrices, labels = sessions(seed)
+    matrices, labels = make_classification_transfer(100, **SESSIONS, random_state=seed)
     _, classes, domains = decode_domains(matrices, labels)
     new = np.flatnonzero(domains == NEW)
     test = new[1::2]
@@ -46,8 +33,7 @@ def accuracies(seed):
 
     steps = (TLCenter(NEW), TLScale(NEW, centered_data=True), TLRotate(NEW))
     for count, name in ((1, "TLCenter"), (2, "TLCenter, TLScale"), (3, "… TLRotate, classes")):
-        weights = {OLD: 1.0, NEW: 0.0}
-        classifier = TLClassifier(NEW, MDM(), domain_weight=weights)
+        classifier = TLClassifier(NEW, MDM(), domain_weight={OLD: 1.0, NEW: 0.0})
         pipeline = make_pipeline(*steps[:count], classifier).fit(matrices[train], labels[train])
         result[name] = np.mean(pipeline.predict(matrices[test]) == classes[test])
 

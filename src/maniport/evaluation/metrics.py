@@ -158,6 +158,10 @@ def domain_distance(mapped: ArrayLike, student: ArrayLike) -> float:
     ----------
     mapped, student : array_like, shapes (n, d, d) and (m, d, d)
         SPD.
+
+    Returns
+    -------
+    float
     """
     images = subset_of_domain(as_points(mapped, "mapped", copy=False))
     own = subset_of_domain(as_points(student, "student", images.shape[-1], copy=False))
