@@ -78,8 +78,8 @@ def test_a_second_recording_needs_its_person_only(calls):
 
 def test_runs_do_not_change_one_another(panda):
     """Each motion has the generator of the samples in the same state."""
-    job = mp.Transfer(panda, Config(method="identity", n_teacher=64, n_student=64, **PART))
     with little_search():
+        job = mp.Transfer(panda, Config(method="identity", n_teacher=64, n_student=64, **PART))
         fitted = job.fit(job.read("freeform"))
         first = fitted.run(job.read("freeform"))
         second = fitted.run(job.read("freeform"))
