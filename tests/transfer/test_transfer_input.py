@@ -61,8 +61,8 @@ def test_images_beyond_floating_point_numbers(random_spd):
     )
     longest = random_spd(rng, 1, 3, 1e11)[0]
     with pytest.raises(InvalidInputError, match="points takes the result out of range"):
-        mp.ParallelTransport().fit(round_, long).transform(long)
-    adapter = mp.ParallelTransport().fit(long, longer)
+        mp.ScaledTransport().fit(round_, long).transform(long)
+    adapter = mp.ScaledTransport().fit(long, longer)
     with pytest.raises(NotSPDError, match=r"the image of points\[3\] is singular"):
         adapter.transform([*long[:3], longest])
     with pytest.raises(NotSPDError, match="the image of points is singular"):
