@@ -43,10 +43,10 @@ CLIPS = (
     ("ladder", "right", 10.0, 13.0),
     ("ladder", "right", 20.0, 21.5),
     ("ladder", "right", 22.0, 26.0),
-    ("ladder", "left", 6.0, 10.0),
-    ("ladder", "left", 12.0, 14.0),
-    ("ladder", "left", 20.0, 24.0),
-    ("ladder", "left", 28.0, 31.0),
+    ("ladder", "right", 14.0, 17.0),
+    ("both-arms", "right", 0.5, 2.5),
+    ("ladder", "right", 28.0, 31.0),
+    ("ladder", "right", 32.0, 36.0),
 )
 SEEDS = (0, 1, 2)
 POSITIONS = "positions only"
