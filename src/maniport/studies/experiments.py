@@ -166,7 +166,8 @@ def adapter_of(
         return ParallelTransport(**options)
     if settings == PAPER:
         matching = EllipsoidCorrespondence(row.exponent)
-        options |= {"correspondence": matching, "start": row.start, "require_improvement": False}
+        options |= {"correspondence": matching, "start": row.start}
+        options |= {"require_improvement": False, "criterion": "correspondence"}
     return RiemannianICP(**options, most_singular=row.most_singular)
 
 

@@ -7,12 +7,27 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import IdentifiabilityWarning
 from maniport.spd.kernels import eigh
-from maniport.transfer.icp.algorithm import ICP, best_registration, rotations_by_voting
+from maniport.transfer.icp.algorithm import (
+    ICP,
+    Registration,
+    best_registration,
+    rotations_by_voting,
+)
+from maniport.transfer.icp.congruence import congruent_starts
+from maniport.transfer.icp.consensus import Consensus, find_consensus
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
+from maniport.transfer.icp.pairs import Factors
 from maniport.transfer.identifiability import ADVICE, CloudPair, describe_free_axes, free_axes
-from maniport.transfer.rigid_adapter import RigidAdapter, recenter
+from maniport.transfer.rigid_adapter import RigidAdapter, RigidMap, recenter
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.validation import Array, as_choice, as_count, as_flag
+
+
+CRITERIA = ("robust", "correspondence")
+
+EXACT = 1e-6  # cost of matches of exact copies, up to rounding
+
+LARGEST_ROBUST = 6  # beyond, least squares over d² + d (d + 1) / 2 + 1 parameters take seconds in each step
 
 
 class RiemannianICP(RigidAdapter):
@@ -20,6 +35,10 @@ class RiemannianICP(RigidAdapter):
 
     Both domains are recentered at the identity and the teacher's is scaled to the student's dispersion. Then matching
     and rotation alternate (`maniport.transfer.icp.algorithm`). The best iterate is kept, the start included.
+
+    The default is robust. Where the matches are not exact, means, dispersion and rotation are fitted again to the pairs
+    that agree, if these are more than by chance (`maniport.transfer.icp.consensus`): domains may have only a part in
+    common, noise, and outliers.
 
     Parameters
     ----------
@@ -39,11 +58,22 @@ class RiemannianICP(RigidAdapter):
         `maniport.transfer.identifiability`. False takes the rotation of lowest cost, as the paper does.
     most_singular : int, optional
         Match only this many ellipsoids of each domain, those with the largest condition number after recentering.
+    criterion : {"robust", "correspondence"}
+        What decides. "correspondence" is the paper's algorithm: means and dispersions of whole domains, and the
+        rotation of the lowest cost of its matches.
 
     Attributes
     ----------
+    criterion_ : {"correspondence", "pairs"}
+        What decided: the matches, or the pairs that agree.
     cost_ : float
-        Weighted root mean squared distance of matched pairs, sqrt(Σ w^k d² / Σ w^k), at `rotation_`.
+        Weighted root mean squared distance of matched pairs, sqrt(Σ w^k d² / Σ w^k), at `rotation_`; of pairs that
+        agree, without k.
+    n_pairs_ : int or None
+        Number of pairs that carry the fit, if `criterion_` is "pairs". Means and dispersion ratio are then those of the
+        map that fits the pairs, not of the domains.
+    overlap_ : float or None
+        `n_pairs_` by the size of the smaller domain.
     start_rotation_, found_rotation_ : ndarray, shape (d, d)
         Start and result of the best search.
     start_kept_ : bool
@@ -67,6 +97,7 @@ class RiemannianICP(RigidAdapter):
         n_starts: int = 4,
         require_improvement: bool = True,
         most_singular: int | None = None,
+        criterion: str = "robust",
     ):
         super().__init__(damping, base_rotation)
         self.correspondence = correspondence
@@ -74,50 +105,115 @@ class RiemannianICP(RigidAdapter):
         self.n_starts = n_starts
         self.require_improvement = require_improvement
         self.most_singular = most_singular
+        self.criterion = criterion
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        d, count = teacher.shape[-1], as_count(self.n_starts, "n_starts", minimum=0)
+        d = teacher.shape[-1]
+        robust = as_choice(self.criterion, "criterion", CRITERIA) == "robust"
         selective = as_flag(self.require_improvement, "require_improvement")
-        if as_choice(self.start, "start", ("parallel-transport", "identity")) == "identity":
-            self.rotation_ = np.eye(d)
         clouds = (
             recenter(teacher, self.teacher_mean_, self.dispersion_ratio_),
             recenter(student, self.student_mean_),
         )
-        matched, others = clouds, list[Array]()
-        if self.most_singular is not None:
-            limit = as_count(self.most_singular, "most_singular", minimum=2)
-            matched = _most_singular(clouds[0], limit), _most_singular(clouds[1], limit)
-        if (
-            self.base_rotation is None and count > 0 and d <= 6
-        ):  # beyond, m × m derivatives in each step take minutes
-            others = rotations_by_voting(*matched, count)
-        icp = ICP(*matched, correspondence_of(self.correspondence))
-        # Clouds of arms are nearly symmetric: between two draws of the Panda's own domain, a rotation with a cost 1.2 %
-        # lower was off by 180°.
-        start, best = best_registration(
-            icp, self.rotation_, others, margin=0.05 if selective else 0.0
-        )
-        pair, run, self.stop_reason_ = CloudPair(*clouds), best, best.reason
-        self.found_rotation_, self.start_kept_ = best.rotation, False
-        self.rotation_, self.cost_ = best.rotation, best.cost
-        if selective:
-            improved, effect = pair.improved(start.start, best.rotation)
-            if not improved:
-                run, self.start_kept_ = start, True
-                self.rotation_, self.cost_ = start.start, start.history[0]
-            if effect:
-                angle = np.rad2deg(rotation_angle(start.start, best.rotation))
-                self.stop_reason_ = (
-                    f"the start is kept: the rotation {angle:.1f}° away ({best.reason}) {effect}"
+        start, best = self._matched(clouds, selective)
+        self.criterion_ = "correspondence"
+        self.n_pairs_ = None
+        self.overlap_ = None
+
+        if robust and d <= LARGEST_ROBUST and best.cost > EXACT:
+            plain = RigidMap(
+                self.teacher_mean_, self.student_mean_, best.rotation, float(self.dispersion_ratio_)
+            )
+            others = congruent_starts(teacher, student)
+            consensus = find_consensus(teacher, student, Factors(*plain.factors), others)
+            if consensus is not None:
+                self._take_pairs(consensus, start, min(len(teacher), len(student)))
+                clouds = (
+                    recenter(teacher, self.teacher_mean_, self.dispersion_ratio_),
+                    recenter(student, self.student_mean_),
                 )
-        self.start_rotation_, self.converged_ = run.start, run.converged
-        self.history_, self.n_iter_ = np.array(run.history), len(run.history) - 1
+
+        pair = CloudPair(*clouds)
+        if self.criterion_ == "correspondence":
+            self._take_matches(pair, start, best, selective)
         if self.base_rotation is None and d == 3:
             self.free_axes_ = free_axes(pair, self.rotation_, self.student_mean_)
             if len(self.free_axes_):
                 text = f"{describe_free_axes(self.free_axes_)}; {ADVICE}"
                 warnings.warn(text, IdentifiabilityWarning, stacklevel=4)
+
+    def _matched(
+        self, clouds: tuple[Array, Array], selective: bool
+    ) -> tuple[Registration, Registration]:
+        """Follow the matches from the first start and others; return the first registration and the best."""
+        d = clouds[0].shape[-1]
+        count = as_count(self.n_starts, "n_starts", minimum=0)
+        first = self.rotation_
+        if as_choice(self.start, "start", ("parallel-transport", "identity")) == "identity":
+            first = np.eye(d)
+        matched = clouds
+        if self.most_singular is not None:
+            limit = as_count(self.most_singular, "most_singular", minimum=2)
+            matched = _most_singular(clouds[0], limit), _most_singular(clouds[1], limit)
+
+        others = list[Array]()
+        # beyond, m × m derivatives in each step take minutes
+        if self.base_rotation is None and count > 0 and d <= 6:
+            others = rotations_by_voting(*matched, count)
+        icp = ICP(*matched, correspondence_of(self.correspondence))
+        # Clouds of arms are nearly symmetric: between two draws of the Panda's own domain, a rotation with a cost 1.2 %
+        # lower was off by 180°.
+        margin = 0.05 if selective else 0.0
+        return best_registration(icp, first, others, margin=margin)
+
+    def _take_matches(
+        self, pair: CloudPair, start: Registration, best: Registration, selective: bool
+    ) -> None:
+        """Set the rotation of the best matches, or the first one where it brings the clouds no nearer."""
+        run = best
+        self.stop_reason_ = best.reason
+        self.found_rotation_ = best.rotation
+        self.start_kept_ = False
+        self.rotation_ = best.rotation
+        self.cost_ = best.cost
+        if selective:
+            improved, effect = pair.improved(start.start, best.rotation)
+            if not improved:
+                run = start
+                self.start_kept_ = True
+                self.rotation_ = start.start
+                self.cost_ = start.history[0]
+            if effect:
+                angle = np.rad2deg(rotation_angle(start.start, best.rotation))
+                self.stop_reason_ = (
+                    f"the start is kept: the rotation {angle:.1f}° away ({best.reason}) {effect}"
+                )
+        self.start_rotation_ = run.start
+        self.converged_ = run.converged
+        self.history_ = np.array(run.history)
+        self.n_iter_ = len(run.history) - 1
+
+    def _take_pairs(self, consensus: Consensus, start: Registration, smaller: int) -> None:
+        """Set the map that fits the pairs that agree."""
+        rigid = consensus.factors.rigid()
+        self.criterion_ = "pairs"
+        self.teacher_mean_ = rigid.teacher_mean
+        self.student_mean_ = rigid.student_mean
+        self.rotation_ = rigid.rotation
+        self.dispersion_ratio_ = rigid.ratio
+        self.start_rotation_ = start.start
+        self.found_rotation_ = rigid.rotation
+        self.start_kept_ = False
+
+        self.n_pairs_ = len(consensus.pairs.distances)
+        self.overlap_ = self.n_pairs_ / smaller
+        self.cost_ = consensus.history[-1]
+        self.history_ = np.array(consensus.history)
+        self.n_iter_ = len(consensus.history) - 1
+        self.converged_ = consensus.converged
+        self.stop_reason_ = (
+            f"{self.n_pairs_} pairs carry the fit, {self.overlap_:.0%} of the smaller domain"
+        )
 
 
 def _most_singular(points: Array, limit: int) -> Array:
