@@ -28,11 +28,11 @@ RATIOS = (1.0, 0.87, 1.15, 0.75, 1.32)
 With 30 % outliers on both sides the ratio of the medians is off by up to 25 %.
 """
 
-LARGEST = 256  # ellipsoids of each cloud that are used
+LARGEST = 200  # ellipsoids of each cloud that are used
 
-ANCHORS = 12  # of the teacher's ellipsoids
+ANCHORS = 10  # of the teacher's ellipsoids
 
-QUERIES = 64  # spectra of each anchor of the teacher that are compared
+QUERIES = 50  # spectra of each anchor of the teacher that are compared
 
 WIDTH = 0.3  # distance of spectra beyond which they do not coincide; 0.1 and 0.45 find fewer
 

@@ -29,7 +29,9 @@ CHANCE = 0.2  # share of the smaller cloud that agrees by chance: at most 0.19 w
 
 FEWEST = 8  # pairs above that share which a consensus has: three pairs determine a map
 
-SEEKERS = 256  # largest number of ellipsoids of the smaller cloud that are paired in the search
+SEEKERS = 200  # largest number of ellipsoids of the smaller cloud that are paired in the search
+
+FOLLOWED = 8  # starts of those that are given
 
 SEARCH_ROUNDS = 6  # pairings from one start, each followed by one step of the map
 
@@ -117,12 +119,9 @@ def find_consensus(
         Further starts, taken only where the ones before fail.
     """
     part = Clouds(teacher, student, SEEKERS)
-    found = None
-    for start in _chained(first, others):
-        consensus = refined(part, start, SEARCH_ROUNDS, patient=False)
-        if consensus is not None and len(consensus.pairs.distances) >= part.least:
-            found = consensus
-            break
+    found = _search(part, [first])
+    if found is None:
+        found = _search(part, _promising(part, others))
     if found is None:
         return None
 
@@ -133,9 +132,28 @@ def find_consensus(
     return final
 
 
-def _chained(first: Factors, others: Iterable[Factors]) -> Iterable[Factors]:
-    yield first
-    yield from others
+def _search(clouds: Clouds, starts: Iterable[Factors]) -> Consensus | None:
+    """Return the consensus of the first start that leads to one."""
+    for start in starts:
+        consensus = refined(clouds, start, SEARCH_ROUNDS, patient=False)
+        if consensus is not None and len(consensus.pairs.distances) >= clouds.least:
+            return consensus
+    return None
+
+
+def _promising(clouds: Clouds, starts: Iterable[Factors]) -> list[Factors]:
+    """Return the `FOLLOWED` starts with the most pairs that are nearer than neighbors."""
+    maps = []
+    counts = []
+    for start in starts:
+        try:
+            pairs = clouds.pairs(start)
+        except NotSPDError:  # it dilates ellipsoids beyond what numbers hold
+            continue
+        maps.append(start)
+        counts.append(int(np.sum(pairs.distances < clouds.spacing[pairs.student])))
+    order = np.argsort(-np.array(counts), kind="stable")[:FOLLOWED]
+    return [maps[place] for place in order]
 
 
 def refined(clouds: Clouds, start: Factors, rounds: int, patient: bool) -> Consensus | None:
@@ -168,7 +186,7 @@ def refined(clouds: Clouds, start: Factors, rounds: int, patient: bool) -> Conse
                 break
             if not patient and number >= 2 and agreeing < 0.25 * clouds.least:
                 break
-    except NotSPDError:  # the start dilates the ellipsoids beyond what numbers hold
+    except NotSPDError:  # it dilates ellipsoids beyond what numbers hold
         return None
     return Consensus(factors, clouds.agreeing(pairs), history, converged)
 
