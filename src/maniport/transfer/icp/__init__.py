@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import IdentifiabilityWarning
 from maniport.spd.kernels import eigh
+from maniport.spd.matrix_functions import apply
 from maniport.transfer.icp.algorithm import (
     ICP,
     Registration,
@@ -16,6 +17,7 @@ from maniport.transfer.icp.algorithm import (
 from maniport.transfer.icp.congruence import congruent_starts
 from maniport.transfer.icp.consensus import Consensus, find_consensus
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
+from maniport.transfer.icp.energy import EnergyDistance, least_energy
 from maniport.transfer.icp.pairs import Factors
 from maniport.transfer.identifiability import ADVICE, CloudPair, describe_free_axes, free_axes
 from maniport.transfer.rigid_adapter import RigidAdapter, RigidMap, recenter
@@ -27,7 +29,16 @@ CRITERIA = ("robust", "correspondence")
 
 EXACT = 1e-6  # cost of matches of exact copies, up to rounding
 
-LARGEST_ROBUST = 6  # beyond, least squares over d² + d (d + 1) / 2 + 1 parameters take seconds in each step
+ENERGY_CERTAINTY = (
+    2.0  # standard errors by which the least energy distance is below that of the start
+)
+ENERGY_SHARE = 0.25  # and share of it
+# Two samples of the Panda, 400 and 1024 ellipsoids: 0.2 to 1.5 standard errors and 4 to 27 % where the start is right,
+# 2.1 to 8.8 and 33 to 80 % where it is 29° to 89° off.
+
+LARGEST_ROBUST = (
+    6  # beyond, least squares over d² + d (d + 1) / 2 + 1 parameters take seconds in each step
+)
 
 
 class RiemannianICP(RigidAdapter):
@@ -134,6 +145,9 @@ class RiemannianICP(RigidAdapter):
                 )
 
         pair = CloudPair(*clouds)
+        if robust and self.criterion_ == "correspondence" and self.base_rotation is None:
+            if best.cost > EXACT:
+                pair = self._take_energy(clouds, pair, start, best, selective)
         if self.criterion_ == "correspondence":
             self._take_matches(pair, start, best, selective)
         if self.base_rotation is None and d == 3:
@@ -192,6 +206,48 @@ class RiemannianICP(RigidAdapter):
         self.converged_ = run.converged
         self.history_ = np.array(run.history)
         self.n_iter_ = len(run.history) - 1
+
+    def _take_energy(
+        self,
+        clouds: tuple[Array, Array],
+        pair: CloudPair,
+        start: Registration,
+        best: Registration,
+        selective: bool,
+    ) -> CloudPair:
+        """Set rotation and dispersion of the least energy distance, where it is clearly less; return the clouds."""
+        first = start.start
+        minimum = least_energy(*clouds, [first, best.rotation])
+        improved = True
+        effect = ""
+        if selective:
+            improved, effect = pair.improved(
+                first, minimum.rotation, ENERGY_CERTAINTY, ENERGY_SHARE
+            )
+        before = EnergyDistance(*clouds).value(first, 1.0)
+        self.criterion_ = "energy"
+        self.start_rotation_ = first
+        self.found_rotation_ = minimum.rotation
+        self.start_kept_ = not improved
+        self.converged_ = True
+        self.n_iter_ = 1
+        if not improved:
+            angle = np.rad2deg(rotation_angle(first, minimum.rotation))
+            self.rotation_ = first
+            self.cost_ = before
+            self.history_ = np.array([before, minimum.distance])
+            self.stop_reason_ = "the start has the least energy distance"
+            if effect:
+                self.stop_reason_ = f"the start is kept: the rotation {angle:.1f}° away, of least energy distance, {effect}"
+            return pair
+
+        self.rotation_ = minimum.rotation
+        self.dispersion_ratio_ = self.dispersion_ratio_ * minimum.ratio
+        self.cost_ = minimum.distance
+        self.history_ = np.array([before, minimum.distance])
+        self.stop_reason_ = "least energy distance of the domains"
+        dilated = apply(clouds[0], lambda values: values**minimum.ratio)
+        return CloudPair(dilated, clouds[1])
 
     def _take_pairs(self, consensus: Consensus, start: Registration, smaller: int) -> None:
         """Set the map that fits the pairs that agree."""

@@ -30,13 +30,13 @@ With 30 % outliers on both sides the ratio of the medians is off by up to 25 %.
 
 LARGEST = 200  # ellipsoids of each cloud that are used
 
-ANCHORS = 10  # of the teacher's ellipsoids
+ANCHORS = 20  # of the teacher's ellipsoids
 
 QUERIES = 50  # spectra of each anchor of the teacher that are compared
 
 WIDTH = 0.3  # distance of spectra beyond which they do not coincide; 0.1 and 0.45 find fewer
 
-RANKED = 12  # pairs of anchors that are followed
+RANKED = 32  # pairs of anchors that are followed
 
 ROTATIONS = 2  # starts of each
 

@@ -31,7 +31,7 @@ FEWEST = 8  # pairs above that share which a consensus has: three pairs determin
 
 SEEKERS = 200  # largest number of ellipsoids of the smaller cloud that are paired in the search
 
-FOLLOWED = 8  # starts of those that are given
+FOLLOWED = 12  # starts of those that are given
 
 SEARCH_ROUNDS = 6  # pairings from one start, each followed by one step of the map
 
