@@ -190,7 +190,8 @@ def fit_default(problem: Problem) -> Transform:
 
 def fit_as_printed(problem: Problem) -> Transform:
     """Fit ICP by the paper's text, with maniport's starts."""
-    return fitted(mp.RiemannianICP(), problem.teacher, problem.student).transform
+    adapter = mp.RiemannianICP(criterion="correspondence")
+    return fitted(adapter, problem.teacher, problem.student).transform
 
 
 def fit_pyriemann(problem: Problem) -> Transform:

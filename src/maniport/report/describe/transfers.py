@@ -9,7 +9,7 @@ from maniport.evaluation.metrics import RELEVANT_RATIO, Evaluation, Row
 from maniport.report.values import Report, Section, Severity, Table, listed, sentence
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
-from maniport.transfer.identifiability import describe_free_axes
+from maniport.transfer.identifiability import HalfTurns, describe_determined
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.validation import Array
 
@@ -29,8 +29,11 @@ def adapter_section(adapter: DomainAdapter) -> Section:
 
     free_axes = getattr(adapter, "free_axes_", None)
     if free_axes is not None:
-        text = describe_free_axes(free_axes)
-        severity: Severity = "warning" if len(free_axes) else "note"
+        distances = adapter.half_turn_distances_
+        turns = HalfTurns(adapter.half_turns_, float(distances[0]), distances[1:])
+        text = describe_determined(free_axes, turns)
+        is_open = len(free_axes) > 0 or len(turns.axes) > 0
+        severity: Severity = "warning" if is_open else "note"
         section.warn("identifiability", text, severity=severity, value=text)
     _add_rotations(section, adapter)
 
@@ -40,6 +43,11 @@ def adapter_section(adapter: DomainAdapter) -> Section:
     state = "converged" if converged else "not converged"
     text = f"{iterations} iterations, {costs}; {adapter.stop_reason_} ({state})"
     section.add("Fit", "iterations", iterations, text)
+    pairs = getattr(adapter, "n_pairs_", None)
+    if pairs is not None:
+        share = float(adapter.overlap_)
+        about = "Pairs of ellipsoids that carry the fit, and their share of the smaller domain."
+        section.add("Pairs", "n_pairs", int(pairs), f"{pairs}, {share:.0%}", about)
     section.numbers(converged=converged, cost=float(adapter.cost_), damping=adapter.damping)
     if hasattr(adapter, "report_"):
         samples = adapter.report_

@@ -19,11 +19,16 @@ from maniport.transfer.icp.consensus import Consensus, find_consensus
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
 from maniport.transfer.icp.energy import EnergyDistance, least_energy
 from maniport.transfer.icp.pairs import Factors
-from maniport.transfer.identifiability import ADVICE, CloudPair, describe_free_axes, free_axes
+from maniport.transfer.identifiability import (
+    ADVICE,
+    CloudPair,
+    describe_determined,
+    free_axes,
+    half_turns,
+)
 from maniport.transfer.rigid_adapter import RigidAdapter, RigidMap, recenter
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.validation import Array, as_choice, as_count, as_flag
-
 
 CRITERIA = ("robust", "correspondence")
 
@@ -49,7 +54,8 @@ class RiemannianICP(RigidAdapter):
 
     The default is robust. Where the matches are not exact, means, dispersion and rotation are fitted again to the pairs
     that agree, if these are more than by chance (`maniport.transfer.icp.consensus`): domains may have only a part in
-    common, noise, and outliers.
+    common, noise, and outliers. Where no pairs agree, as between separate samples of two arms, and without a
+    `base_rotation`, rotation and dispersion have the least energy distance (`maniport.transfer.icp.energy`).
 
     Parameters
     ----------
@@ -70,16 +76,16 @@ class RiemannianICP(RigidAdapter):
     most_singular : int, optional
         Match only this many ellipsoids of each domain, those with the largest condition number after recentering.
     criterion : {"robust", "correspondence"}
-        What decides. "correspondence" is the paper's algorithm: means and dispersions of whole domains, and the
-        rotation of the lowest cost of its matches.
+        "correspondence" is the paper's algorithm: means and dispersions of whole domains, and the rotation of the
+        lowest cost of its matches.
 
     Attributes
     ----------
-    criterion_ : {"correspondence", "pairs"}
-        What decided: the matches, or the pairs that agree.
+    criterion_ : {"correspondence", "pairs", "energy"}
+        What decided: the matches, the pairs that agree, or the energy distance.
     cost_ : float
-        Weighted root mean squared distance of matched pairs, sqrt(Σ w^k d² / Σ w^k), at `rotation_`; of pairs that
-        agree, without k.
+        Weighted root mean squared distance of matched pairs, sqrt(Σ w^k d² / Σ w^k), at `rotation_`; of mutual nearest
+        pairs if `criterion_` is "pairs"; the energy distance if it is "energy".
     n_pairs_ : int or None
         Number of pairs that carry the fit, if `criterion_` is "pairs". Means and dispersion ratio are then those of the
         map that fits the pairs, not of the domains.
@@ -92,6 +98,11 @@ class RiemannianICP(RigidAdapter):
     free_axes_ : ndarray, shape (k, 3)
         Axes in the student's base frame about which the domains do not determine the rotation; for d = 3 and without
         `base_rotation` only.
+    half_turns_ : ndarray, shape (k, 3)
+        Axes in the student's base frame, half turns about which leave the domains as near as they are, besides the free
+        ones; where `free_axes_` is set.
+    half_turn_distances_ : ndarray, shape (k + 1,)
+        Mean distance between the domains, and with each of these half turns.
 
     References
     ----------
@@ -131,7 +142,8 @@ class RiemannianICP(RigidAdapter):
         self.n_pairs_ = None
         self.overlap_ = None
 
-        if robust and d <= LARGEST_ROBUST and best.cost > EXACT:
+        robust = robust and best.cost > EXACT  # matches of exact copies need no more
+        if robust and d <= LARGEST_ROBUST:
             plain = RigidMap(
                 self.teacher_mean_, self.student_mean_, best.rotation, float(self.dispersion_ratio_)
             )
@@ -145,16 +157,23 @@ class RiemannianICP(RigidAdapter):
                 )
 
         pair = CloudPair(*clouds)
-        if robust and self.criterion_ == "correspondence" and self.base_rotation is None:
-            if best.cost > EXACT:
-                pair = self._take_energy(clouds, pair, start, best, selective)
         if self.criterion_ == "correspondence":
-            self._take_matches(pair, start, best, selective)
+            if robust and self.base_rotation is None:
+                pair = self._take_energy(clouds, pair, [start, best], selective)
+            else:
+                self._take_matches(pair, start, best, selective)
         if self.base_rotation is None and d == 3:
-            self.free_axes_ = free_axes(pair, self.rotation_, self.student_mean_)
-            if len(self.free_axes_):
-                text = f"{describe_free_axes(self.free_axes_)}; {ADVICE}"
-                warnings.warn(text, IdentifiabilityWarning, stacklevel=4)
+            self._report_free_rotations(pair)
+
+    def _report_free_rotations(self, pair: CloudPair) -> None:
+        """Set the axes of free rotations and of half turns, and warn of them."""
+        self.free_axes_ = free_axes(pair, self.rotation_, self.student_mean_)
+        turns = half_turns(pair, self.rotation_, self.student_mean_, self.free_axes_)
+        self.half_turns_ = turns.axes
+        self.half_turn_distances_ = np.array([turns.before, *turns.after])
+        if len(self.free_axes_) or len(self.half_turns_):
+            text = f"{describe_determined(self.free_axes_, turns)}; {ADVICE}"
+            warnings.warn(text, IdentifiabilityWarning, stacklevel=5)
 
     def _matched(
         self, clouds: tuple[Array, Array], selective: bool
@@ -211,19 +230,19 @@ class RiemannianICP(RigidAdapter):
         self,
         clouds: tuple[Array, Array],
         pair: CloudPair,
-        start: Registration,
-        best: Registration,
+        starts: list[Registration],
         selective: bool,
     ) -> CloudPair:
         """Set rotation and dispersion of the least energy distance, where it is clearly less; return the clouds."""
-        first = start.start
-        minimum = least_energy(*clouds, [first, best.rotation])
+        first = starts[0].start
+        minimum = least_energy(*clouds, [first, starts[-1].rotation])
         improved = True
         effect = ""
         if selective:
             improved, effect = pair.improved(
                 first, minimum.rotation, ENERGY_CERTAINTY, ENERGY_SHARE
             )
+
         before = EnergyDistance(*clouds).value(first, 1.0)
         self.criterion_ = "energy"
         self.start_rotation_ = first
@@ -231,20 +250,20 @@ class RiemannianICP(RigidAdapter):
         self.start_kept_ = not improved
         self.converged_ = True
         self.n_iter_ = 1
+        self.history_ = np.array([before, minimum.distance])
         if not improved:
-            angle = np.rad2deg(rotation_angle(first, minimum.rotation))
             self.rotation_ = first
             self.cost_ = before
-            self.history_ = np.array([before, minimum.distance])
             self.stop_reason_ = "the start has the least energy distance"
             if effect:
-                self.stop_reason_ = f"the start is kept: the rotation {angle:.1f}° away, of least energy distance, {effect}"
+                angle = np.rad2deg(rotation_angle(first, minimum.rotation))
+                away = f"the rotation {angle:.1f}° away, of least energy distance,"
+                self.stop_reason_ = f"the start is kept: {away} {effect}"
             return pair
 
         self.rotation_ = minimum.rotation
         self.dispersion_ratio_ = self.dispersion_ratio_ * minimum.ratio
         self.cost_ = minimum.distance
-        self.history_ = np.array([before, minimum.distance])
         self.stop_reason_ = "least energy distance of the domains"
         dilated = apply(clouds[0], lambda values: values**minimum.ratio)
         return CloudPair(dilated, clouds[1])
