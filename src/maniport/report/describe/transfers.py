@@ -29,8 +29,10 @@ def adapter_section(adapter: DomainAdapter) -> Section:
 
     free_axes = getattr(adapter, "free_axes_", None)
     if free_axes is not None:
-        distances = adapter.half_turn_distances_
-        turns = HalfTurns(adapter.half_turns_, float(distances[0]), distances[1:])
+        turns = HalfTurns(np.empty((0, 3)), 0.0, np.empty(0))
+        if hasattr(adapter, "half_turns_"):  # not in files of earlier versions
+            distances = adapter.half_turn_distances_
+            turns = HalfTurns(adapter.half_turns_, float(distances[0]), distances[1:])
         text = describe_determined(free_axes, turns)
         is_open = len(free_axes) > 0 or len(turns.axes) > 0
         severity: Severity = "warning" if is_open else "note"

@@ -30,6 +30,8 @@ With 30 % outliers on both sides the ratio of the medians is off by up to 25 %.
 
 LARGEST = 200  # ellipsoids of each cloud that are used
 
+LARGEST_CLOUD = 800  # ellipsoids; of larger clouds too few common ones would be used
+
 ANCHORS = 20  # of the teacher's ellipsoids
 
 QUERIES = 50  # spectra of each anchor of the teacher that are compared
@@ -50,7 +52,9 @@ class Anchors(NamedTuple):
 
 
 def congruent_starts(teacher: Array, student: Array) -> Iterator[Factors]:
-    """Yield maps of clouds (n, d, d) and (m, d, d) on which many spectra agree, the best first."""
+    """Yield maps of clouds (n, d, d) and (m, d, d) on which many spectra agree, the best first; none of large ones."""
+    if max(len(teacher), len(student)) > LARGEST_CLOUD:
+        return
     teacher = teacher[evenly_spaced(len(teacher), LARGEST)]
     student = student[evenly_spaced(len(student), LARGEST)]
     center = geometric_median(teacher)

@@ -2,7 +2,7 @@
 
 Means and dispersions of whole clouds are wrong where the clouds have only a part in common. Here all of the map is
 fitted to pairs T_i, S_i: the weighted sum of squared distances d²(S_i, f(T_i)) is minimized by Levenberg-Marquardt.
-`docs/method/robust_icp.md` has the derivatives.
+`docs/method/icp.md` has the residuals.
 """
 
 from collections.abc import Callable
