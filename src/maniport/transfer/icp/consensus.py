@@ -4,7 +4,7 @@ A map is good where many ellipsoids coincide with one of the other cloud. Ellips
 nearest to the other, and all of the map is fitted to the pairs (`maniport.transfer.icp.pairs`) with weights that
 decrease with their distance. This is repeated, first from the registration of `icp.algorithm`, then from the starts of
 `icp.congruence`. A pair agrees where it is at most half as far apart as the student's ellipsoid is from its own
-nearest neighbor. Ellipsoids of clouds without common ones agree by chance only: for up to a fifth of them.
+nearest neighbor. Ellipsoids of clouds without common ones agree by chance only, up to a fifth of them for d = 3.
 """
 
 from collections.abc import Iterable
@@ -25,11 +25,17 @@ from maniport.util.validation import Array
 
 AGREEMENT = 0.5  # largest distance of a pair that agrees, in distances to the nearest neighbor
 
-CHANCE = 0.2  # share of the smaller cloud that agrees by chance: at most 0.19 was measured
+CHANCE = (
+    0.2  # share of the smaller cloud that agrees by chance: at most 0.19 was measured for d = 3
+)
+
+CHANCE_PLANAR = 0.3  # the same for d = 2, where 0.29 was measured
 
 FEWEST = 8  # pairs above that share which a consensus has: three pairs determine a map
 
 SEEKERS = 200  # largest number of ellipsoids of the smaller cloud that are paired in the search
+
+CERTAIN = 1.5  # times the least number of pairs: then no further start is followed
 
 FOLLOWED = 12  # starts of those that are given
 
@@ -75,7 +81,8 @@ class Clouds:
     @property
     def least(self) -> float:
         """Number of pairs that agree above which they do so not by chance."""
-        return CHANCE * self.count + FEWEST
+        chance = CHANCE_PLANAR if self.student.shape[-1] == 2 else CHANCE
+        return chance * self.count + FEWEST
 
     @cached_property
     def spacing(self) -> Array:
@@ -108,7 +115,7 @@ class Clouds:
 def find_consensus(
     teacher: Array, student: Array, first: Factors, others: Iterable[Factors]
 ) -> Consensus | None:
-    """Return the consensus of the first start that leads to one, fitted to all pairs; None where none does.
+    """Return the consensus of most pairs, fitted to all of them; None where no more pairs agree than by chance.
 
     Parameters
     ----------
@@ -116,12 +123,15 @@ def find_consensus(
     first : Factors
         The map of the first start.
     others : iterable of Factors
-        Further starts, taken only where the ones before fail.
+        Further starts, taken only where the first leads to no certain consensus.
     """
     part = Clouds(teacher, student, SEEKERS)
     found = _search(part, [first])
-    if found is None:
-        found = _search(part, _promising(part, others))
+    if found is None or len(found.pairs.distances) < CERTAIN * part.least:
+        further = _promising(part, others)
+        if found is not None:
+            further.append(found.factors)
+        found = _search(part, further)
     if found is None:
         return None
 
@@ -133,12 +143,20 @@ def find_consensus(
 
 
 def _search(clouds: Clouds, starts: Iterable[Factors]) -> Consensus | None:
-    """Return the consensus of the first start that leads to one."""
+    """Return the consensus of most pairs, or the first one that is certain."""
+    best: Consensus | None = None
+    most = clouds.least
     for start in starts:
         consensus = refined(clouds, start, SEARCH_ROUNDS, patient=False)
-        if consensus is not None and len(consensus.pairs.distances) >= clouds.least:
-            return consensus
-    return None
+        if consensus is None:
+            continue
+        count = len(consensus.pairs.distances)
+        if count >= most:
+            best = consensus
+            most = count
+        if count >= CERTAIN * clouds.least:
+            break
+    return best
 
 
 def _promising(clouds: Clouds, starts: Iterable[Factors]) -> list[Factors]:
@@ -175,14 +193,19 @@ def refined(clouds: Clouds, start: Factors, rounds: int, patient: bool) -> Conse
             if before is not None and _same(pairs, before) and patient:
                 converged = True
                 break
-            weighting = weighting_of(pairs.distances)
+            scaled = pairs
+            if patient:  # the others, up to half of the pairs, would keep the scale wide
+                scaled = clouds.agreeing(pairs)
+            if len(scaled.distances) < FEWEST:
+                return None
+            weighting = weighting_of(scaled.distances)
             chosen = clouds.teacher[pairs.teacher], clouds.student[pairs.student]
             factors, distances = fit_pairs(factors, *chosen, weighting, steps)
             history.append(_weighted_rms(distances, weighting))
             before = pairs
             pairs = clouds.pairs(factors)
             agreeing = len(clouds.agreeing(pairs).distances)
-            if not patient and agreeing >= 1.5 * clouds.least:
+            if not patient and agreeing >= CERTAIN * clouds.least:
                 break
             if not patient and number >= 2 and agreeing < 0.25 * clouds.least:
                 break
