@@ -30,9 +30,10 @@ def adapter_section(adapter: DomainAdapter) -> Section:
     free_axes = getattr(adapter, "free_axes_", None)
     if free_axes is not None:
         turns = HalfTurns(np.empty((0, 3)), 0.0, np.empty(0))
-        if hasattr(adapter, "half_turns_"):  # not in files of earlier versions
-            distances = adapter.half_turn_distances_
-            turns = HalfTurns(adapter.half_turns_, float(distances[0]), distances[1:])
+        distances = getattr(adapter, "half_turn_distances_", None)
+        if distances is not None:  # files of earlier versions have none
+            axes = getattr(adapter, "half_turns_", turns.axes)
+            turns = HalfTurns(axes, float(distances[0]), distances[1:])
         text = describe_determined(free_axes, turns)
         is_open = len(free_axes) > 0 or len(turns.axes) > 0
         severity: Severity = "warning" if is_open else "note"
@@ -47,7 +48,7 @@ def adapter_section(adapter: DomainAdapter) -> Section:
     section.add("Fit", "iterations", iterations, text)
     pairs = getattr(adapter, "n_pairs_", None)
     if pairs is not None:
-        share = float(adapter.overlap_)
+        share = float(getattr(adapter, "overlap_", 0.0))
         about = "Pairs of ellipsoids that carry the fit, and their share of the smaller domain."
         section.add("Pairs", "n_pairs", int(pairs), f"{pairs}, {share:.0%}", about)
     section.numbers(converged=converged, cost=float(adapter.cost_), damping=adapter.damping)

@@ -139,8 +139,8 @@ class RiemannianICP(RigidAdapter):
         )
         start, best = self._matched(clouds, selective)
         self.criterion_ = "correspondence"
-        self.n_pairs_ = None
-        self.overlap_ = None
+        self.n_pairs_: int | None = None
+        self.overlap_: float | None = None
 
         robust = robust and best.cost > EXACT  # matches of exact copies need no more
         if robust and d <= LARGEST_ROBUST:
@@ -280,15 +280,15 @@ class RiemannianICP(RigidAdapter):
         self.found_rotation_ = rigid.rotation
         self.start_kept_ = False
 
-        self.n_pairs_ = len(consensus.pairs.distances)
-        self.overlap_ = self.n_pairs_ / smaller
+        count = len(consensus.pairs.distances)
+        share = count / smaller
+        self.n_pairs_ = count
+        self.overlap_ = share
         self.cost_ = consensus.history[-1]
         self.history_ = np.array(consensus.history)
         self.n_iter_ = len(consensus.history) - 1
         self.converged_ = consensus.converged
-        self.stop_reason_ = (
-            f"{self.n_pairs_} pairs carry the fit, {self.overlap_:.0%} of the smaller domain"
-        )
+        self.stop_reason_ = f"{count} pairs carry the fit, {share:.0%} of the smaller domain"
 
 
 def _most_singular(points: Array, limit: int) -> Array:

@@ -164,8 +164,8 @@ def _mean_distance_within(vectors: Array) -> float:
     """Mean distance between different vectors (n, k)."""
     single = np.ascontiguousarray(vectors, np.float32)
     pulls = np.zeros(single.T.shape, np.float32)
-    total = _add_distances(single, np.ascontiguousarray(single.T), pulls)
-    return float(total) / (len(vectors) * (len(vectors) - 1))
+    total = float(_add_distances(single, np.ascontiguousarray(single.T), pulls))
+    return total / (len(vectors) * (len(vectors) - 1))
 
 
 @kernel(fastmath=True)
