@@ -184,7 +184,7 @@ def _add_distances(vectors, others, pulls):  # type: ignore[no-untyped-def]
             distance = np.sqrt(squares[j])
             row += distance
             squares[j] = np.float32(1.0) / distance
-        total += row
+        total += float(row)
         for k in range(size):
             for j in range(len(squares)):
                 pulls[k, j] += (vectors[i, k] - others[k, j]) * squares[j]
