@@ -43,6 +43,8 @@ ENERGY_SHARE = 0.25  # and share of it
 
 LEAST_CLOUD = 300  # ellipsoids of each domain; of 400 from one Panda, 16 of 20 minima of the energy are within 10°
 
+CERTAIN_SHARE = 0.5  # of pairs; separate domains of a planar arm have 27 % that agree by chance
+
 LARGEST_ROBUST = (
     6  # beyond, least squares over d² + d (d + 1) / 2 + 1 parameters take seconds in each step
 )
@@ -139,6 +141,7 @@ class RiemannianICP(RigidAdapter):
             recenter(teacher, self.teacher_mean_, self.dispersion_ratio_),
             recenter(student, self.student_mean_),
         )
+        whole = clouds
         start, best = self._matched(clouds, selective)
         self.criterion_ = "correspondence"
         self.n_pairs_: int | None = None
@@ -166,6 +169,8 @@ class RiemannianICP(RigidAdapter):
             else:
                 self._take_matches(pair, start, best, selective)
         if self.base_rotation is None and d == 3:
+            if self.overlap_ is not None and self.overlap_ < CERTAIN_SHARE:
+                pair = CloudPair(*whole)  # symmetric domains have pairs that agree by chance
             self._report_free_rotations(pair)
 
     def _report_free_rotations(self, pair: CloudPair) -> None:
