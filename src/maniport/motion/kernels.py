@@ -1,20 +1,8 @@
-"""What is compiled: for searches normal equations and a step within limits, for the task its error and derivative."""
+"""Compiled normal equations of searches, and their step within limits."""
 
 import numpy as np
 
-from maniport.spd.kernels.loops import congruence_loop, eigh_loop
 from maniport.util.jit import kernel, part
-
-
-@kernel
-def fill_spectrum(matrices, whitening, values, vectors, singular, tolerance):  # type: ignore[no-untyped-def]
-    """Fill eigenvalues (n, d), 1 where singular, and -vectors (n, d, d) of W M Wᵀ; one M or W serves all."""
-    congruence_loop(whitening, matrices, vectors)
-    eigh_loop(vectors.copy(), values, vectors)
-    for n in range(len(values)):
-        singular[n] |= values[n, 0] <= tolerance * values[n, -1]
-        if singular[n]:
-            values[n] = 1.0
 
 
 @kernel

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from maniport.arms import EllipsoidSpec
 from maniport.motion.configurations import Configurations
 from maniport.motion.costs.cost import NormalEquations
-from maniport.motion.kernels import add_log_residual, add_residual, fill_spectrum
+from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.targets import TargetTrajectory
 from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, to_vector
@@ -114,10 +114,10 @@ class EllipsoidCost:
             if with_changes:
                 changes = -achieved[:, None] @ changes @ achieved[:, None]
 
-        values = np.empty((len(singular), self.spec.size))
-        vectors = np.empty((len(singular), *achieved.shape[1:]))
         shifted = achieved + self.shift
-        fill_spectrum(shifted, self.whitening, values, vectors, singular, SPD_TOLERANCE)
+        values, vectors = eigh(congruence(self.whitening, shifted))
+        singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
+        values[singular] = 1.0
         return Spectrum(values, vectors, singular, shifted, changes)
 
     def _weighted_log(self, spectrum: Spectrum) -> Array:

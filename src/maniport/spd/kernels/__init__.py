@@ -17,10 +17,11 @@ from maniport.spd.kernels.loops import (
     WIDTH,
     compose_loop,
     congruence_loop,
-    distance_loop,
     eigh_loop,
-    power_congruence_loop,
+    log_norm_loop,
+    raise_loop,
     release_loop,
+    whiten_loop,
 )
 from maniport.util.validation import SPD_TOLERANCE, Array
 
@@ -36,7 +37,7 @@ ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes
 
 def eigh(matrices: Array) -> tuple[Array, Array]:
     """Ascending eigenvalues and orthonormal eigenvectors (columns) of symmetric matrices (..., d, d)."""
-    values, vectors = _run(eigh_loop, (matrices,), (1, 2))
+    values, vectors = _run(_eigh_loop, (matrices,), (1, 2))
     return values, vectors
 
 
@@ -59,7 +60,7 @@ def congruence(left: Array, matrices: Array) -> Array:
 
 def distances(a: Array, b: Array) -> Array:
     """Affine-invariant distances sqrt(Σ log² λ_i(A⁻¹B)) of SPD matrices, shapes (..., d, d); shape (...)."""
-    results = _run(distance_loop, (a, b), (0,))[0]
+    results = _run(_distance_loop, (a, b), (0,))[0]
     if math.isnan(np.vdot(results, results)):  # faster than isnan and any
         rough = np.isnan(results)
         pair = (
@@ -78,7 +79,7 @@ def power_congruence(left: Array, points: Array, exponent: float, right: Array) 
     invalid = list[float]()
 
     def loop(*arguments: Any) -> None:
-        value = power_congruence_loop(*arguments)
+        value = _power_congruence_loop(*arguments)
         if not np.isnan(value):
             invalid.append(value)
 
@@ -99,7 +100,7 @@ def release(points: Array, epsilon: float) -> Array:
 
     Subtracting ε I would make images of a map indefinite where they are flatter than the damping.
     """
-    return _run(release_loop, (points,), options=(epsilon,))[0]
+    return _run(_release_loop, (points,), options=(epsilon,))[0]
 
 
 def require_in_range(eigenvalues: Array, name: str) -> None:
@@ -134,6 +135,62 @@ def cholesky(matrices: Array) -> tuple[Array, Array]:
 def symmetrize(matrices: Array) -> Array:
     """Average a matrix with its transpose, to remove rounding."""
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+def _eigh_loop(matrices: Array, values: Array, vectors: Array) -> None:
+    eigh_loop(matrices, True, values, vectors)
+
+
+def _distance_loop(a: Array, b: Array, results: Array) -> None:
+    """Write affine-invariant distances; one A or one B serves all."""
+    count = len(results)
+    size = a.shape[-1]
+    white = np.empty((count, size, size))
+    values = np.empty((count, size))
+    no_vectors = np.empty((count, 0, size))
+    whiten_loop(a, b, white)
+    eigh_loop(white, False, values, no_vectors)
+    log_norm_loop(values, results)
+
+
+def _power_congruence_loop(
+    left: Array,
+    matrices: Array,
+    right: Array,
+    exponent: float,
+    low: float,
+    high: float,
+    results: Array,
+) -> float:
+    """Write R (L M Lᵀ)^s Rᵀ with one L and R; return the first power out of bounds, -1 for indefinite M, else nan."""
+    inner = np.empty_like(results)
+    congruence_loop(left, matrices, inner)
+    values, vectors = _diagonalized(inner)
+    invalid = float(raise_loop(values, exponent, low, high))
+    if not math.isnan(invalid):
+        return invalid
+
+    # R V with sums in the order of the columns, for the same bits in any batch
+    turned = right[:, :, :1] * vectors[:, :1]
+    for k in range(1, right.shape[-1]):
+        turned += right[:, :, k : k + 1] * vectors[:, k : k + 1]
+    compose_loop(values[:, None], turned, results)
+    return invalid
+
+
+def _release_loop(matrices: Array, epsilon: float, results: Array) -> None:
+    """Write matrices with released eigenvalues."""
+    values, vectors = _diagonalized(matrices)
+    release_loop(values, epsilon)
+    compose_loop(values[:, None], vectors, results)
+
+
+def _diagonalized(matrices: Array) -> tuple[Array, Array]:
+    """Eigenvalues (count, d), as they are found on the diagonals, and eigenvectors (count, d, d)."""
+    values = np.empty(matrices.shape[:2])
+    vectors = np.empty(matrices.shape)
+    eigh_loop(matrices, False, values, vectors)
+    return values, vectors
 
 
 def _run(

@@ -1,4 +1,4 @@
-"""Compiled loops over batches of small symmetric matrices.
+"""Compiled loops over batches of small symmetric matrices: few operations, each compiled once.
 
 Matrices are diagonalized in blocks of shape (n, n, width): the innermost loops run over the matrices of a block, which
 lie side by side in memory, so that they become vector instructions. A matrix gets the same bits alone and in any batch.
@@ -89,12 +89,15 @@ def _fill(block, matrices, start):
 
 
 @kernel
-def eigh_loop(matrices, values, vectors):
-    """Write ascending eigenvalues (count, n) and eigenvectors (count, n, n) in columns."""
+def eigh_loop(matrices, ascending, values, vectors):
+    """Write eigenvalues (count, n) and eigenvectors (count, n, n) in columns; (count, 0, n) takes none.
+
+    The order is ascending, or else that of the diagonals on which they are found.
+    """
     count, n = values.shape
     width = min(WIDTH, count)
     a = np.empty((n, n, width))
-    v = np.empty((n, n, width))
+    v = np.empty((vectors.shape[1], n, width))
     turns = np.empty((2, width))
     order = np.empty(n, np.intp)
     for start in range(0, count, width):
@@ -104,13 +107,13 @@ def eigh_loop(matrices, values, vectors):
             row = start + w
             for i in range(n):
                 place = i
-                while place > 0 and values[row, place - 1] > a[i, i, w]:
+                while ascending and place > 0 and values[row, place - 1] > a[i, i, w]:
                     values[row, place] = values[row, place - 1]
                     order[place] = order[place - 1]
                     place -= 1
                 values[row, place] = a[i, i, w]
                 order[place] = i
-            for k in range(n):
+            for k in range(len(v)):
                 for i in range(n):
                     vectors[row, k, i] = v[k, order[i], w]
 
@@ -177,93 +180,59 @@ def _transform(left, a, b):
 
 
 @kernel
-def power_congruence_loop(left, matrices, right, exponent, low, high, results):
-    """Write R (L M Lᵀ)^s Rᵀ with one L and R; return the first power out of bounds, -1 for indefinite M, else nan."""
-    count, n = results.shape[:2]
-    width = min(WIDTH, count)
-    blocks = np.empty((5, n, n, width))
-    turns = np.empty((2, width))
-    factor = blocks[0]
-    outer = blocks[1]
-    a = blocks[2]
-    b = blocks[3]
-    v = blocks[4]
-    _fill(factor, left, 0)
-    _fill(outer, right, 0)
-    for start in range(0, count, width):
-        _fill(a, matrices, start)
-        _transform(factor, a, b)
-        diagonalize(a, v, turns)
-        for k in range(n):
-            for w in range(width):
-                value = a[k, k, w]
-                a[k, k, w] = value**exponent if value > 0.0 else 0.0
-                if not low <= a[k, k, w] <= high:
-                    return a[k, k, w] if value > 0.0 else -1.0
-        _multiply(outer, v, b)
-        _compose_block(a, b, turns[0], results, start)
+def raise_loop(values, exponent, low, high):
+    """Raise eigenvalues (count, n) to a power; return the first one out of bounds, -1 for a negative, else nan."""
+    for row in range(len(values)):
+        for i in range(values.shape[1]):
+            value = values[row, i]
+            power = value**exponent if value > 0.0 else 0.0
+            if not low <= power <= high:
+                return power if value > 0.0 else -1.0
+            values[row, i] = power
     return np.nan
 
 
 @kernel
-def release_loop(matrices, epsilon, results):
-    """Write matrices with released eigenvalues."""
-    count, n = results.shape[:2]
-    width = min(WIDTH, count)
-    a = np.empty((n, n, width))
-    v = np.empty((n, n, width))
-    turns = np.empty((2, width))
-    for start in range(0, count, width):
-        _fill(a, matrices, start)
-        diagonalize(a, v, turns)
-        for k in range(n):
-            for w in range(width):
-                a[k, k, w] = release(a[k, k, w], epsilon)
-        _compose_block(a, v, turns[0], results, start)
-
-
-@part
-def _compose_block(a, v, total, results, start):
-    """Write V diag(A) Vᵀ of a block to the results from `start` on."""
-    n, width = a.shape[1:]
-    for i in range(n):
-        for j in range(i, n):
-            total[:] = 0.0
-            for k in range(n):
-                for w in range(width):
-                    total[w] += v[i, k, w] * a[k, k, w] * v[j, k, w]
-            for w in range(min(width, len(results) - start)):
-                results[start + w, i, j] = results[start + w, j, i] = total[w]
+def release_loop(values, epsilon):
+    """Release eigenvalues (count, n) from damping."""
+    for row in range(len(values)):
+        for i in range(values.shape[1]):
+            values[row, i] = release(values[row, i], epsilon)
 
 
 @kernel
-def distance_loop(a, b, results):
-    """Write affine-invariant distances; one A or one B serves all."""
-    count = len(results)
-    n = a.shape[1]
+def log_norm_loop(values, results):
+    """Write the norms of the logarithms of eigenvalues (count, n); nan where their ratio is too large."""
+    for row in range(len(results)):
+        smallest = values[row, 0]
+        largest = values[row, 0]
+        squares = 0.0
+        for i in range(values.shape[1]):
+            value = values[row, i]
+            smallest = min(smallest, value)
+            largest = max(largest, value)
+            logarithm = np.log(value)
+            squares += logarithm * logarithm
+        results[row] = np.sqrt(squares) if smallest > APART * largest else np.nan
+
+
+@kernel
+def whiten_loop(a, b, results):
+    """Write the upper triangles of L⁻¹ B L⁻ᵀ with A = L Lᵀ; one A or one B serves all."""
+    count, n = results.shape[:2]
     width = min(WIDTH, count)
     factor = np.empty((n, n, width))
     white = np.empty((n, n, width))
-    turns = np.empty((2, width))
-    no_vectors = np.empty((0, n, width))
     for start in range(0, count, width):
         if start == 0 or len(a) > 1:
             _fill(factor, a, start)
             _factorize(factor)
         _fill(white, b, start)
         _whiten(factor, white)
-        diagonalize(white, no_vectors, turns)
-        for w in range(min(width, count - start)):
-            smallest = white[0, 0, w]
-            largest = white[0, 0, w]
-            squares = 0.0
-            for i in range(n):
-                value = white[i, i, w]
-                smallest = min(smallest, value)
-                largest = max(largest, value)
-                logarithm = np.log(value)
-                squares += logarithm * logarithm
-            results[start + w] = np.sqrt(squares) if smallest > APART * largest else np.nan
+        for i in range(n):
+            for j in range(i, n):
+                for w in range(min(width, count - start)):
+                    results[start + w, i, j] = white[i, j, w]
 
 
 @part

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from maniport.spd.kernels.loops import congruence_loop, eigh_loop
+from maniport.spd.kernels import congruence, eigh
 from maniport.spd.kernels.single import multiply
 from maniport.transfer.rotation_group import orthonormal, rotation_from_vector, rotation_planes
 from maniport.util.jit import kernel
@@ -24,26 +24,33 @@ class RotationProblem:
     """
 
     def __init__(self, factors: Iterable[Array], teacher: Array, weights: Array):
-        self._pairs = tuple(map(np.ascontiguousarray, (*factors, teacher, weights)))
+        left, right = factors
+        self._factor = np.ascontiguousarray(left)
+        self._inverse = np.ascontiguousarray(right)
+        self._teacher = np.ascontiguousarray(teacher)
+        self._weights = np.ascontiguousarray(weights)
         self._planes = np.array(rotation_planes(teacher.shape[-1]))
 
     def cost(self, rotation: Array) -> float:
         """F(R), the weighted mean of squared distances."""
-        return float(
-            _add_derivatives(
-                rotation[None], *self._pairs, self._planes[:0], np.empty(0), np.empty((0, 0))
-            )
-        )
+        nothing = np.empty(0)
+        return self._add(rotation, self._planes[:0], nothing, nothing[None])
 
     def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
         """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
         m = len(self._planes)
-        gradient, hessian = np.zeros(m), np.zeros((m, m))
-        return (
-            float(_add_derivatives(rotation[None], *self._pairs, self._planes, gradient, hessian)),
-            gradient,
-            hessian,
-        )
+        gradient = np.zeros(m)
+        hessian = np.zeros((m, m))
+        cost = self._add(rotation, self._planes, gradient, hessian)
+        return cost, gradient, hessian
+
+    def _add(self, rotation: Array, planes: Array, gradient: Array, hessian: Array) -> float:
+        """Return the cost, and add derivatives in planes of rotation to gradient and Hessian."""
+        turned = congruence(rotation[None], self._teacher)
+        values, vectors = eigh(congruence(self._inverse, turned))
+        pairs = (self._factor, self._inverse, self._weights)
+        cost = _add_derivatives(values, vectors, *pairs, planes, gradient, hessian)
+        return float(cost)
 
     def minimize(
         self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4
@@ -91,22 +98,13 @@ def _saddle_free_direction(gradient: Array, hessian: Array, max_step: float = 1.
 
 @kernel
 def _add_derivatives(  # type: ignore[no-untyped-def]
-    rotation, factor, inverse, teacher, weights, planes, gradient, hessian
+    values, vectors, factor, inverse, weights, planes, gradient, hessian
 ):
     """Return the cost, and add to gradient and Hessian.
 
     With L⁻¹ R T Rᵀ L⁻ᵀ = V diag(λ) Vᵀ, the basis element Ω_a moves the pair by Vᵀ L⁻¹ Ω_a L V.
     """
-    (count, d), m, cost = teacher.shape[:2], len(planes), 0.0
-    turned, whitened, vectors = (
-        np.empty(teacher.shape),
-        np.empty(teacher.shape),
-        np.empty(teacher.shape),
-    )
-    values = np.empty((count, d))
-    congruence_loop(rotation, teacher, turned)
-    congruence_loop(inverse, turned, whitened)
-    eigh_loop(whitened, values, vectors)
+    (count, d), m, cost = values.shape, len(planes), 0.0
     logs = np.log(values)
     rates = logs / values
     for pair in range(count):
