@@ -19,7 +19,8 @@ from typer.testing import CliRunner
 from maniport.batch.inputs import digest
 from maniport.errors import ManiportError
 from maniport.pipeline import Transfer
-from maniport.pipeline.settings import load_robot, settings_of
+from maniport.pipeline.robots import load_robot
+from maniport.pipeline.settings import settings_of
 from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
 from sizes import SMALL, little_search

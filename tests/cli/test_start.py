@@ -95,3 +95,17 @@ def test_importing_the_package_loads_nothing_heavy():
         "print(sorted(heavy & set(sys.modules)))"
     )
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"
+
+
+def test_describing_a_robot_loads_neither_recordings_nor_plans():
+    code = (
+        "import sys; from maniport.__main__ import main\n"
+        "sys.argv = ['maniport', 'info', 'panda', '--quiet']\n"
+        "try:\n    main()\n"
+        "except SystemExit:\n    pass\n"
+        "heavy = {'scipy.stats', 'scipy.interpolate', 'scipy.optimize', 'jinja2', 'trimesh', 'maniport.mocap',\n"
+        "         'maniport.transfer', 'maniport.batch', 'maniport.motion.search'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    printed = subprocess.check_output([sys.executable, "-c", code], text=True)
+    assert printed.splitlines()[-1] == "[]"

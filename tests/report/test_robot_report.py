@@ -9,7 +9,7 @@ from maniport.arms import load_arm
 from maniport.arms.loaders.packages import PACKAGES
 from maniport.cli import app
 from maniport.pipeline.config import Config
-from maniport.pipeline.settings import load_robot
+from maniport.pipeline.robots import load_robot
 from real_robots import NEEDS_ROBOTS
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.sampling import sobol
+from maniport.util.sobol import sobol
 from maniport.util.validation import Array, as_choice, as_count, as_finite, as_generator, as_numbers
 
 

@@ -1,5 +1,8 @@
-"""Many recordings on many robots: in processes or on a cluster, going on where it was, with a table of all measures."""
+"""Many recordings on many robots: in processes or on a cluster, going on where it was, with a table of all measures.
 
-from maniport.batch.run import Batch, transfer_batch
+The names are loaded on first use.
+"""
 
-__all__ = ["Batch", "transfer_batch"]
+from maniport.util.lazy_names import names_of_stub
+
+__all__, __getattr__ = names_of_stub(__name__, __file__)

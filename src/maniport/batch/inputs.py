@@ -17,15 +17,12 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError, printable
 from maniport.mocap import Recording, shipped_recording
-from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import Config
 from maniport.pipeline.options import OPTIONS
 from maniport.pipeline.settings import Settings, marker_roles, settings_of
 from maniport.report.render import SUMMARY
-from maniport.util.defaults import RECORDINGS
+from maniport.util.defaults import ABOUT, RECORDINGS, SHIPPED
 from maniport.version import __version__
-
-ABOUT = "batch.json"  # The file that marks a folder as that of a batch
 
 ENDINGS = [
     ending

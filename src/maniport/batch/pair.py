@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from maniport.arms import as_group
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
-from maniport.batch.inputs import ABOUT, Robot, Source, digest
+from maniport.batch.inputs import Robot, Source, digest
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.mocap import ArmFit
@@ -29,6 +29,7 @@ from maniport.report.values import listed
 from maniport.report.write import export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, write_text
+from maniport.util.defaults import ABOUT
 from maniport.version import __version__
 
 PAIR = "pair.json"  # file with the settings of a pair and its row of the table

@@ -14,7 +14,7 @@ from joblib import cpu_count
 
 from maniport.arms import Arm
 from maniport.batch.executors import ClusterLostError, Executor, completed, executor_for
-from maniport.batch.inputs import ABOUT, Robot, Source, find_recordings, find_robots
+from maniport.batch.inputs import Robot, Source, find_recordings, find_robots
 from maniport.batch.pair import ADAPTERS, Outcome, Pair, content_of, reason, work
 from maniport.batch.table import (
     PAGE,
@@ -30,6 +30,7 @@ from maniport.motion.exports import SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
 from maniport.util.atomic_io import claim
+from maniport.util.defaults import ABOUT
 from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count

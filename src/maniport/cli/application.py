@@ -316,7 +316,7 @@ def in_si_units(config: Config, typed: dict[str, Any], robot: Any) -> Config:
 def _home(config: Config, home: Sequence[float]) -> tuple[float, ...]:
     """Convert a configuration of the robot to rad or m, and require its limits."""
     from maniport.motion import MotionLimits
-    from maniport.pipeline.settings import load_robot
+    from maniport.pipeline.robots import load_robot
 
     arm = MotionLimits.of(load_robot(config), config.limits, config.joint_limit_margin).arm
     if len(home) != arm.dof:
@@ -333,7 +333,7 @@ def _home(config: Config, home: Sequence[float]) -> tuple[float, ...]:
 def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
     """Return unit, lower and upper limit of all joints by name, also of those that do not move."""
     from maniport.arms.loaders import read_arm
-    from maniport.pipeline.settings import load_robot, names_several
+    from maniport.pipeline.robots import load_robot, names_several
 
     if config.side == BOTH or names_several(config):
         robot = load_robot(config.changed(lock=None))

@@ -26,7 +26,7 @@ from maniport.report.console import Console
 from maniport.report.describe import report_of
 from maniport.report.render import SUMMARY, as_numbers, write_report
 from maniport.report.values import Report, Section
-from maniport.util.defaults import AUTO, RECORDINGS
+from maniport.util.defaults import ABOUT, AUTO, RECORDINGS, SHIPPED
 from maniport.util.files import array_names, load_ellipsoids, load_path, save_ellipsoids
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 from maniport.util.validation import as_count
@@ -299,9 +299,7 @@ def _require_none(config: Config, reason: str, *sections: str) -> None:
 
 def _is_recording(what: str) -> bool:
     """Whether it is a recording: of files, all are that are no robots and hold no ellipsoids."""
-    from maniport.arms import READERS
-    from maniport.batch.inputs import ABOUT
-    from maniport.mocap.readers import SHIPPED
+    from maniport.arms.loaders import READERS
 
     file = Path(what)
     suffix = file.suffix.lower()
@@ -321,7 +319,6 @@ def _is_recording(what: str) -> bool:
 def _of_robot(what: str, config: Config) -> Report:
     """Describe an arm and the limbs of its robot; the limbs alone if none of several was chosen."""
     from maniport.arms.loaders import robot_limbs
-    from maniport.mocap.readers import SHIPPED
     from maniport.report.describe.robots import robot_report
 
     try:

@@ -9,7 +9,7 @@ from maniport.pipeline.options import RobotOptions as RobotOptions
 from maniport.pipeline.options import TransferOptions as TransferOptions
 from maniport.pipeline.results import MotionResult as MotionResult
 from maniport.pipeline.results import TransferResult as TransferResult
-from maniport.pipeline.settings import load_single_arm as load_single_arm
+from maniport.pipeline.robots import load_single_arm as load_single_arm
 from maniport.pipeline.settings import read_part as read_part
 from maniport.pipeline.settings import settings_of as settings_of
 from maniport.pipeline.transfer import FittedTransfer as FittedTransfer

@@ -1,4 +1,4 @@
-"""From options to objects: the recording and the robot of a configuration, and settings that are checked for them."""
+"""From options to objects: the recording of a configuration, and settings that are checked for its robot."""
 
 import json
 import os
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.arms import PERSONS, Arm, ArmGroup, EllipsoidSpec, as_group, load_arm, load_arms
+from maniport.arms import PERSONS, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
 from maniport.errors import FileFormatError, InvalidInputError, argument, shown
 from maniport.mocap import Recording, read_recording
@@ -18,14 +18,14 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.options import (
     HumanOptions,
     MotionOptions,
-    RobotOptions,
     TransferOptions,
 )
+from maniport.pipeline.robots import load_robot
 from maniport.transfer import METHODS, DomainAdapter, RiemannianICP, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.input_limits import SETTINGS_BYTES, read_whole
 from maniport.util.progress import Progress, no_progress
-from maniport.util.validation import as_choice, as_numbers
+from maniport.util.validation import as_choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,74 +136,6 @@ def marker_roles(config: HumanOptions) -> Mapping[str, Any] | None:
             f'{where} must map roles to lists of points, such as {{"elbow": ["RELB", "RIEL"]}}'
         )
     return roles
-
-
-def load_robot(
-    config: TransferOptions, both: bool | None = None, side: str | None = None
-) -> Arm | ArmGroup:
-    """Load the arm with its payload, of a person that of `side`, or a group where the options name several arms."""
-    arm = _loaded(config, config.side == BOTH if both is None else both, side)
-    payload = config.payload
-    if not any(payload):
-        if any(config.payload_center):
-            raise InvalidInputError(
-                f"{argument('payload_center')} needs {argument('payload')}; found none"
-            )
-        return arm
-    group = as_group(arm)
-    masses = payload if len(payload) > 1 else payload[0]
-    checked = as_numbers(
-        masses, f"{argument('payload')} of {arm.name!r}", len(group), broadcast=True
-    )
-    loaded = group.with_payload(checked, config.payload_center)
-    return loaded if isinstance(arm, ArmGroup) else loaded.arms[0]
-
-
-def load_single_arm(config: TransferOptions, side: str = AUTO) -> Arm:
-    """Load the arm as `load_robot` does; raise where the options name several."""
-    arm = load_robot(config, both=False, side=None if side == AUTO else side)
-    if isinstance(arm, ArmGroup):
-        raise InvalidInputError(
-            f"{argument('robot')} must be one arm here; found {len(arm)}: {arm.name}"
-        )
-    return arm
-
-
-def _loaded(config: RobotOptions, both: bool, side: str | None) -> Arm | ArmGroup:
-    if not config.robot:
-        raise InvalidInputError(f"{argument('robot')} is needed")
-    robot: Any = config.robot[0]
-    if isinstance(robot, Arm | ArmGroup):
-        if any(arm.chain.payload for arm in as_group(robot).arms):  # run.yaml would lose it
-            raise InvalidInputError(
-                f"{argument('robot')} must have no payload of its own; use {argument('payload')}"
-            )
-        return robot
-    options: Any = {
-        "joints": config.joints or None,
-        "lock": config.lock,
-        "mesh_folders": config.mesh_folders,
-        "xacro_args": config.xacro_args,
-    }
-    if not (both or names_several(config)):
-        return load_arm(
-            robot, config.frame[0] if config.frame else None, base=config.base, side=side, **options
-        )
-    if config.base is not None:
-        raise InvalidInputError(
-            f"{argument('base')} is for one arm; the base of each robot is {argument('pose')}"
-        )
-    if len(config.robot) > 1 and not config.pose:
-        raise InvalidInputError(
-            f"{argument('robot')} of several robots needs {argument('pose')} of each"
-        )
-    robots = robot if len(config.robot) == 1 else config.robot
-    return load_arms(robots, config.frame or None, bases=config.pose or None, **options)
-
-
-def names_several(config: RobotOptions) -> bool:
-    """Whether the options name several arms of robots."""
-    return bool(config.pose) or len(config.robot) > 1 or len(config.frame) > 1
 
 
 class LimitedRobot(NamedTuple):

@@ -25,6 +25,12 @@ RECORDINGS = {
 }  # fmt: skip
 """Suffixes of recordings, and the module of `maniport.mocap.readers` that reads each."""
 
+SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
+"""``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free motion of the right arm (C3D).
+``"both-arms"``: the same motion with the left arm, which moves more."""
+
+ABOUT = "batch.json"  # the file that marks a folder as that of a batch
+
 METHODS = {
     "identity": "baselines:IdentityMap",
     "mean-transport": "rigid_adapter:MeanTransport",

@@ -1,4 +1,4 @@
-"""Subsets, Sobol sequences, rank correlation and statistics of samples."""
+"""Subsets, rank correlation and statistics of samples."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,18 +13,16 @@ def evenly_spaced(count: int, most: int | None) -> NDArray[np.intp]:
     return np.linspace(0, count - 1, most).round().astype(np.intp)
 
 
-def sobol(dimension: int, exponent: int, generator: np.random.Generator) -> Array:
-    """Draw the first 2^exponent points of a scrambled Sobol sequence in [0, 1), shape (2^exponent, dimension)."""
-    from scipy.stats import qmc  # slow to load
-
-    return np.asarray(qmc.Sobol(dimension, rng=generator).random_base2(exponent))
-
-
 def rank_correlation(a: Array, b: Array) -> float:
     """Compute Spearman's rank correlation of two vectors that vary."""
-    from scipy.stats import rankdata  # slow to load
+    return float(np.corrcoef(_ranks(a), _ranks(b))[0, 1])
 
-    return float(np.corrcoef(rankdata(a), rankdata(b))[0, 1])
+
+def _ranks(values: Array) -> Array:
+    """Ranks of values (n,) from 1 on; equal ones have the mean of their ranks."""
+    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
+    mean_ranks = np.cumsum(counts) - 0.5 * (counts - 1)
+    return np.asarray(mean_ranks[which])
 
 
 def statistics(values: ArrayLike, time: ArrayLike) -> dict[str, float]:

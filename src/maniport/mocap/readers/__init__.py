@@ -52,7 +52,7 @@ from maniport.mocap.roles import (
     missing_text,
     whole_bodies,
 )
-from maniport.util.defaults import AUTO, BOTH, RECORDINGS
+from maniport.util.defaults import AUTO, BOTH, RECORDINGS, SHIPPED
 from maniport.util.input_limits import (
     FRAMES,
     PLACES,
@@ -73,10 +73,6 @@ POSSIBLE_UPPER_ARM = (
     0.1,
     0.6,
 )  # Lengths of an upper arm [m] outside of which a declared unit is wrong
-
-SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
-"""``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free motion of the right arm (C3D).
-``"both-arms"``: the same motion with the left arm, which moves more."""
 
 
 @dataclass(frozen=True)

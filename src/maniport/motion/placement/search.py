@@ -26,7 +26,7 @@ from maniport.motion.plan.optimizer import TrajectoryTerms
 from maniport.motion.plan.plan_options import PlacementRound, SearchBudget
 from maniport.motion.plan.roadmap import LARGEST_CHANGE, Roadmap, shortest_path
 from maniport.util.progress import Part, ignore_fraction
-from maniport.util.sampling import sobol
+from maniport.util.sobol import sobol
 from maniport.util.validation import Array
 
 SAMPLES = 64  # Samples next to a waypoint that placements are compared by; with 16, force ellipsoids are 10 % farther

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +19,12 @@ from maniport.arms.collisions import CheckedShapes, Collisions
 from maniport.arms.loaders.model import Limb
 from maniport.arms.loaders.packages import arm_names
 from maniport.errors import argument
-from maniport.motion import Placement
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.trajectory import Clearance
 from maniport.report.values import Metric, Report, Section, Severity, Table, listed
+
+if TYPE_CHECKING:  # it takes its time, and a robot alone has none
+    from maniport.motion import Placement
 
 REMARKS: dict[str, tuple[Severity, str]] = {
     SOFT_LIMITS: (
@@ -307,7 +310,7 @@ PLACEMENT_COLUMNS = {
 """Format strings of the columns of the table of placements."""
 
 
-def placement_section(placed: Placement) -> Section:
+def placement_section(placed: "Placement") -> Section:
     """Describe the placement of a path, and whether the robot reaches it."""
     section = Section("Placement", key="placement", folded=True)
     yaw = float(np.degrees(placed.yaw))
@@ -340,7 +343,7 @@ def placement_section(placed: Placement) -> Section:
     return section
 
 
-def placements_table(placements: Sequence[Placement]) -> Table:
+def placements_table(placements: "Sequence[Placement]") -> Table:
     """Return a table of placements from the best to the worst."""
     records = []
     for rank, candidate in enumerate(placements, 1):

@@ -1,0 +1,10 @@
+from maniport.mocap.arm_fit import ArmFit as ArmFit
+from maniport.mocap.arm_fit import HumanMotion as HumanMotion
+from maniport.mocap.arm_ik import fit_arm as fit_arm
+from maniport.mocap.arm_ik import fit_arms as fit_arms
+from maniport.mocap.directions import synthetic_recording as synthetic_recording
+from maniport.mocap.readers import READERS as READERS
+from maniport.mocap.readers import read_recording as read_recording
+from maniport.mocap.readers import shipped_recording as shipped_recording
+from maniport.mocap.recording import Recording as Recording
+from maniport.mocap.roles import MARKER_SETS as MARKER_SETS
