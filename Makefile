@@ -18,7 +18,7 @@ BIN := $(VENV)/bin
 
 .PHONY: demo test coverage fuzz kills mutants nightly docs links dist lint bench clean
 
-demo: $(VENV)/.installed
+demo: $(VENV)/.compiled
 	$(BIN)/maniport demo -o maniport-demo --overwrite
 
 # One worker per core, each with one BLAS thread.
@@ -74,6 +74,10 @@ $(BIN)/pip:
 $(VENV)/.installed: pyproject.toml | $(BIN)/pip
 	$(BIN)/python -m pip install --quiet --editable .
 	@$(BIN)/python -c 'import pinocchio' || { echo "maniport: if libgomp is missing: apt-get install libgomp1" >&2; exit 1; }
+	@touch $@
+
+$(VENV)/.compiled: $(VENV)/.installed
+	$(BIN)/maniport compile --quiet
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed

@@ -21,6 +21,7 @@ LIGHT = {
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
 HEAVY = {
+    "compile": "compile",
     "demo": "demo --n-teacher 64 --n-student 128 -o {tmp}/demo --overwrite",
     "figures": "figures {tmp}/demo -o {tmp}/figures",
     "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 --robot panda --method identity "

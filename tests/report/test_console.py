@@ -8,7 +8,8 @@ from rich.text import Text
 
 from maniport.errors import ConvergenceWarning
 from maniport.report import console as consoles
-from maniport.report.console import Console, progress
+from maniport.report.console import COMPILING, Console, progress
+from maniport.util.compiling import announce
 
 
 @pytest.fixture
@@ -41,6 +42,17 @@ def test_an_error_ends_the_progress_on_a_terminal(terminal):
     text = stream.getvalue()
     assert "━" in text
     assert text.rindex("\x1b[?25h") > text.rindex("\x1b[?25l")
+
+
+def test_compiling_is_a_line_of_the_progress(terminal):
+    stream = terminal(80)
+    with progress() as report:
+        report("walk", 0.25)
+        assert COMPILING not in stream.getvalue()
+        announce(True)
+        announce(False)
+    announce(True)  # of nobody's interest
+    assert COMPILING in stream.getvalue()
 
 
 @pytest.mark.parametrize("width", [24, 80])

@@ -7,7 +7,7 @@ __all__ = ["app", "files", "live", "main", "transfer"]
 
 ORDER = [
     *("demo", "transfer", "batch", "learn", "domain", "fit", "apply", "place", "track"),
-    *("evaluate", "figures", "reproduce", "live", "view", "info"),
+    *("evaluate", "figures", "reproduce", "live", "view", "info", "compile"),
 ]
 """The commands as `--help` lists them."""
 

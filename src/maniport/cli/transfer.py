@@ -2,6 +2,7 @@
 
 import os
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from maniport.pipeline import Transfer
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
+COMPILED_PART = (1.4, 2.4)  # of the easy one [s]; enough to call all that transfers call
+COMPILED_SAMPLES = (128, 256)  # of the person and the robot
 
 
 @command(
@@ -109,6 +112,26 @@ def only_recording(job: "Transfer", config: Config, console: Console) -> "Record
 def _execution(help: str, *flags: str) -> OptionInfo:
     option: OptionInfo = typer.Option(*flags, help=help, rich_help_panel="Execution")
     return option
+
+
+@command(example="maniport compile")
+def compile(console: Console) -> None:
+    """Compile what transfers need, for this processor, so that the first run does not."""
+    from maniport.pipeline import transfer_recording
+
+    start, stop = COMPILED_PART
+    n_teacher, n_student = COMPILED_SAMPLES
+    with console.progress() as progress, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the short recording
+        transfer_recording(
+            DEMOS[0],
+            progress=progress,
+            start=start,
+            stop=stop,
+            n_teacher=n_teacher,
+            n_student=n_student,
+        )
+    console.finish({"compiled": True}, "Transfers are compiled for this processor.")
 
 
 @command(

@@ -13,9 +13,11 @@ from rich.console import Console as RichConsole
 from maniport.errors import ManiportWarning, printable
 from maniport.report.render import as_markdown, as_numbers, as_terminal, plain
 from maniport.report.values import Report
+from maniport.util.compiling import watched
 from maniport.util.progress import Progress
 
 DONE = "✓ "
+COMPILING = "Compiling (first run only)"
 NAME_WIDTH = 26  # column of the results of steps
 
 
@@ -141,7 +143,14 @@ def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progre
                 if result:
                     _print_line(console, DONE, result, step)
 
-        yield report
+        def show(compiling: bool) -> None:
+            if COMPILING in tasks:
+                bars.remove_task(tasks.pop(COMPILING))
+            if compiling:
+                tasks[COMPILING] = bars.add_task(COMPILING, total=None)
+
+        with watched(show):
+            yield report
 
 
 def _print_line(console: RichConsole, mark: str, text: str, name: str = "") -> None:

@@ -13,7 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
 from numba.core.caching import FunctionCache
+
+from maniport.util.compiling import announce
 
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -34,6 +37,25 @@ def part(function: Callable[..., Any] | None = None, *, fastmath: bool = False) 
     if function is None:
         return partial(part, fastmath=fastmath)
     return numba.njit(fastmath=fastmath, no_cpython_wrapper=True, **OPTIONS)(function)
+
+
+class _Announcer(event.Listener):  # type: ignore[misc]  # Numba is untyped
+    """Announces that Numba compiles a function, with those that it calls."""
+
+    _depth = 0  # Numba compiles one function at a time, and within it those that it calls
+
+    def on_start(self, event: Any) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            announce(True)
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            announce(False)
+
+
+event.register("numba:compile", _Announcer())
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
