@@ -9,6 +9,7 @@ import pytest
 from numba.core.caching import IndexDataCacheFile
 
 from maniport.util import jit
+from maniport.util.compiling import watched
 
 CALLED = "from maniport.util.jit import part\n@part\ndef scale():\n    return {}\n"
 CALLER = (
@@ -80,3 +81,12 @@ def test_a_cache_that_cannot_be_written_costs_only_the_cache(imported, monkeypat
     )
     monkeypatch.setattr(*where, fail)
     assert imported()(1.5) == 3.0
+
+
+def test_only_compiling_is_announced(imported):
+    for expected in ([True, False], []):
+        announced = []
+        kernel = imported()
+        with watched(announced.append):
+            kernel(1.5)
+        assert announced == expected

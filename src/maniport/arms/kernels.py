@@ -13,22 +13,21 @@ def fill_link_poses(positions, parents, placements, axes, slides, rotations, ori
 
 
 @kernel
-def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, jacobians):  # type: ignore[no-untyped-def]
+def fill_motion(rotations, origins, axes, slides, frame_joint, frame, poses, jacobians):  # type: ignore[no-untyped-def]
     """Fill poses (n, 4, 4) of a frame (4, 4) after so many joints of a chain, and its Jacobians (n, 6, joints).
 
-    Columns of later joints are zero; without Jacobians, shape (0, 6, joints), only poses are filled.
+    The poses of the links are those of `fill_link_poses`. Columns of later joints are zero; without Jacobians, shape
+    (0, 6, joints), only poses are filled.
     """
     joints = len(axes)
-    parents = np.arange(joints)
-    rotations, origins, axis = np.empty((joints + 1, 3, 3)), np.empty((joints + 1, 3)), np.empty(3)
-    for n in range(len(positions)):
-        place_links(positions[n], parents, placements, axes, slides, rotations, origins)
+    axis = np.empty(3)
+    for n in range(len(poses)):
         pose = poses[n]
         for i in range(3):
             for j in range(4):
-                pose[i, j] = origins[frame_joint, i] if j == 3 else 0.0
+                pose[i, j] = origins[n, frame_joint, i] if j == 3 else 0.0
                 for m in range(3):
-                    pose[i, j] += rotations[frame_joint, i, m] * frame[m, j]
+                    pose[i, j] += rotations[n, frame_joint, i, m] * frame[m, j]
             pose[3, i] = 0.0
         pose[3, 3] = 1.0
         if len(jacobians) > 0:
@@ -37,11 +36,11 @@ def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, 
                 for i in range(3):
                     axis[i] = 0.0
                     for m in range(3):
-                        axis[i] += rotations[k + 1, i, m] * axes[k, m]
+                        axis[i] += rotations[n, k + 1, i, m] * axes[k, m]
                 for i in range(3):
                     p, q = (i + 1) % 3, (i + 2) % 3
-                    across = axis[p] * (pose[q, 3] - origins[k + 1, q]) - axis[q] * (
-                        pose[p, 3] - origins[k + 1, p]
+                    across = axis[p] * (pose[q, 3] - origins[n, k + 1, q]) - axis[q] * (
+                        pose[p, 3] - origins[n, k + 1, p]
                     )
                     jacobian[i, k] = axis[i] if slides[k] else across
                     jacobian[3 + i, k] = 0.0 if slides[k] else axis[i]
@@ -51,13 +50,13 @@ def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, 
 
 @kernel
 def fill_points(  # type: ignore[no-untyped-def]
-    positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes
+    rotations, origins, axes, slides, coupling, joints, vectors, count, values, slopes
 ):
     """Fill vectors (n, k, 3) on a chain and derivatives (n, k, 3, dof); see `place_points`."""
-    for n in range(len(positions)):
+    for n in range(len(values)):
         place_points(
-            positions[n],
-            placements,
+            rotations[n],
+            origins[n],
             axes,
             slides,
             coupling,
@@ -71,15 +70,13 @@ def fill_points(  # type: ignore[no-untyped-def]
 
 @part
 def place_points(  # type: ignore[no-untyped-def]
-    positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes
+    rotations, origins, axes, slides, coupling, joints, vectors, count, values, slopes
 ):
-    """Fill vectors (k, 3) after so many `joints` and derivatives (k, 3, dof); only the first `count` are points."""
-    rotations, origins, axis = (
-        np.empty((len(axes) + 1, 3, 3)),
-        np.empty((len(axes) + 1, 3)),
-        np.empty(3),
-    )
-    place_links(positions, np.arange(len(axes)), placements, axes, slides, rotations, origins)
+    """Fill vectors (k, 3) after so many `joints` and derivatives (k, 3, dof); only the first `count` are points.
+
+    The poses of the links are those of `place_links`.
+    """
+    axis = np.empty(3)
     slopes[:] = 0.0
     for v in range(len(joints)):
         for i in range(3):

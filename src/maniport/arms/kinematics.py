@@ -93,14 +93,10 @@ class Kinematics:
         """Poses of the end effector (n, 4, 4), and Jacobians in the joints, linear rows first, (n, 6, joints)."""
         from maniport.arms.kernels import fill_motion
 
-        n, positions = len(q), self.positions(q)
-        poses, jacobians = (
-            np.empty((n, 4, 4)),
-            np.empty((n if with_jacobians else 0, 6, len(self.axes))),
-        )
-        fill_motion(
-            positions, self.placements, self.axes, self.slides, *self._frame, poses, jacobians
-        )
+        rotations, origins = self.link_poses(q)
+        poses = np.empty((len(q), 4, 4))
+        jacobians = np.empty((len(q) if with_jacobians else 0, 6, len(self.axes)))
+        fill_motion(rotations, origins, self.axes, self.slides, *self._frame, poses, jacobians)
         return poses, jacobians
 
     def link_poses(self, q: Array) -> tuple[Array, Array]:
@@ -202,7 +198,7 @@ class PointKinematics:
         self._vectors = np.array([vector for _, vector in fixed], dtype=np.float64).reshape(-1, 3)
 
     def arrays(self) -> tuple[Any, ...]:
-        """Return the arguments of `maniport.arms.kernels.place_points` after the positions, and the offset first."""
+        """Return offset and placements of the joints, and the arguments of `place_points` after the poses of links."""
         of = self._kinematics
         return (
             of.offset,
@@ -221,7 +217,8 @@ class PointKinematics:
 
         values = np.empty((len(q), len(self._joints), 3))
         slopes = np.empty((*values.shape, q.shape[1]))
-        fill_points(self._kinematics.positions(q), *self.arrays()[1:], values, slopes)
+        _, _, *arrays = self.arrays()
+        fill_points(*self._kinematics.link_poses(q), *arrays, values, slopes)
         return values, slopes
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maniport.arms.kernels import place_points
+from maniport.arms.kernels import place_links, place_points
 from maniport.motion.kernels import step_within_limits
 from maniport.util.jit import kernel, part
 
@@ -68,8 +68,11 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
         np.empty((len(joints), 3)),
         np.empty((len(joints), 3, len(q))),
     )
+    rotations = np.empty((len(axes) + 1, 3, 3))
+    origins = np.empty((len(axes) + 1, 3))
+    place_links(positions, np.arange(len(axes)), placements, axes, slides, rotations, origins)
     place_points(
-        positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes
+        rotations, origins, axes, slides, coupling, joints, vectors, points, values, slopes
     )
     square = 0.0
     for n in range(len(targets)):

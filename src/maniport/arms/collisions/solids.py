@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.collisions.hulls import Hull
-from maniport.arms.kernels import place_links
 from maniport.arms.kinematics import Kinematics
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
 TABLE = -1  # index of the table in pairs
+NEXT = np.array([1, 2, 0])  # coordinates after x, y and z, and those after them, in cross products
+AFTER = np.array([2, 0, 1])
 
 Pairs = NDArray[np.int64]
 
@@ -44,7 +45,6 @@ class Solids:
             [(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]
         ).reshape(-1, 2, 3)
         self._arrays = (
-            *tree.arrays,
             np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
             np.cumsum([0, *(len(hull.corners) for hull in hulls)]),
             joints,
@@ -57,7 +57,7 @@ class Solids:
         """Lower bounds of the distances of pairs [m], (n, pairs), for q (n, dof); not refined above `sufficient`."""
         bounds, margins = np.empty((len(q), len(pairs))), np.zeros(len(pairs)) + sufficient
         _fill_distance_bounds(
-            self.tree.positions(q), *self._arrays, pairs, margins, self.table, bounds
+            *self.tree.link_poses(q), *self._arrays, pairs, margins, self.table, bounds
         )
         return bounds
 
@@ -102,42 +102,37 @@ class Solids:
     def slopes(self, q: Array, pairs: Pairs, contacts: Contacts) -> Array:
         """Return derivatives of the distances in the configuration, shape (k, dof)."""
         rows, columns, _, normals, points = contacts
-        places = rows, self._links[pairs[columns]], normals, points
-        changes = np.zeros((len(rows), len(self.tree.axes)))
-        _fill_slopes(
-            *self.tree.link_poses(q), *self.tree.arrays[2:], self.tree.moves, *places, changes
-        )
+        axes, slides = self.tree.arrays[2:]
+        if not len(rows):
+            return self.tree.coupled(np.zeros((0, len(axes))))
+
+        turns, origins = self.tree.link_poses(q)
+        turns = turns[rows, 1:]
+        offsets = points[:, None] - origins[rows, 1:]
+        normals = normals[:, None]
+        # rotation about each axis of a link: offset × normal
+        turned = offsets[..., NEXT] * normals[..., AFTER] - offsets[..., AFTER] * normals[..., NEXT]
+        levers = np.where(slides[:, None], normals, turned)
+
+        links = self._links[pairs[columns]]
+        moves = self.tree.moves.astype(np.float64)
+        signs = moves[links[:, 0]] - moves[links[:, 1]]
+        terms = (signs[..., None] * levers)[..., None] * turns * axes[:, None]
+        # sums in order, for the same bits on any processor; + 0.0 makes -0.0 a 0.0
+        changes = np.cumsum(terms.reshape(*signs.shape, 9), axis=-1)[..., -1] + 0.0
         return self.tree.coupled(changes)
 
 
 @kernel
-def _fill_slopes(turns, origins, axes, slides, moves, rows, links, normals, points, changes):  # type: ignore[no-untyped-def]
-    """Add derivatives (k, joints) of distances along normals of points of the first of two links (k, 2)."""
-    for k in range(len(rows)):
-        for j in range(len(axes)):
-            turn, at = turns[rows[k], j + 1], origins[rows[k], j + 1]
-            sign = 1.0 * moves[links[k, 0], j] - 1.0 * moves[links[k, 1], j]
-            for i in range(3 if sign != 0.0 else 0):
-                p, q = (i + 1) % 3, (i + 2) % 3
-                turned = (points[k, p] - at[p]) * normals[k, q] - (points[k, q] - at[q]) * normals[
-                    k, p
-                ]
-                for m in range(3):
-                    changes[k, j] += (
-                        sign * (normals[k, i] if slides[j] else turned) * turn[i, m] * axes[j, m]
-                    )
-
-
-@kernel
 def _fill_distance_bounds(  # type: ignore[no-untyped-def]
-    positions, parents, placements, axes, slides,
+    rotations, places,
     corners, starts, joints, skins, centers, radii, pairs, margins, table, bounds,
 ):  # fmt: skip
     """Fill lower bounds of the distances of pairs; bounds above `margins` (pairs,) are not refined."""
-    links, middles = len(axes) + 1, np.empty((len(joints), 3))
-    turns, origins = np.empty((links, 3, 3)), np.empty((links, 3))
-    for n in range(len(positions)):
-        place_links(positions[n], parents, placements, axes, slides, turns, origins)
+    middles = np.empty((len(joints), 3))
+    for n in range(len(bounds)):
+        turns = rotations[n]
+        origins = places[n]
         for h in range(len(joints)):
             j = joints[h]
             for i in range(3):
