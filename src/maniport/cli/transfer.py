@@ -276,7 +276,7 @@ def place(
     from maniport.pipeline.following import bounded_profiles
     from maniport.pipeline.results import RESULT_FILES
     from maniport.pipeline.settings import plan_options
-    from maniport.report.describe.robots import placements_table
+    from maniport.report.describe.placements import placements_table
 
     folder = output_folder(output, [_profile(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import singledispatch
 
 from maniport.report.describe.motions import motion_report
+from maniport.report.describe.placements import placement_section
 from maniport.report.describe.recordings import (
     fit_report,
     learned_report,
@@ -11,7 +12,7 @@ from maniport.report.describe.recordings import (
     recording_report,
 )
 from maniport.report.describe.results import result_report
-from maniport.report.describe.robots import arm_report, placement_section
+from maniport.report.describe.robots import arm_report
 from maniport.report.describe.transfers import adapter_section, evaluation_report
 from maniport.report.values import Report, Section
 

@@ -14,8 +14,9 @@ from maniport.pipeline.config import CONFIG
 from maniport.pipeline.options import OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.describe.motions import MISSED_SHARE, group_section, motion_section
+from maniport.report.describe.placements import placement_section
 from maniport.report.describe.recordings import person_section, recording_section
-from maniport.report.describe.robots import chain_metrics, placement_section
+from maniport.report.describe.robots import chain_metrics
 from maniport.report.describe.transfers import adapter_section, evaluation_section, label
 from maniport.report.values import (
     Metric,
