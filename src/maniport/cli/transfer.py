@@ -349,7 +349,8 @@ def track(
     export_files(config.export)
     files = _targets(config)
     time = as_times(files.time, f"time of {config.profile!r}", fewest=2)
-    arm = with_limits(pipeline.load_single_arm(config), config).robot
+    without_payload = config.changed(payload=(), payload_center=(0.0, 0.0, 0.0))
+    arm = with_limits(pipeline.load_single_arm(without_payload), config).robot
     assert isinstance(arm, Arm)  # as it was before
     targets = TargetTrajectory.checked(
         arm,
@@ -361,6 +362,7 @@ def track(
     )
     with console.progress() as progress:
         result = pipeline.follow_profile(arm, targets, config, progress=progress)
+        result = replace(result, config=config)  # with the names and files that were typed
         report = write_results(result, folder, progress, config.export, overwrite=overwrite)
     console.name_folder(folder, chosen=output is None)
     console.print_report(report, output=str(folder))

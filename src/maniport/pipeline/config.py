@@ -3,7 +3,9 @@
 import os
 from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.pipeline.option import plain
@@ -11,6 +13,10 @@ from maniport.pipeline.options import OPTIONS, SECTIONS, TransferOptions
 from maniport.util.atomic_io import write_text
 from maniport.util.files import line_of, read_settings, settings_text
 from maniport.version import __version__
+
+if TYPE_CHECKING:
+    from maniport.arms import Arm, ArmGroup
+    from maniport.util.validation import Array
 
 CONFIG = "run.yaml"  # file of the configuration in a result folder
 
@@ -78,21 +84,18 @@ class Config(TransferOptions):
 
     def _named(self) -> dict[str, object]:
         """Return the values by name, with objects of Python as names or files."""
-        from maniport.arms import Arm
+        from maniport.arms import Arm, ArmGroup
         from maniport.transfer import name_of
 
         values = {name: getattr(self, name) for name in OPTIONS}
         if not isinstance(self.method, str):
             values["method"] = name_of(self.method)
 
-        arm = self.robot[0] if self.robot else None
-        if isinstance(arm, Arm):
-            chain = arm.chain
-            values["robot"] = (chain.source or arm.name,)
-            values["frame"] = (arm.frame,)
-            values["base"] = chain.base if chain.base_pose is None else None
-            values["lock"] = dict(chain.locked) or None
-            values["xacro_args"] = dict(chain.xacro_args) or None
+        robot = self.robot[0] if self.robot else None
+        if isinstance(robot, Arm):
+            values |= _options_of_arm(robot)
+        elif isinstance(robot, ArmGroup):
+            values |= _options_of_group(robot)
         return values
 
     @classmethod
@@ -142,6 +145,50 @@ class Config(TransferOptions):
                         f"{file}{line_of(path, section, name)}: {error}"
                     ) from None
         return config
+
+
+def _options_of_arm(arm: "Arm") -> dict[str, object]:
+    """Return the options that load an arm; the joints that do not move are locked."""
+    chain = arm.chain
+    return {
+        "robot": (chain.source or arm.name,),
+        "frame": (arm.frame,),
+        "joints": (),
+        "base": chain.base if chain.base_pose is None else None,
+        "lock": dict(chain.locked) or None,
+        "pose": (),
+        "xacro_args": dict(chain.xacro_args) or None,
+    }
+
+
+def _options_of_group(group: "ArmGroup") -> dict[str, object]:
+    """Return the options that load the arms of one robot, or several robots in one world."""
+    first = group.arms[0].chain
+    poses = [arm.chain.base_pose for arm in group.arms]
+    standing = [_base_numbers(pose) for pose in poses if pose is not None]
+    robots = [arm.chain.source or arm.name for arm in group.arms]
+    if not standing:
+        robots = robots[:1]
+    return {
+        "robot": tuple(robots),
+        "frame": tuple(arm.frame for arm in group.arms),
+        "joints": (),
+        "base": None,
+        "lock": dict(group.locked) or None,
+        "pose": tuple(standing),
+        "xacro_args": dict(first.xacro_args) or None,
+    }
+
+
+def _base_numbers(base_pose: "Array") -> tuple[float, ...] | tuple[tuple[float, ...], ...]:
+    """Return x, y, z [m] and the yaw [rad] of an upright base, and the rows of another pose (4, 4)."""
+    from maniport.arms.chain import pose
+
+    x, y, z = base_pose[:3, 3].tolist()
+    yaw = float(np.arctan2(base_pose[1, 0], base_pose[0, 0]))
+    if np.allclose(pose((x, y, z), (0.0, 0.0, yaw)), base_pose, rtol=0.0, atol=1e-12):
+        return x, y, z, yaw
+    return tuple(tuple(row) for row in base_pose.tolist())
 
 
 _IN_FILES = [option for option in OPTIONS.values() if option.typed]

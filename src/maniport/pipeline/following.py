@@ -32,7 +32,7 @@ from maniport.motion.targets import (
 from maniport.pipeline.config import Config
 from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import ArmResult, MotionResult
-from maniport.pipeline.settings import Settings, plan_options, with_limits
+from maniport.pipeline.settings import Settings, load_robot, plan_options, with_limits
 from maniport.util.progress import Progress, Step, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_points
@@ -260,6 +260,7 @@ def follow_profile(
     Parameters
     ----------
     robot : Arm or ArmGroup
+        Without a payload; that of the options is added. Those of its other options are not used.
     targets : TargetTrajectory or sequence of TargetTrajectory
         Targets of the arm, or of each arm of a group, in its base frame. Their ellipsoids are those of the options.
     config : TransferOptions, optional
@@ -277,12 +278,12 @@ def follow_profile(
     config = Config.of(config).changed(
         allowed=("robot", "transfer", "motion", "placement"), **options
     )
-    config = replace(config, verb="track")
+    config = replace(config.changed(robot=robot), verb="track")
     orientation = config.orientation
     if isinstance(orientation, str) and orientation != "free":
         text = f"{argument('orientation')} must be free or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
-    limited = with_limits(robot, config)
+    limited = with_limits(load_robot(config, both=False), config)
     robot = limited.robot
     group = as_group(robot)
     settings = Settings(
@@ -290,6 +291,8 @@ def follow_profile(
     )
 
     checked = targets_of_arms(robot, targets)
+    if checked[0].damping.damping is not None:  # that of the options is not used
+        config = config.changed(damping=checked[0].damping.damping)
     has_paths = checked[0].positions is not None
     for name in ("workspace", "scale", "yaw", "offset"):
         if getattr(config, name) is not None and not (has_paths and config.place):
