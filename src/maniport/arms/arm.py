@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,11 +36,16 @@ from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import Array, as_choice, as_finite, as_number, as_numbers
 
+if TYPE_CHECKING:
+    import mujoco
+    import pinocchio
+    import yourdfpy
+
 
 class Arm(JointSpace):
     """One kinematic chain from the base to the end effector.
 
-    Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman` or `Arm.from_dh`.
+    Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman`, `Arm.from_dh` or `Arm.of`.
     Configurations `q` have shape (..., dof), in radians and meters; limits are not enforced. Results have the same
     leading shape and are in the base frame of the arm. Every method raises `InvalidInputError` when `q` has a wrong
     shape, nan or infinity.
@@ -155,6 +160,43 @@ class Arm(JointSpace):
         return cls(
             Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n))
         )
+
+    @classmethod
+    def of(
+        cls,
+        model: "pinocchio.Model | mujoco.MjModel | yourdfpy.URDF",
+        frame: str | None = None,
+        joints: Sequence[str] | None = None,
+        *,
+        base: str | None = None,
+        lock: Mapping[str, float] | None = None,
+    ) -> "Arm":
+        """Make an arm from a robot model that the program already holds.
+
+        Parameters
+        ----------
+        model : pinocchio.Model, mujoco.MjModel or yourdfpy.URDF
+            It is read once; later changes of the object have no effect. A model of Pinocchio has
+            no shapes, so that collisions are not checked.
+        frame, joints, base, lock
+            As for `maniport.load_arm`.
+
+        Raises
+        ------
+        InvalidInputError
+            When `model` is of another type, or a prismatic joint of the arm has no limits.
+        UnknownNameError
+            When there is no frame or joint of a name.
+
+        Examples
+        --------
+        >>> import pinocchio
+        >>> Arm.of(pinocchio.buildSampleModelManipulator()).dof
+        6
+        """
+        from maniport.arms.loaders.objects import arm_of
+
+        return arm_of(model, frame, joints, base, lock)
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, dof={self.dof}, frame={self.frame!r}, joints={list(self.joint_names)})"
