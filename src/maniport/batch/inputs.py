@@ -17,19 +17,16 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError, printable
 from maniport.mocap import Recording, shipped_recording
+from maniport.mocap.readers import READERS
 from maniport.pipeline.config import Config
 from maniport.pipeline.options import OPTIONS
 from maniport.pipeline.settings import Settings, marker_roles, settings_of
 from maniport.report.render import SUMMARY
-from maniport.util.defaults import ABOUT, RECORDINGS, SHIPPED
+from maniport.util.defaults import ABOUT, SHIPPED
 from maniport.version import __version__
 
-ENDINGS = [
-    ending
-    for ending in RECORDINGS
-    if ending not in (".npz", ".npy", ".csv", ".tsv", ".json", ".zip")
-]
-"""Endings of recordings in a folder; files with the others may be anything, such as earlier results."""
+AMBIGUOUS = (".npz", ".npy", ".csv", ".tsv", ".json", ".zip")
+"""Endings of recordings that are not searched for in a folder: they may be anything, such as earlier results."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +81,8 @@ def _matches(text: str) -> list[tuple[Path, str]]:
         files = [file for file in _files_below(path) if _is_recording(file)]
         if not files:
             raise InvalidInputError(
-                f"recordings: below {text!r} no file ends with {', '.join(ENDINGS)}; name others by a pattern, such as "
-                f"'{path}/**/*.npz'"
+                f"recordings: below {text!r} no file ends with {', '.join(_endings())}; "
+                f"name others by a pattern, such as '{path}/**/*.npz'"
             )
         return [(file, _name(file, path)) for file in files]
     if path.exists():
@@ -120,7 +117,12 @@ def _has_frames(path: Path) -> bool:
 
 
 def _is_recording(path: Path) -> bool:
-    return path.suffix.lower() in ENDINGS and path.is_file()
+    return path.suffix.lower() in _endings() and path.is_file()
+
+
+def _endings() -> list[str]:
+    """Return the endings of recordings in a folder; extensions may have added some."""
+    return [ending for ending in READERS if ending not in AMBIGUOUS]
 
 
 def _name(path: Path, folder: Path | None = None) -> str:

@@ -21,6 +21,7 @@ from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.mocap import ArmFit
 from maniport.pipeline.config import CONFIG
+from maniport.pipeline.extensions import load_extensions
 from maniport.pipeline.human import Human
 from maniport.pipeline.results import RESULT_FILES
 from maniport.pipeline.transfer import FittedMap, Transfer, sample_teacher
@@ -171,6 +172,7 @@ def require_same_place(pair: Pair) -> None:
 
 def work(pairs: Sequence[Pair]) -> list[Outcome]:
     """Transfer a recording to several robots; return an outcome for each, failures too."""
+    load_extensions()  # a worker is another process
     host = gethostname()
     outcomes = list[Outcome]()
     humans = dict[Any, Human]()

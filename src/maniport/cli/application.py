@@ -23,6 +23,7 @@ from maniport.errors import (
     printable,
 )
 from maniport.pipeline.config import Config
+from maniport.pipeline.extensions import load_extensions
 from maniport.pipeline.option import ASSIGNED, Flag, Option
 from maniport.pipeline.options import OPTIONS
 from maniport.report.console import Console
@@ -78,7 +79,9 @@ def _root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show version.")
     ] = False,
 ) -> None:
-    """Define the options of the application."""
+    """Define the options of the application; installed extensions are registered before a command."""
+    for fault in load_extensions():
+        print(f"! {printable(fault)}", file=sys.stderr)
 
 
 class _Command(TyperCommand):

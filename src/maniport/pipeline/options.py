@@ -350,7 +350,7 @@ _TABLE: tuple[Option, ...] = (
         metavar="FORMAT,…",
         common=True,
     ),
-    Option("costs", "motion", "Further costs of the motion", unchecked=True, typed=False),
+    Names("costs", "motion", "Further costs of the motion, of installed extensions"),
     Flag("place", "placement", "Place the path first", common=True),
     Number(
         "tilt",

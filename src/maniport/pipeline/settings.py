@@ -2,6 +2,7 @@
 
 import json
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -10,11 +11,18 @@ import numpy as np
 
 from maniport.arms import PERSONS, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
-from maniport.errors import FileFormatError, InvalidInputError, argument, shown
+from maniport.errors import (
+    FileFormatError,
+    InvalidInputError,
+    ManiportWarning,
+    argument,
+    shown,
+)
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.arm_ik import require_person
 from maniport.motion import MotionLimits, PlanOptions
 from maniport.pipeline.config import Config
+from maniport.pipeline.extensions import costs_of, load_extensions
 from maniport.pipeline.options import (
     HumanOptions,
     MotionOptions,
@@ -51,6 +59,8 @@ class Settings:
 
 def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     """Load the robot of a configuration, and check all options for it."""
+    for fault in load_extensions():
+        warnings.warn(fault, ManiportWarning, stacklevel=2)
     side = config.side
     require_person(config.person, AUTO if side == BOTH else side, config.smooth)
     marker_roles(config)
@@ -194,7 +204,7 @@ def plan_options(
         collisions=model,
         orientation_axes=config.orientation_axes,
         home=config.home,
-        costs=config.costs,
+        costs=costs_of(config.costs, limits.arm),
         hand_targets=config.hand_targets,
     )
     return options.resolved(arm)
