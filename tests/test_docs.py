@@ -16,6 +16,7 @@ import pytest
 import typer
 
 from maniport.cli import app
+from maniport.pipeline.extensions import GROUPS
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "maniport"
@@ -55,7 +56,7 @@ def missing(names):
 
 
 def dotted(text):
-    return set(re.findall(r"\bmaniport(?:\.[A-Za-z_]\w*)+", text))
+    return set(re.findall(r"\bmaniport(?:\.[A-Za-z_]\w*)+", text)) - set(GROUPS)
 
 
 @hand_written

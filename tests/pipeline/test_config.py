@@ -29,7 +29,8 @@ def test_objects_become_names_in_files(tmp_path):
 @pytest.mark.parametrize(("text", "words"), [
     ("human:\n  persn: myoarm", ("line 2", "persn", "person")), ("humn: {}", ("humn", "human")),
     ("motion:\n  move: true\n  rate: 3", ("line 3", "rate", "[10, 10000]")),
-    ("motion: {collisions: false, table: 0}", ("table", "no_collisions")), ("motion: {costs: []}", ("line 1", "costs")),
+    ("motion: {collisions: false, table: 0}", ("table", "no_collisions")),
+    ("motion: {costs: [3]}", ("line 1", "costs")),
     ("human: 3", ("line 1", "mapping")), ("seed: -1", ("seed",)), ("a: &x 1", ("a",)), ("motion: [", ("line 1",)),
 ])  # fmt: skip
 def test_wrong_files_are_refused(tmp_path, text, words):
