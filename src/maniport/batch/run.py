@@ -26,7 +26,7 @@ from maniport.batch.table import (
     write_tables,
 )
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
-from maniport.motion.exports import SCENE
+from maniport.motion.exports import DATASET, FORMATS, SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
 from maniport.util.atomic_io import claim
@@ -139,7 +139,8 @@ def transfer_batch(
         raise InvalidInputError(
             f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well"
         )
-    arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
+    datasets = FORMATS[DATASET].file
+    arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, datasets, *TABLES))
     claim(folder, ABOUT, {"maniport": __version__})
     step = Step(tell, "Check earlier results")
     width = None if dask is not None or ray else count
@@ -168,7 +169,33 @@ def transfer_batch(
         if isinstance(stop, ClusterLostError):
             raise ClusterLostError(f"{stop}; {state}") from None
         raise KeyboardInterrupt(state) from None
-    return Batch(folder, write(), kept, clock.perf_counter() - begun)
+    table = write()
+    if DATASET in config.export:
+        step = Step(tell, "Write datasets")
+        step.end(_write_datasets(folder / datasets, folder, table, [arm.name for arm in arms]))
+    return Batch(folder, table, kept, clock.perf_counter() - begun)
+
+
+def _write_datasets(target: Path, folder: Path, table: Sequence[Row], robots: Sequence[str]) -> str:
+    """Write a dataset for each robot of the motions that may be executed; return how many there are."""
+    from maniport.report.dataset_export import Source, write_joint_dataset
+
+    counts = []
+    for robot in robots:
+        sources = []
+        for row in table:
+            if row["robot"] != robot:
+                continue
+            place = folder / str(row["folder"]) / FORMATS[DATASET].file
+            if row["state"] == "failed":
+                sources.append(Source(row["recording"], None, f"failed: {row['reason']}"))
+            elif not place.is_dir():
+                sources.append(Source(row["recording"], None, f"red: {row['warnings']}"))
+            else:
+                sources.append(Source(row["recording"], place))
+        count = write_joint_dataset(target / robot, sources)
+        counts.append(f"{count} of {len(sources)} motions to {robot}")
+    return ", ".join(counts)
 
 
 @contextmanager

@@ -15,10 +15,18 @@ from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.trajectory import Trajectory
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import as_path
-from maniport.util.optional import mcap_writer, parquet_writer, pyarrow, rerun
+from maniport.util.optional import (
+    mcap_writer,
+    parquet_of_datasets,
+    parquet_writer,
+    pyarrow,
+    rerun,
+)
 from maniport.util.validation import Array, as_choice
 
 SCENE = "rerun"
+DATASET = "lerobot"
+COMPLETE = (SCENE, DATASET)  # formats that contain a complete result
 DECIMALS = 9, 7, 5, 4  # of positions, velocities, accelerations and torques in messages
 
 
@@ -134,6 +142,7 @@ FORMATS = {
     "mujoco": Format("joints_mujoco.npz", _write_mujoco),
     "parquet": Format("joints.parquet", _write_parquet, parquet_writer),
     SCENE: Format("motion.rrd", None, rerun),
+    DATASET: Format("lerobot", None, parquet_of_datasets),  # a folder
 }
 """All formats of exports by name, on the command line and in Python."""
 
@@ -159,7 +168,7 @@ def export_motion(
     path : str or path
     motion : Trajectory, ArmMotion or RobotMotion
     format : {"ros2", "mcap", "mujoco", "parquet"}
-        ``"rerun"`` takes a complete result: see `maniport.write_results`.
+        ``"rerun"`` and ``"lerobot"`` take a complete result: see `maniport.write_results`.
     robot : Arm or ArmGroup, optional
         Used for ``"mujoco"`` and ``"parquet"``.
 

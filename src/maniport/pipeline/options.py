@@ -346,7 +346,7 @@ _TABLE: tuple[Option, ...] = (
     Names(
         "export",
         "motion",
-        "Formats: ros2, mcap, mujoco, parquet, rerun",
+        "Formats: ros2, mcap, mujoco, parquet, rerun, lerobot",
         metavar="FORMAT,…",
         common=True,
     ),

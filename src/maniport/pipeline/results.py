@@ -11,6 +11,7 @@ import numpy as np
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.hulls import lowest_point
+from maniport.datasets.lerobot.layout import OWN_FILES as DATASET_FILES
 from maniport.errors import InvalidInputError
 from maniport.evaluation import Capability, Evaluation
 from maniport.mocap import ArmFit, Recording
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 RESULT_FILES = frozenset({
     "person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *PLACED_FILES,
-    "joints.csv", "joints.npz", *(exporter.file for exporter in FORMATS.values()),
+    *DATASET_FILES, "joints.csv", "joints.npz", *(exporter.file for exporter in FORMATS.values()),
     "model.npz", "demonstrations.npz", *(f"{content}{side}.npz" for content in ("profile", "path")
                                          for side in ("", "-left", "-right")),
     "summary.md", "summary.json", "report.html", CONFIG,

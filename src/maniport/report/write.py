@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from maniport.errors import InvalidInputError
-from maniport.motion.exports import FORMATS, SCENE, export_motion
+from maniport.motion.exports import COMPLETE, DATASET, FORMATS, SCENE, export_motion
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import RESULT_FILES, MotionResult, TransferResult
@@ -40,8 +40,9 @@ def write_results(
     progress : callable, optional
         Called with the name of a step and the fraction done.
     exports : str or iterable of str
-        Further formats: those of `maniport.motion.export_motion`, and ``"rerun"``, the content of the page in
-        ``motion.rrd``.
+        Further formats: those of `maniport.motion.export_motion`, ``"rerun"``, the content of the page in
+        ``motion.rrd``, and ``"lerobot"``, a LeRobot dataset of one episode in the folder ``lerobot``, unless the
+        result is red.
     overwrite : bool
         Whether an earlier result in the folder is replaced.
 
@@ -89,8 +90,12 @@ def write_run(
     for name in SUMMARIES:
         write_report(folder / name, report, place)
     for name, file in formats.items():
-        if name != SCENE:
+        if name not in COMPLETE:
             export_motion(folder / file, result.motion, name, result.robot)
+    if DATASET in formats:
+        from maniport.report.dataset_export import write_dataset
+
+        write_dataset(folder / FORMATS[DATASET].file, result, report)
     if pages or SCENE in formats:
         from maniport.report.page import write_page  # slow to load
         from maniport.report.page.animation import animation_of

@@ -4,13 +4,24 @@ import json
 import os
 import re
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from maniport.datasets.joint_motion import UNKNOWN, JointMotion
-from maniport.datasets.lerobot.layout import ABOUT, DATA, INFO, STATE, VERSIONS
+from maniport.datasets.lerobot.layout import (
+    ABOUT,
+    DATA,
+    EPISODES,
+    FRAME_COLUMNS,
+    INFO,
+    STATE,
+    VERSIONS,
+    Feature,
+)
+from maniport.datasets.lerobot.writer import Episode
 from maniport.errors import FileFormatError, some_of, unknown_name
 from maniport.util.input_limits import KEYPOINTS_BYTES, existing_file, read_whole
 from maniport.util.optional import arrow_of_datasets, parquet_of_datasets
@@ -137,7 +148,7 @@ class LeRobotDataset:
         for key in parts:
             units += self.units.get(key, (UNKNOWN,) * self.sizes[key])
         seen = set[int]()
-        for path in self._files(episodes):
+        for path in self.data_files(episodes):
             for number, motion in self._episodes_of(path, parts, columns):
                 if episodes is not None and number not in episodes:
                     continue
@@ -173,7 +184,7 @@ class LeRobotDataset:
                 found[str(key)] = tuple(map(str, texts))
         return found
 
-    def _files(self, episodes: Collection[int] | None) -> Iterator[Path]:
+    def data_files(self, episodes: Collection[int] | None = None) -> Iterator[Path]:
         """Yield the files of data that hold some episodes, in their order."""
         if self.version != VERSIONS[0]:
             for number in sorted(episodes) if episodes is not None else range(self.count):
@@ -317,3 +328,38 @@ def _numbers(column: "pyarrow.Array", key: str, path: Path) -> Array:
     if values.dtype.kind not in "fiu":
         raise FileFormatError(f"{path}: {key} must be numbers; found {column.type}")
     return np.asarray(values, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """All episodes of a dataset that maniport wrote, with its features."""
+
+    features: tuple[Feature, ...]
+    fps: int
+    robot_type: str
+    episodes: tuple[Episode, ...]
+
+
+def read_episodes(folder: Path) -> Content:
+    """Read a small dataset of maniport with all its columns."""
+    dataset = LeRobotDataset(folder)
+    about = _read_json(folder / ABOUT).get("episodes")
+    described = about if isinstance(about, list) else []
+    parquet = parquet_of_datasets()
+    features = []
+    for key, names in dataset.names.items():
+        if key not in FRAME_COLUMNS:
+            features.append(Feature(key, names, dataset.units.get(key, ())))
+    rows = parquet.read_table(folder / EPISODES.format(chunk_index=0, file_index=0)).to_pylist()
+    tables = [parquet.read_table(path) for path in dataset.data_files()]
+    values: dict[str, Array] = {}
+    for feature in features:
+        parts = [_vectors(table, feature.key, feature.size, folder) for table in tables]
+        values[feature.key] = np.concatenate(parts)
+    episodes = []
+    for row, entry in zip(rows, described, strict=True):
+        own = slice(row["dataset_from_index"], row["dataset_to_index"])
+        more = {key: value for key, value in entry.items() if key not in ("episode_index", "name")}
+        columns = {key: array[own] for key, array in values.items()}
+        episodes.append(Episode(str(entry.get("name")), row["tasks"][0], columns, more))
+    return Content(tuple(features), int(dataset.fps), dataset.robot_type, tuple(episodes))
