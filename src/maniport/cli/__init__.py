@@ -1,13 +1,13 @@
 """The command line: a command for each step of the transfer; commands parse, call and print, nothing else."""
 
-from maniport.cli import files, live, transfer  # each adds its commands
+from maniport.cli import audit, files, live, transfer  # each adds its commands
 from maniport.cli.application import app, main
 
-__all__ = ["app", "files", "live", "main", "transfer"]
+__all__ = ["app", "audit", "files", "live", "main", "transfer"]
 
 ORDER = [
     *("demo", "transfer", "batch", "learn", "domain", "fit", "apply", "place", "track"),
-    *("evaluate", "figures", "reproduce", "live", "view", "info", "compile"),
+    *("evaluate", "audit", "figures", "reproduce", "live", "view", "info", "compile"),
 ]
 """The commands as `--help` lists them."""
 

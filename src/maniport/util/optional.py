@@ -26,6 +26,7 @@ matplotlib = partial(optional_package, "matplotlib", "figures", "drawing figures
 viser = partial(optional_package, "viser", "view", "the live view")
 xacrodoc = partial(optional_package, "xacrodoc.xacrodoc", "xacro", "a .xacro file")
 mcap_writer = partial(optional_package, "mcap.writer", "mcap", "the format 'mcap'")
+mcap_reader = partial(optional_package, "mcap.reader", "mcap", "a ROS bag")
 pyarrow = partial(optional_package, "pyarrow", "parquet", "the format 'parquet'")
 parquet_writer = partial(optional_package, "pyarrow.parquet", "parquet", "the format 'parquet'")
 arrow_of_datasets = partial(optional_package, "pyarrow", "datasets", "a LeRobot dataset")

@@ -1,0 +1,129 @@
+"""Columns of datasets matched to the joints of a robot by their names."""
+
+import re
+from collections.abc import Sequence
+
+from maniport.errors import InvalidInputError, argument, some_of
+
+SKIPPED = "-"  # a column that is no joint of the robot, in the names that a caller gives
+FILLERS = frozenset({
+    *("joint", "joints", "pos", "position", "positions", "state", "dof", "motor", "motors", "q"),
+    *("k", "observation", "angle", "angles"),
+})  # fmt: skip
+"""Words in the names of columns and joints that do not tell joints apart."""
+WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
+
+
+def matched_columns(
+    columns: Sequence[str], count: int, joints: Sequence[str], given: Sequence[str] = ()
+) -> tuple[int, ...]:
+    """Return the column of each joint of a robot.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Names in the dataset; empty where it has none.
+    count : int
+        Number of columns.
+    joints : sequence of str
+        Joints of the robot.
+    given : sequence of str
+        Joint of each column as the caller names it, ``"-"`` for a column that is none.
+
+    Raises
+    ------
+    InvalidInputError
+        When columns have no names and none are given, a joint has no column or several could be
+        meant, or names are given for another number of columns.
+    """
+    if given:
+        return _given(given, count, joints)
+    if not columns:
+        raise InvalidInputError(
+            f"the {count} columns of the dataset have no names: give {argument('columns')} with the "
+            f"joint of each column in its order, - for a column that is no joint of {some_of(joints)}"
+        )
+    exact = {name: place for place, name in enumerate(columns)}
+    if all(joint in exact for joint in joints):
+        return tuple(exact[joint] for joint in joints)
+
+    words = [_words(name) for name in columns]
+    found = []
+    for joint in joints:
+        own = _words(joint)
+        equal = [place for place, other in enumerate(words) if other == own]
+        ends = equal or [place for place, other in enumerate(words) if _are_end(other, own)]
+        if len(ends) != 1:
+            raise _unmatched(joint, [columns[place] for place in ends], columns, joints)
+        found.append(ends[0])
+    if len(set(found)) < len(found):
+        raise _unmatched(joints[0], [], columns, joints)
+    _require_no_further_number(words, found, columns, joints)
+    return tuple(found)
+
+
+def _given(given: Sequence[str], count: int, joints: Sequence[str]) -> tuple[int, ...]:
+    """Return the columns of the joints that a caller names."""
+    flag = argument("columns")
+    if len(given) != count:
+        raise InvalidInputError(
+            f"{flag} must name {count} columns, - for those that are no joints; found {len(given)}"
+        )
+    for name in given:
+        if name != SKIPPED and name not in joints:
+            raise InvalidInputError(
+                f"{flag}: {name!r} is no joint of the robot, which has {', '.join(joints)}"
+            )
+    missing = [joint for joint in joints if list(given).count(joint) != 1]
+    if missing:
+        raise InvalidInputError(
+            f"{flag} must name each joint once; found {list(given).count(missing[0])} times: "
+            f"{missing[0]!r}. Lock joints that the dataset does not have with {argument('lock')}"
+        )
+    return tuple(list(given).index(joint) for joint in joints)
+
+
+def _words(name: str) -> tuple[str, ...]:
+    """Return the words and numbers of a name without those that say nothing."""
+    words = [word.lower() for word in WORD.findall(name)]
+    return tuple(word for word in words if word not in FILLERS)
+
+
+def _are_end(short: Sequence[str], long: Sequence[str]) -> bool:
+    """Whether words of a column are the last words of a joint, or the other way round."""
+    if not short or not long:
+        return False
+    size = min(len(short), len(long))
+    return tuple(short[-size:]) == tuple(long[-size:])
+
+
+def _require_no_further_number(
+    words: Sequence[tuple[str, ...]],
+    found: Sequence[int],
+    columns: Sequence[str],
+    joints: Sequence[str],
+) -> None:
+    """Require that no other column differs from a matched one by its number alone.
+
+    Columns ``joint_0`` to ``joint_7`` of a robot with the joints 1 to 7 may be counted from 0.
+    """
+    bases = {tuple(word for word in words[place] if not word.isdigit()) for place in found}
+    numbered = any(word.isdigit() for place in found for word in words[place])
+    for place, own in enumerate(words):
+        base = tuple(word for word in own if not word.isdigit())
+        if numbered and place not in found and base in bases and len(own) > len(base):
+            raise InvalidInputError(
+                f"column {columns[place]!r} has the name of a joint and no number of {some_of(joints)}: "
+                f"give {argument('columns')} with the joint of each column in its order"
+            )
+
+
+def _unmatched(
+    joint: str, several: Sequence[str], columns: Sequence[str], joints: Sequence[str]
+) -> InvalidInputError:
+    found = f"several fit: {some_of(several)}" if several else f"found {some_of(columns, 40)}"
+    return InvalidInputError(
+        f"no column is clearly that of the joint {joint!r} of {some_of(joints, 40)}; {found}. Give "
+        f"{argument('columns')} with the joint of each column in its order, or lock the joint with "
+        f"{argument('lock')}"
+    )
