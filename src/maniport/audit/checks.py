@@ -125,6 +125,9 @@ class Checks:
         if collisions is None or not collisions.checked:
             reason = "collision checking is off" if collisions is None else collisions.reason
             left_out.append(NotJudged(COLLISION, reason))
+        elif not collisions.pairs:
+            reason = "the description excludes all contacts, or no two links can touch"
+            left_out.append(NotJudged(COLLISION, reason))
         elif collisions.unchecked:
             left_out.append(
                 NotJudged(COLLISION, f"not checked: {some_of(collisions.unchecked, 20)}", False)
@@ -137,7 +140,7 @@ class Checks:
     def is_judged(self, kind: str) -> bool:
         """Whether anything of a kind is judged."""
         if kind == COLLISION:
-            return self.collisions is not None and self.collisions.checked
+            return self.collisions is not None and bool(self.collisions.pairs)
         return bool(self.judged[kind].any())
 
     def table(self, time: Array, q: Array) -> FrameTable:
@@ -161,7 +164,7 @@ class Checks:
             exceeded[kind] = shares[kind] > 1.0 + self.tolerance
         exceeded[POSITION] = self._outside(q)
         exceeded[COLLISION] = np.zeros(len(q), dtype=np.bool_)
-        if self.collisions is not None and self.collisions.checked:
+        if self.collisions is not None and self.is_judged(COLLISION):
             exceeded[COLLISION] = self.collisions.collides(q)
         return FrameTable(time, shares, joints, exceeded, *self._directional(q, velocities))
 
