@@ -30,7 +30,7 @@ pytestmark = pytest.mark.slow
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
     *(f"start/{name}.md" for name in ("end_effector", "distances", "sending")),
-    "../README.md", "batch.md", "both_arms.md", "capability.md", "datasets.md", "learn.md", "live.md",
+    "../README.md", "audit.md", "batch.md", "both_arms.md", "capability.md", "datasets.md", "learn.md", "live.md",
     "outputs.md", "python.md",
     "quickstart.md", "recordings.md", "robots.md",
 )  # fmt: skip

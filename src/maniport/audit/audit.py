@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from itertools import chain, islice
 from math import pi
 from typing import NamedTuple
 
@@ -452,8 +453,10 @@ def _tables(
     motions: Iterable[_Motion], checks: Checks, processes: int
 ) -> Iterator[tuple[_Motion, FrameTable]]:
     """Yield each motion with its table, in their order."""
-    blocks = _blocks(motions)
-    if processes == 1:
+    waiting = _blocks(motions)
+    first = list(islice(waiting, 2))  # workers take seconds to start, which one block does not need
+    blocks = chain(first, waiting)
+    if processes == 1 or len(first) < 2:
         for block in blocks:
             for motion in block:
                 yield motion, checks.table(motion.time, motion.q)
