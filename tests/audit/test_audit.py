@@ -226,7 +226,9 @@ def test_stated_units_are_used_and_not_contradicted(small_result, tmp_path):
     small_result.save(tmp_path / "result")
     words = ("--robot", "panda", "--processes", "1", "--no-collisions")
     for name in ("result", "result/joints.csv", "result/joints.npz"):
-        code, text = run(tmp_path / name, *words, "-o", tmp_path / f"out-{name.replace(chr(47), chr(45))}")
+        code, text = run(
+            tmp_path / name, *words, "-o", tmp_path / f"out-{name.replace(chr(47), chr(45))}"
+        )
         assert code == 0, text
         found = numbers(tmp_path / f"out-{name.replace(chr(47), chr(45))}")
         assert found["columns"]["panda_joint1"] == "panda_joint1"
@@ -331,7 +333,7 @@ def test_placeholders_and_unknown_limits_are_not_judged(tmp_path, velocity, judg
 
 
 def test_a_robot_whose_description_excludes_all_contacts_has_no_verdict_on_them(bench, tmp_path):
-    text = ARM.replace("<geom ", '<geom contype="0" conaffinity="0" ')
+    text = ARM.replace('filterparent="enable"', 'contact="disable"')
     (tmp_path / "free.xml").write_text(text)
     arm = load_arm(tmp_path / "free.xml", "e")
     folder = dataset(tmp_path / "set", arm, [smooth(arm)])

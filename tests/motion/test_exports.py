@@ -1,17 +1,18 @@
 """What controllers, players and simulators get is the motion, with time from 0."""
 
-import json
 import sys
+from xml.sax.saxutils import quoteattr
 
 import mujoco
 import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
 
-from maniport.arms import Arm
+from maniport.arms import Arm, load_arm
 from maniport.errors import InvalidInputError, MissingPackageError, UnknownNameError
-from maniport.motion import ArmMotion
+from maniport.motion import ArmMotion, ros_messages
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.time_parameterization import retime
@@ -63,18 +64,78 @@ def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
     assert not any(message["points"][-1]["velocities"])  # joint_trajectory_controller requires it
 
 
-def test_mcap_gets_messages(motion, tmp_path):
-    reader = pytest.importorskip("mcap.reader")
-    export_motion(tmp_path / "m.mcap", motion, "mcap")
+def read_bag(path):
+    """Messages by topic with their times [ns], as rosbags reads them."""
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    found = {}
+    with highlevel.AnyReader([path]) as reader:
+        for connection, time, content in reader.messages():
+            message = reader.deserialize(content, connection.msgtype)
+            found.setdefault(connection.topic, []).append((time, message))
+    return found
+
+
+def test_mcap_is_a_bag_of_joint_states(motion, tmp_path):
+    mcap = pytest.importorskip("mcap.reader")
+    export_motion(tmp_path / "m.mcap", motion, "mcap", start=1.75e9)
     with open(tmp_path / "m.mcap", "rb") as stream:
-        actual = list(reader.make_reader(stream).iter_messages())
-    assert {(schema.encoding, channel.topic) for schema, channel, _ in actual} == {
-        ("jsonschema", "/joint_states")
-    }
-    texts = [json.loads(message.data) for _, _, message in actual]
-    assert tuple(texts[0]["name"]) == NAMES
-    states = ([text[key] for text in texts] for key in ("position", "velocity", "acceleration"))
-    require_states(motion, [1e-9 * message.log_time for _, _, message in actual], states)
+        reader = mcap.make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        ((schema, channel, _),) = list(reader.iter_messages())[:1]
+    assert (schema.name, schema.encoding) == ("sensor_msgs/msg/JointState", "ros2msg")
+    assert (channel.topic, channel.message_encoding) == ("/joint_states", "cdr")
+
+    (messages,) = read_bag(tmp_path / "m.mcap").values()
+    assert tuple(messages[0][1].name) == NAMES
+    assert messages[0][0] == 1_750_000_000 * 10**9
+    stamp = messages[-1][1].header.stamp
+    assert stamp.sec * 10**9 + stamp.nanosec == messages[-1][0]
+    seconds = [1e-9 * (time - messages[0][0]) for time, _ in messages]
+    rows = np.round(1000 * np.array(seconds)).astype(int)
+    expected = {"position": motion.control_positions, "velocity": motion.control_velocities}
+    for name, states in expected.items():
+        values = np.array([getattr(message, name) for _, message in messages])
+        assert_allclose(values, states[rows], atol=1e-5)
+
+
+def test_mcap_has_the_ellipsoids_and_the_description(motion, tmp_path):
+    pytest.importorskip("mcap.writer")
+    urdf = tmp_path / "planar.urdf"
+    links = "".join(f'<link name="l{i}"/>' for i in range(4))
+    joints = "".join(
+        f'<joint name={quoteattr(name)} type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<axis xyz="0 0 1"/><origin xyz="{0.1 * i} 0 0"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>'
+        for i, name in enumerate(NAMES)
+    )
+    urdf.write_text(f'<robot name="planar">{links}{joints}</robot>')
+    robot = load_arm(urdf)
+    export_motion(tmp_path / "m.mcap", motion, "mcap", robot)
+    found = read_bag(tmp_path / "m.mcap")
+    assert found["/robot_description"][0][1].data == urdf.read_text()
+    assert len(found["/manipulability"]) == len(found["/joint_states"])
+    for row in (0, -1):
+        q = np.array(found["/joint_states"][row][1].position)
+        (marker,) = found["/manipulability"][row][1].markers
+        assert (marker.type, marker.header.frame_id) == (2, "l0")
+        place = marker.pose.position
+        assert_allclose([place.x, place.y, place.z], robot.forward(q)[:3, 3], atol=1e-6)
+        turn = marker.pose.orientation
+        rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+        axes = 0.5 * np.array([marker.scale.x, marker.scale.y, marker.scale.z]) / 0.2
+        ellipsoid = rotation @ np.diag(axes**2) @ rotation.T
+        assert_allclose(ellipsoid, robot.manipulability(q), atol=1e-5)
+
+
+def test_definitions_of_messages_are_those_of_ros():
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    for name, definition in (
+        ("sensor_msgs/msg/JointState", ros_messages.JOINT_STATE),
+        ("visualization_msgs/msg/MarkerArray", ros_messages.MARKERS),
+        ("std_msgs/msg/String", ros_messages.STRING),
+    ):
+        text, _ = store.generate_msgdef(name, ros_version=2)
+        assert definition.split() == text.split()
 
 
 def test_parquet_has_columns_with_units(motion, tmp_path):

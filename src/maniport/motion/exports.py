@@ -1,6 +1,5 @@
 """Export of motions to files of controllers, players, simulators and tables."""
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +11,14 @@ import yaml
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.ros_messages import (
+    JOINT_STATE,
+    MARKERS,
+    STRING,
+    ellipsoid_markers,
+    joint_state,
+    string,
+)
 from maniport.motion.trajectory import Trajectory
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import as_path
@@ -22,10 +29,24 @@ from maniport.util.optional import (
     pyarrow,
     rerun,
 )
-from maniport.util.validation import Array, as_choice
+from maniport.util.validation import Array, as_choice, as_number
 
+LATCHED = """\
+- history: 1
+  depth: 1
+  reliability: 1
+  durability: 1
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+"""
+"""Quality of service of a topic whose last message later subscribers get, as bags store it."""
+MCAP = "mcap"
 SCENE = "rerun"
 DATASET = "lerobot"
+LATEST = 2.0**31 - 1e6  # start of a bag [s], whose stamps have 32 bits
 COMPLETE = (SCENE, DATASET)  # formats that contain a complete result
 DECIMALS = 9, 7, 5, 4  # of positions, velocities, accelerations and torques in messages
 
@@ -62,27 +83,51 @@ def _write_ros2(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) ->
             stream.write(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}\n")
 
 
-def _write_mcap(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    stamp, numbers = {key: {"type": "integer"} for key in ("sec", "nsec")}, {"type": "number"}
-    properties = {
-        "timestamp": {"type": "object", "title": "time", "properties": stamp},
-        "name": {"type": "array", "items": {"type": "string"}},
-        **{name: {"type": "array", "items": numbers} for name in motion.control_states},
-    }
+def _write_mcap(
+    path: Path, motion: Trajectory, robot: Arm | ArmGroup | None, start: float = 0.0
+) -> None:
+    begin = round(10**9 * start)
     with open(path, "wb") as stream:
         writer = mcap_writer().Writer(stream)
-        writer.start(library="maniport")
-        message = json.dumps({"type": "object", "properties": properties}).encode()
-        schema = writer.register_schema("JointState", "jsonschema", message)
-        channel = writer.register_channel("/joint_states", "json", schema)
-        for number, (sec, nsec, states) in enumerate(_samples(motion)):
-            content = {"timestamp": {"sec": sec, "nsec": nsec}, "name": list(motion.joint_names)}
-            message = json.dumps(
-                content | dict(zip(motion.control_states, states, strict=True))
-            ).encode()
-            nanoseconds = 10**9 * sec + nsec
-            writer.add_message(channel, nanoseconds, message, nanoseconds, number)
+        writer.start(profile="ros2", library="maniport")
+
+        def channel(topic: str, name: str, definition: str, latched: bool = False) -> int:
+            schema = writer.register_schema(name, "ros2msg", definition.encode())
+            metadata = {"offered_qos_profiles": LATCHED if latched else ""}
+            return int(writer.register_channel(topic, "cdr", schema, metadata))
+
+        description = "" if robot is None else _description(robot)
+        if description:
+            topic = channel("/robot_description", "std_msgs/msg/String", STRING, latched=True)
+            writer.add_message(topic, begin, string(description), begin)
+        states = channel("/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE)
+        markers = 0
+        if robot is not None:
+            markers = channel("/manipulability", "visualization_msgs/msg/MarkerArray", MARKERS)
+        for number, (sec, nsec, values) in enumerate(_samples(motion)):
+            time = begin + 10**9 * sec + nsec
+            positions = values[0]
+            velocities = values[1]
+            efforts = values[3] if len(values) > 3 else []
+            message = joint_state(time, motion.joint_names, positions, velocities, efforts)
+            writer.add_message(states, time, message, time, number)
+            if robot is not None:
+                group = as_group(robot)
+                q = np.array(positions)
+                places = group.forward(q)[:, :3, 3]
+                frame = next(iter(group.arms[0].chain.frames))
+                base = group.arms[0].base or frame
+                message = ellipsoid_markers(time, base, group.names, places, group.ellipsoids(q))
+                writer.add_message(markers, time, message, time, number)
         writer.finish()
+
+
+def _description(robot: Arm | ArmGroup) -> str:
+    """Return the URDF that a robot was loaded from; empty for other robots."""
+    source = Path(as_group(robot).arms[0].chain.source)
+    if source.suffix.lower() != ".urdf" or not source.is_file():
+        return ""
+    return source.read_text(encoding="utf-8", errors="replace")
 
 
 def _write_mujoco(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
@@ -152,12 +197,14 @@ def export_motion(
     motion: Trajectory | RobotMotion,
     format: str,
     robot: Arm | ArmGroup | None = None,
+    start: float = 0.0,
 ) -> None:
     """Write the control steps of a motion, the first and the last included, with time from 0.
 
     - ``"ros2"``, ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second.
-    - ``"mcap"``, ``.mcap``: about 100 messages a second on ``/joint_states``, named as in
-      ``sensor_msgs/msg/JointState``, as JSON with its schema, not in the binary encoding of ROS.
+    - ``"mcap"``, ``.mcap``: a bag of ROS 2 with about 100 messages a second of
+      ``sensor_msgs/msg/JointState`` on ``/joint_states``; with the robot also its velocity ellipsoids as
+      ``visualization_msgs/msg/MarkerArray`` on ``/manipulability`` and, of a URDF, ``/robot_description``.
     - ``"mujoco"``, ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), ``joint_names`` and ``timestep`` [s]; with the
       robot also its locked joints, ``held_names`` and ``held_positions``.
     - ``"parquet"``, ``.parquet``: a row for every control step with the joints and, with the robot, the positions of
@@ -170,7 +217,9 @@ def export_motion(
     format : {"ros2", "mcap", "mujoco", "parquet"}
         ``"rerun"`` and ``"lerobot"`` take a complete result: see `maniport.write_results`.
     robot : Arm or ArmGroup, optional
-        Used for ``"mujoco"`` and ``"parquet"``.
+        Used for ``"mcap"``, ``"mujoco"`` and ``"parquet"``.
+    start : float
+        Time of the first message of a bag [s since 1970].
 
     Raises
     ------
@@ -199,5 +248,9 @@ def export_motion(
         raise InvalidInputError(
             f"robot must be the one that moves, with the joints {list(motion.joint_names)}; found {robot!r}"
         )
+    seconds = as_number(start, "start", minimum=0.0, maximum=LATEST)
     with written_whole(path) as temporary:
-        write(temporary, motion, robot)
+        if format == MCAP:
+            _write_mcap(temporary, motion, robot, seconds)
+        else:
+            write(temporary, motion, robot)

@@ -350,6 +350,13 @@ _TABLE: tuple[Option, ...] = (
         metavar="FORMAT,…",
         common=True,
     ),
+    Number(
+        "export_start",
+        "motion",
+        "Time of the first message of an exported bag, since 1970",
+        "s",
+        bounds=Bounds(minimum=0.0, maximum=2e9),
+    ),
     Names("costs", "motion", "Further costs of the motion, of installed extensions"),
     Flag("place", "placement", "Place the path first", common=True),
     Number(
@@ -579,6 +586,7 @@ class MotionOptions(Options):
     home: tuple[float, ...] | None = None  # [rad or m]
     costs: tuple["Cost", ...] = ()
     export: tuple[str, ...] = ()
+    export_start: float = 0.0  # [s since 1970]
 
     # placement
     scale: float | None = None

@@ -91,7 +91,8 @@ def write_run(
         write_report(folder / name, report, place)
     for name, file in formats.items():
         if name not in COMPLETE:
-            export_motion(folder / file, result.motion, name, result.robot)
+            start = result.config.export_start
+            export_motion(folder / file, result.motion, name, result.robot, start)
     if DATASET in formats:
         from maniport.report.dataset_export import write_dataset
 
