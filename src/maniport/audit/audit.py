@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from itertools import chain, islice
-from math import pi
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +13,9 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from maniport.arms import Arm, ArmGroup
 from maniport.audit.checks import COLLISION, KINDS, SHARES, Checks, FrameTable, NotJudged
-from maniport.audit.columns import matched_columns
 from maniport.datasets import JointMotion, ReadOptions, open_dataset
-from maniport.datasets.joint_motion import DEGREES, METERS, RADIANS, UNITS, UNKNOWN
+from maniport.datasets.columns import matched_columns, unit_factors
+from maniport.datasets.joint_motion import UNITS
 from maniport.errors import FileFormatError, InvalidInputError, argument
 from maniport.util.process import end_with_parent
 from maniport.util.progress import Progress, Step
@@ -350,7 +349,7 @@ class _Mapping:
         for note in motion.notes:
             if note not in self.notes:
                 self.notes.append(note)
-        factors = self._factors(motion)
+        factors = unit_factors(motion, self.robot, self._columns, self.options.unit)
         q = motion.positions[:, self._columns] * factors
         return _Motion(number, motion.name, motion.time, q)
 
@@ -364,39 +363,6 @@ class _Mapping:
         self._rate = motion.rate
         self.names = {joint: labels[place] for joint, place in zip(joints, columns, strict=True)}
         self.ignored = tuple(labels[place] for place in range(count) if place not in columns)
-
-    def _factors(self, motion: JointMotion) -> Array:
-        """Return factors (dof,) from the units of the columns to rad and m; `InvalidInputError` for unknown ones."""
-        factors = np.ones(self.robot.dof)
-        stated = self.options.unit
-        for joint, (place, unit) in enumerate(
-            zip(self._columns, self.robot.joint_units, strict=True)
-        ):
-            found = motion.units[place]
-            if found == UNKNOWN:
-                if stated is None:
-                    raise self._unknown_unit(motion)
-                found = METERS if unit == METERS else stated
-            if (unit == METERS) != (found == METERS):
-                raise InvalidInputError(
-                    f"{motion.name}: the joint {self.robot.joint_names[joint]!r} moves in {unit}; the "
-                    f"dataset has {found} for it"
-                )
-            if unit == RADIANS and stated is not None and found != stated:
-                raise InvalidInputError(
-                    f"{argument('unit', stated)}: {motion.name} states {found}; leave the option out"
-                )
-            if found == DEGREES:
-                factors[joint] = pi / 180.0
-        return factors
-
-    def _unknown_unit(self, motion: JointMotion) -> InvalidInputError:
-        values = motion.positions[:, self._columns]
-        return InvalidInputError(
-            f"{motion.name}: the dataset states no unit of its joints, with values from "
-            f"{values.min():.4g} to {values.max():.4g}: give {argument('unit', RADIANS)} or "
-            f"{argument('unit', DEGREES)}. Values of −100 to 100 of uncalibrated robots cannot be judged"
-        )
 
 
 def _result_of(

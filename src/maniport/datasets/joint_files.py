@@ -39,6 +39,8 @@ def read_joints_csv(path: str | os.PathLike[str]) -> JointMotion:
         raise FileFormatError(
             f"{source}: needs the columns {TIME} and NAME_rad or NAME_m; found {some_of(names)}"
         )
+    if not body.strip():
+        raise FileFormatError(f"{source}: at least 2 frames are needed; found none")
     try:
         table = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None)
     except ValueError as error:

@@ -56,6 +56,8 @@ def read_unitree_csv(
     frequency = as_number(rate, "rate", above=0.0)
     text = read_whole(path, (), RECORDING_BYTES).decode("utf-8", "replace").lstrip("\ufeff")
     require_at_most(text.count("\n"), FRAMES, "frames", path)
+    if not text.strip():
+        raise FileFormatError(f"{os.fspath(path)}: at least 2 frames are needed; found none")
     try:
         table = np.loadtxt(io.StringIO(text), delimiter=",", ndmin=2, comments=None)
     except ValueError as error:

@@ -2,8 +2,14 @@
 
 import re
 from collections.abc import Sequence
+from math import pi
 
+import numpy as np
+
+from maniport.arms import Arm, ArmGroup
+from maniport.datasets.joint_motion import DEGREES, METERS, RADIANS, UNKNOWN, JointMotion
 from maniport.errors import InvalidInputError, argument, some_of
+from maniport.util.validation import Array
 
 SKIPPED = "-"  # a column that is no joint of the robot, in the names that a caller gives
 FILLERS = frozenset({
@@ -126,4 +132,59 @@ def _unmatched(
         f"no column is clearly that of the joint {joint!r} of {some_of(joints, 40)}; {found}. Give "
         f"{argument('columns')} with the joint of each column in its order, or lock the joint with "
         f"{argument('lock')}"
+    )
+
+
+def unit_factors(
+    motion: JointMotion,
+    robot: Arm | ArmGroup,
+    columns: Sequence[int],
+    unit: str | None,
+    option: str = "unit",
+) -> Array:
+    """Return factors (dof,) from the units of a motion's columns to rad and m.
+
+    Parameters
+    ----------
+    motion : JointMotion
+    robot : Arm or ArmGroup
+    columns : sequence of int, length dof
+        Column of each joint.
+    unit : str or None
+        Unit of revolute joints that the caller states, ``"rad"`` or ``"deg"``.
+    option : str
+        Name of the option that states it, for messages.
+
+    Raises
+    ------
+    InvalidInputError
+        When neither the file nor the caller states a unit, or both do and differ.
+    """
+    factors = np.ones(robot.dof)
+    for joint, (place, joint_unit) in enumerate(zip(columns, robot.joint_units, strict=True)):
+        found = motion.units[place]
+        if found == UNKNOWN:
+            if unit is None:
+                raise _unknown_unit(motion, columns, option)
+            found = METERS if joint_unit == METERS else unit
+        if (joint_unit == METERS) != (found == METERS):
+            raise InvalidInputError(
+                f"{motion.name}: the joint {robot.joint_names[joint]!r} moves in {joint_unit}; the "
+                f"dataset has {found} for it"
+            )
+        if joint_unit == RADIANS and unit is not None and found != unit:
+            raise InvalidInputError(
+                f"{argument(option, unit)}: {motion.name} states {found}; leave the option out"
+            )
+        if found == DEGREES:
+            factors[joint] = pi / 180.0
+    return factors
+
+
+def _unknown_unit(motion: JointMotion, columns: Sequence[int], option: str) -> InvalidInputError:
+    values = motion.positions[:, columns]
+    return InvalidInputError(
+        f"{motion.name}: the dataset states no unit of its joints, with values from "
+        f"{values.min():.4g} to {values.max():.4g}: give {argument(option, RADIANS)} or "
+        f"{argument(option, DEGREES)}. Values of −100 to 100 of uncalibrated robots cannot be judged"
     )
