@@ -33,6 +33,7 @@ from maniport.util.validation import Array, as_times
 if TYPE_CHECKING:
     from maniport.mocap import Recording
     from maniport.pipeline import Transfer
+    from maniport.pipeline.results import MotionResult
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 COMPILED_PART = (1.4, 2.4)  # of the easy one [s]; enough to call all that transfers call
@@ -71,12 +72,16 @@ def demo(
     "transfer",
     "motion",
     "seed",
+    "teacher",
+    "episode",
+    "joint_unit",
+    "columns",
     example="maniport transfer walk.bvh --robot ur5.urdf -o results",
 )
 def transfer(
     config: Config, console: Console, output: Output = None, overwrite: Overwrite = False
 ) -> None:
-    """Transfer a recorded arm motion to a robot."""
+    """Transfer a recorded arm motion to a robot; with --teacher, that of another robot in a dataset."""
     from maniport.pipeline.results import RESULT_FILES
     from maniport.report.write import export_files, write_results
 
@@ -84,9 +89,16 @@ def transfer(
     folder = output_folder(output, [named_recording(config)], config.robot, overwrite)
     require_free(folder, RESULT_FILES, overwrite)
     with console.progress() as progress:
-        job = pipeline.Transfer.of(config, progress)
-        recording = only_recording(job, config, console)
-        result = job.run(job.human(recording))
+        result: MotionResult
+        if config.teacher is not None:
+            from maniport.pipeline.robot_teacher import transfer_episode
+
+            named_recording(config)
+            result = transfer_episode(config, progress)
+        else:
+            job = pipeline.Transfer.of(config, progress)
+            recording = only_recording(job, config, console)
+            result = job.run(job.human(recording))
         report = write_results(result, folder, progress, config.export, overwrite=overwrite)
     console.name_folder(folder, chosen=output is None)
     console.print_report(report, output=str(folder))

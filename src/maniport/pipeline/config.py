@@ -43,6 +43,12 @@ class Config(TransferOptions):
     profile: str | None = None
     path: str | None = None
 
+    # a robot as teacher
+    teacher: str | None = None
+    episode: int = 0
+    joint_unit: str | None = None
+    columns: tuple[str, ...] = ()
+
     # maniport place, maniport track
     place: bool = False
     tilt: str | float | None = None  # [rad], or "free"

@@ -53,6 +53,17 @@ _TABLE: tuple[Option, ...] = (
         is_file=True,
         common=True,
     ),
+    Word(
+        "teacher", "", "Robot whose motion of a dataset is the demonstration, instead of a person"
+    ),
+    Integer("episode", "", "Motion of the dataset of a teacher"),
+    Word(
+        "joint_unit",
+        "",
+        "Unit of a teacher's joints where the dataset states none",
+        choices=("rad", "deg"),
+    ),
+    Names("columns", "", "Joint of each column of a teacher's dataset; - for one that is none"),
     Integer("seed", "", "Random seed, to 2^32 - 1", maximum=2**32 - 1, common=True),
     Number(
         "unit",
