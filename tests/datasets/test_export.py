@@ -93,7 +93,7 @@ def test_the_environment_state_is_the_target(small_result, dataset):
 
 
 def test_units_and_status_are_beside_the_dataset(small_result, dataset):
-    about = json.loads((dataset / "meta/maniport.json").read_text())
+    about = json.loads((dataset / "meta/about.json").read_text())
     assert about["units"][STATE] == ["rad"] * 7
     assert about["episodes"][0]["status"] in ("green", "amber")
     ((_, motion),) = LeRobotDataset(dataset).motions()
@@ -143,7 +143,7 @@ def test_one_dataset_of_several(dataset, tmp_path):
     assert list(motions) == [0, 1]
     for motion in motions.values():
         np.testing.assert_array_equal(motion.positions, first.positions)
-    about = json.loads((tmp_path / "all/panda/meta/maniport.json").read_text())
+    about = json.loads((tmp_path / "all/panda/meta/about.json").read_text())
     assert about["left_out"] == [{"name": "two", "reason": "red: collision"}]
     assert write_joint_dataset(tmp_path / "none", sources[1:2]) == 0
     assert not (tmp_path / "none").exists()
@@ -166,5 +166,5 @@ def test_a_batch_writes_a_dataset_for_each_robot(tmp_path):
     kept = [row for row in result.table if row["status"] != "red"]
     assert kept, result.table
     assert LeRobotDataset(folder).count == len(kept)
-    about = json.loads((folder / "meta/maniport.json").read_text())
+    about = json.loads((folder / "meta/about.json").read_text())
     assert len(about["episodes"]) + len(about["left_out"]) == 2

@@ -9,9 +9,9 @@ STATS = "meta/stats.json"
 TASKS = "meta/tasks.parquet"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-ABOUT = "meta/maniport.json"  # units and results, which the format has no place for
+ABOUT = "meta/about.json"  # units and results, which the format has no place for
 OWN_FILES = frozenset(
-    {"info.json", "stats.json", "tasks.parquet", "maniport.json"}
+    {"info.json", "stats.json", "tasks.parquet", "about.json"}
     | {f"file-{number:03d}.parquet" for number in range(1000)}
 )
 """Names of the files of a dataset of maniport."""

@@ -58,7 +58,7 @@ class Episode:
     values : mapping of str to ndarray, shape (n, k)
         By the keys of the features.
     about : mapping of str to object
-        Entries of the episode in ``meta/maniport.json``.
+        Entries of the episode in ``meta/about.json``.
     """
 
     name: str
