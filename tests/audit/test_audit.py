@@ -306,7 +306,7 @@ JOINT = """<joint name="j{i}" type="revolute"><parent link="l{p}"/><child link="
 
 
 @pytest.mark.parametrize(("velocity", "judged"), [(10, False), (0, False), (2.5, True)])
-def test_placeholders_and_unknown_limits_are_not_judged(tmp_path, velocity, judged):
+def test_placeholders_and_unknown_limits_are_not_checked(tmp_path, velocity, judged):
     joints = [
         JOINT.format(i=i, p=i - 1, axis=axis, velocity=velocity, effort=10)
         for i, axis in enumerate(("0 0 1", "0 1 0", "0 1 0"), 1)
@@ -318,9 +318,9 @@ def test_placeholders_and_unknown_limits_are_not_judged(tmp_path, velocity, judg
     code, _ = run(*words, "-o", tmp_path / "out")
     assert code == 0
     found = numbers(tmp_path / "out")
-    unjudged = {one["kind"] for one in found["not_judged"] if one["complete"]}
-    assert ("velocity" in unjudged) == (not judged)
-    assert {"acceleration", "torque", "collision"} <= unjudged
+    unchecked = {one["kind"] for one in found["not_checked"] if one["complete"]}
+    assert ("velocity" in unchecked) == (not judged)
+    assert {"acceleration", "torque", "collision"} <= unchecked
     assert ("velocity" in found["fail_on"]) == judged
     code, text = run(*words, "--fail-on", "velocity", "-o", tmp_path / "chosen")
     assert code == (0 if judged else 2), text
@@ -343,7 +343,7 @@ def test_a_robot_whose_description_excludes_all_contacts_has_no_verdict_on_them(
     assert not Collisions.of(arm).pairs
     found = numbers(tmp_path / "out")
     assert "collision" not in found["fail_on"]
-    assert "collision" in {one["kind"] for one in found["not_judged"] if one["complete"]}
+    assert "collision" in {one["kind"] for one in found["not_checked"] if one["complete"]}
 
 
 def test_the_tolerance_is_of_limits_of_resampled_motions(panda, tmp_path):

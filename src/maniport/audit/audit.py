@@ -12,7 +12,7 @@ import numpy as np
 from joblib.externals.loky import ProcessPoolExecutor
 
 from maniport.arms import Arm, ArmGroup
-from maniport.audit.checks import COLLISION, KINDS, SHARES, Checks, FrameTable, NotJudged
+from maniport.audit.checks import COLLISION, KINDS, SHARES, Checks, FrameTable, NotChecked
 from maniport.datasets import JointMotion, ReadOptions, open_dataset
 from maniport.datasets.columns import matched_columns, unit_factors
 from maniport.datasets.joint_motion import UNITS
@@ -45,7 +45,7 @@ class AuditOptions:
     rate : float or None
         As in `ReadOptions`.
     fail_on : tuple of str
-        Kinds of findings that fail an episode, of `KINDS`. Default: all that can be judged.
+        Kinds of findings that fail an episode, of `KINDS`. Default: all that can be checked.
     tolerance : float
         Share by which limits of velocity, acceleration and torque may be exceeded.
     processes : int
@@ -80,7 +80,7 @@ class Finding:
     Attributes
     ----------
     share : float
-        Largest share of a limit; nan for collisions, and where the kind is not judged.
+        Largest share of a limit; nan for collisions, and where the kind is not checked.
     joint : str
         Joint of that share, or the colliding pair.
     time : float
@@ -148,7 +148,7 @@ class Audit:
     episodes : tuple of EpisodeResult
     worst : tuple of (EpisodeResult, FrameTable)
         Failed episodes with their frames, the worst first.
-    not_judged : tuple of NotJudged
+    not_checked : tuple of NotChecked
     fail_on : tuple of str
     options : AuditOptions
     columns : mapping of str to str
@@ -163,7 +163,7 @@ class Audit:
     robot: Arm | ArmGroup
     episodes: tuple[EpisodeResult, ...]
     worst: tuple[tuple[EpisodeResult, FrameTable], ...]
-    not_judged: tuple[NotJudged, ...]
+    not_checked: tuple[NotChecked, ...]
     fail_on: tuple[str, ...]
     options: AuditOptions
     columns: dict[str, str] = field(default_factory=dict)
@@ -191,12 +191,12 @@ class Audit:
 
     def worst_of(self, kind: str) -> EpisodeResult | None:
         """Return the episode with the largest share of a kind, or with most colliding frames; None without any."""
-        judged = [one for one in self.episodes if one.findings[kind].joint]
-        if not judged:
+        checked = [one for one in self.episodes if one.findings[kind].joint]
+        if not checked:
             return None
         if kind == COLLISION:
-            return max(judged, key=lambda one: one.findings[kind].frames)
-        return max(judged, key=lambda one: one.findings[kind].share)
+            return max(checked, key=lambda one: one.findings[kind].frames)
+        return max(checked, key=lambda one: one.findings[kind].share)
 
 
 FrameWriter = Callable[[int, FrameTable], None]
@@ -241,7 +241,7 @@ def audit_dataset(
         When a file cannot be read.
     InvalidInputError
         When it cannot be decided: units or columns are unknown, or a kind of `fail_on` cannot be
-        judged.
+        checked.
     """
     fail_on = _kinds(checks, options)
     names = _column_joints(checks.robot, options)
@@ -267,22 +267,22 @@ def audit_dataset(
         raise FileFormatError(f"{source.name}: holds no motion")
     episodes.sort(key=lambda one: one.episode)
     step.end(f"{len(episodes)} motions, {sum(bool(one.failed) for one in episodes)} with findings")
-    not_judged = list(checks.not_judged)
+    not_checked = list(checks.not_checked)
     if mapping.has_base:
         text = "the base moves: torques are those of a fixed, upright base"
-        not_judged.append(NotJudged("base", text, complete=False))
+        not_checked.append(NotChecked("base", text, complete=False))
     if mapping.varying:
         text = (
             f"times of {mapping.varying} motions do not have a constant rate: derivatives are rough"
         )
-        not_judged.append(NotJudged("rate", text, complete=False))
+        not_checked.append(NotChecked("rate", text, complete=False))
     return Audit(
         dataset=source.name,
         kind=source.kind,
         robot=checks.robot,
         episodes=tuple(episodes),
         worst=tuple(worst),
-        not_judged=tuple(not_judged),
+        not_checked=tuple(not_checked),
         fail_on=fail_on,
         options=options,
         columns=mapping.names,
@@ -292,14 +292,14 @@ def audit_dataset(
 
 
 def _kinds(checks: Checks, options: AuditOptions) -> tuple[str, ...]:
-    """Return the kinds that fail an episode; `InvalidInputError` where one cannot be judged."""
+    """Return the kinds that fail an episode; `InvalidInputError` where one cannot be checked."""
     if not options.fail_on:
-        return tuple(kind for kind in KINDS if checks.is_judged(kind))
+        return tuple(kind for kind in KINDS if checks.is_checked(kind))
     for kind in options.fail_on:
-        if not checks.is_judged(kind):
-            reasons = [one.reason for one in checks.not_judged if one.kind == kind]
+        if not checks.is_checked(kind):
+            reasons = [one.reason for one in checks.not_checked if one.kind == kind]
             raise InvalidInputError(
-                f"{argument('fail_on')}: {kind} cannot be judged: {'; '.join(reasons)}"
+                f"{argument('fail_on')}: {kind} cannot be checked: {'; '.join(reasons)}"
             )
     return options.fail_on
 
@@ -373,7 +373,7 @@ def _result_of(
     joints = checks.robot.joint_names
     for kind in SHARES:
         exceeded = table.exceeded[kind]
-        if not checks.is_judged(kind):
+        if not checks.is_checked(kind):
             findings[kind] = Finding()
             continue
         row = int(table.shares[kind].argmax())

@@ -1,4 +1,4 @@
-"""What an audit computes for each frame of a motion, and what it cannot judge."""
+"""What an audit computes for each frame of a motion, and what it cannot check."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,8 +35,8 @@ STILL = 1e-4  # speed of an end effector below which its motion has no direction
 
 
 @dataclass(frozen=True)
-class NotJudged:
-    """A quantity that an audit does not judge.
+class NotChecked:
+    """A quantity that an audit does not check.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class NotJudged:
         Of `KINDS`, or another quantity.
     reason : str
     complete : bool
-        Whether nothing of the kind is judged; otherwise some joints or links are left out.
+        Whether nothing of the kind is checked; otherwise some joints or links are left out.
     """
 
     kind: str
@@ -53,7 +53,7 @@ class NotJudged:
 
 
 class FrameTable(NamedTuple):
-    """Results for the n frames of one motion; nan where a quantity is not judged."""
+    """Results for the n frames of one motion; nan where a quantity is not checked."""
 
     time: Array  # (n,) [s]
     shares: Mapping[str, Array]  # (n,) largest share of a limit of all joints, by `SHARES`
@@ -79,17 +79,17 @@ class Checks:
     collisions : Collisions or None
     tolerance : float
         Share by which limits of velocity, acceleration and torque may be exceeded.
-    judged : mapping of str to ndarray of bool, shape (dof,)
+    checked : mapping of str to ndarray of bool, shape (dof,)
         Joints whose limits are known, by `SHARES`.
-    not_judged : tuple of NotJudged
+    not_checked : tuple of NotChecked
     """
 
     robot: Arm | ArmGroup
     limits: MotionLimits
     collisions: Collisions | None
     tolerance: float
-    judged: Mapping[str, NDArray[np.bool_]]
-    not_judged: tuple[NotJudged, ...] = field(default_factory=tuple)
+    checked: Mapping[str, NDArray[np.bool_]]
+    not_checked: tuple[NotChecked, ...] = field(default_factory=tuple)
 
     @classmethod
     def of(
@@ -100,7 +100,7 @@ class Checks:
         tolerance: float,
         stated: Sequence[str] = (),
     ) -> "Checks":
-        """Choose what can be judged of a robot.
+        """Choose what can be checked of a robot.
 
         Parameters
         ----------
@@ -112,36 +112,38 @@ class Checks:
         stated : sequence of str
             Quantities whose limits a file of the caller states: they are no placeholders.
         """
-        left_out: list[NotJudged] = []
-        judged = {}
+        left_out: list[NotChecked] = []
+        checked = {}
         for kind in SHARES:
             known, reasons = _known_limits(robot, limits, kind, kind in stated)
-            judged[kind] = known
+            checked[kind] = known
             left_out += reasons
         if limits.dynamics is not None:
             left_out.append(
-                NotJudged("payload", f"torques are with the payload of {_payload(robot)}", False)
+                NotChecked("payload", f"torques are with the payload of {_payload(robot)}", False)
             )
         if collisions is None or not collisions.checked:
             reason = "collision checking is off" if collisions is None else collisions.reason
-            left_out.append(NotJudged(COLLISION, reason))
+            left_out.append(NotChecked(COLLISION, reason))
         elif not collisions.pairs:
             reason = "the description excludes all contacts, or no two links can touch"
-            left_out.append(NotJudged(COLLISION, reason))
+            left_out.append(NotChecked(COLLISION, reason))
         elif collisions.unchecked:
             left_out.append(
-                NotJudged(COLLISION, f"not checked: {some_of(collisions.unchecked, 20)}", False)
+                NotChecked(COLLISION, f"not checked: {some_of(collisions.unchecked, 20)}", False)
             )
         left_out.append(
-            NotJudged("contacts", "objects, grippers' loads and people are not in the model", False)
+            NotChecked(
+                "contacts", "objects, grippers' loads and people are not in the model", False
+            )
         )
-        return cls(robot, limits, collisions, tolerance, judged, tuple(left_out))
+        return cls(robot, limits, collisions, tolerance, checked, tuple(left_out))
 
-    def is_judged(self, kind: str) -> bool:
-        """Whether anything of a kind is judged."""
+    def is_checked(self, kind: str) -> bool:
+        """Whether anything of a kind is checked."""
         if kind == COLLISION:
             return self.collisions is not None and bool(self.collisions.pairs)
-        return bool(self.judged[kind].any())
+        return bool(self.checked[kind].any())
 
     def table(self, time: Array, q: Array) -> FrameTable:
         """Compute all quantities of a motion with times (n,) [s] and positions (n, dof) [rad or m]."""
@@ -152,7 +154,7 @@ class Checks:
         values = self._share_values(q, velocities, accelerations)
         for kind in SHARES:
             share = values[kind]
-            known = self.judged[kind]
+            known = self.checked[kind]
             if share is None or not known.any():
                 shares[kind] = np.full(len(q), np.nan)
                 joints[kind] = np.zeros(len(q), dtype=np.intp)
@@ -164,7 +166,7 @@ class Checks:
             exceeded[kind] = shares[kind] > 1.0 + self.tolerance
         exceeded[POSITION] = self._outside(q)
         exceeded[COLLISION] = np.zeros(len(q), dtype=np.bool_)
-        if self.collisions is not None and self.is_judged(COLLISION):
+        if self.collisions is not None and self.is_checked(COLLISION):
             exceeded[COLLISION] = self.collisions.collides(q)
         return FrameTable(time, shares, joints, exceeded, *self._directional(q, velocities))
 
@@ -177,7 +179,7 @@ class Checks:
         middle = 0.5 * (lower + upper)
         half = np.maximum(0.5 * (upper - lower), 1e-12)
         torque_shares = None
-        if self.judged[TORQUE].any() and self.limits.dynamics is not None:
+        if self.checked[TORQUE].any() and self.limits.dynamics is not None:
             torques = self.limits.dynamics.torques(q, velocities, accelerations)
             torque_shares = np.abs(torques) / self.limits.effort
         return {
@@ -190,7 +192,7 @@ class Checks:
     def _outside(self, q: Array) -> NDArray[np.bool_]:
         below = q < self.limits.arm.lower - POSITION_TOLERANCE
         above = q > self.limits.arm.upper + POSITION_TOLERANCE
-        return np.asarray(((below | above) & self.judged[POSITION]).any(axis=1))
+        return np.asarray(((below | above) & self.checked[POSITION]).any(axis=1))
 
     def _directional(self, q: Array, velocities: Array) -> tuple[Array, Array, Array, Array]:
         """Smallest singular values, speeds, their shares and forces along the motion; the worst of all arms."""
@@ -212,13 +214,13 @@ class Checks:
             moving = np.flatnonzero(speed > STILL)
             directions = motions[moving] / speed[moving, None]
             largest = arm.velocity_limits
-            if largest is not None and is_limited(arm, "velocity") and self.judged[VELOCITY].all():
+            if largest is not None and is_limited(arm, "velocity") and self.checked[VELOCITY].all():
                 extents = np.empty(len(moving))
                 generators = np.ascontiguousarray(jacobians[moving] * largest)
                 fill_speed_extents(generators, np.ascontiguousarray(directions), extents)
                 used = speed[moving] / extents
                 speed_shares[moving] = np.fmax(speed_shares[moving], used)
-            if is_limited(arm, "force") and self.judged[TORQUE].all() and len(moving):
+            if is_limited(arm, "force") and self.checked[TORQUE].all() and len(moving):
                 limits = polytope_extent(arm, own[moving], directions[:, None], "force")[:, 0]
                 forces[moving] = np.fmin(forces[moving], limits)
         return singular_values, speeds, speed_shares, forces
@@ -243,14 +245,14 @@ def derivatives(time: Array, q: Array) -> tuple[Array, Array]:
 
 def _known_limits(
     robot: Arm | ArmGroup, limits: MotionLimits, kind: str, stated: bool
-) -> tuple[NDArray[np.bool_], list[NotJudged]]:
-    """Return the joints (dof,) whose limits are known, and why others are not judged."""
+) -> tuple[NDArray[np.bool_], list[NotChecked]]:
+    """Return the joints (dof,) whose limits are known, and why others are not checked."""
     known = np.ones(robot.dof, dtype=np.bool_)
     names = np.array(robot.joint_names)
     if kind == TORQUE:
         if limits.dynamics is None:
             reason = f"the description of {robot.name!r} has no masses"
-            return ~known, [NotJudged(kind, reason)]
+            return ~known, [NotChecked(kind, reason)]
         values = limits.effort
         known = np.isfinite(values)
     else:
@@ -260,17 +262,17 @@ def _known_limits(
         reason = "no limits of joints are known"
         if kind == POSITION:
             reason = "no joint has limits"
-        return known, [NotJudged(kind, f"{reason}; a file for --limits states them")]
+        return known, [NotChecked(kind, f"{reason}; a file for --limits states them")]
     if kind in (VELOCITY, TORQUE) and not stated and _are_placeholders(values[known]):
         unit = "rad/s" if kind == VELOCITY else "N m"
         reason = (
             f"all joints have the limit {values[known][0]:g} {unit}, a placeholder; a file for --limits "
             "states the true ones"
         )
-        return np.zeros_like(known), [NotJudged(kind, reason)]
+        return np.zeros_like(known), [NotChecked(kind, reason)]
     if not known.all():
         reason = f"limits of some joints are unknown: {some_of(names[~known], 20)}"
-        return known, [NotJudged(kind, reason, complete=False)]
+        return known, [NotChecked(kind, reason, complete=False)]
     return known, []
 
 

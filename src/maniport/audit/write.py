@@ -108,7 +108,7 @@ def write_audit(folder: Path, audit: Audit) -> None:
 
 
 def episode_row(result: EpisodeResult) -> dict[str, object]:
-    """Return the row of an episode; None where a quantity is not judged."""
+    """Return the row of an episode; None where a quantity is not checked."""
     row: dict[str, object] = {
         "episode": result.episode,
         "name": result.name,
@@ -154,7 +154,7 @@ def as_numbers(audit: Audit) -> dict[str, object]:
         "columns": audit.columns,
         "ignored_columns": list(audit.ignored),
         "findings": findings,
-        "not_judged": [vars(one) for one in audit.not_judged],
+        "not_checked": [vars(one) for one in audit.not_checked],
         "notes": list(audit.notes),
     }
 
@@ -163,7 +163,7 @@ def verdict(audit: Audit) -> str:
     """Return the result in one sentence."""
     count = len(audit.failed)
     if not audit.fail_on:
-        return f"Nothing could be judged of {len(audit.episodes)} motions."
+        return f"Nothing could be checked of {len(audit.episodes)} motions."
     if not count:
         return f"No findings in {len(audit.episodes)} motions."
     return f"{count} of {len(audit.episodes)} motions have findings."
@@ -176,8 +176,8 @@ def lines(audit: Audit) -> list[str]:
         worst = audit.worst_of(kind)
         if worst is not None and audit.count(kind):
             texts.append(f"  {kind}: {audit.count(kind)} motions; worst: {_sentence(worst, kind)}")
-    unjudged = [one for one in audit.not_judged if one.complete]
-    texts += [f"  not judged: {one.kind}: {one.reason}" for one in unjudged]
+    unchecked = [one for one in audit.not_checked if one.complete]
+    texts += [f"  not checked: {one.kind}: {one.reason}" for one in unchecked]
     return texts
 
 
@@ -194,8 +194,8 @@ def page(audit: Audit) -> str:
     for kind in KINDS:
         worst = audit.worst_of(kind)
         text = "" if worst is None else _sentence(worst, kind)
-        judged = not any(one.kind == kind and one.complete for one in audit.not_judged)
-        kinds.append((kind, judged, kind in audit.fail_on, audit.count(kind), text))
+        checked = not any(one.kind == kind and one.complete for one in audit.not_checked)
+        kinds.append((kind, checked, kind in audit.fail_on, audit.count(kind), text))
     title = f"Audit of {Path(audit.dataset).name} for {audit.robot.name}"
     body = environment.get_template("audit.html").render(
         title=title,

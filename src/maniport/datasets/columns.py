@@ -186,5 +186,5 @@ def _unknown_unit(motion: JointMotion, columns: Sequence[int], option: str) -> I
     return InvalidInputError(
         f"{motion.name}: the dataset states no unit of its joints, with values from "
         f"{values.min():.4g} to {values.max():.4g}: give {argument(option, RADIANS)} or "
-        f"{argument(option, DEGREES)}. Values of −100 to 100 of uncalibrated robots cannot be judged"
+        f"{argument(option, DEGREES)}. Values of −100 to 100 of uncalibrated robots cannot be checked"
     )
