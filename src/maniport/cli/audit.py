@@ -129,7 +129,8 @@ def _checks(config: Config, tolerance: float) -> "Checks":
     from maniport.arms.collisions import Collisions
     from maniport.audit.checks import TORQUE, VELOCITY, Checks
     from maniport.motion import MotionLimits
-    from maniport.pipeline.settings import load_robot, with_limits
+    from maniport.pipeline.robots import load_robot
+from maniport.pipeline.settings import with_limits
 
     config = config.changed(joint_limit_margin=0.0)
     limited = with_limits(load_robot(config), config)

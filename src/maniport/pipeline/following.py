@@ -32,7 +32,8 @@ from maniport.motion.targets import (
 from maniport.pipeline.config import Config
 from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import ArmResult, MotionResult
-from maniport.pipeline.settings import Settings, load_robot, plan_options, with_limits
+from maniport.pipeline.robots import load_robot
+from maniport.pipeline.settings import Settings, plan_options, with_limits
 from maniport.util.progress import Progress, Step, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_points

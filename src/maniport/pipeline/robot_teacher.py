@@ -18,7 +18,8 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.following import follow_profile
 from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import MotionResult
-from maniport.pipeline.settings import adapter_of, load_single_arm
+from maniport.pipeline.robots import load_single_arm
+from maniport.pipeline.settings import adapter_of
 from maniport.util.defaults import AUTO
 from maniport.util.progress import Progress, Step
 from maniport.util.sampling import evenly_spaced
