@@ -130,7 +130,7 @@ def _checks(config: Config, tolerance: float) -> "Checks":
     from maniport.audit.checks import TORQUE, VELOCITY, Checks
     from maniport.motion import MotionLimits
     from maniport.pipeline.robots import load_robot
-from maniport.pipeline.settings import with_limits
+    from maniport.pipeline.settings import with_limits
 
     config = config.changed(joint_limit_margin=0.0)
     limited = with_limits(load_robot(config), config)
