@@ -291,6 +291,7 @@ def test_frames_arrive_whole_and_meshes_once(make_view, running):
     corners = len(view.state.sides[0].teacher.skeleton(np.zeros(7)))
     moves = (
         f"/person/arm/{corners - 1}",
+        f"/person/arm/rod/{corners - 2}",
         "/robot/surface/7",
         "/person/ellipsoid",
         "/robot/target",

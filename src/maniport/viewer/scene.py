@@ -1,7 +1,8 @@
 """The scene of the page: a person's arms, a robot, ellipsoids; and where cameras look from."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,7 +23,9 @@ PERSON_AT = np.array(
 )  # Base frame of the person [m], to the left for a viewer in front of them
 ROBOT_AT = np.array([0.0, 0.5, 0.7])
 FIELD_OF_VIEW = 45.0  # Vertical [degrees]
+NARROW = 0.7  # Ratio of width to height below which a window is that of a phone
 PALE = (196, 201, 208)
+SHORTEST = 1e-4  # Smallest length of a rod, and change of it, that can be seen [m]
 SIZE = 0.25  # Length at which a semi-axis of 1 m/s per rad/s is drawn [m]
 
 Color = tuple[int, int, int]
@@ -31,7 +34,7 @@ Color = tuple[int, int, int]
 def camera_for(aspect: float, arms: int = 1) -> tuple[Array, Array]:
     """Where to look from and to, so that person and robot are in a view of that width over height [m].
 
-    On phones the controls cover the lower part: the scene is moved up by 30 % of the height.
+    On phones the folded controls cover the lowest part: the scene is moved up by 10 % of the height.
     """
     height = 2.4
     width = 2.9
@@ -41,8 +44,8 @@ def camera_for(aspect: float, arms: int = 1) -> tuple[Array, Array]:
     height = max(height, width / max(aspect, 0.2))
     distance = height / (2.0 * np.tan(np.radians(0.5 * FIELD_OF_VIEW)))
     to = np.array([0.0, -0.05, 1.15])
-    if aspect < 0.7:
-        to[2] -= 0.3 * height
+    if aspect < NARROW:
+        to[2] -= 0.1 * height
     return to + distance * np.array([0.97, 0.0, 0.24]), to
 
 
@@ -59,17 +62,50 @@ def shell(ellipsoid: Array) -> tuple[tuple[float, float, float], Array]:
     return (a, b, c), quaternion(right_handed)
 
 
-def _edges(skeleton: Array) -> Array:
-    return np.stack([skeleton[:-1], skeleton[1:]], axis=1).astype(np.float32)
+class RodPose(NamedTuple):
+    """Where a cylinder along z is, to connect two points."""
+
+    length: float  # [m]
+    position: Array  # (3,) of its middle [m]
+    wxyz: Array  # (4,) unit quaternion
+
+
+def rod_pose(start: Array, end: Array) -> RodPose:
+    """Return the pose of a rod between two points (3,); of points at one place it is short and upright."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    middle = 0.5 * (start + end)
+    if length < SHORTEST:
+        return RodPose(SHORTEST, middle, np.array([1.0, 0.0, 0.0, 0.0]))
+
+    # about the cross product of z and the direction, by their angle: the sum of quaternions 1 and z · direction
+    x, y, z = along / length
+    wxyz = np.array([1.0 + z, -y, x, 0.0])
+    if z < -1.0 + 1e-9:  # downward
+        wxyz = np.array([0.0, 1.0, 0.0, 0.0])
+    return RodPose(length, middle, wxyz / np.linalg.norm(wxyz))
 
 
 class Skeleton:
-    """A polyline (k, 3) of an arm as thick lines with balls at its corners."""
+    """A polyline (k, 3) of an arm as rods with balls at its corners.
+
+    Rods and balls are moved by their poses: browsers show these at once, but new points of lines some frames later,
+    so that the lines come off the balls of a moving arm.
+    """
 
     def __init__(self, scene: "SceneApi", name: str, skeleton: Array, radius: float, color: Color):
-        self._lines = scene.add_line_segments(
-            f"{name}/lines", _edges(skeleton), color, thickness=2.0 * radius
-        )
+        self.rods = []
+        for i, (start, end) in enumerate(pairwise(skeleton)):
+            pose = rod_pose(start, end)
+            rod = scene.add_cylinder(
+                f"{name}/rod/{i}",
+                radius,
+                pose.length,
+                color,
+                position=pose.position,
+                wxyz=pose.wxyz,
+            )
+            self.rods.append(rod)
         look = {"radius": 1.25 * radius, "color": color}
         self._balls = [
             scene.add_icosphere(f"{name}/{i}", position=at, **look) for i, at in enumerate(skeleton)
@@ -77,7 +113,12 @@ class Skeleton:
 
     def draw(self, skeleton: Array) -> None:
         """Move to a new configuration."""
-        self._lines.points = _edges(skeleton)
+        for rod, (start, end) in zip(self.rods, pairwise(skeleton), strict=True):
+            pose = rod_pose(start, end)
+            rod.position = pose.position
+            rod.wxyz = pose.wxyz
+            if abs(pose.length - rod.height) > SHORTEST:  # of links of prismatic joints alone
+                rod.height = pose.length
         for ball, position in zip(self._balls, skeleton, strict=True):
             ball.position = position
 
@@ -128,7 +169,7 @@ class Scene:
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
         scene.add_grid(
-            "/floor",
+            "/base_plane",
             8.0,
             8.0,
             cell_size=0.25,
@@ -136,6 +177,7 @@ class Scene:
             section_color=(190, 195, 202),
             fade_distance=9.0,
             fade_from="origin",
+            position=(0.0, 0.0, ROBOT_AT[2]),
         )
         scene.add_frame("/person", show_axes=False, position=PERSON_AT - aside)
         # head and trunk about the middle of the neck [m], in the trunk frame
@@ -145,6 +187,7 @@ class Scene:
         ]
         for name, size, at in (
             ("trunk", (0.11, 0.16, 0.30), (-0.06, 0.0, -0.30)),
+            ("shoulders", (0.05, 0.20, 0.06), (-0.03, 0.0, -0.01)),
             ("neck", (0.05, 0.05, 0.12), (-0.05, 0.0, 0.03)),
             ("head", (0.095, 0.075, 0.12), (-0.02, 0.0, 0.22)),
         ):
@@ -160,11 +203,6 @@ class Scene:
             "/person/name", f"person: {models}", position=(0.0, 0.15, 0.5), anchor="bottom-center"
         )
         self._base = scene.add_frame("/robot", axes_length=0.15, axes_radius=0.006, position=place)
-        columns = {tuple(base.tolist()) for base in place + robot.base_positions}  # below the bases
-        for i, (x, y, z) in enumerate(columns):
-            scene.add_cylinder(
-                f"/column/{i}", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z)
-            )
         above = place + np.array([0.0, 0.0, 1.25])
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
         names = [""]

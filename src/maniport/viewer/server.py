@@ -23,7 +23,7 @@ from maniport.util.optional import viser
 from maniport.util.process import LOOPBACK, LOOPBACK_NAMES, bound
 from maniport.util.validation import Array
 from maniport.viewer.messages import accepted
-from maniport.viewer.scene import FIELD_OF_VIEW, Scene, camera_for
+from maniport.viewer.scene import FIELD_OF_VIEW, NARROW, Scene, camera_for
 from maniport.viewer.state import Command, Frame, Target, ViewState
 
 if TYPE_CHECKING:
@@ -74,6 +74,7 @@ class Page:
         server.gui.main_panel.set_width(330)
         server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0))
         server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
+        server.on_client_connect(fold_panel)
         self.url = f"http://{LOOPBACK}:{server.get_port()}/"
 
     def _controls(self) -> Controls:
@@ -89,6 +90,12 @@ class Page:
         with _silent():
             stopping.start()
             stopping.join(1.5)
+
+
+def fold_panel(client: Any) -> None:
+    """Fold the controls of a browser on a phone, where they would cover the scene."""
+    if client.camera.aspect < NARROW:
+        client.gui.main_panel.minimize()
 
 
 def require_free(port: int) -> None:
