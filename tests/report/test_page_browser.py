@@ -125,6 +125,99 @@ def test_the_first_screen_has_the_summary(browser, results, small_result):
     assert browser.complaints == []
 
 
+NUMBERS = "[...document.querySelectorAll('.arrows text:not([hidden])')].map(one => one.textContent)"
+LENGTHS = (
+    "[...document.querySelectorAll('.arrows g')].map(one => [one.getAttribute('class'),"
+    " one.querySelector('.shaft').getTotalLength()])"
+)
+
+
+def test_arrows_follow_the_time(browser, results, small_result):
+    """Numbers are those of the waypoint; arrows on one line are as long as their values, in perspective."""
+    browser.dress()
+    browser.open(results)
+    force, speed = small_result.arm.capabilities
+    for row in (0, len(small_result.time) - 1):
+        browser.run(
+            f"maniport.player.seek(maniport.player.motion.time[{row}]); maniport.player.show()"
+        )
+        values = [force.person, force.robot, force.position_only]
+        expected = [f"{float(f'{each[row]:.3g}'):g} N" for each in values]
+        for each in (speed.robot, speed.position_only):
+            expected.append(f"{float(f'{each[row]:.3g}'):g} m/s")
+        assert sorted(browser.run(NUMBERS)) == sorted(expected)
+        lengths = dict(browser.run(LENGTHS))
+        for capability in (force, speed):
+            solid = lengths[f"arrow arrow-{capability.kind} achieved"]
+            dashed = lengths[f"arrow arrow-{capability.kind} reference arrow-dashed"]
+            ratio = capability.robot[row] / capability.position_only[row]
+            assert solid / dashed == pytest.approx(ratio, rel=0.1)
+    assert browser.complaints == []
+
+
+def test_arrows_are_switched_like_ellipsoids(browser, results):
+    browser.dress()
+    browser.open(results)
+    labels = browser.run(
+        "[...document.querySelectorAll('.key.wide label')].map(one => one.innerText.trim())"
+    )
+    titles = browser.run(
+        "[...document.querySelectorAll('.chart h4')].map(one => one.firstChild.data)"
+    )
+    assert labels[:2] == titles[:2]
+    assert labels[2] == "positions only"
+    assert len(browser.run(NUMBERS)) == 5
+    for number, left in ((0, ["m/s", "m/s"]), (1, []), (2, [])):
+        browser.run(f"document.querySelectorAll('.key.wide input')[{number}].focus()")
+        browser.press(" ")
+        browser.run("maniport.player.show()")
+        assert [text.split()[1] for text in browser.run(NUMBERS)] == left
+    assert browser.run("maniport.player.playing") is False
+    browser.run("document.querySelectorAll('.key.wide input')[0].click(); maniport.player.show()")
+    assert len(browser.run(NUMBERS)) == 2, "of the person and of the robot"
+
+
+def test_the_first_screen_of_a_phone_has_status_and_animation(browser, results):
+    """The numbers of the summary follow the views; on a wide screen they precede them."""
+    browser.dress(width=390, height=844, touch=True)
+    browser.open(results)
+    ends = browser.run(
+        "['.summary', '.controls', '.states-key', '.stage:first-child .view', '.stage:last-child .view',"
+        " '.numbers'].map(one => document.querySelector(one).getBoundingClientRect().bottom)"
+    )
+    assert ends == sorted(ends)
+    assert ends[-2] < 844
+    assert browser.complaints == []
+    browser.dress(width=1280, height=900)
+    browser.open(results)
+    assert browser.run("document.querySelector('header .numbers') !== null")
+
+
+def test_the_legend_has_the_words_of_the_status(browser, results, small_result):
+    browser.dress()
+    browser.open(results)
+    outcome = browser.run("document.querySelector('.summary h2').textContent")
+    legend = browser.run(
+        "[...document.querySelectorAll('.states-key > li')].map(one => one.innerText)"
+    )
+    missed = sum(not state.endswith("followed") for state in small_result.arm.motion.status)
+    reached = len(small_result.time) - missed
+    assert f"{reached} of {len(small_result.time)} waypoints reached" in outcome
+    counts = {"reached": reached, "missed": missed}
+    expected = [f"{count} {word}:" for word, count in counts.items() if count]
+    assert [text.split(":")[0] + ":" for text in legend] == expected
+
+
+def test_logarithmic_axes_are_marked(browser, results):
+    browser.dress()
+    browser.open(results)
+    marked = browser.run(
+        "[...document.querySelectorAll('.chart h4')].map(one => one.textContent)"
+        ".filter(title => title.includes('logarithmic'))"
+    )
+    assert [title.split(" [")[0] for title in marked] == ["Position error"]
+
+
 @pytest.mark.slow
 def test_links_to_a_maximum_open_its_waypoint(browser, small_result, changed, tmp_path):
     """Maxima within a tenth of a second, of which one follows a pause, each have their own waypoint."""

@@ -2,10 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from maniport.arms.directional import line_extent
 from maniport.pipeline import transfer_recording
+from maniport.pipeline.capability import limited_person
 from maniport.report import report_of
-from maniport.report.page import as_html
+from maniport.report.page import as_html, templates
 from maniport.report.page.animation import animation_of
 from sizes import SMALL
 
@@ -115,3 +118,77 @@ def test_every_arm_is_drawn(several):
     joints = {panel.title for panel in animation.panels["Joints of robot"]}
     assert len(joints) == len(animation.panels["Joints of robot"]) == 7 * count
     assert len(page_of(several(3)).encode()) < 6_000_000
+
+
+def test_arrows_are_force_and_speed_along_the_lines(result, animation):
+    """The robot's are in its base frame, the person's along the same lines in the trunk frame."""
+    (person,), (robot,) = (stage.bodies for stage in animation.stages)
+    arrows = {(arrow.kind, arrow.role): arrow for arrow in robot.arrows}
+    persons = {arrow.kind: arrow for arrow in person.arrows}
+    fit = result.arm.fit
+    titles = [panel.title for panel in animation.panels["Force and speed"]]
+    assert [kind.title for kind in animation.arrows.values()] == titles
+    for capability in result.arm.capabilities:
+        kind = capability.kind
+        achieved = arrows[kind, "achieved"]
+        reference = arrows[kind, "reference"]
+        np.testing.assert_array_equal(achieved.values, capability.robot)
+        np.testing.assert_array_equal(reference.values, capability.position_only)
+        np.testing.assert_array_equal(reference.lines, capability.lines)
+        assert reference.dashed
+        assert not achieved.dashed
+        size = animation.arrows[kind].size
+        drawn = [capability.robot, capability.position_only]
+        if kind == "velocity":
+            assert persons[kind].values is None
+        else:
+            lines = persons[kind].lines
+            arm = limited_person(fit.arm, kind)
+            along = line_extent(arm, fit.joint_angles, lines[:, None], kind)[:, 0]
+            np.testing.assert_allclose(persons[kind].values, along)
+            drawn.append(capability.person)
+        assert 0.15 < size * np.percentile(np.concatenate(drawn), 95) <= 0.4 + 1e-9
+        assert f"{0.1 / size:g} {animation.arrows[kind].unit}" in animation.note
+
+
+def test_forces_near_a_singular_configuration_do_not_shrink_the_other_arrows(result, animation):
+    force, speed = result.arm.capabilities
+    robot = force.robot.copy()
+    robot[3] = 1e6
+    capabilities = (replace(force, robot=robot), speed)
+    other = animation_of(replace(result, arms=(replace(result.arm, capabilities=capabilities),)))
+    assert other.arrows["force"].size == animation.arrows["force"].size
+    assert "are cut" in other.note
+    assert "are cut" not in animation.note
+
+
+def test_results_without_lines_have_no_arrows(result, alone):
+    bare = replace(result, arms=(replace(result.arm, capabilities=()),))
+    for each in (alone, bare):
+        animation = animation_of(each)
+        assert not animation.arrows
+        assert "Force and speed" not in animation.panels
+        assert not any(body.arrows for stage in animation.stages for body in stage.bodies)
+        assert "Arrows" not in animation.note
+
+
+def test_scale_and_rotation_of_the_path_are_stated_at_the_robot(result, animation):
+    person, robot = animation.stages
+    assert person.note == ""
+    assert f"{result.arm.placement.scale:.2f}" in robot.note
+    angle = Rotation.from_matrix(robot.rotation).magnitude()
+    assert f"{np.degrees(angle):.0f}°" in robot.note
+
+
+def test_the_position_error_has_its_tolerance(result, animation):
+    panel = animation.panels["Distance and position error"][1]
+    tolerance = panel.lines[1]
+    assert tolerance.name == "tolerance"
+    np.testing.assert_allclose(tolerance.values, 1e3 * result.arm.motion.position_tolerance)
+    assert "tolerance</small>" in page_of(result)
+
+
+@pytest.mark.parametrize(("value", "text"), [(1234.0, "1230"), (44.67, "44.7"), (0.5, "0.5")])
+def test_numbers_of_cards_have_no_power_of_ten(value, text):
+    template = templates().from_string("{{ value|digits }}")
+    assert template.render(value=value) == text

@@ -233,7 +233,10 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
         lines = _plot_lines(plot, time, panel)
         if len(panel.lines) > 1:
             handles |= lines
-        plot.set_title(panel.heading, fontsize=TEXT, loc="left", pad=2)
+        title = panel.heading
+        if panel.logarithmic:
+            title += ", logarithmic axis"
+        plot.set_title(title, fontsize=TEXT, loc="left", pad=2)
         _set_value_axis(plot, panel)
         plot.tick_params(labelsize=TEXT, length=2)
         plot.grid(alpha=0.25, lw=0.5)

@@ -92,7 +92,7 @@ class Page:
             stopping.join(1.5)
 
 
-def fold_panel(client: Any) -> None:
+def fold_panel(client: "ClientHandle") -> None:
     """Fold the controls of a browser on a phone, where they would cover the scene."""
     if client.camera.aspect < NARROW:
         client.gui.main_panel.minimize()

@@ -20,10 +20,24 @@ from maniport.report.values import TIME_COLUMN, Report
 from maniport.util.atomic_io import write_text
 from maniport.version import __version__
 
-CARDS = ("distance", "position_error", "orientation_error", "limits", "collisions")
+CAPABILITIES = ("force", "velocity")
+"""Keys of the metrics of force and speed, whose values are levels of several motions."""
+
+CARDS = (*CAPABILITIES, "distance", "position_error", "orientation_error", "limits", "collisions")
 """Keys of the metrics of a summary that are on cards."""
 
-SCRIPTS = ("geometry", "surface", "scene", "curves", "strips", "states", "player", "page", "print")
+SCRIPTS = (
+    "geometry",
+    "surface",
+    "scene",
+    "curves",
+    "arrows",
+    "strips",
+    "states",
+    "player",
+    "page",
+    "print",
+)
 
 
 def write_page(
@@ -107,6 +121,7 @@ def _page(report: Report, animation: Animation | None, frames: int, folder: str)
         menu.append(("Details", "folded"))
     values = {
         "report": report,
+        "capabilities": CAPABILITIES,
         "cards": CARDS,
         "menu": menu,
         "moves": animation is not None,
@@ -131,6 +146,7 @@ def templates() -> jinja2.Environment:
     )
     environment.filters["linked"] = _linked
     environment.filters["exact"] = _exact
+    environment.filters["digits"] = _digits
     return environment
 
 
@@ -158,6 +174,11 @@ def _linked(text: str, moves: bool, times: Sequence[float] = ()) -> Markup:
 def _exact(time: float) -> str:
     """Write a time [s] for a link: to a microsecond, finer than any recording."""
     return f"{time:.6f}"
+
+
+def _digits(value: float) -> str:
+    """Write a number with three digits that count, without a power of ten."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 @cache

@@ -6,6 +6,7 @@ from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from maniport.arms import Arm, EllipsoidSpec, Surface
 from maniport.arms.human import middle_of
@@ -19,11 +20,14 @@ from maniport.report.describe.motions import ALONG, STATISTICS
 from maniport.report.page.content import (
     ACHIEVED,
     HUMAN_JOINTS,
+    LONGEST_ARROW,
     PERSON,
     REFERENCE,
     STATES,
     TARGET,
     Animation,
+    Arrow,
+    ArrowKind,
     Body,
     Line,
     Panel,
@@ -50,6 +54,12 @@ MEANINGS = {
     "acceleration": "An ellipsoid shows how fast the end effector accelerates in each direction.",
 }
 
+UNITS = {"force": "N", "velocity": "m/s"}
+"""Units of capabilities by kind."""
+
+USUAL_ARROW = 0.4  # Largest length of an arrow, but for 5 % of the values [m]
+ARROW_STEP = 0.1  # Length that a round value has [m]
+
 
 def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Animation:
     """Return the arms that move in a result, with curves: at demonstrated times, or at those of the robot alone."""
@@ -58,7 +68,10 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
     spec = result.arms[0].spec
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     notes = _notes(spec)
-    persons = [_person(arm, spec) for arm in result.arms if isinstance(arm, ArmTransfer)]
+    persons = []
+    for arm in result.arms:
+        if isinstance(arm, ArmTransfer):
+            persons.append(_person(arm, spec, _rotation(result, arm)))
     stages = []
     if persons:
         stages.append(Stage("Person", tuple(persons), torso=TORSO))
@@ -66,6 +79,8 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         stages.append(_robot(result, spec, notes))
     else:
         notes.append("The robot was not moved.")
+    arrows = _arrow_kinds(result)
+    notes += _notes_of_arrows(result, arrows)
 
     clocks = {}
     if isinstance(result, TransferResult):
@@ -79,6 +94,7 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         tuple(stages),
         _curves(result, spec),
         unit=spec.bounded.unit,
+        arrows=arrows,
         clocks=clocks,
         note=" ".join(notes),
         states=_worst_states(moved),
@@ -135,14 +151,121 @@ def _worst_states(motions: Sequence[ArmMotion]) -> tuple[str, ...]:
     return tuple(states)
 
 
-def _person(arm: ArmTransfer, spec: EllipsoidSpec) -> Body:
+def _capabilities(arm: ArmResult) -> tuple[Capability, ...]:
+    """Return force and speed of an arm along lines; none of a motion without a person."""
+    return arm.capabilities if isinstance(arm, ArmTransfer) else ()
+
+
+def _rotation(result: TransferResult | MotionResult, arm: ArmResult) -> Array | None:
+    """Return the rotation (3, 3) from the person's trunk frame to the base frame, of an arm of a transfer."""
+    if not isinstance(result, TransferResult):
+        return None
+    rotation = result.config.known_rotation
+    if rotation is None and isinstance(arm, ArmTransfer):
+        rotation = arm.adapter.map_rotation_[:3, :3]
+    assert rotation is not None
+    if arm.placement is None:
+        return rotation
+    return np.asarray(arm.placement.rotation @ rotation)
+
+
+def _arrow_kinds(result: TransferResult | MotionResult) -> dict[str, ArrowKind]:
+    """Return the quantities of arrows, each with a scale that suits all arms of person and robot at all times."""
+    values: dict[str, list[Array]] = {}
+    titles: dict[str, str] = {}
+    for arm in result.arms:
+        for capability in _capabilities(arm):
+            values.setdefault(capability.kind, []).extend(_known_values(capability))
+            titles[capability.kind] = _title_of_capability(capability)
+    kinds = {}
+    for kind, parts in values.items():
+        joined = np.concatenate(parts)
+        usual = float(np.percentile(joined, 95)) if len(joined) else 0.0
+        size = ARROW_STEP / _round_above(usual * ARROW_STEP / USUAL_ARROW)
+        kinds[kind] = ArrowKind(titles[kind], UNITS[kind], size)
+    return kinds
+
+
+def _title_of_capability(capability: Capability) -> str:
+    """Return what is shown along which lines, as in the summary."""
+    name = "Force" if capability.kind == "force" else "Speed"
+    return f"{name} {ALONG[capability.along][capability.kind]}"
+
+
+def _known_values(capability: Capability) -> list[Array]:
+    """Return the finite values of a capability that arrows show."""
+    known = []
+    for values in (capability.robot, capability.position_only, capability.person):
+        if values is not None:
+            known.append(values[np.isfinite(values)])
+    return known
+
+
+def _round_above(value: float) -> float:
+    """Return the smallest of 1, 2 and 5 times a power of ten that is not below a value; 1 for values of 0."""
+    if value <= 0.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(factor * power for factor in (1, 2, 5, 10) if factor * power >= value))
+
+
+def _notes_of_arrows(
+    result: TransferResult | MotionResult, kinds: Mapping[str, ArrowKind]
+) -> list[str]:
+    """Return what the arrows mean and how long they are."""
+    if not kinds:
+        return []
+    scales = " or ".join(f"{ARROW_STEP / kind.size:g} {kind.unit}" for kind in kinds.values())
+    notes = [
+        "Arrows at the hands show force and speed along the lines of the panels below.",
+        f"From the hand to a head, {ARROW_STEP:g} m stand for {scales}.",
+    ]
+    is_cut = False
+    for arm in result.arms:
+        for capability in _capabilities(arm):
+            kind = kinds[capability.kind]
+            for values in _known_values(capability):
+                is_cut |= bool(np.any(values * kind.size > kind.longest))
+    if is_cut:
+        notes.append(f"Longer arrows than {LONGEST_ARROW:g} m are cut; their numbers hold.")
+    if "velocity" in kinds:
+        notes.append(
+            "For speed the person has a line without heads: human arms have no speed limits here."
+        )
+    return notes
+
+
+def _arrows_of_person(arm: ArmTransfer, rotation: Array | None) -> tuple[Arrow, ...]:
+    """Return the person's force, and the line of the speed, in the trunk frame."""
+    assert rotation is not None
+    arrows = []
+    for capability in arm.capabilities:
+        lines = capability.lines @ rotation
+        arrows.append(Arrow(capability.kind, PERSON.name, lines, capability.person))
+    return tuple(arrows)
+
+
+def _arrows_of_robot(arm: ArmResult) -> tuple[Arrow, ...]:
+    """Return force and speed of a motion and, dashed, of the one through the positions alone."""
+    arrows = []
+    for capability in _capabilities(arm):
+        kind = capability.kind
+        lines = capability.lines
+        arrows.append(Arrow(kind, ACHIEVED.name, lines, capability.robot))
+        if capability.position_only is not None:
+            reference = capability.position_only
+            arrows.append(Arrow(kind, REFERENCE.name, lines, reference, dashed=True))
+    return tuple(arrows)
+
+
+def _person(arm: ArmTransfer, spec: EllipsoidSpec, rotation: Array | None) -> Body:
     """Return an arm of the person, about the middle of the neck."""
     model = arm.fit.arm
     neck = np.array([0.0, middle_of(model), 0.0])
     skeleton = model.skeleton(arm.fit.joint_angles) - neck
     profiles = _profiles_of(arm, spec)
     drawn = {role: profile for role, profile in profiles.items() if role == PERSON.name}
-    return Body("Person", skeleton, drawn)
+    return Body("Person", skeleton, drawn, arrows=_arrows_of_person(arm, rotation))
 
 
 def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
@@ -162,16 +285,30 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
             parts.append(Part(*_joined(surface), poses[:, surface.joint]))
         drawn = _profiles_of(arm, spec)
         drawn.pop(PERSON.name, None)
-        bodies.append(Body(arm.robot.name, skeleton, drawn, motion.path, tuple(parts)))
-    rotation = None
-    if isinstance(result, TransferResult):
-        placement = result.arms[0].placement
-        rotation = result.config.known_rotation
-        if rotation is None:
-            rotation = result.arms[0].adapter.map_rotation_[:3, :3]
-        if placement is not None:
-            rotation = placement.rotation @ rotation
-    return Stage(result.robot.name, tuple(bodies), rotation)
+        arrows = _arrows_of_robot(arm)
+        body = Body(arm.robot.name, skeleton, drawn, motion.path, tuple(parts), arrows)
+        bodies.append(body)
+    rotation = _rotation(result, result.arms[0])
+    note = _note_of_placement(result.arms[0], rotation)
+    return Stage(result.robot.name, tuple(bodies), rotation, note=note)
+
+
+def _note_of_placement(arm: ArmResult, rotation: Array | None) -> str:
+    """Return in which size and rotation the robot has the person's path, and what it means for the camera."""
+    sentences = []
+    if arm.placement is not None and arm.motion is not None and arm.motion.path is not None:
+        scale = f"{arm.placement.scale:.2f}"
+        sentences.append(
+            f"Path scale: the robot's path has {scale} times the size of the person's."
+        )
+    if rotation is not None:
+        angle = round(float(np.degrees(Rotation.from_matrix(rotation).magnitude())))
+        if angle:
+            sentences.append(
+                f"Camera: the placement rotates the path by {angle}°, and this camera with it,"
+                " so that both views show the motion from the same side."
+            )
+    return " ".join(sentences)
 
 
 def _joined(surface: Surface) -> tuple[Array, NDArray[np.integer]]:
@@ -234,8 +371,9 @@ def _panels_of(
 ) -> Iterator[tuple[str, list[Panel]]]:
     """Yield panels of curves of an arm by topic."""
     motion = arm.motion
-    if isinstance(arm, ArmTransfer) and arm.capabilities:
-        yield "Force and speed", [_capability_panel(each) for each in arm.capabilities]
+    capabilities = _capabilities(arm)
+    if capabilities:
+        yield "Force and speed", [_capability_panel(each) for each in capabilities]
     if motion is not None:
         lines = [Line("achieved", motion.distance)]
         best = motion.pointwise_best
@@ -244,11 +382,12 @@ def _panels_of(
         label, unit, meaning = STATISTICS["distance"]
         panels = [Panel(label, unit, tuple(lines), meaning)]
         if motion.position_error is not None:
-            line = Line(
-                "end effector", np.maximum(1e3 * motion.position_error, 1e-2)
-            )  # the axis is logarithmic
+            # the axis is logarithmic
+            line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))
+            tolerance = np.full(len(motion.time), 1e3 * motion.position_tolerance)
+            lines = [line, Line("tolerance", tolerance, REFERENCE.name, 1)]
             label, unit, meaning = STATISTICS["position_error"]
-            panels.append(Panel(label, unit, (line,), meaning, logarithmic=True))
+            panels.append(Panel(label, unit, tuple(lines), meaning, logarithmic=True))
         yield "Distance and position error", panels
     if profiles := _profiles_of(arm, spec):
         panels = semi_axis_panels(profiles, spec.bounded.unit)
@@ -289,12 +428,8 @@ def _capability_panel(capability: Capability) -> Panel:
         lines.append(Line("positions only", capability.position_only, REFERENCE.name, 1))
     if capability.person is not None:
         lines.append(Line("person", capability.person, PERSON.name))
-    name = "Speed"
-    unit = "m/s"
-    if capability.kind == "force":
-        name = "Force"
-        unit = "N"
-    title = f"{name} {ALONG[capability.along][capability.kind]}"
+    title = _title_of_capability(capability)
+    unit = UNITS[capability.kind]
     meaning = "In the weaker sense of the line, within the limits of all joints."
     return Panel(title, unit, tuple(lines), meaning)
 

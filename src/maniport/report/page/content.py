@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from maniport.motion.status import REACHED
 from maniport.spd.ellipsoid import axes
 from maniport.util.atomic_io import written_whole
 from maniport.util.optional import rerun
@@ -36,7 +37,7 @@ class Role:
 
 
 # Okabe & Ito's blue, vermilion and (darker) green, which remain distinct for color-blind readers
-PERSON = Role("person", "#0072B2", "#56B4E9", "#8FC1E3", "human ellipsoid")
+PERSON = Role("person", "#0072B2", "#56B4E9", "#8FC1E3", "ellipsoid of the person")
 TARGET = Role("target", "#D55E00", "#F28B42", "#F3B48B", "target ellipsoid of the robot (shell)")
 ACHIEVED = Role("achieved", "#00805D", "#2FC596", "#8CD3BE", "achieved ellipsoid of the robot")
 REFERENCE = Role("reference", "#000000", "#E8EDF2", "#999999", "reference (dashed)")
@@ -59,6 +60,8 @@ STATES = {
 
 HUMAN_JOINTS = "Joints of the person"  # Topic of panels
 
+LONGEST_ARROW = 0.6  # [m]; near singular configurations forces are many times larger than elsewhere
+
 FORMS = {
     "f32": "<f4",
     "u16": "<u2",
@@ -76,6 +79,29 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
+class Arrow:
+    """A quantity along a line through the end effector: an arrow with two heads, as long as the value."""
+
+    kind: str  # a key of `Animation.arrows`
+    role: str
+    lines: Array  # (n, 3) unit vectors in the frame of the stage
+    values: (
+        Array | None
+    )  # (n,) in the unit of the kind; None: the line is drawn without heads and number
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class ArrowKind:
+    """A quantity that arrows show, with one scale for all arms and times."""
+
+    title: str
+    unit: str
+    size: float  # length of one `unit` from the end effector to a head [m]
+    longest: float = LONGEST_ARROW  # arrows are cut there [m]
+
+
+@dataclass(frozen=True, eq=False)
 class Body:
     """A moving arm with ellipsoids at its end effector."""
 
@@ -86,6 +112,7 @@ class Body:
     )  # (n, d, d) by role, d ≤ 3, in the animation's unit
     path: Array | None = None  # (n, 3) target positions of the end effector [m]
     parts: tuple[Part, ...] = ()  # surfaces, which replace the skeleton
+    arrows: tuple[Arrow, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +123,7 @@ class Stage:
     bodies: tuple[Body, ...]
     rotation: Array | None = None  # (3, 3) of the camera, from the frame of the other stages
     torso: Array | None = None  # (k, 7) rods of a torso: start, end, radius [m]
+    note: str = ""  # below the view
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +167,7 @@ class Animation:
     panels: Mapping[str, tuple[Panel, ...]] = field(default_factory=dict)  # by topic
     unit: str = ""  # of semi-axes
     size: float = 0.25  # length of a semi-axis of one `unit` [m]
+    arrows: Mapping[str, ArrowKind] = field(default_factory=dict)  # by kind
     clocks: Mapping[str, Array] = field(default_factory=dict)  # (n,) further times by name [s]
     note: str = ""
     states: tuple[str, ...] = ()  # a key of STATES for each time
@@ -150,6 +179,7 @@ def as_json(animation: Animation, frames: int, linked: Iterable[float] = ()) -> 
     time = animation.time[kept]
     data = vars(animation) | {
         "legend": _legend(animation.stages),
+        "arrows": {name: vars(kind) for name, kind in animation.arrows.items()},
         "start": float(time[0]),
         "time": packed(time - time[0]),
         "gaps": np.flatnonzero(is_gap(np.diff(time))).tolist(),
@@ -191,7 +221,15 @@ def _body(body: Body, kept: NDArray[np.intp]) -> dict[str, object]:
         "ellipsoids": {role: _six(profile[kept]) for role, profile in body.ellipsoids.items()},
         "path": path,
         "parts": [_part(part, kept) for part in body.parts],
+        "arrows": [_arrow(arrow, kept) for arrow in body.arrows],
     }
+
+
+def _arrow(arrow: Arrow, kept: NDArray[np.intp]) -> dict[str, object]:
+    values = None
+    if arrow.values is not None:
+        values = packed(arrow.values[kept])
+    return vars(arrow) | {"lines": packed(arrow.lines[kept]), "values": values}
 
 
 def _panels(
@@ -215,7 +253,7 @@ def _states(states: tuple[str, ...], kept: NDArray[np.intp]) -> dict[str, object
         return None
     names = list(STATES)
     numbers = [names.index(states[row]) for row in kept]
-    return {"names": names, "values": packed(numbers, "u16")}
+    return {"names": names, "reached": list(REACHED), "values": packed(numbers, "u16")}
 
 
 def kept_rows(time: Array, frames: int, linked: Iterable[float] = ()) -> NDArray[np.intp]:

@@ -3,7 +3,7 @@
 const SVG = "http://www.w3.org/2000/svg";
 
 function make(name, attributes = {}, children = []) {
-  const node = ["svg", "path", "line", "rect"].includes(name) ? document.createElementNS(SVG, name) : document.createElement(name);
+  const node = ["svg", "path", "line", "rect", "g", "text"].includes(name) ? document.createElementNS(SVG, name) : document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
   node.append(...children);
   return node;
@@ -126,6 +126,7 @@ class Chart {
     for (const [x, text] of this.times()) times.append(at(make("span", {}, [text]), "left", x));
     const title = make("h4", {}, [panel.title]), alone = this.lines.length === 1;
     if (panel.unit) title.append(make("span", { class: "unit" }, [` [${panel.unit}]`]));
+    if (panel.logarithmic) title.append(make("span", { class: "unit" }, [", logarithmic axis"]));
     this.when = make("output", { class: "when" });
     const head = make("div", { class: "head" }, [title, ...(alone ? [this.readouts[0]] : [])]);
     const plot = make("div", { class: "plot", tabindex: 0, role: "group", "aria-label": `${panel.title}: ${this.inWords()}. Arrow keys move the time.` }, [svg, this.when]);

@@ -28,6 +28,14 @@ function looking(eye, target, above) {
   ];
 }
 
+// Numbers of a row of an array, and of how much of the way to the next one.
+function between({ shape, data }, index, weight) {
+  const width = data.length / shape[0], row = (k) => data.subarray(k * width, (k + 1) * width);
+  if (!weight) return row(index);
+  const next = row(index + 1);
+  return row(index).map((x, k) => x + weight * (next[k] - x));
+}
+
 // A vector turned by a rotation, nine numbers row by row.
 const turnedVector = (turn, v) => [0, 3, 6].map((k) => turn[k] * v[0] + turn[k + 1] * v[1] + turn[k + 2] * v[2]);
 

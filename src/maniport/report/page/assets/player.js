@@ -1,6 +1,7 @@
 // A motion with its clock: stages and curves follow one slider.
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
+const NARROW = "(max-width: 40rem)"; // as in the style sheet
 const TRAIL = 2; // so many seconds of the path behind the hand are drawn strongly
 
 const FORMS = { f32: Float32Array, u16: Uint16Array, u32: Uint32Array };
@@ -50,12 +51,22 @@ class Player {
     this.stages = motion.stages.map((view) => this.stage(view, stages));
     if (this.stages.length) host.append(stages, make("div", { class: "beneath" }, [this.legend(), this.views()]));
     host.append(...note);
+    this.placeNumbers(host.lastElementChild);
     Object.entries(motion.panels).forEach(([group, panels], k) => {
       const charts = panels.map((panel) => panel.strip ? new Strip(panel, motion, seek) : new Chart(panel, motion, seek));
       this.charts.push(...charts);
       const strips = `charts${panels.every((panel) => panel.strip) ? " strips" : ""}${several ? " sided" : ""}`;
       this.group(k, group, [make("div", { class: strips }, charts.map((chart) => chart.node))]);
     });
+  }
+
+  // On narrow screens the views follow the status at once, and the numbers of the summary come after them.
+  placeNumbers(last) {
+    const numbers = document.querySelector(".numbers"), home = numbers?.parentElement, narrow = matchMedia(NARROW);
+    if (!numbers || !this.stages.length) return;
+    const place = () => { if (narrow.matches) last.after(numbers); else home.append(numbers); };
+    narrow.addEventListener("change", place);
+    place();
   }
 
   // A titled group of charts; the first two are open.
@@ -68,27 +79,19 @@ class Player {
   stage(view, parent) {
     const canvas = make("canvas", { role: "img", "aria-label": `${view.name}, moving, with its ellipsoids` });
     const axes = [..."xyz"].map((letter) => make("span", { class: "letter" }, [letter]));
-    const frame = make("div", { class: "view" }, [canvas, ...axes]);
-    const caption = make("figcaption", {}, [view.name]), turned = this.turned(view);
-    if (turned) caption.append(make("span", { class: "chip" }, [turned]));
-    parent.append(make("figure", { class: "stage" }, [caption, frame]));
-    const { low, high } = this.bounds(view), middle = times(add(low, high), 0.5);
+    const arrows = new Arrows(view, this.motion.arrows), frame = make("div", { class: "view" }, [canvas, ...axes, arrows.node]);
+    const note = view.note ? [make("p", { class: "meaning" }, [view.note])] : [];
+    parent.append(make("figure", { class: "stage" }, [make("figcaption", {}, [view.name]), frame, ...note]));
+    const { low, high } = this.bounds(view, arrows), middle = times(add(low, high), 0.5);
     const stage = new Stage(canvas, this.camera, middle, 1, low[2], view.rotation);
     stage.reach = Math.hypot(...minus(high, low)) / 2;
     if (!stage.gl) frame.replaceChildren(make("p", {}, ["3D view unavailable (WebGL 2 required). Curves and metrics are below."]));
     this.camera.follow(canvas);
-    return { stage, view, axes };
+    return { stage, view, axes, arrows };
   }
 
-  // The rotation of the camera of a stage.
-  turned({ rotation: turn }) {
-    if (!turn) return "";
-    const angle = (Math.acos(Math.max(-1, Math.min(1, (turn[0] + turn[4] + turn[8] - 1) / 2))) * 180) / Math.PI;
-    return angle < 1 ? "" : `camera rotated by ${Math.round(angle)}° with the path`;
-  }
-
-  bounds(view) {
-    const boxes = view.bodies.map((body) => this.box(body));
+  bounds(view, arrows) {
+    const boxes = view.bodies.map((body) => this.box(body, arrows));
     for (const rod of view.torso || []) {
       const ends = [rod.slice(0, 3), rod.slice(3, 6)];
       for (const end of ends) boxes.push({ low: end.map((x) => x - rod[6]), high: end.map((x) => x + rod[6]) });
@@ -97,12 +100,13 @@ class Player {
     return { low: most("low", Math.min), high: most("high", Math.max) };
   }
 
-  box(body) {
+  box(body, arrows) {
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const [frames, corners] = body.skeleton.shape, points = body.skeleton.data;
     const take = (x, k, half = 0) => { low[k] = Math.min(low[k], x - half); high[k] = Math.max(high[k], x + half); };
     points.forEach((x, k) => take(x, k % 3));
     for (const part of body.parts) sweep(part, (x, k) => take(x, k));
+    arrows.sweep(body, take);
     for (const { data } of Object.values(body.ellipsoids))
       for (let i = 0; i < frames; i++)
         [0, 3, 5].forEach((place, k) => take(points[3 * (corners * (i + 1) - 1) + k], k, this.motion.size * Math.sqrt(Math.max(data[6 * i + place], 0))));
@@ -143,12 +147,27 @@ class Player {
   legend() {
     const solid = this.motion.stages.filter(({ bodies }) => bodies.some((body) => body.parts.length)).map((view) => view.name).join(" and ");
     const entries = { ...this.motion.legend, ...(solid && { surface: `surface of ${solid}` }) };
-    return make("ul", { class: "key wide" }, Object.entries(entries).map(([role, words]) => {
-      const box = make("input", { type: "checkbox" });
-      box.checked = true;
-      box.addEventListener("change", () => { this.hide(role, !box.checked); });
-      return make("li", {}, [make("label", {}, [box, make("i", { class: `swatch ${role}` }), words])]);
-    }));
+    const items = Object.entries(entries).map(([role, words]) => this.choice(role, make("i", { class: `swatch ${role}` }), words));
+    const arrows = Object.entries(this.motion.arrows).map(([kind, { title }]) => this.choice(kind, this.sample(`arrow-${kind}`), title));
+    const dashed = this.motion.stages.some(({ bodies }) => bodies.some((body) => body.arrows.some((arrow) => arrow.dashed)));
+    if (dashed) arrows.push(this.choice("dashed", this.sample("arrow-dashed reference"), "positions only"));
+    return make("ul", { class: "key wide" }, [...arrows, ...items]);
+  }
+
+  // What is drawn, to be switched off and on.
+  choice(name, sample, words) {
+    const box = make("input", { type: "checkbox" });
+    box.checked = true;
+    box.addEventListener("change", () => { this.hide(name, !box.checked); });
+    return make("li", {}, [make("label", {}, [box, sample, words])]);
+  }
+
+  // An arrow of the legend.
+  sample(look) {
+    const heads = make("path", { class: "heads", d: look.includes("force") ? "M9 2L1 6L9 10ZM17 2L25 6L17 10Z" : "M8 2L1 6L8 10M18 2L25 6L18 10" });
+    const svg = make("svg", { viewBox: "0 0 26 12", "aria-hidden": "true", class: `arrow ${look}` });
+    svg.append(make("path", { class: "shaft", d: "M2 6H24" }), heads);
+    return svg;
   }
 
   // Ellipsoids and curves of a role come and go together.
@@ -224,7 +243,7 @@ class Player {
     for (const chart of this.charts) chart.show(nearest, motion.duration ? now / motion.duration : 0);
   }
 
-  draw({ stage, view, axes }, index, weight) {
+  draw({ stage, view, axes, arrows }, index, weight) {
     stage.radius = Math.max(...this.stages.map((one) => one.stage.reach));
     if (!stage.begin()) return;
     stage.draw(stage.grid, colors.rgb("grid"), 0.7, 1);
@@ -238,20 +257,19 @@ class Player {
     view.bodies.forEach((arm, place) => this.drawPath(stage, arm, place, index));
     this.drawAxes(stage, axes);
     for (const draw of after.flat()) draw();
+    arrows.show(stage, index, weight, this.hidden);
   }
 
   // An arm and its ellipsoids; gives what draws its shells.
   drawArm(stage, arm, place, index, weight) {
-    const row = (array, k) => array.data.subarray(k * (array.data.length / array.shape[0]), (k + 1) * (array.data.length / array.shape[0]));
-    const between = (array) => weight ? row(array, index).map((x, k) => x + weight * (row(array, index + 1)[k] - x)) : row(array, index);
-    const points = between(arm.skeleton), shells = [];
+    const points = between(arm.skeleton, index, weight), shells = [];
     if (arm.parts.length && !this.hidden.has("surface"))
       arm.parts.forEach((part, k) => stage.part(`part${place}-${k}`, part, index, weight, colors.rgb("body")));
     else this.drawSkeleton(stage, points);
     for (const [role, matrices] of Object.entries(arm.ellipsoids)) {
       if (this.hidden.has(role)) continue;
       const shell = role === "target";
-      const draw = () => stage.ellipsoid([...points.subarray(-3)], between(matrices), this.motion.size, colors.rgb(role), shell);
+      const draw = () => stage.ellipsoid([...points.subarray(-3)], between(matrices, index, weight), this.motion.size, colors.rgb(role), shell);
       if (shell) shells.push(draw); else draw();
     }
     return shells;

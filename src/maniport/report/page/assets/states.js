@@ -30,13 +30,23 @@ class StateStrip {
 
   inWords() { return this.counts().map(([name, , count]) => `${name} at ${count} of ${this.values.length} times`).join(", "); }
 
-  // A press on a state goes to where it comes next.
+  // How many waypoints are reached and why others are missed, in the words of the summary; a press on a state goes to
+  // where it comes next.
   key() {
-    return make("ul", { class: "key states-key" }, this.counts().map(([name, state, count]) => {
-      const button = make("button", { type: "button", title: "Go to the next such time" }, [make("i", { class: `swatch state${state}` }), `${name} ${count}`]);
-      button.addEventListener("click", () => this.next(state));
-      return make("li", {}, [button]);
-    }));
+    const { reached } = this.motion.states, good = ([name]) => reached.includes(name), counts = this.counts();
+    const groups = [["reached", counts.filter(good)], ["missed", counts.filter((one) => !good(one))]];
+    const lists = groups.filter(([, states]) => states.length).map(([word, states]) => {
+      const total = states.reduce((sum, [, , count]) => sum + count, 0);
+      return make("li", {}, [`${total} ${word}:`, ...states.map((one) => this.button(one))]);
+    });
+    return make("ul", { class: "key states-key", "aria-label": "Waypoints" }, lists);
+  }
+
+  button([name, state, count]) {
+    const words = `${name.replace(" missed", "")} ${count}`;
+    const button = make("button", { type: "button", title: "Go to the next such time" }, [make("i", { class: `swatch state${state}` }), words]);
+    button.addEventListener("click", () => this.next(state));
+    return button;
   }
 
   next(state) {
