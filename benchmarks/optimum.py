@@ -64,6 +64,7 @@ def transferred(run: Run) -> dict[str, float]:
             start=run.start + run.shift,
             stop=run.stop + run.shift,
             seed=run.seed,
+            capability="none",
         )
     motion = result.arm.motion
     return {

@@ -41,6 +41,10 @@ def figures_of(folder: Path) -> dict[str, float]:
     figures = {f"distance_{name}": motion["distance"][key] for name, key in STATISTICS.items()}
     figures |= {f"position_error_{name}_mm": error[key] for name, key in STATISTICS.items()}
     figures |= {"duration_s": duration["robot"], "person_s": duration["person"]}
+    for key, name in (("force", "force_N"), ("velocity", "speed_m/s")):
+        figures[name] = motion[key]["robot"]["median"]
+        figures[f"{name}_5"] = motion[key]["robot"]["p5"]
+        figures[f"{name}_positions_only"] = motion[key]["position_only"]["median"]
     return {name: float(f"{value:.3g}") for name, value in figures.items()}
 
 

@@ -153,6 +153,10 @@ def test_figures_of_the_readme_are_those_that_were_measured():
         f"{duration} (person {person})",
     ]
     assert cells("README.md", "Demo: position error")[1:4] == [f"{value} mm" for value in error]
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    force = f"{demo['force_N']:.0f} N (positions only {demo['force_N_positions_only']:.0f} N)"
+    speed = f"{demo['speed_m/s']:.1f} m/s ({demo['speed_m/s_positions_only']:.1f} m/s)"
+    assert f"strong, the demo has {force}; where the person is fast, {speed}" in readme
     page = " ".join((ROOT / "docs" / "quality.md").read_text(encoding="utf-8").split())
     assert f"distance of {' / '.join(distance)} from their targets" in page
     assert f"position error is {' / '.join(error)} mm, and the motion takes {duration}" in page
