@@ -22,7 +22,7 @@ _SEPARATED = (
     # NAME_PosX, NAME_tx
     rf"(?P<point>.+?){_BETWEEN}+(?:{_POSITION}|t)(?P<axis>[xyz]){_UNIT}",
     # NAME_Xposition
-    rf"(?P<point>.+?){_BETWEEN}+(?P<axis>[xyz]){_BETWEEN}*(?:{_POSITION}|coord(?:inate)?){_UNIT}",
+    rf"(?P<point>.+?){_BETWEEN}+(?P<axis>[xyz]){_BETWEEN}*(?:{_POSITION}|coordinate|coord){_UNIT}",
     # ('NAME', 'x')
     r"\(['\"](?P<point>.+?)['\"], *['\"](?P<axis>[xyz])['\"]\)",
 )
