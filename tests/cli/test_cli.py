@@ -57,7 +57,7 @@ def test_only_icp_estimates_a_base_rotation(run, domains):
     for command in (("transfer", "freeform"), ("view", "freeform")):
         code, _, err = run(*command, *unknown)
         assert (code, "icp" in err) == (2, True)
-    code, _, err = run(*words, "--base-rotation", "unknwon")
+    code, _, err = run(*words, "--base-rotation", "nearby")
     assert (code, "unknown" in err) == (2, True)
 
 
