@@ -54,7 +54,7 @@ def largest_error(matrices, seed):
     return mp.spd.distance(adapter.transform(seen), matrices).max()
 
 
-def main():
+def main(_folder=None):
     """Compare accuracies, then recover the frame of stiffness and inertia matrices."""
     draws = [accuracies(seed) for seed in range(5)]
     mean = {name: float(np.mean([draw[name] for draw in draws])) for name in draws[0]}

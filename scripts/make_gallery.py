@@ -10,7 +10,7 @@ import io
 import runpy
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -164,6 +164,18 @@ def both_paths(result: Any) -> Figure:
     return laid_out(figure)
 
 
+def accuracy_bars(accuracies: Mapping[str, float]) -> Figure:
+    """Draw the share of right classes of each method."""
+    figure = Figure(figsize=(6.0, 2.6), layout="constrained")
+    axes = figure.subplots()
+    names = list(accuracies)
+    axes.barh(names, [100.0 * value for value in accuracies.values()], color=ACHIEVED.color)
+    axes.invert_yaxis()
+    axes.set_xlim(50.0, 100.0)
+    axes.set_xlabel("accuracy in another session [%]")
+    return figure
+
+
 def panels(count: int, height: float) -> tuple[Figure, tuple[Axes, ...]]:
     """Return a figure with stacked axes."""
     with rc_context({"font.size": TEXT, "axes.spines.top": False, "axes.spines.right": False}):
@@ -185,6 +197,7 @@ PICTURES: dict[str, Drawing] = {
     "10": lambda folder, _: live_states(folder),
     "11": lambda _, result: both_paths(result),
     "12": lambda folder, _: folder / "force.png",
+    "13": lambda _, output: accuracy_bars(output[0]),
 }
 """Picture of each example from its output folder and its return value."""
 
