@@ -313,8 +313,8 @@ class Arm(JointSpace):
     def remaining_torques(self, q: ArrayLike, *, derivatives: bool = True) -> RemainingTorques:
         """Compute the torques that gravity leaves for forces and, if wanted, their derivatives.
 
-        They are effort limits less |g(q)|, at least `LEAST_TORQUE` of the limit; without masses, or in a world without
-        gravity, they are the limits. `InvalidInputError` without effort limits.
+        They are effort limits less the absolute values of gravity torques, at least `LEAST_TORQUE` of the limit;
+        without masses, or in a world without gravity, they are the limits. `InvalidInputError` without effort limits.
         """
         array = self.configurations(q).reshape(-1, self.dof)
         limits = self._limits("force")
