@@ -151,8 +151,8 @@ def distance_preservation(
 def domain_distance(mapped: ArrayLike, student: ArrayLike) -> float:
     """Compute the energy distance between a mapped domain and the student's, of log-vectors about the latter's mean.
 
-    It is 2 E(x, y) − E(x, x') − E(y, y') with mean distances E, zero for equal domains. Domains need no pairs and may differ in size; the
-    same subset of at most 2048 ellipsoids of each is taken for every map.
+    It is 2 E(x, y) − E(x, x') − E(y, y') with mean distances E, zero for equal domains. Domains need no pairs and may
+    differ in size; the same subset of at most 2048 ellipsoids of each is taken for every map.
 
     Parameters
     ----------
