@@ -27,7 +27,7 @@ HEAVY = {
     "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 --robot panda --method identity "
     "--no-move -o {tmp}/learned --overwrite",
 }
-TESTED_ELSEWHERE = {"batch", "live", "place", "reproduce", "track", "transfer", "view"}
+TESTED_ELSEWHERE = {"audit", "batch", "live", "place", "reproduce", "track", "transfer", "view"}
 MISTAKE = "info pnda"
 
 
