@@ -267,11 +267,12 @@ def test_ellipsoids_of_joint_torques_are_planned(panda, kind):
     )
     middle = 0.5 * (robot.lower + robot.upper) + 0.3
     q = middle + 0.2 * np.sin(np.outer(TIME - TIME[0], np.linspace(0.5, 2.0, 7)))
-    options = {"ellipsoids": kind, "joint_weights": "joint-limits"}
+    payload = {"payload": 1.0, "payload_center": (0.0, 0.0, 0.1)}
+    options = {"ellipsoids": kind, "joint_weights": "joint-limits", **payload}
     targets = TargetTrajectory.checked(
         robot, TIME, robot.ellipsoids(q, spec), positions=robot.forward(q)[:, :3, 3], spec=spec
     )
-    result = follow_profile(robot, targets, **options)
+    result = follow_profile(panda, targets, **options)
     arm = require_laws(result.motion)
     assert arm.spec == spec.bounded
     assert np.median(arm.distance) < 0.1

@@ -42,7 +42,7 @@ def fitted(second):
     with little_search():
         transfer = mp.Transfer("panda", mp.pipeline.Config(**SMALL))
         human = transfer.read(second)
-        yield transfer.fit(human), human
+        return transfer.fit(human), human
 
 
 def test_targets_have_the_lines_that_are_asked_for(fitted):

@@ -307,8 +307,9 @@ _TABLE: tuple[Option, ...] = (
     Word(
         "capability",
         "motion",
-        "What shall be large along the person's directions",
+        "none, force, speed or both",
         choices=("none", "force", "speed", "both"),
+        metavar="KIND",
         common=True,
     ),
     Number(
@@ -316,7 +317,6 @@ _TABLE: tuple[Option, ...] = (
         "motion",
         "Its weight beside the ellipsoids, 1 for equal ones",
         bounds=Bounds(minimum=0.0, maximum=100.0),
-        common=True,
     ),
     Vector(
         "direction",
@@ -325,14 +325,12 @@ _TABLE: tuple[Option, ...] = (
         choices=("person", "path"),
         metavar="WORD|X,Y,Z",
         count=3,
-        common=True,
     ),
     Number(
         "yaw",
         "motion",
         "Rotation of the path about the vertical; searched by default",
         "deg",
-        common=True,
     ),
     Vector(
         "offset",
@@ -340,7 +338,6 @@ _TABLE: tuple[Option, ...] = (
         "Center of the path in the base frame; searched by default",
         "m",
         count=3,
-        common=True,
     ),
     Vector(
         "workspace",

@@ -45,9 +45,19 @@ LEAST_CLOUD = 300  # ellipsoids of each domain; of 400 from one Panda, 16 of 20 
 
 CERTAIN_SHARE = 0.5  # of pairs; separate domains of a planar arm have 27 % that agree by chance
 
+LARGEST_LOG = 6.0
+"""Largest logarithm of an eigenvalue about the mean with which pairs are sought: beyond, powers and products may be
+indefinite by rounding."""
+
 LARGEST_ROBUST = (
     6  # beyond, least squares over d² + d (d + 1) / 2 + 1 parameters take seconds in each step
 )
+
+
+def is_moderate(cloud: Array) -> bool:
+    """Whether the eigenvalues of matrices (n, d, d) about the identity are neither tiny nor huge."""
+    values = eigh(cloud)[0]
+    return bool(values.min() > np.exp(-LARGEST_LOG) and values.max() < np.exp(LARGEST_LOG))
 
 
 class RiemannianICP(RigidAdapter):
@@ -148,7 +158,7 @@ class RiemannianICP(RigidAdapter):
         self.overlap_: float | None = None
 
         robust = robust and best.cost > EXACT  # matches of exact copies need no more
-        if robust and d <= LARGEST_ROBUST:
+        if robust and d <= LARGEST_ROBUST and is_moderate(clouds[0]) and is_moderate(clouds[1]):
             plain = RigidMap(
                 self.teacher_mean_, self.student_mean_, best.rotation, float(self.dispersion_ratio_)
             )

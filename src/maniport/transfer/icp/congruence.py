@@ -42,6 +42,8 @@ RANKED = 32  # pairs of anchors that are followed
 
 ROTATIONS = 2  # starts of each
 
+FEWEST = 3  # matrices from which rotations are proposed
+
 
 class Anchors(NamedTuple):
     """A teacher's and a student's ellipsoid that may be the same, by index, and the ratio of dispersion."""
@@ -72,11 +74,20 @@ def congruent_starts(teacher: Array, student: Array) -> Iterator[Factors]:
     for anchors in ranked_anchors(dilated, student):
         cloud = dilated[anchors.ratio]
         inverse_root = roots(cloud[anchors.teacher])[1]
-        moved = congruence(inverse_root, cloud)
-        fixed = congruence(student_whitenings[anchors.student], student)
+        moved = definite(congruence(inverse_root, cloud))
+        fixed = definite(congruence(student_whitenings[anchors.student], student))
+        if min(len(moved), len(fixed)) < FEWEST:
+            continue
         for rotation in rotations_by_voting(moved, fixed, ROTATIONS):
             right = student_roots[anchors.student] @ rotation @ inverse_root
             yield Factors(whitening, anchors.ratio, right)
+
+
+def definite(matrices: Array) -> Array:
+    """Return those of the matrices (n, d, d) that rounding leaves finite and positive-definite."""
+    finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
+    values = eigh(finite)[0]
+    return np.asarray(finite[values[:, 0] > 0.0])
 
 
 def ranked_anchors(dilated: dict[float, Array], student: Array) -> list[Anchors]:
@@ -111,7 +122,7 @@ def spectra(anchors: Array, points: Array) -> Array:
     values, _ = eigh(congruence(whitenings[:, None], points))
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(values)
-    return np.nan_to_num(logs, nan=1e3).astype(np.float32)
+    return np.nan_to_num(logs, nan=1e3, posinf=1e3, neginf=-1e3).astype(np.float32)
 
 
 def geometric_median(points: Array, tol: float = 1e-3, max_iter: int = 50) -> Array:
