@@ -5,6 +5,7 @@ import pytest
 
 import maniport as mp
 from maniport.arms.directional import half_sphere, line_extent, smooth_extents
+from maniport.arms.extent_kernels import fill_force_extents, fill_velocity_extents
 from maniport.arms.manipulability import EllipsoidSpec
 
 ROBOTS = ("panda", "ur5", "g1_right_arm")
@@ -105,3 +106,19 @@ def test_the_force_of_a_lever_is_the_torque_over_its_length():
     lines = np.array([[[0.0, 1.0, 0.0]]])
     logs = smooth_extents(arm, np.zeros((1, 1)), lines, "force").logs
     assert np.exp(logs[0, 0]) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_arrays_that_cannot_be_written_compile_nothing_more(kind):
+    robot = mp.load_arm("panda")
+    q = robot.sample(2, 1)
+    lines = lines_for(2, 3)
+    expected = smooth_extents(robot, q, lines, kind)
+    kernel = {"force": fill_force_extents, "velocity": fill_velocity_extents}[kind]
+    compiled = len(kernel.signatures)
+    lines.setflags(write=False)
+    jacobians = np.asfortranarray(robot.jacobian(q))
+    jacobians.setflags(write=False)
+    extents = smooth_extents(robot, q, lines, kind, jacobians=jacobians)
+    np.testing.assert_array_equal(extents.logs, expected.logs)
+    assert len(kernel.signatures) == compiled

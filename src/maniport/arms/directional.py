@@ -175,10 +175,11 @@ def smooth_extents(
         joint_changes=np.empty((filled, k, arm.dof)),
         line_changes=np.empty((filled, k, 3)),
     )
-    jacobians = np.ascontiguousarray(jacobians)
-    lines = np.ascontiguousarray(lines)
+    # Numba compiles once more for arrays that are not contiguous, or read-only
+    jacobians = np.require(jacobians, requirements=["C", "W"])
+    lines = np.require(lines, requirements=["C", "W"])
     if kind == "velocity":
-        limits = np.ascontiguousarray(arm.velocity_limits)
+        limits = np.require(arm.velocity_limits, requirements=["C", "W"])
         fill_velocity_extents(jacobians, limits, lines, FLAT, power, *result)
     else:
         torques, changes = arm.remaining_torques(q, derivatives=derivatives)
