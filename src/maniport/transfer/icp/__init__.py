@@ -45,9 +45,9 @@ LEAST_CLOUD = 300  # ellipsoids of each domain; of 400 from one Panda, 16 of 20 
 
 CERTAIN_SHARE = 0.5  # of pairs; separate domains of a planar arm have 27 % that agree by chance
 
-LARGEST_LOG = 6.0
-"""Largest logarithm of an eigenvalue about the mean with which pairs are sought: beyond, powers and products may be
-indefinite by rounding."""
+LARGEST_LOG = 5.0
+"""Largest logarithm of eigenvalues about the mean, in the median, with which pairs are sought: beyond, powers and
+products may be indefinite by rounding."""
 
 LARGEST_ROBUST = (
     6  # beyond, least squares over d² + d (d + 1) / 2 + 1 parameters take seconds in each step
@@ -55,9 +55,9 @@ LARGEST_ROBUST = (
 
 
 def is_moderate(cloud: Array) -> bool:
-    """Whether the eigenvalues of matrices (n, d, d) about the identity are neither tiny nor huge."""
-    values = eigh(cloud)[0]
-    return bool(values.min() > np.exp(-LARGEST_LOG) and values.max() < np.exp(LARGEST_LOG))
+    """Whether the eigenvalues of most matrices (n, d, d) about the identity are neither tiny nor huge."""
+    logs = np.abs(np.log(eigh(cloud)[0])).max(axis=1)
+    return float(np.median(logs)) < LARGEST_LOG
 
 
 class RiemannianICP(RigidAdapter):
