@@ -1,8 +1,7 @@
 """Targets of an arm over time: what it shall do, without how much each part counts."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -264,32 +263,6 @@ def checked_ellipsoids(
     return np.asarray(as_points(damped, label, minimum=minimum, hint=hint) - shift)
 
 
-def checked_targets(
-    robot: Arm | ArmGroup,
-    time: ArrayLike,
-    spec: EllipsoidSpec,
-    damping: Damping,
-    arrays: Mapping[str, Any],
-) -> list[TargetTrajectory]:
-    """Check the targets of each arm.
-
-    `arrays` are ellipsoids, positions, direction weights and rotations, by their names as arguments.
-    """
-    group = as_group(robot)
-    if isinstance(robot, Arm):
-        specs: tuple[EllipsoidSpec, ...] = (spec,)
-    else:
-        specs = group.specs(spec)
-    columns = [of_each(value, name, robot) for name, value in arrays.items()]
-
-    targets = []
-    for arm, arm_spec, values in zip(group.arms, specs, zip(*columns, strict=True), strict=True):
-        require_trackable(arm, arm_spec)
-        arm_damping = damping_of(arm, arm_spec, damping, positive=True)
-        targets.append(_checked_target(time, arm_spec, arm_damping, *values))
-    return targets
-
-
 def targets_of_arms(
     robot: Arm | ArmGroup, targets: TargetTrajectory | Sequence[TargetTrajectory]
 ) -> list[TargetTrajectory]:
@@ -401,21 +374,6 @@ def require_few(samples: float, most: int = 3_000_000) -> None:
             f"the motion takes {samples:.3g} samples, allowed are {most}: give a lower rate, or a path that the limits "
             "let pass sooner"
         )
-
-
-def of_each(value: Any, name: str, arms: Arm | ArmGroup | Sequence[Arm]) -> Sequence[Any]:
-    """Require one value for each of several arms, or none; the value itself is that of a single arm."""
-    if isinstance(arms, Arm):
-        return (value,)
-    count = len(arms)
-    if value is None:
-        return (None,) * count
-    if not hasattr(value, "__len__") or len(value) != count:
-        size = f"{len(value)} of them" if hasattr(value, "__len__") else type(value).__name__
-        raise InvalidInputError(
-            f"{name} must be a sequence of {count}, one for each arm of the group; found {size}"
-        )
-    return value  # type: ignore[no-any-return]
 
 
 def as_limits(arm: JointSpace, value: ArrayLike | None, name: str) -> Array:
