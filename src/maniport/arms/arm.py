@@ -79,9 +79,12 @@ class Arm(JointSpace):
     def __init__(self, chain: Chain):
         limits = chain.lower, chain.upper, chain.velocity_limits, chain.effort_limits
         super().__init__(chain.name, chain.coordinates, *limits, chain.units)
-        self.chain, self.side = chain, chain.side
-        self.base, self.locked = chain.base, chain.locked
-        self.frame, self.frames = chain.frame, tuple(chain.frames)
+        self.chain = chain
+        self.side = chain.side
+        self.base = chain.base
+        self.locked = chain.locked
+        self.frame = chain.frame
+        self.frames = tuple(chain.frames)
         self._kinematics = Kinematics(chain)
         self.geometry = Geometry(chain)
 
@@ -136,10 +139,8 @@ class Arm(JointSpace):
                 raise InvalidInputError(
                     f"{key} must have {n} entries, one for each row; found {len(values)}"
                 )
-        low, high = (
-            as_numbers(lower, "lower", n, broadcast=True),
-            as_numbers(upper, "upper", n, broadcast=True),
-        )
+        low = as_numbers(lower, "lower", n, broadcast=True)
+        high = as_numbers(upper, "upper", n, broadcast=True)
         if np.any(low >= high):
             i = int(np.argmax(low >= high))
             raise InvalidInputError(
@@ -213,7 +214,8 @@ class Arm(JointSpace):
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arm":
         """Return the arm with narrower joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
-        low, high = as_numbers(lower, "lower", self.dof), as_numbers(upper, "upper", self.dof)
+        low = as_numbers(lower, "lower", self.dof)
+        high = as_numbers(upper, "upper", self.dof)
         wrong = (low < self.lower) | (high > self.upper) | (low > high)
         if np.any(wrong):
             i = int(wrong.argmax())
@@ -238,12 +240,14 @@ class Arm(JointSpace):
 
         `InvalidInputError` for a negative mass, and for an arm without masses.
         """
-        amount, point = as_number(mass, "mass", minimum=0.0), as_numbers(center, "center", 3)
+        amount = as_number(mass, "mass", minimum=0.0)
+        point = as_numbers(center, "center", 3)
         if self.chain.inertia is None:
             raise InvalidInputError(
                 f"a payload needs masses, and the description of {self.name!r} has none"
             )
-        inertia, end_frame = self.chain.inertia.copy(), self.chain.frames[self.frame]
+        inertia = self.chain.inertia.copy()
+        end_frame = self.chain.frames[self.frame]
         inertia[end_frame.joint] += point_mass(
             amount, end_frame.placement[:3, :3] @ point + end_frame.placement[:3, 3]
         )
@@ -292,7 +296,8 @@ class Arm(JointSpace):
         `maniport.arms.kernels.fill_derivatives`. Units are those of M per radian or meter.
         """
         poses, jacobians, own = self._motions(q)
-        flat, weights = jacobians.reshape(-1, 6, self.dof), self._weights(q, spec, changes=True)
+        flat = jacobians.reshape(-1, 6, self.dof)
+        weights = self._weights(q, spec, changes=True)
         ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, *weights)
         ellipsoids, changes = (
             part.reshape(*poses.shape[:-2], *part.shape[1:]) for part in (ellipsoids, changes)
@@ -365,7 +370,8 @@ class Arm(JointSpace):
         """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of the chain."""
         array = self.configurations(q)
         poses, own = self._kinematics.motion(array.reshape(-1, self.dof), with_jacobians)
-        shape, jacobians = array.shape[:-1], self._kinematics.coupled(own)
+        shape = array.shape[:-1]
+        jacobians = self._kinematics.coupled(own)
         jacobians = jacobians.reshape(*shape, 6, self.dof) if with_jacobians else jacobians
         return poses.reshape(*shape, 4, 4), jacobians, own
 
@@ -378,7 +384,8 @@ class Arm(JointSpace):
         return self._points(q, frames)[1]
 
     def _points(self, q: ArrayLike, frames: Sequence[str]) -> tuple[Array, Array]:
-        names, array = check_names(frames, "frames"), self.configurations(q)
+        names = check_names(frames, "frames")
+        array = self.configurations(q)
         for name in names:
             if name not in self.frames:
                 raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
@@ -401,11 +408,9 @@ class Arm(JointSpace):
 
     def skeleton(self, q: ArrayLike) -> Array:
         """Compute the polyline from the base through the joints to the end effector, shape (..., k, 3) [m]."""
-        points, joints, end_frame = (
-            self.link_poses(q)[..., :3, 3],
-            self.chain.joints,
-            self.chain.frames[self.frame],
-        )
+        points = self.link_poses(q)[..., :3, 3]
+        joints = self.chain.joints
+        end_frame = self.chain.frames[self.frame]
         if self.chain.base_pose is not None:
             points[..., 0, :] = self.chain.base_pose[:3, 3]
         apart = [
@@ -429,7 +434,9 @@ class Arm(JointSpace):
         array = self.configurations(q)
         rotations, origins = self._kinematics.link_poses(array.reshape(-1, self.dof))
         poses = np.zeros((*origins.shape[:2], 4, 4))
-        poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations, origins, 1.0
+        poses[..., :3, :3] = rotations
+        poses[..., :3, 3] = origins
+        poses[..., 3, 3] = 1.0
         return poses.reshape(*array.shape[:-1], *poses.shape[1:])
 
     def surfaces(self) -> tuple[Surface, ...]:

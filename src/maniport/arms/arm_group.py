@@ -144,7 +144,8 @@ class ArmGroup(JointSpace):
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "ArmGroup":
         """Return the group with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
-        low, high = as_numbers(lower, "lower", self.dof), as_numbers(upper, "upper", self.dof)
+        low = as_numbers(lower, "lower", self.dof)
+        high = as_numbers(upper, "upper", self.dof)
         arms = (
             arm.narrowed(low[c], high[c]) for arm, c in zip(self.arms, self.columns, strict=True)
         )

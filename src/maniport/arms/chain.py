@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 from maniport.errors import InvalidInputError
 from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers, as_rotation
 
-REVOLUTE, PRISMATIC = "revolute", "prismatic"
+REVOLUTE = "revolute"
+PRISMATIC = "prismatic"
 SIDES = RIGHT, LEFT = "right", "left"
 
 SOFT_LIMITS = "soft-limits"
@@ -143,7 +144,8 @@ class ContactRules:
 
 def _fill(pairs: NDArray[np.bool_], ends: Sequence[Sequence[int]], value: bool) -> None:
     """Set the symmetric entries of a matrix of pairs between two sets of rows."""
-    first, second = ends[0], ends[-1]
+    first = ends[0]
+    second = ends[-1]
     pairs[np.ix_(first, second)] = value
     pairs[np.ix_(second, first)] = value
 
@@ -315,7 +317,8 @@ def moved_inertia(inertia: Array, pose: Array) -> Array:
 
 def _require_rigid(placement: Array, what: str) -> None:
     """Require a rotation and a translation within ±MAX_POSITION [m]."""
-    turn, shift = placement[:3, :3], placement[:3, 3]
+    turn = placement[:3, :3]
+    shift = placement[:3, 3]
     if not (np.abs(turn @ turn.T - np.eye(3)).max() < UNIT and np.abs(shift).max() <= MAX_POSITION):
         raise InvalidInputError(
             f"{what} must be placed by a rotation and by finite meters, within ±{MAX_POSITION:g}; "
@@ -340,15 +343,20 @@ def check_names(names: Sequence[str], argument: str) -> tuple[str, ...]:
 
 def rotation_about(axis: int, angle: float | Array) -> Array:
     """Rotation matrices about the x (0), y (1) or z (2) axis, shape (..., 3, 3); exact at multiples of 90°."""
-    cos, sin, quarters = np.cos(angle), np.sin(angle), np.asarray(angle) / (np.pi / 2)
-    exact, first, second = quarters == np.round(quarters), (axis + 1) % 3, (axis + 2) % 3
+    cos = np.cos(angle)
+    sin = np.sin(angle)
+    quarters = np.asarray(angle) / (np.pi / 2)
+    exact = quarters == np.round(quarters)
+    first = (axis + 1) % 3
+    second = (axis + 2) % 3
     cos, sin = (
         np.where(exact, np.round(values) + 0.0, values) for values in (cos, sin)
     )  # + 0.0: without −0
     matrix = np.zeros((*exact.shape, 3, 3))
     matrix[..., axis, axis] = 1.0
     matrix[..., first, first] = matrix[..., second, second] = cos
-    matrix[..., second, first], matrix[..., first, second] = sin, 0.0 - sin
+    matrix[..., second, first] = sin
+    matrix[..., first, second] = 0.0 - sin
     return matrix
 
 
@@ -364,7 +372,8 @@ def pose(xyz: Sequence[float] = (0.0, 0.0, 0.0), rpy: Sequence[float] = (0.0, 0.
 
 def as_pose(value: ArrayLike, name: str) -> Array:
     """Convert a rotation, shape (3, 3), or a pose, shape (4, 4), to a pose."""
-    matrix, result = as_finite(value, name), np.eye(4)
+    matrix = as_finite(value, name)
+    result = np.eye(4)
     if matrix.shape == (4, 4) and np.array_equal(matrix[3], result[3]):
         result[:3, 3] = as_numbers(
             matrix[:3, 3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION

@@ -149,18 +149,17 @@ def rhuman(
 def _scaled(name: str, *segments: float | None) -> Arm:
     """Build a model with other lengths of upper arm, forearm and hand [m]: scale what lies between their ends."""
     chain = replace(read_embedded(name), side=RIGHT)
-    joints, frames, ends = (
-        list(chain.joints),
-        dict(chain.frames),
-        ("shoulder", "elbow", "wrist", "hand"),
-    )
+    joints = list(chain.joints)
+    frames = dict(chain.frames)
+    ends = ("shoulder", "elbow", "wrist", "hand")
     points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
     for i, (segment, length) in enumerate(
         zip(("upper_arm", "forearm", "hand"), segments, strict=True)
     ):
         if length is not None:
             checked = as_number(length, f"{segment} [m]", above=0.0, below=LONGEST_SEGMENT)
-            factor, end = np.ones((4, 4)), frames[ends[i + 1]]
+            factor = np.ones((4, 4))
+            end = frames[ends[i + 1]]
             factor[:3, 3] = checked / float(np.linalg.norm(points[i + 1] - points[i]))
             for k in range(frames[ends[i]].joint, end.joint):
                 joints[k] = replace(joints[k], placement=joints[k].placement * factor)
@@ -170,19 +169,20 @@ def _scaled(name: str, *segments: float | None) -> Arm:
 
 def _with_masses(arm: Arm, body_mass: float = 73.0, girdle: float = 2e-3) -> Arm:
     """Add the masses of the segments of de Leva's mean man, without gravity, and inertia of the `girdle` [kg m²]."""
-    chain, zero = arm.chain, np.zeros(arm.dof)
-    points, poses = (
-        arm.point_positions(zero, ("shoulder", "elbow", "wrist", "hand")),
-        arm.link_poses(zero),
-    )
-    names, inertia = [joint.name for joint in chain.joints], np.zeros((len(poses), 6, 6))
+    chain = arm.chain
+    zero = np.zeros(arm.dof)
+    points = arm.point_positions(zero, ("shoulder", "elbow", "wrist", "hand"))
+    poses = arm.link_poses(zero)
+    names = [joint.name for joint in chain.joints]
+    inertia = np.zeros((len(poses), 6, 6))
     links = names.index("elbow_flexion"), names.index("deviation"), len(names)
     for i, (link, (multiple, length, share, center, across, along)) in enumerate(
         zip(links, INERTIA.values(), strict=True)
     ):
         span = multiple * (points[i + 1] - points[i])
         size = float(np.linalg.norm(span))
-        axis, mass = np.outer(span, span) / size**2, body_mass * share * (size / length) ** 2
+        axis = np.outer(span, span) / size**2
+        mass = body_mass * share * (size / length) ** 2
         own = point_mass(mass, points[i] + center * span)
         own[3:, 3:] += mass * size**2 * (across**2 * (np.eye(3) - axis) + along**2 * axis)
         inertia[link] = moved_inertia(own, np.linalg.inv(poses[link]))

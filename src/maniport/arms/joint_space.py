@@ -26,16 +26,12 @@ class JointSpace(NotebookDisplay):
         effort_limits: Array | None,
         joint_units: tuple[str, ...],
     ):
-        self.name, self.dof, self.joint_names, self.joint_units = (
-            name,
-            len(joint_names),
-            joint_names,
-            joint_units,
-        )
-        self.lower, self.upper = (
-            np.array(lower, dtype=np.float64),
-            np.array(upper, dtype=np.float64),
-        )
+        self.name = name
+        self.dof = len(joint_names)
+        self.joint_names = joint_names
+        self.joint_units = joint_units
+        self.lower = np.array(lower, dtype=np.float64)
+        self.upper = np.array(upper, dtype=np.float64)
         self.velocity_limits, self.effort_limits = (
             None
             if limits is None or np.all(np.isinf(limits))

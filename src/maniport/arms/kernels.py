@@ -38,7 +38,8 @@ def fill_motion(rotations, origins, axes, slides, frame_joint, frame, poses, jac
                     for m in range(3):
                         axis[i] += rotations[n, k + 1, i, m] * axes[k, m]
                 for i in range(3):
-                    p, q = (i + 1) % 3, (i + 2) % 3
+                    p = (i + 1) % 3
+                    q = (i + 2) % 3
                     across = axis[p] * (pose[q, 3] - origins[n, k + 1, q]) - axis[q] * (
                         pose[p, 3] - origins[n, k + 1, p]
                     )
@@ -91,13 +92,17 @@ def place_points(  # type: ignore[no-untyped-def]
         for k in range(coupling.shape[1]):
             if coupling[j, k] == 0.0:
                 continue
-            x, y, z = coupling[j, k] * axis[0], coupling[j, k] * axis[1], coupling[j, k] * axis[2]
+            x = coupling[j, k] * axis[0]
+            y = coupling[j, k] * axis[1]
+            z = coupling[j, k] * axis[2]
             for v in range(len(joints)):
                 if j < joints[v]:
                     at, moves = (
                         (origins[j + 1], 1.0) if v < count else (origins[0], 0.0)
                     )  # zero for directions
-                    p, q, r = values[v, 0] - at[0], values[v, 1] - at[1], values[v, 2] - at[2]
+                    p = values[v, 0] - at[0]
+                    q = values[v, 1] - at[1]
+                    r = values[v, 2] - at[2]
                     slopes[v, 0, k] += moves * x if slides[j] else y * r - z * q
                     slopes[v, 1, k] += moves * y if slides[j] else z * p - x * r
                     slopes[v, 2, k] += moves * z if slides[j] else x * q - y * p
@@ -112,27 +117,27 @@ def place_links(positions, parents, placements, axes, slides, rotations, origins
         for j in range(3):
             rotations[0, i, j] = 1.0 if i == j else 0.0
     for k in range(len(positions)):
-        x, y, z, angle, above = axes[k, 0], axes[k, 1], axes[k, 2], positions[k], parents[k]
+        x = axes[k, 0]
+        y = axes[k, 1]
+        z = axes[k, 2]
+        angle = positions[k]
+        above = parents[k]
         sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
         rest = 1.0 - cosine  # Rodrigues
-        turn[0, 0], turn[0, 1], turn[0, 2] = (
-            cosine + x * x * rest,
-            x * y * rest - z * sine,
-            x * z * rest + y * sine,
-        )
-        turn[1, 0], turn[1, 1], turn[1, 2] = (
-            x * y * rest + z * sine,
-            cosine + y * y * rest,
-            y * z * rest - x * sine,
-        )
-        turn[2, 0], turn[2, 1], turn[2, 2] = (
-            x * z * rest - y * sine,
-            y * z * rest + x * sine,
-            cosine + z * z * rest,
-        )
+        turn[0, 0] = cosine + x * x * rest
+        turn[0, 1] = x * y * rest - z * sine
+        turn[0, 2] = x * z * rest + y * sine
+        turn[1, 0] = x * y * rest + z * sine
+        turn[1, 1] = cosine + y * y * rest
+        turn[1, 2] = y * z * rest - x * sine
+        turn[2, 0] = x * z * rest - y * sine
+        turn[2, 1] = y * z * rest + x * sine
+        turn[2, 2] = cosine + z * z * rest
         for i in range(3):
             total = origins[above, i]
-            a, b, c = 0.0, 0.0, 0.0
+            a = 0.0
+            b = 0.0
+            c = 0.0
             for m in range(3):
                 total += rotations[above, i, m] * placements[k, m, 3]
                 a += rotations[above, i, m] * placements[k, m, 0]
@@ -152,23 +157,27 @@ def fill_gravity(rotations, origins, axes, slides, masses, moments, up, torques,
     Links have masses and first moments (links, 3) about their origins; −`up` is gravity.
     """
     joints = len(axes)
-    turning, momenta, moment = np.empty((joints, 3)), np.empty((joints, 3)), np.empty(3)
+    turning = np.empty((joints, 3))
+    momenta = np.empty((joints, 3))
+    moment = np.empty(3)
     for n in range(len(torques)):
-        mass, moment[:] = 0.0, 0.0  # of all links outward, about the base's origin
+        # of all links outward, about the base's origin
+        mass = 0.0
+        moment[:] = 0.0
         for k in range(joints - 1, -1, -1):
             mass += masses[k + 1]
             for i in range(3):
-                turning[k, i], moment[i] = 0.0, moment[i] + masses[k + 1] * origins[n, k + 1, i]
+                turning[k, i] = 0.0
+                moment[i] = moment[i] + masses[k + 1] * origins[n, k + 1, i]
                 for m in range(3):
                     turning[k, i] += rotations[n, k + 1, i, m] * axes[k, m]
                     moment[i] += rotations[n, k + 1, i, m] * moments[k + 1, m]
             torques[n, k] = 0.0
             for i in range(3):
-                p, q = (i + 1) % 3, (i + 2) % 3
-                at_p, at_q = (
-                    moment[p] - mass * origins[n, k + 1, p],
-                    moment[q] - mass * origins[n, k + 1, q],
-                )
+                p = (i + 1) % 3
+                q = (i + 2) % 3
+                at_p = moment[p] - mass * origins[n, k + 1, p]
+                at_q = moment[q] - mass * origins[n, k + 1, q]
                 momenta[k, i] = (
                     mass * turning[k, i]
                     if slides[k]
@@ -179,7 +188,8 @@ def fill_gravity(rotations, origins, axes, slides, masses, moments, up, torques,
             for j in range(k + 1):
                 total = 0.0
                 for i in range(0 if slides[j] else 3):
-                    p, q = (i + 1) % 3, (i + 2) % 3
+                    p = (i + 1) % 3
+                    q = (i + 2) % 3
                     total -= momenta[k, i] * (turning[j, p] * up[q] - turning[j, q] * up[p])
                 changes[n, k, j] = changes[n, j, k] = total
 
@@ -200,12 +210,10 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
     joints, dof = coupling.shape
     d = rows.shape[1]
     angular = d == 6 or not linear
-    b, a, before, behind = (
-        np.empty((joints, d)),
-        np.empty((joints, d, d)),
-        np.empty((3, d)),
-        np.empty((6, d)),
-    )
+    b = np.empty((joints, d))
+    a = np.empty((joints, d, d))
+    before = np.empty((3, d))
+    behind = np.empty((6, d))
     for n in range(len(jacobians)):
         for x in range(d):
             for y in range(x, d):
@@ -222,7 +230,8 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
                     for y in range(d):
                         b[i, y] += coupling[i, k] * weighted[n, y, k]
             for x in range(3 if linear else 0):
-                p, q = (x + 1) % 3, (x + 2) % 3
+                p = (x + 1) % 3
+                q = (x + 2) % 3
                 for y in range(d):
                     a[i, x, y] = (
                         jacobians[n, p, i] * before[q, y] - jacobians[n, q, i] * before[p, y]
@@ -233,7 +242,8 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
         behind[:] = 0.0  # Σ v_i B_i and Σ w_i B_i over i > k
         for k in range(joints - 1, -1, -1):
             for x in range(3):
-                p, q = (x + 1) % 3, (x + 2) % 3
+                p = (x + 1) % 3
+                q = (x + 2) % 3
                 for y in range(d):
                     if angular:
                         a[k, d - 3 + x, y] = (
@@ -245,7 +255,8 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
                     behind[x, y] += jacobians[n, x, k] * b[k, y]
                     behind[3 + x, y] += jacobians[n, 3 + x, k] * b[k, y]
             for x in range(3 if linear else 0):
-                p, q = (x + 1) % 3, (x + 2) % 3
+                p = (x + 1) % 3
+                q = (x + 2) % 3
                 for y in range(d):
                     turned = (
                         jacobians[n, 3 + p, k] * behind[q, y]

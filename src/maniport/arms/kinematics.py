@@ -40,11 +40,12 @@ class Kinematics:
         common: NDArray[np.intp]
         | None = None,  # (chains, chains): number of joints with which two chains begin
     ):
-        columns, dof = (
-            columns or [np.arange(len(chains[0].coordinates))],
-            dof or len(chains[0].coordinates),
-        )
-        joints, parents, rows, offset = [], list[int](), [], list[float]()
+        columns = columns or [np.arange(len(chains[0].coordinates))]
+        dof = dof or len(chains[0].coordinates)
+        joints = []
+        parents = list[int]()
+        rows = []
+        offset = list[float]()
         self.links: list[list[int]] = []  # of each chain
         for i, (chain, own) in enumerate(zip(chains, columns, strict=True)):
             before = np.zeros(1, dtype=np.intp) if common is None or not i else common[i, :i]
@@ -58,9 +59,11 @@ class Kinematics:
                 rows[-1][own] = chain.coupling[k]
                 offset.append(chain.offset[k])
             self.links.append(links)
-        count, frame = len(joints), chains[0].frames[chains[0].frame]
+        count = len(joints)
+        frame = chains[0].frames[chains[0].frame]
         self.parents = np.array(parents, dtype=np.int64)
-        self.coupling, self.offset = np.array(rows).reshape(count, dof), np.array(offset)
+        self.coupling = np.array(rows).reshape(count, dof)
+        self.offset = np.array(offset)
         self.trivial = np.array_equal(self.coupling, np.eye(count)) and not np.any(self.offset)
         self.placements = np.array([joint.placement for joint in joints], dtype=np.float64).reshape(
             count, 4, 4
@@ -69,7 +72,8 @@ class Kinematics:
         self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
         self.armature = np.array([joint.armature for joint in joints])
         self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
-        self._inertia, self._up = chains[0].inertia, -np.array(chains[0].gravity)
+        self._inertia = chains[0].inertia
+        self._up = -np.array(chains[0].gravity)
         self.has_weight = self._inertia is not None and bool(self._up.any())
         self.arrays = self.parents, self.placements, self.axes, self.slides
         self.moves = np.zeros((count + 1, count), dtype=np.bool_)  # which joints move each link
@@ -103,10 +107,8 @@ class Kinematics:
         """Rotations (n, links, 3, 3) and origins (n, links, 3) of all links for degrees of freedom, shape (n, dof)."""
         from maniport.arms.kernels import fill_link_poses
 
-        rotations, origins = (
-            np.empty((len(q), len(self.moves), 3, 3)),
-            np.empty((len(q), len(self.moves), 3)),
-        )
+        rotations = np.empty((len(q), len(self.moves), 3, 3))
+        origins = np.empty((len(q), len(self.moves), 3))
         fill_link_poses(self.positions(q), *self.arrays, rotations, origins)
         return rotations, origins
 
@@ -131,22 +133,23 @@ class Kinematics:
             return None
         from maniport.arms.kernels import fill_gravity
 
-        n, count, c, (rotations, origins) = (
-            len(q),
-            len(self.axes),
-            self.coupling,
-            self.link_poses(q),
-        )
-        torques, slopes = np.empty((n, count)), np.empty((n if changes else 0, count, count))
+        n = len(q)
+        count = len(self.axes)
+        c = self.coupling
+        (rotations, origins) = self.link_poses(q)
+        torques = np.empty((n, count))
+        slopes = np.empty((n if changes else 0, count, count))
         bodies = (
             self._inertia[:, 0, 0].copy(),
             self._inertia[:, [5, 3, 4], [1, 2, 0]],
         )  # masses and first moments
         fill_gravity(rotations, origins, self.axes, self.slides, *bodies, self._up, torques, slopes)
-        torques, slopes = self.coupled(torques), slopes if self.trivial else c.T @ slopes @ c
+        torques = self.coupled(torques)
+        slopes = slopes if self.trivial else c.T @ slopes @ c
         if not inertia:
             return DynamicsTerms(torques, np.empty((0, 0, 0)), slopes, np.empty((0, 0, 0, 0)))
-        rotations, origins = rotations[:, 1:], origins[:, 1:]
+        rotations = rotations[:, 1:]
+        origins = origins[:, 1:]
         turning = np.einsum("njab,jb->nja", rotations, self.axes)
         moving = np.where(self.slides[:, None], turning, np.cross(origins, turning))
         turning = np.where(self.slides[:, None], 0.0, turning)
@@ -159,17 +162,15 @@ class Kinematics:
         composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(
             axis=1
         )[:, ::-1]
-        momenta, h_changes = (
-            np.einsum("nkab,nkb->nka", composite, s),
-            np.empty((0, 0, 0, 0)),
-        )  # I_k s_k
+        # I_k s_k
+        momenta = np.einsum("nkab,nkb->nka", composite, s)
+        h_changes = np.empty((0, 0, 0, 0))
         h = np.triu(s @ np.swapaxes(momenta, -1, -2))
         h = c.T @ (h + np.swapaxes(np.triu(h, 1), -1, -2) + np.diag(self.armature)) @ c
         if changes:
-            ours, theirs = (
-                (slice(None), slice(None), None),
-                (slice(None), None),
-            )  # of joints k and i
+            # of joints k and i
+            ours = (slice(None), slice(None), None)
+            theirs = (slice(None), None)
             crosses = np.concatenate([
                 np.cross(turning[ours], moving[theirs]) + np.cross(moving[ours], turning[theirs]),
                 np.cross(turning[ours], turning[theirs]),
@@ -191,7 +192,8 @@ class PointKinematics:
     """Origins of frames and directions fixed to a chain, with derivatives."""
 
     def __init__(self, chain: Chain, points: Sequence[str], directions: Sequence[Attachment] = ()):
-        frames, self._count = [chain.frames[name] for name in points], len(points)
+        frames = [chain.frames[name] for name in points]
+        self._count = len(points)
         fixed = [*((frame.joint, frame.placement[:3, 3]) for frame in frames), *directions]
         self._kinematics = Kinematics(chain)
         self._joints = np.array([joint for joint, _ in fixed], dtype=np.int64)
@@ -229,9 +231,7 @@ def axis_of(chain: Chain, coordinate: int, above: int) -> Attachment:
     first = max((j + 1 for j in range(last) if chain.coupling[j, :above].any()), default=0)
     vector = chain.joints[last].placement[:3, :3] @ chain.joints[last].axis
     for j in range(last - 1, first - 1, -1):
-        joint, position = (
-            chain.joints[j],
-            chain.coupling[j, above:coordinate] @ still + chain.offset[j],
-        )
+        joint = chain.joints[j]
+        position = chain.coupling[j, above:coordinate] @ still + chain.offset[j]
         vector = (joint.placement @ joint.motion(position))[:3, :3] @ vector
     return first, vector

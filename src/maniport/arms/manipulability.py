@@ -256,7 +256,8 @@ def with_derivatives(
         rows = times(plain, weight)
         weighted = times(rows, weight if weight.shape[1] == 1 else np.swapaxes(weight, -1, -2))
     n, d, dof = rows.shape
-    ellipsoids, results = np.empty((n, d, d)), np.empty((n, dof, d, d))
+    ellipsoids = np.empty((n, d, d))
+    results = np.empty((n, dof, d, d))
     # Numba compiles once more for arrays that are not contiguous
     arrays = (np.ascontiguousarray(array) for array in (of_joints, rows, coupling, weighted))
     fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, results)

@@ -33,12 +33,14 @@ def restrict(
 
     Bodies and masses on omitted joints are attached to the nearest remaining link, in their pose at zero.
     """
-    where, end_frame = f"on the arm {chain.name!r}", chain.frame if frame is None else frame
+    where = f"on the arm {chain.name!r}"
+    end_frame = chain.frame if frame is None else frame
     wanted = None if joints is None else check_names(joints, "joints")
     held = check_lock(lock, wanted)
     if not isinstance(end_frame, str) or end_frame not in chain.frames:
         raise unknown_name("frame", end_frame, chain.frames, where)
-    last, first = chain.frames[end_frame].joint, 0
+    last = chain.frames[end_frame].joint
+    first = 0
     if base is not None:
         reached = [name for name, place in chain.frames.items() if place.joint <= last]
         if not isinstance(base, str) or base not in reached:
@@ -79,7 +81,8 @@ def restrict(
         )
     if np.all(moving):
         return part
-    neutral, locked = np.where(moving, 0.0, np.clip(0.0, part.lower, part.upper)), dict(part.locked)
+    neutral = np.where(moving, 0.0, np.clip(0.0, part.lower, part.upper))
+    locked = dict(part.locked)
     for i in np.flatnonzero(~moving):
         name = part.coordinates[i]
         if name in held:
@@ -118,7 +121,9 @@ def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]
 
 def _segment(chain: Chain, first: int, last: int, end_frame: str) -> Chain:
     """Joints `first` to `last` of a chain, and the coordinates that move them."""
-    others, inertia, poses = chain.others, chain.inertia, _resting_poses(chain)
+    others = chain.others
+    inertia = chain.inertia
+    poses = _resting_poses(chain)
     if inertia is not None:
         inertia = inertia[first : last + 1].copy()
         inertia[-1] += carried_inertia(chain, last)

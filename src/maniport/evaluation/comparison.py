@@ -102,10 +102,8 @@ def evaluate(
         raise InvalidInputError(
             f"truth must have the shape of profile, {np.shape(profile)}; found {np.shape(truth)}"
         )
-    teacher, student = (
-        as_finite(teacher_domain, "teacher_domain"),
-        as_finite(student_domain, "student_domain"),
-    )
+    teacher = as_finite(teacher_domain, "teacher_domain")
+    student = as_finite(student_domain, "student_domain")
     size = None if robot is None else spec.size
     as_points(adapter.student_side(student, "student_domain"), "student_domain", size)
     demonstrated = as_finite(profile, "profile")
@@ -114,7 +112,8 @@ def evaluate(
 
     step = Step(progress, "Evaluate baselines")
     methods = {name_of(adapter): adapter, **baselines_for(adapter, rows)}
-    measured, images = list[Row](), list[Array]()
+    measured = list[Row]()
+    images = list[Array]()
     domain = metrics.subset_of_domain(teacher)
     own_domain = metrics.subset_of_domain(adapter.student_side(student))
     moves = np.max(distance_unchecked(original[:1], original)) > STILL

@@ -268,7 +268,8 @@ class Row:
         They are "large_step" (largest step over the teacher's), "rank_correlation" (of distances) and "rotated_axes"
         (of the longest axes [degrees]).
         """
-        ratio, kept = self.step_ratio or 0.0, self.preservation
+        ratio = self.step_ratio or 0.0
+        kept = self.preservation
         rank, angle = (
             (1.0, 0.0) if kept is None else (kept.rank_correlation, kept.major_axis_angle or 0.0)
         )

@@ -25,14 +25,20 @@ def trunk_directions(vectors, forward, required):  # type: ignore[no-untyped-def
 
     The last two of the vectors (k + 2, 3) are those of the trunk: upward, and forward or else to the left.
     """
-    up, across = vectors[-2], vectors[-1].copy()
+    up = vectors[-2]
+    across = vectors[-1].copy()
     across -= (across[0] * up[0] + across[1] * up[1] + across[2] * up[2]) * up
     _normalize(across, 1e-3)  # within 0.06° of the vertical it does not determine the frame
-    directions, seen = np.empty((len(vectors) - 2, 3)), True
+    directions = np.empty((len(vectors) - 2, 3))
+    seen = True
     for n in range(len(directions)):
-        first, second, directions[n, 2] = 0.0, 0.0, 0.0
+        first = 0.0
+        second = 0.0
+        directions[n, 2] = 0.0
         for i in range(3):
-            p, q, x = (i + 1) % 3, (i + 2) % 3, vectors[n, i]
+            p = (i + 1) % 3
+            q = (i + 2) % 3
+            x = vectors[n, i]
             first += x * across[i]
             second += x * (up[p] * across[q] - up[q] * across[p])
             directions[n, 2] += x * up[i]
@@ -62,12 +68,11 @@ def _normalize(vector, shortest):  # type: ignore[no-untyped-def]
 def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, hessian):  # type: ignore[no-untyped-def]
     """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
     offset, placements, axes, slides, coupling, joints, vectors, points = body
-    gradient[:], hessian[:] = 0.0, 0.0
-    positions, values, slopes = (
-        offset + coupling @ q,
-        np.empty((len(joints), 3)),
-        np.empty((len(joints), 3, len(q))),
-    )
+    gradient[:] = 0.0
+    hessian[:] = 0.0
+    positions = offset + coupling @ q
+    values = np.empty((len(joints), 3))
+    slopes = np.empty((len(joints), 3, len(q)))
     rotations = np.empty((len(axes) + 1, 3, 3))
     origins = np.empty((len(axes) + 1, 3))
     place_links(positions, np.arange(len(axes)), placements, axes, slides, rotations, origins)
@@ -79,7 +84,8 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
         if weights[n] == 0.0:
             continue
         if n < points - 1:  # from a point to the next
-            unit, slope = values[n + 1] - values[n], slopes[n + 1] - slopes[n]
+            unit = values[n + 1] - values[n]
+            slope = slopes[n + 1] - slopes[n]
             length = np.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
             unit /= length
             for k in range(len(q)):
@@ -87,7 +93,8 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
                 for i in range(3):
                     slope[i, k] = (slope[i, k] - unit[i] * stretch) / length
         else:
-            unit, slope = values[n + 1], slopes[n + 1]
+            unit = values[n + 1]
+            slope = slopes[n + 1]
         weight = weights[n] * weights[n]
         for i in range(3):
             off = unit[i] - targets[n, i]
@@ -118,14 +125,20 @@ def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, h
     the last.
     """
     (lower, upper, pull, neutral), dof = held, len(q)
-    gradient, whole, expected = np.empty((1, dof)), np.empty((1, dof, dof)), np.empty(1)
-    trial, damping = np.empty((1, dof)), np.full(1, 1e-9)
-    slopes, curves, here = np.empty(dof), np.empty((dof, dof)), np.empty((1, dof))
+    gradient = np.empty((1, dof))
+    whole = np.empty((1, dof, dof))
+    expected = np.empty(1)
+    trial = np.empty((1, dof))
+    damping = np.full(1, 1e-9)
+    slopes = np.empty(dof)
+    curves = np.empty((dof, dof))
+    here = np.empty((1, dof))
     cost, square = evaluate(
         q, targets, weights, body, pull, neutral, mean, prior, gradient[0], hessian
     )
     for _ in range(max_iterations):
-        here[0], whole[0] = q, hessian + prior
+        here[0] = q
+        whole[0] = hessian + prior
         step_within_limits(here, gradient, whole, damping, lower, upper, trial, expected)
         moved = np.abs(trial[0] - q).max()
         new_cost, new_square = evaluate(
@@ -133,8 +146,11 @@ def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, h
         )
         if new_cost < cost:
             gained = cost - new_cost
-            q[:], gradient[0], hessian[:] = trial[0], slopes, curves
-            cost, square = new_cost, new_square
+            q[:] = trial[0]
+            gradient[0] = slopes
+            hessian[:] = curves
+            cost = new_cost
+            square = new_square
             damping *= 0.2
             if moved < 1e-7 or gained < gain * cost:
                 break
@@ -170,11 +186,9 @@ def follow(  # type: ignore[no-untyped-def]
     predicted = np.empty((2 * n, 2 * n))
     for i in range(n):
         for j in range(n):
-            of_both, of_velocities, added = (
-                covariance[i, n + j],
-                covariance[n + i, n + j],
-                noise[i] if i == j else 0.0,
-            )
+            of_both = covariance[i, n + j]
+            of_velocities = covariance[n + i, n + j]
+            added = noise[i] if i == j else 0.0
             predicted[i, j] = (
                 covariance[i, j] + dt * (of_both + covariance[j, n + i]) + dt**2 * of_velocities
             )
@@ -186,7 +200,8 @@ def follow(  # type: ignore[no-untyped-def]
     mean = np.minimum(np.maximum(q + dt * velocity, lower), upper)
     prior = np.linalg.inv(np.ascontiguousarray(predicted[:n, :n]))
     used = np.where(np.isnan(targets[:, 0]), 0.0, weights)
-    posterior, measured = mean.copy(), np.empty((n, n))
+    posterior = mean.copy()
+    measured = np.empty((n, n))
     square = search(posterior, targets, used, body, held, mean, prior, 6, gain, measured)
     change = decay * velocity + np.ascontiguousarray(predicted[n:, :n]) @ (
         prior @ (posterior - mean)
@@ -209,7 +224,8 @@ def follow(  # type: ignore[no-untyped-def]
 def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
     """Covariance (2n, 2n) after a measured information (n, n) on the first n, and one on each of them."""
     n = len(measured)
-    rows, total = covariance[:n].copy(), measured + information * np.eye(n)
+    rows = covariance[:n].copy()
+    total = measured + information * np.eye(n)
     left = np.eye(n) + total @ np.ascontiguousarray(rows[:, :n])
     reduced = covariance - np.ascontiguousarray(rows.T) @ np.linalg.solve(left, total @ rows)
     return 0.5 * (reduced + reduced.T)
@@ -228,7 +244,8 @@ def averaged(times, rows, start, later, longest):  # type: ignore[no-untyped-def
         duration = max(min(center + half, times[0]) - (center - half), 0.0)
         total = duration * rows[0]
         for i in range(len(times) - 1):
-            begin, end = max(times[i], center - half), min(times[i + 1], center + half)
+            begin = max(times[i], center - half)
+            end = min(times[i + 1], center + half)
             if end > begin:
                 share = (0.5 * (begin + end) - times[i]) / (times[i + 1] - times[i])
                 total += (end - begin) * ((1.0 - share) * rows[i] + share * rows[i + 1])
@@ -243,12 +260,15 @@ def queued(times, rows, row, now, delay):  # type: ignore[no-untyped-def]
 
     Where the last row is already followed, the way to the new one begins now.
     """
-    count, late = len(times), now - delay
+    count = len(times)
+    late = now - delay
     ended = count > 0 and times[-1] < late
     first = count - 1 if ended else max(np.searchsorted(times, late - delay) - 1, 0)
-    kept, kept_rows = np.empty(count - first + 1), np.empty((count - first + 1, len(row)))
+    kept = np.empty(count - first + 1)
+    kept_rows = np.empty((count - first + 1, len(row)))
     for i in range(first, count):
         kept[i - first] = late if ended else times[i]
         kept_rows[i - first] = rows[i]
-    kept[-1], kept_rows[-1] = now, row
+    kept[-1] = now
+    kept_rows[-1] = row
     return kept, kept_rows

@@ -137,7 +137,8 @@ class Live:
         control = PlanOptions(motion_limits=motion_limits, collisions=collisions).resolved(robot)
         bounds = control.motion_limits
         assert isinstance(bounds, MotionLimits)
-        self.robot, own_collisions = bounds.arm, control.collisions or None
+        self.robot = bounds.arm
+        own_collisions = control.collisions or None
         assert not isinstance(own_collisions, bool)
         self._own_limits = replace(bounds, arm=robot)  # without the margin
         self._collisions = own_collisions
@@ -176,7 +177,8 @@ class Live:
         frame = np.random.default_rng(0).normal(size=(len(self.points), 3))
         hidden = frame.copy()
         hidden[-1] = np.nan
-        frames, time = (frame, 1.001 * frame, hidden, -frame, None, frame, frame), 0.0
+        frames = (frame, 1.001 * frame, hidden, -frame, None, frame, frame)
+        time = 0.0
         for i, points in enumerate(frames):
             time += CONTROL_STEP if points is not None else 0.2
             self.step(points, time)
@@ -371,11 +373,9 @@ class Live:
         return True
 
     def _arm_state(self, index: int, delayed: Target | None) -> LiveArm:
-        arm, achieved, position = (
-            self._arms[index],
-            self._robot.achieved[index],
-            self._robot.positions[index],
-        )
+        arm = self._arms[index]
+        achieved = self._robot.achieved[index]
+        position = self._robot.positions[index]
         if arm.estimate is None or delayed is None:
             return LiveArm(achieved, position)
         target, wanted = delayed

@@ -69,14 +69,16 @@ class OneEuroFilter:
     reduced where the arm is slow, and the delay is 0.1 s at 2 rad/s. A vector that was not seen for 0.25 s begins anew.
     """
 
-    CUTOFF, SLOPE, SPEED_CUTOFF, LONGEST_GAP = 0.5, 0.5, 1.0, 0.25  # [Hz], [Hz s/rad], [Hz], [s]
+    # [Hz], [Hz s/rad], [Hz], [s]
+    CUTOFF = 0.5
+    SLOPE = 0.5
+    SPEED_CUTOFF = 1.0
+    LONGEST_GAP = 0.25
 
     def __init__(self, count: int):
-        self._values, self._speeds, self._times = (
-            np.zeros((count, 3)),
-            np.zeros((count, 3)),
-            np.full(count, -np.inf),
-        )
+        self._values = np.zeros((count, 3))
+        self._speeds = np.zeros((count, 3))
+        self._times = np.full(count, -np.inf)
 
     def __call__(self, vectors: Array, now: float) -> Array:
         """Return the filtered vectors at a time [s]."""
@@ -91,7 +93,8 @@ class OneEuroFilter:
         filtered = self._values + np.where(new, 1.0, 1.0 - 1.0 / (1.0 + cutoff * turns)) * (
             vectors - self._values
         )
-        self._values[seen], self._times[seen] = filtered[seen], now
+        self._values[seen] = filtered[seen]
+        self._times[seen] = now
         return filtered
 
 
@@ -99,7 +102,9 @@ class Person:
     """The arm of a person that was fitted to a recording, estimated in new frames of the same `points`."""
 
     def __init__(self, fit: ArmFit):
-        self.arm, roles, self.is_noisy = fit.arm, fit.roles, fit.smoothed
+        self.arm = fit.arm
+        roles = fit.roles
+        self.is_noisy = fit.smoothed
         self.points = tuple(points_of(roles))
         identity = np.eye(len(self.points))[
             ..., None
@@ -107,13 +112,15 @@ class Person:
         basis = Recording(
             self.points, np.repeat(identity, 3, axis=2), np.arange(float(len(identity)))
         )
-        vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
+        vectors = vectors_of(basis, roles, str(self.arm.side))
+        second = across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
         self._linear = np.stack([*vectors.values(), *trunk])[..., 0].copy()
         self.count = len(self._linear)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
-        self._body, self._weights = directions.kinematics.arrays(), directions.weights
+        self._body = directions.kinematics.arrays()
+        self._weights = directions.weights
         self._samples, self._sampled_directions = sample_directions(directions)
         held = joint_priors(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral
@@ -146,13 +153,12 @@ class Person:
 
         The standard deviation of the unknown velocities is 20 rad/s.
         """
-        n, weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
+        n = self.arm.dof
+        weights = np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
         starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
         starts = starts if near is None else np.concatenate([near[None], starts])
-        information, fixed = (
-            np.empty((len(starts), n, n)),
-            (weights, self._body, self._held, np.zeros((n, n))),
-        )
+        information = np.empty((len(starts), n, n))
+        fixed = (weights, self._body, self._held, np.zeros((n, n)))
         costs = search_all(starts, targets, *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
@@ -196,14 +202,10 @@ class HiddenPoints:
         signs = np.sign(linear) * (
             np.abs(linear) < 1.0
         )  # the mean of a role has smaller coefficients
-        self._together, self._longest = (
-            (signs[:, :, None] * signs[:, None] > 0.0).any(axis=0),
-            (alone, together),
-        )
-        self._points, self._times = (
-            np.full((linear.shape[1], 3), np.nan),
-            np.full(linear.shape[1], -np.inf),
-        )
+        self._together = (signs[:, :, None] * signs[:, None] > 0.0).any(axis=0)
+        self._longest = (alone, together)
+        self._points = np.full((linear.shape[1], 3), np.nan)
+        self._times = np.full(linear.shape[1], -np.inf)
 
     def fill(self, points: Array, now: float) -> Array:
         """Return points (n, 3) at a time [s], filled where possible."""
@@ -220,10 +222,8 @@ class HiddenPoints:
             distance = np.linalg.norm(self._points[seen] - self._points[i], axis=1)
             nearest = seen[distance.argmin()]
             weights = (distance.min() / np.maximum(distance, 1e-9)) ** 4
-            before, after = (
-                self._points[seen] - self._points[nearest],
-                points[seen] - points[nearest],
-            )
+            before = self._points[seen] - self._points[nearest]
+            after = points[seen] - points[nearest]
             left, _, right = np.linalg.svd(
                 (weights * before.T) @ after + 1e-9 * distance.min() ** 2 * np.eye(3)
             )
@@ -249,7 +249,10 @@ class LedArm:
         path: Placement | None,
         spec: EllipsoidSpec,
     ):
-        self.person, self._map, self._spec, self._path = person, adapter.transform, spec, path
+        self.person = person
+        self._map = adapter.transform
+        self._spec = spec
+        self._path = path
         self._rows = np.array(rows)  # indexing by a list is slow
         if (size := len(adapter.teacher_mean_)) != spec.size:
             raise InvalidInputError(
@@ -258,7 +261,8 @@ class LedArm:
         if (
             path is not None
         ):  # an affine map is determined by its images of the origin and of the axes
-            self._turn, self._origin = spec.rotation(path.rotation), path.apply(base)
+            self._turn = spec.rotation(path.rotation)
+            self._origin = path.apply(base)
             self._axes = path.apply(base + np.eye(3)) - self._origin
         self.forget()
 
@@ -276,10 +280,12 @@ class LedArm:
 
         `anew` or after a longer gap [s], the whole joint range of the person is searched.
         """
-        points, before = positions[self._rows], self.estimate
+        points = positions[self._rows]
+        before = self.estimate
         filled = self._hidden.fill(points, now)
         vectors = self.person.vectors(filled)
-        directions, dt = self.person.directions(vectors), now - self._last_seen
+        directions = self.person.directions(vectors)
+        dt = now - self._last_seen
         least = np.maximum(MAX_SPEED * dt, self.person._least_jump)  # joints are not faster
         if directions is None or (
             before is not None and turned(before.directions, directions, least)
@@ -297,17 +303,18 @@ class LedArm:
             return False
         try:
             pose, demonstrated = self.person.arm.posed_ellipsoids(estimate.q, self._spec)
-            target, position = self._map(demonstrated), None
+            target = self._map(demonstrated)
+            position = None
         except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
             return False
         if self._spec.kind == "force":
             target = np.asarray(np.linalg.inv(target))
         if self._path is not None:
-            target, position = (
-                congruence(self._turn, target),
-                pose[:3, 3] @ self._axes + self._origin,
-            )
-        self.demonstrated, self.target = demonstrated, Target(target, position)
-        self.estimate, self._last_seen = estimate, now
+            target = congruence(self._turn, target)
+            position = pose[:3, 3] @ self._axes + self._origin
+        self.demonstrated = demonstrated
+        self.target = Target(target, position)
+        self.estimate = estimate
+        self._last_seen = now
         self._hidden.remember(points, filled, now)
         return True

@@ -67,11 +67,15 @@ class Robot:
 
     def rest(self, q: Array) -> None:
         """Be at rest in a configuration (dof,), without any memory of earlier steps."""
-        self._reference, self._reference_time = q, -math.inf
+        self._reference = q
+        self._reference_time = -math.inf
         self._set(ControlState.at_rest(q))
 
     def _set(self, state: ControlState) -> None:
-        self.q, self.velocity, self._state = state.q, state.velocity, state  # (dof,)
+        # (dof,)
+        self.q = state.q
+        self.velocity = state.velocity
+        self._state = state
         self.resting = not state.velocity.any()
         self.positions = []  # (3,) of each arm
         self.achieved = []  # (d, d) of each arm

@@ -174,7 +174,8 @@ class Server:
         while self._open:
             if self._lines and not (self._every and self._next is not None):
                 self._read(self._lines.popleft())
-            now, waits = self._clock(), self._every and self._next is not None
+            now = self._clock()
+            waits = self._every and self._next is not None
             late = self._late <= now
             if (
                 self._next is not None

@@ -35,10 +35,8 @@ class SimulatedRobot:
     """
 
     def __init__(self, robot: Arm | ArmGroup, start: Array):
-        self.q, self.dynamic = (
-            start.copy(),
-            all(own.chain.inertia is not None for own in as_group(robot).arms),
-        )
+        self.q = start.copy()
+        self.dynamic = all(own.chain.inertia is not None for own in as_group(robot).arms)
         self.largest_share = 0.0  # of the torque limits that was used
         efforts = robot.effort_limits
         self._efforts = np.full(len(start), np.inf) if efforts is None else efforts
@@ -57,11 +55,9 @@ class SimulatedRobot:
             return
         data = self._data
         for left in np.arange(round(duration / PERIOD))[::-1] * PERIOD:
-            error, change, torque = (
-                q - left * velocity - data.qpos,
-                velocity - data.qvel,
-                np.empty(len(q)),
-            )
+            error = q - left * velocity - data.qpos
+            change = velocity - data.qvel
+            torque = np.empty(len(q))
             self._mujoco.mj_mulM(
                 self._model, data, torque, BANDWIDTH**2 * error + 2.0 * BANDWIDTH * change
             )
@@ -76,9 +72,11 @@ class SimulatedRobot:
 
 def model_spec(arm: Arm | ArmGroup) -> Any:
     """Return an arm or a group as a specification of MuJoCo, without shapes."""
-    package, robot = mujoco(), robot_model(arm)
+    package = mujoco()
+    robot = robot_model(arm)
     spec = package.MjSpec()
-    spec.option.timestep, spec.option.gravity = PERIOD, robot.gravity.linear
+    spec.option.timestep = PERIOD
+    spec.option.gravity = robot.gravity.linear
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # massless links between two joints
     bodies = [spec.worldbody]
     for joint, parent, place, link in zip(
@@ -89,11 +87,14 @@ def model_spec(arm: Arm | ArmGroup) -> Any:
         package.mju_mat2Quat(quaternion, place.rotation.ravel())
         body = bodies[parent].add_body(pos=place.translation, quat=quaternion)
         about_center = link.inertia + 1e-9 * np.eye(3)
-        body.explicitinertial, body.mass, body.ipos = True, link.mass, link.lever
+        body.explicitinertial = True
+        body.mass = link.mass
+        body.ipos = link.lever
         body.fullinertia = about_center[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         data = joint.createData()
         joint.calc(data, np.zeros(joint.nq))
-        axis, slides = np.ravel(data.S), not np.any(np.ravel(data.S)[3:])
+        axis = np.ravel(data.S)
+        slides = not np.any(np.ravel(data.S)[3:])
         kind = package.mjtJoint.mjJNT_SLIDE if slides else package.mjtJoint.mjJNT_HINGE
         body.add_joint(type=kind, axis=axis[:3] if slides else axis[3:])
         bodies.append(body)
@@ -104,7 +105,8 @@ class Simulation:
     """Frames of a recording lead a simulated robot; keeps position errors and lags of the servos."""
 
     def __init__(self, live: Live):
-        self.robot, self._live = SimulatedRobot(live.robot, live.joint_positions), live
+        self.robot = SimulatedRobot(live.robot, live.joint_positions)
+        self._live = live
         self._time: float | None = None
         self.errors: list[
             float
@@ -115,7 +117,8 @@ class Simulation:
         """Let the robot follow a frame; return the state of the simulated robot."""
         state = self._live.step(points, time)
         self.robot.move(state.joint_positions, state.joint_velocities, time - (self._time or time))
-        self._time, arms = time, []
+        self._time = time
+        arms = []
         self.lag = max(self.lag, float(np.abs(self.robot.q - state.joint_positions).max()))
         for arm, pose in zip(
             state.arms, as_group(self._live.robot).forward(self.robot.q), strict=True

@@ -24,21 +24,20 @@ class TargetQueue:
     SMOOTHING = 0.05  # [s]
 
     def __init__(self, delay: float):
-        self._delay, self._newest = delay, Target(np.empty((0, 0)), None)
-        self._times, self._rows = (
-            np.empty(0),
-            np.empty((0, 0)),
-        )  # position and ellipsoid at each time
+        self._delay = delay
+        self._newest = Target(np.empty((0, 0)), None)
+        # position and ellipsoid at each time
+        self._times = np.empty(0)
+        self._rows = np.empty((0, 0))
 
     def add(self, target: Target, now: float, anew: bool = False) -> None:
         """Add the target of a frame that comes now, by the robot's clock [s]; `anew` forgets earlier ones."""
         if anew:
-            self._times, self._rows = np.empty(0), np.empty((0, 0))
+            self._times = np.empty(0)
+            self._rows = np.empty((0, 0))
         row = np.empty(3 + target.ellipsoid.size)
-        row[:3], row[3:] = (
-            0.0 if target.position is None else target.position,
-            target.ellipsoid.ravel(),
-        )
+        row[:3] = 0.0 if target.position is None else target.position
+        row[3:] = target.ellipsoid.ravel()
         self._times, self._rows = queued(self._times, self._rows, row, now, self._delay)
         self._newest = target
 

@@ -175,9 +175,12 @@ class Pipe:
     """Lines in by a file descriptor, lines out by another; `lost` counts answers that could not be written."""
 
     def __init__(self, source: int, sink: int):
-        self._source, self._sink = source, sink
-        self._rest, self._too_long = b"", False
-        self._waiting, self.lost = b"", 0
+        self._source = source
+        self._sink = sink
+        self._rest = b""
+        self._too_long = False
+        self._waiting = b""
+        self.lost = 0
         self.about: dict[str, Any] = {}
 
     def sources(self) -> list[int]:
@@ -202,7 +205,8 @@ class Pipe:
         *lines, rest = (self._rest + (data or b"\n")).split(b"\n")
         received = [Line(line if len(line) <= FRAME_BYTES else None) for line in lines]
         if lines and self._too_long:
-            received[0], self._too_long = Line(None), False
+            received[0] = Line(None)
+            self._too_long = False
         self._too_long = self._too_long or len(rest) > FRAME_BYTES
         self._rest = b"" if self._too_long else rest
         return [line for line in received if line.text is None or line.text.strip()]

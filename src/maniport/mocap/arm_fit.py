@@ -141,7 +141,8 @@ class ArmFit(NotebookDisplay):
         if not len(peaks):
             return []
         high = properties["prominences"] >= 0.5 * properties["prominences"].max()
-        peaks, prominences = peaks[high], tuple(values[high] for values in properties.values())
+        peaks = peaks[high]
+        prominences = tuple(values[high] for values in properties.values())
         _, _, left, right = peak_widths(path, peaks, 0.9, prominences)
         valleys = [int(a + np.argmin(path[a:b])) for a, b in pairwise(peaks)]
         first = np.maximum(np.ceil(left).astype(int), [0, *(valley + 1 for valley in valleys)])

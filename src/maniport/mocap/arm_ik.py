@@ -179,11 +179,14 @@ def _fit(
     observation: Observation, person: str, step: Step, exchanged: Sequence[str] = ()
 ) -> ArmFit:
     """Fit an arm to an observation; `exchanged` is the warning about its sides, which explains other differences."""
-    used, frames, roles = observation.used, observation.frames, observation.roles
+    used = observation.used
+    frames = observation.frames
+    roles = observation.roles
     lengths = segment_lengths(used, roles)
     arm = human_arm(person, observation.side, lengths=lengths)
     require_human(arm)
-    directions, time = observation.directions(arm), used.time[frames]
+    directions = observation.directions(arm)
+    time = used.time[frames]
     q = solve_arm(directions, time, roles, step)
     unobservable, beyond = observability(directions, roles, q)
     return ArmFit(

@@ -59,7 +59,9 @@ def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
     followed up to about half of the cutoff. Unobservable joints are pulled to neutral with the inverse of their range.
     """
     neutral = np.clip(0.0, arm.lower, arm.upper)
-    lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
+    lower = arm.lower.copy()
+    upper = arm.upper.copy()
+    pull = np.zeros(arm.dof)
     cutoff = np.full(arm.dof, 30.0)
     for joint in unobservable_joints(roles):
         cutoff[joint] = 10.0
@@ -112,7 +114,8 @@ def nearest_samples(targets: Array, samples: Array, count: int = 6) -> NDArray[n
 
 def _initial_path(directions: Directions, time: Array, usual: float, joined: Bools) -> Array:
     """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between."""
-    every, gaps = max(1, round(1 / (KEY_RATE * usual))), np.flatnonzero(~joined)
+    every = max(1, round(1 / (KEY_RATE * usual)))
+    gaps = np.flatnonzero(~joined)
     keys = np.unique(
         np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(
             np.intp
@@ -122,7 +125,8 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
     parts = np.array_split(keys, -(-len(keys) // 512))  # which bounds the memory
     solutions = [local_solutions(directions.take(part), samples, modeled) for part in parts]
     candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
-    total, origins = cost[0] / RESIDUAL_SCALE**2, []
+    total = cost[0] / RESIDUAL_SCALE**2
+    origins = []
     for t in range(1, len(keys)):
         motion = (
             np.sum((candidates[t][None] - candidates[t - 1][:, None]) ** 2, axis=-1)
@@ -140,11 +144,14 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
 
 def local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:
     """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k); each row on its own."""
-    arm, starts = directions.arm, samples[nearest_samples(directions.targets, modeled)]
+    arm = directions.arm
+    starts = samples[nearest_samples(directions.targets, modeled)]
     rows = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
     q = trial = starts.reshape(-1, arm.dof)
-    cost, damping = np.full(len(q), np.inf), np.full(len(q), 5e-3)
-    gradient, hessian = np.zeros_like(q), np.zeros((*q.shape, arm.dof))
+    cost = np.full(len(q), np.inf)
+    damping = np.full(len(q), 5e-3)
+    gradient = np.zeros_like(q)
+    hessian = np.zeros((*q.shape, arm.dof))
     for _ in range(30):
         values, slopes = rows.residual(trial)
         better = np.sum(values**2, axis=-1) < cost
@@ -175,14 +182,21 @@ def solve_path(
     for offset, row in enumerate(([1.0, 4.0, 1.0], [-2.0, -2.0], [1.0])):
         for frame, factor in enumerate(row):
             smooth[offset, frame : max(n - 2, 0) + frame] += factor * stiffness
-    q, trial, cost, damping = start, start, np.inf, 5e-6
+    q = start
+    trial = start
+    cost = np.inf
+    damping = 5e-6
     for iteration in range(100):
         values, slopes = residual(trial)
-        bending, offsets = np.diff(trial, 2, axis=0), priors.pull * (trial - priors.neutral)
+        bending = np.diff(trial, 2, axis=0)
+        offsets = priors.pull * (trial - priors.neutral)
         new_cost = float(np.sum(values**2) + np.sum(offsets**2) + np.sum(stiffness * bending**2))
         if new_cost < cost:
-            moved, gained = float(np.abs(trial - q).max()), cost - new_cost
-            q, cost, damping = trial, new_cost, max(damping * 0.2, LEAST_DAMPING)
+            moved = float(np.abs(trial - q).max())
+            gained = cost - new_cost
+            q = trial
+            cost = new_cost
+            damping = max(damping * 0.2, LEAST_DAMPING)
             # Where the arm hangs straight, a joint rotates far for a small part of the cost of a long path.
             if iteration and (moved < 1e-9 or (gained < LEAST_GAIN * cost and moved < 1e-3)):
                 break
@@ -214,7 +228,8 @@ def _held(q: Array, gradient: Array, lower: Array, upper: Array) -> Bools:
 
 def _banded_step(bands: Array, gradient: Array, held: Bools, damping: float) -> Array:
     """Return the Newton step of the free joints (n, dof), with more damping while the matrix is singular."""
-    size, fixed = bands.shape[1], held.ravel()
+    size = bands.shape[1]
+    fixed = held.ravel()
     matrix = bands[:size].copy()  # a path of one or two frames is shorter than the bands are wide
     matrix[0] += damping
     for offset in range(len(matrix)):

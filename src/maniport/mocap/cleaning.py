@@ -45,7 +45,8 @@ def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, A
     ):
         return time, positions, []
     kept = np.concatenate([[True], time[1:] > np.maximum.accumulate(time)[:-1]])
-    count, first = int((~kept).sum()), int(np.argmin(kept))
+    count = int((~kept).sum())
+    first = int(np.argmin(kept))
     if count > most * len(time):
         raise InvalidInputError(
             f"the times of {count} of {len(time)} frames do not increase, the first at index {first}, "
@@ -205,18 +206,21 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
 
     Swapped points both step, by at least `least_step` [m], to where the other one was.
     """
-    positions, texts = recording.positions.copy(), []
+    positions = recording.positions.copy()
+    texts = []
     pairs = {tuple(sorted((name, other_side(name)))) for name in points}
     for pair in sorted(
         pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)
     ):
         columns = [recording.names.index(name) for name in pair]
-        tracks, swapped = positions[:, columns], np.zeros(len(recording), dtype=np.bool_)
+        tracks = positions[:, columns]
+        swapped = np.zeros(len(recording), dtype=np.bool_)
         observed = np.flatnonzero(np.isfinite(tracks).all(axis=(1, 2)))
         for part in np.split(
             observed, np.flatnonzero(np.diff(recording.time[observed]) > LONGEST_GAP) + 1
         ):
-            before, after = tracks[part[:-1]], tracks[part[1:]]
+            before = tracks[part[:-1]]
+            after = tracks[part[1:]]
             kept, crossed = (
                 np.linalg.norm(to - before, axis=-1).sum(axis=1) for to in (after, after[:, ::-1])
             )
@@ -250,7 +254,8 @@ def _outliers(
         first = np.flatnonzero(
             far[: len(far) - count] & far[count:]
         )  # by the rule below both steps are that large
-        before, after = track[first, None], track[first + count + 1, None]
+        before = track[first, None]
+        after = track[first + count + 1, None]
         k = np.arange(1, count + 1)
         offsets = track[first[:, None] + k] - (before + k[:, None] / (count + 1) * (after - before))
         away = np.linalg.norm(offsets, axis=-1).min(axis=1)
@@ -260,7 +265,8 @@ def _outliers(
         with np.errstate(invalid="ignore"):
             first = first[(away > least) & (away > np.linalg.norm(after - before, axis=-1)[:, 0])]
         rows = first[:, None] + k
-        lost[rows], track[rows] = True, np.nan
+        lost[rows] = True
+        track[rows] = np.nan
     return lost
 
 
@@ -290,7 +296,9 @@ def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.0
     Noise in one direction [m] of optical systems is 0.0001 to 0.001, of people who climb and jump 0.002, of video 0.005
     to 0.02. Below 20 frames per second motion is not distinct from noise.
     """
-    rate, positions, cutoffs = recording.rate, recording.positions.copy(), []
+    rate = recording.rate
+    positions = recording.positions.copy()
+    cutoffs = []
     # Cutoff frequencies, at which half the amplitude is left [Hz]; of lower ones rounding moves points by millimeters.
     candidates = [f for f in np.geomspace(0.8, 12.0, 15) if 0.003 * rate <= f < 0.45 * rate]
     amounts = np.array([noise(track) for track in np.moveaxis(positions, 1, 0)])
@@ -326,23 +334,26 @@ def noise(track: Array, order: int = 6) -> float:
 
 def _span(values: Array | list[float]) -> str:
     """Describe a range of values to two digits."""
-    low, high = f"{np.nanmin(values):.2g}", f"{np.nanmax(values):.2g}"
+    low = f"{np.nanmin(values):.2g}"
+    high = f"{np.nanmax(values):.2g}"
     return low if low == high else f"{low} to {high}"
 
 
 def _robust_spline(track: Array, rate: float, cutoffs: Sequence[float]) -> tuple[Array, float]:
     """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
-    n, tails = len(track), 4.0  # degrees of freedom of Student's distribution
+    # degrees of freedom of Student's distribution
+    n = len(track)
+    tails = 4.0
     median_chi_squared = 2.366  # with three degrees of freedom
-    pattern, penalty = (
-        np.array([-1.0, 3.0, -3.0, 1.0]),
-        np.zeros((4, n)),
-    )  # third differences; DᵀD as lower bands
+    # third differences; DᵀD as lower bands
+    pattern = np.array([-1.0, 3.0, -3.0, 1.0])
+    penalty = np.zeros((4, n))
     for offset in range(4):
         for k in range(4 - offset):
             penalty[offset, k : n - 3 + k] += pattern[k] * pattern[k + offset]
     waves = (2 * np.sin(np.pi * (np.arange(n) + 0.5) / (2 * n))) ** 6
-    weight, least = np.ones(n), max(noise(track) ** 2, 1e-18)
+    weight = np.ones(n)
+    least = max(noise(track) ** 2, 1e-18)
     for _ in range(6):
         fits = []  # score, cutoff and smooth track
         for frequency in cutoffs:

@@ -54,7 +54,9 @@ def observability(
 
     A joint is observable in frames in which the standard deviation of its error is at most 20°.
     """
-    arm, errors, excesses = directions.arm, [], []
+    arm = directions.arm
+    errors = []
+    excesses = []
     for part in np.array_split(np.arange(len(q)), -(-len(q) // BLOCK)):
         values, slopes = directions.take(part).residual(q[part])
         hessian = np.swapaxes(slopes, 1, 2) @ slopes

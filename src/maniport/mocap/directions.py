@@ -109,10 +109,8 @@ class Directions:
         """Return the directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
         count = sum(name in SEGMENTS for name in self.names)
         points, changes = self.kinematics(q)
-        vectors, slopes = (
-            np.diff(points[:, : count + 1], axis=1),
-            np.diff(changes[:, : count + 1], axis=1),
-        )
+        vectors = np.diff(points[:, : count + 1], axis=1)
+        slopes = np.diff(changes[:, : count + 1], axis=1)
         length = np.linalg.norm(vectors, axis=-1)[..., None]
         values = vectors / length
         slopes = (slopes - values[..., None] * (values[..., None, :] @ slopes)) / length[..., None]
@@ -140,7 +138,8 @@ class Directions:
         )
         errors = {}
         for i, name in enumerate(self.names):
-            model, target = values[:, i], self.targets[:, i]
+            model = values[:, i]
+            target = self.targets[:, i]
             if name in SEGMENTS:  # arccos is inaccurate below 1e-8
                 errors[name] = 2 * np.arcsin(
                     np.minimum(np.linalg.norm(model - target, axis=-1) / 2, 1.0)
@@ -150,10 +149,8 @@ class Directions:
                 model, target = (
                     part - np.sum(part * along, axis=1)[:, None] * along for part in (model, target)
                 )
-                sine, cosine = (
-                    np.sum(np.cross(model, target) * along, axis=1),
-                    np.sum(model * target, axis=1),
-                )
+                sine = np.sum(np.cross(model, target) * along, axis=1)
+                cosine = np.sum(model * target, axis=1)
                 errors[f"{AXES[name][1]} about its axis"] = np.arctan2(sine, cosine)
         return errors
 
@@ -266,7 +263,8 @@ def synthetic_recording(
         When the arm is not a human one, or shapes do not agree.
     """
     require_human(arm)
-    times, q = as_times(time), as_finite(joint_angles, "joint_angles")
+    times = as_times(time)
+    q = as_finite(joint_angles, "joint_angles")
     require_shape(q, "joint_angles", (len(times), arm.dof), ", as many as times")
     points: dict[str, Array] = dict(
         zip(POINTS, np.moveaxis(arm.point_positions(q, POINTS), 1, 0), strict=True)

@@ -158,7 +158,8 @@ class Recording(NotebookDisplay):
 
         A gap lasts from the last frame before it to the first frame after it.
         """
-        positions, notes = self.positions.copy(), list(self.notes)
+        positions = self.positions.copy()
+        notes = list(self.notes)
         for i, name in enumerate(self.names):
             missing = np.isnan(positions[:, i, 0])
             short = [
@@ -166,7 +167,8 @@ class Recording(NotebookDisplay):
                 and self.time[stop] - self.time[start - 1] <= LONGEST_GAP * (1 + 1e-9)
             ]  # fmt: skip
             if short:
-                times, values = self.time[~missing], positions[~missing, i]
+                times = self.time[~missing]
+                values = positions[~missing, i]
                 # Akima's spline needs more than two points.
                 spline = (
                     Akima1DInterpolator(times, values)

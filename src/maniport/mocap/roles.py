@@ -371,7 +371,8 @@ def roles_by_side(
     recording: Recording, markers: Mapping[str, Any]
 ) -> tuple[Roles, dict[str, RecordingError]]:
     """Return the roles of each arm with its markers, and the errors of the arms that are not recorded."""
-    roles, errors = {}, {}
+    roles = {}
+    errors = {}
     for side in SIDES:
         try:
             roles[side] = assign_roles(recording, markers.get(side), side)

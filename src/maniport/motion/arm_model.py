@@ -40,14 +40,16 @@ def robot_model(arm: Arm | ArmGroup) -> pin.Model:
     """
     model = pin.Model()
     model.name = arm.name
-    group, places = as_group(arm), list[list[Place]]()
+    group = as_group(arm)
+    places = list[list[Place]]()
     for i, (member, prefix) in enumerate(zip(group.arms, model_prefixes(group), strict=True)):
         before = group.common[i, :i]
         shared = places[int(before.argmax())][: int(before.max()) + 1] if i else ()
         places.append(_add_arm(model, member, prefix, shared))
         _add_masses(model, group, i, places[-1])
     model.gravity.linear = np.array(group.arms[0].chain.gravity)
-    model.lowerPositionLimit, model.upperPositionLimit = arm.lower, arm.upper
+    model.lowerPositionLimit = arm.lower
+    model.upperPositionLimit = arm.upper
     unknown = np.full(arm.dof, np.inf)
     model.velocityLimit = unknown if arm.velocity_limits is None else arm.velocity_limits
     model.effortLimit = unknown if arm.effort_limits is None else arm.effort_limits
@@ -59,24 +61,22 @@ Place = tuple[int, pin.SE3]  # A joint of a model, and a pose in its frame
 
 def _add_arm(model: pin.Model, arm: Arm, prefix: str, shared: Sequence[Place]) -> list[Place]:
     """Add the joints and frames of an arm beyond the shared ones; return the place after each joint of its chain."""
-    chain, parents = arm.chain, list(shared) or [(0, pin.SE3.Identity())]
+    chain = arm.chain
+    parents = list(shared) or [(0, pin.SE3.Identity())]
     joints = list(zip(chain.joints, _own_coordinates(arm), chain.offset, strict=True))
     for joint, factor, offset in joints[len(parents) - 1 :]:
         parent, place = parents[-1]
         if joint.kind == PRISMATIC:
-            kind, shift = pin.JointModelPrismaticUnaligned, pin.SE3(np.eye(3), offset * joint.axis)
+            kind = pin.JointModelPrismaticUnaligned
+            shift = pin.SE3(np.eye(3), offset * joint.axis)
         else:
-            kind, shift = (
-                pin.JointModelRevoluteUnaligned,
-                pin.SE3(pin.exp3(offset * joint.axis), np.zeros(3)),
-            )
+            kind = pin.JointModelRevoluteUnaligned
+            shift = pin.SE3(pin.exp3(offset * joint.axis), np.zeros(3))
         place = place * pin.SE3(joint.placement) * shift
         if factor != 0.0:
             name = prefix + joint.name
-            parent, place = (
-                model.addJoint(parent, kind(factor * joint.axis), place, name),
-                pin.SE3.Identity(),
-            )
+            parent = model.addJoint(parent, kind(factor * joint.axis), place, name)
+            place = pin.SE3.Identity()
             model.armature[-1] = joint.armature
         parents.append((parent, place))
     for name, frame in chain.frames.items():
@@ -92,9 +92,11 @@ def _add_masses(model: pin.Model, group: ArmGroup, arm: int, places: Sequence[Pl
     chain = group.arms[arm].chain
     if chain.inertia is None:
         return
-    inertia, shared = chain.inertia.copy(), int(group.common[arm, :arm].max(initial=0))
+    inertia = chain.inertia.copy()
+    shared = int(group.common[arm, :arm].max(initial=0))
     for other in range(arm + 1, len(group)):  # has masses of its own beyond the common links
-        fork, theirs = int(group.common[arm, other]), group.arms[other].chain
+        fork = int(group.common[arm, other])
+        theirs = group.arms[other].chain
         if (
             fork
             and theirs.inertia is not None
@@ -136,7 +138,8 @@ class InverseDynamics:
     """Torques of an arm or a group of arms with masses, by Pinocchio's recursive Newton-Euler algorithm."""
 
     def __init__(self, arm: Arm | ArmGroup):
-        self.arm, self._model = arm, robot_model(arm)
+        self.arm = arm
+        self._model = robot_model(arm)
         self._data = self._model.createData()
 
     def __reduce__(self) -> tuple[type["InverseDynamics"], tuple[Arm | ArmGroup]]:
@@ -155,7 +158,8 @@ class InverseDynamics:
 
     def along(self, q: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
         """Return a, b and g of the torques a s̈ + b ṡ² + g on a path q(s) with derivatives `first` and `second`."""
-        still, gravity = np.zeros(q.shape), self.gravity(q)
+        still = np.zeros(q.shape)
+        gravity = self.gravity(q)
         return (
             self.torques(q, still, first) - gravity,
             self.torques(q, first, second) - gravity,

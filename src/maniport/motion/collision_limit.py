@@ -62,22 +62,23 @@ class CollisionLimit:
     A pair within the margin comes no nearer.
     """
 
-    margin, reach = (
-        0.02,
-        0.1,
-    )  # smallest distance of pairs, and largest distance of pairs that count [m]
+    # smallest distance of pairs, and largest distance of pairs that count [m]
+    margin = 0.02
+    reach = 0.1
     time_constant = 0.1  # with which the clearance is used up [s]
     linear_range = 0.09  # of joint motion, in which distances are nearly linear [rad or m]
 
     def __init__(self, collisions: Collisions):
         self._collisions = collisions
         self._q: Array | None = None
-        self._distance, self._rows = np.empty(0), np.empty((0, 0))
+        self._distance = np.empty(0)
+        self._rows = np.empty((0, 0))
 
     def inequalities(self, q: Array, dt: float) -> tuple[Array, Array]:
         """Return G and h of G Δq ≤ h, shapes (k, dof) and (k,), for the k pairs within reach."""
         if self._q is None or np.vdot(moved := q - self._q, moved) > self.linear_range**2:
-            self._q, moved = q.copy(), np.zeros(len(q))
+            self._q = q.copy()
+            moved = np.zeros(len(q))
             _, self._distance, slope = self._collisions.gradient(q[None], self.reach, scaled=True)
             self._rows = -slope
         if not len(self._rows):

@@ -100,10 +100,12 @@ class Controller:
         self.columns: Sequence[Any] = group.columns
         self._blocks: list[Any] = [(columns[:, None], columns) for columns in group.columns]
         if len(group.arms) == 1:  # indexing by arrays is slow
-            self.columns, self._blocks = [slice(None)], [(slice(None), slice(None))]
+            self.columns = [slice(None)]
+            self._blocks = [(slice(None), slice(None))]
         self._bounds = np.array([arm.lower, arm.upper, velocity, acceleration], dtype=np.float64)
         self._collisions = collisions if collisions is not None and collisions.checked else None
-        self._costs, self._limits = tuple(costs), as_own_limits(limits, group)
+        self._costs = tuple(costs)
+        self._limits = as_own_limits(limits, group)
         if self._collisions is not None:
             self._limits = (*self._limits, CollisionLimit(self._collisions))
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
@@ -144,13 +146,15 @@ class Controller:
         speed_share: float,
     ) -> tuple[Array | None, bool, Array]:
         """Return the best velocities (dof,), or None, whether they satisfy all inequalities, and multipliers."""
-        q, none = state.q, np.empty(0)
+        q = state.q
+        none = np.empty(0)
         hessian, gradients = self._objective(problem, q)
         if not math.isfinite(
             np.vdot(hessian, hessian) + np.vdot(gradients, gradients)
         ):  # an ellipsoid is singular
             return None, False, none
-        rows, allowed = np.empty((0, len(q))), np.empty(0)
+        rows = np.empty((0, len(q)))
+        allowed = np.empty(0)
         for limit in self._limits:
             more, sides = limit.inequalities(q, dt)
             rows, allowed = (
@@ -213,7 +217,8 @@ def _velocity_bounds(q, velocity, limits, last_dt, dt, speed_share):  # type: ig
     """Return the smallest and the largest velocities of the next step, shape (2, dof)."""
     bounds = np.empty((2, len(q)))
     for i in range(len(q)):
-        v, a = velocity[i], limits[3, i]
+        v = velocity[i]
+        a = limits[3, i]
         change = 0.5 * a * (last_dt + dt)
         fastest = max(speed_share * limits[2, i], abs(v) - change)
         upper = min(fastest, v + change, _braking_speed(limits[1, i] - q[i], a, dt))
@@ -226,7 +231,8 @@ def _velocity_bounds(q, velocity, limits, last_dt, dt, speed_share):  # type: ig
 
 @part
 def _braking_speed(distance, a, dt):  # type: ignore[no-untyped-def]
-    distance, half = max(distance, 0.0), 0.5 * a * dt
+    distance = max(distance, 0.0)
+    half = 0.5 * a * dt
     fast = np.sqrt(2.0 * a * distance) - half  # nan without a limit of acceleration
     return fast if fast > half else distance / dt
 
@@ -234,7 +240,8 @@ def _braking_speed(distance, a, dt):  # type: ignore[no-untyped-def]
 @kernel
 def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
     """Return the velocity within bounds, and two configurations (2, dof): after the step, and after braking."""
-    achieved, configurations = np.empty(len(q)), np.empty((2, len(q)))
+    achieved = np.empty(len(q))
+    configurations = np.empty((2, len(q)))
     for i in range(len(q)):
         achieved[i] = min(max(velocity[i], bounds[0, i]), bounds[1, i])
         # a start beyond a limit is left where it is until the joint moves inward
@@ -261,8 +268,12 @@ def _program(  # type: ignore[no-untyped-def]
     as possible. The solver begins with the constraints that had multipliers.
     """
     stages, dof = gradients.shape
-    size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
-    quadratic, linear = np.zeros((size, size)), np.zeros(size)
+    size = stages * dof
+    count = len(rows)
+    dt = durations[0]
+    unlimited = 1e30
+    quadratic = np.zeros((size, size))
+    linear = np.zeros(size)
     matrix = np.zeros((count + size - dof, size))
     above = np.full(size + len(matrix), unlimited)
     below = -above
@@ -273,14 +284,19 @@ def _program(  # type: ignore[no-untyped-def]
             for b in range((k + 1) * dof):
                 quadratic[a, b] += weight * durations[b // dof] / dt * hessian[a % dof, b % dof]
     for i in range(dof):
-        above[i], below[i] = min(dt * bounds[1, i], unlimited), max(dt * bounds[0, i], -unlimited)
+        above[i] = min(dt * bounds[1, i], unlimited)
+        below[i] = max(dt * bounds[0, i], -unlimited)
     for i in range(dof, size):
         fastest = min(dt * speed_share * limits[2, i % dof], unlimited)
-        above[i], below[i] = max(fastest, above[i - dof]), min(-fastest, below[i - dof])
-        row, k = count + i - dof, i // dof
-        matrix[row, i], matrix[row, i - dof] = 1.0, -1.0
+        above[i] = max(fastest, above[i - dof])
+        below[i] = min(-fastest, below[i - dof])
+        row = count + i - dof
+        k = i // dof
+        matrix[row, i] = 1.0
+        matrix[row, i - dof] = -1.0
         change = min(0.5 * (durations[k - 1] + durations[k]) * limits[3, i % dof] * dt, unlimited)
-        above[size + row], below[size + row] = change, -change
+        above[size + row] = change
+        below[size + row] = -change
     matrix[:count, :dof] = rows
     above[size : size + count] = allowed
     sense = np.zeros(len(above), np.int32)

@@ -145,7 +145,8 @@ def _write_mujoco(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) 
 
 
 def _write_parquet(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
-    arrow, parquet = pyarrow(), parquet_writer()
+    arrow = pyarrow()
+    parquet = parquet_writer()
     columns: dict[str, tuple[Array, str]] = {
         "time": (motion.control_time - motion.control_time[0], "s")
     }

@@ -11,8 +11,12 @@ def add_log_residual(values, vectors, whitening, changes, square, gradient, hess
 
     `changes` are the derivatives of M, and X is W (M + ε I) Wᵀ with the whitening W.
     """
-    dof, d = changes.shape[1], changes.shape[2]
-    slopes, product, frame, logs = np.empty((d, d)), np.empty((d, d)), np.empty((d, d)), np.empty(d)
+    dof = changes.shape[1]
+    d = changes.shape[2]
+    slopes = np.empty((d, d))
+    product = np.empty((d, d))
+    frame = np.empty((d, d))
+    logs = np.empty(d)
     rows = np.empty((d * (d + 1) // 2, dof))
     for n in range(len(values)):
         for i in range(d):
@@ -83,13 +87,17 @@ def _accumulate(rows, residual, gradient, hessian):  # type: ignore[no-untyped-d
 def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expected):  # type: ignore[no-untyped-def]
     """Fill `trial` (n, dof) with q + s, s minimizing gᵀs + ½ sᵀ(H + damping I)s within the limits, nearly."""
     dof = q.shape[1]
-    factor, step, moving = np.empty((dof, dof + 1)), np.empty(dof), np.empty(dof, np.int64)
+    factor = np.empty((dof, dof + 1))
+    step = np.empty(dof)
+    moving = np.empty(dof, np.int64)
     free = np.empty(dof, np.bool_)
     for n in range(len(q)):
         for k in range(dof):
             low = q[n, k] <= lower[k] and gradient[n, k] > 0.0
             high = q[n, k] >= upper[k] and gradient[n, k] < 0.0
-            free[k], step[k], trial[n, k] = not (low or high), 0.0, q[n, k]
+            free[k] = not (low or high)
+            step[k] = 0.0
+            trial[n, k] = q[n, k]
         stopped = True
         while stopped:
             stopped = False
@@ -102,7 +110,9 @@ def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expec
             for k in moving[:count]:
                 bounded = min(max(q[n, k] + step[k], lower[k]), upper[k])
                 if bounded != q[n, k] + step[k]:
-                    step[k], free[k], stopped = bounded - q[n, k], False, True
+                    step[k] = bounded - q[n, k]
+                    free[k] = False
+                    stopped = True
                     trial[n, k] = bounded  # rounding could leave q + step just inside the limit
         expected[n] = 0.0
         for k in range(dof):

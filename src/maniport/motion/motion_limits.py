@@ -96,10 +96,9 @@ class MotionLimits:
             joints, default = _checked(content, arm, where)
         except (InvalidInputError, FileFormatError) as error:
             raise (FileFormatError if is_file else InvalidInputError)(str(error)) from None
-        own_names, unlimited = (
-            list(arm.joint_names),
-            set[str](),
-        )  # in the descriptions of the robots
+        # in the descriptions of the robots
+        own_names = list(arm.joint_names)
+        unlimited = set[str]()
         for member, columns in zip(as_group(arm).arms, as_group(arm).columns, strict=True):
             unlimited |= set(member.chain.unlimited)
             for column, name in zip(columns, member.joint_names, strict=True):
@@ -117,10 +116,14 @@ class MotionLimits:
             for name, numbers, own in pairs
             if own in unlimited and not {"lower", "upper"} <= numbers.keys()
         )
-        limits, sources, assumed = dict[str, Array](), dict[str, str](), {"position": tuple(free)}
+        limits = dict[str, Array]()
+        sources = dict[str, str]()
+        assumed = {"position": tuple(free)}
         described = {"velocity": arm.velocity_limits, "effort": arm.effort_limits}
         for quantity in LIMITS:
-            values, chosen, nominal = np.empty(arm.dof), [""] * arm.dof, described.get(quantity)
+            values = np.empty(arm.dof)
+            chosen = [""] * arm.dof
+            nominal = described.get(quantity)
             for i, (_, numbers, own) in enumerate(pairs):
                 candidates = [
                     (numbers.get(quantity), where),
@@ -179,7 +182,8 @@ class MotionLimits:
 
     def held_fault(self, joint: int, torque: float) -> str:
         """Describe what torque gravity needs of a joint, and what helps."""
-        limit, unit = self.effort[joint], {"rad": "N m", "m": "N"}[self.arm.joint_units[joint]]
+        limit = self.effort[joint]
+        unit = {"rad": "N m", "m": "N"}[self.arm.joint_units[joint]]
         return (
             f"{self.arm.joint_names[joint]} needs {torque:.4g} {unit}, its limit is {limit:.4g} {unit}; reduce the "
             "payload, or correct effort limits in a file for --limits"
@@ -200,15 +204,19 @@ class MotionLimits:
         of the joint's range. Velocity, acceleration and jerk are first, second and third differences of
         neighboring samples, at the middle of these samples. Torques are left out where limits or masses are unknown.
         """
-        times, values = as_times(time, fewest=2), as_finite(q, "q")
+        times = as_times(time, fewest=2)
+        values = as_finite(q, "q")
         require_shape(values, "q", (len(times), self.arm.dof), ", one row for each time")
-        step, steps = (times[-1] - times[0]) / (len(times) - 1), np.diff(times)
+        step = (times[-1] - times[0]) / (len(times) - 1)
+        steps = np.diff(times)
         if np.ptp(steps) > 1e-3 * step:
             raise InvalidInputError(
                 f"time must have a constant rate; found steps of {steps.min():g} to {steps.max():g} s"
             )
-        lower, upper = self.arm.lower, self.arm.upper
-        middle, half = 0.5 * (lower + upper), np.maximum(0.5 * (upper - lower), 1e-12)
+        lower = self.arm.lower
+        upper = self.arm.upper
+        middle = 0.5 * (lower + upper)
+        half = np.maximum(0.5 * (upper - lower), 1e-12)
         shares = {"position": np.abs(values - middle) / half}
         derivative = values
         for quantity in DERIVATIVES:
@@ -254,7 +262,8 @@ def _checked(
     )
     joints = {}
     for name, entry in entries.items():
-        own, i = f"{where}: joints: {name}", arm.joint_names.index(name)
+        own = f"{where}: joints: {name}"
+        i = arm.joint_names.index(name)
         joints[name] = numbers(entry, (*LIMITS, "lower", "upper"), own)
         bounds = {"lower": float(arm.lower[i]), "upper": float(arm.upper[i])}
         for key in bounds.keys() & joints[name].keys():

@@ -274,7 +274,8 @@ class RobotMotion(NotebookDisplay):
         **relative: Any,
     ) -> "RobotMotion":
         """Compare the trajectory of a group with the targets of its arms."""
-        clearance, arms = Clearance.of(collisions, trajectory), []
+        clearance = Clearance.of(collisions, trajectory)
+        arms = []
         for i, (problem, columns) in enumerate(zip(problems, group.columns, strict=True)):
             plan = {
                 "clearance": clearance,

@@ -23,7 +23,8 @@ REACHED: tuple[Status, ...] = (
     "followed",
     "nearly followed",
 )  # Statuses of points that are not missed
-ENOUGH_DISTANCE, NEAR_DISTANCE = 0.1, 0.4
+ENOUGH_DISTANCE = 0.1
+NEAR_DISTANCE = 0.4
 """Largest distance of a followed and of a nearly followed ellipsoid: one axis 5 % and 22 % too long."""
 ENOUGH_METRES = 1e-3
 FAR = 3.0  # Position errors of so many times the tolerance of the 95th percentile are large

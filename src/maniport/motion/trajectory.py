@@ -60,10 +60,8 @@ class Trajectory(NotebookDisplay):
         limits: MotionLimits | None = None,
     ) -> "Trajectory":
         """Make a trajectory of control steps, with central differences of the positions."""
-        velocities, accelerations = (
-            np.gradient(positions, control_time, axis=0),
-            np.zeros_like(positions),
-        )
+        velocities = np.gradient(positions, control_time, axis=0)
+        accelerations = np.zeros_like(positions)
         if len(control_time) > 2:  # at the ends those of the neighbors
             slopes = np.diff(positions, axis=0) / np.diff(control_time)[:, None]
             inside = (
@@ -125,11 +123,9 @@ class Trajectory(NotebookDisplay):
         accelerations (``NAME_rad/s2``) and, where masses are known, torques (``NAME_Nm``) or forces (``NAME_N``). An
         apostrophe precedes names that a spreadsheet would evaluate. `OutputError` when the file cannot be written.
         """
-        states, names, header = (
-            self.control_states,
-            [*map(spreadsheet_cell, self.joint_names)],
-            ["time_s"],
-        )
+        states = self.control_states
+        names = [*map(spreadsheet_cell, self.joint_names)]
+        header = ["time_s"]
         for _, units in states.values():
             header += [f"{name}_{unit}" for name, unit in zip(names, units, strict=True)]
         line = (

@@ -259,7 +259,8 @@ def _own_means(truth: Pairs, row: PaperRow) -> list[Line]:
     """Errors of parallel transport with the means of each evaluation trajectory instead of those of the domains."""
     lines = list[Line]()
     for name, (points, images) in truth.items():
-        teacher, student = _raised(points), _raised(images)
+        teacher = _raised(points)
+        student = _raised(images)
         draw = Draw(teacher, student, {name: (teacher, student)})
         for line in measure(ParallelTransport(), [draw], PAPER, OWN_MEANS, row, printed=False):
             lines.append(line | {"samples": str(len(points))})

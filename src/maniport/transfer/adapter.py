@@ -137,11 +137,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         base_rotation = as_base_rotation(self.base_rotation, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
-            self.teacher_damping_, self.student_damping_, self.base_rotation_ = (
-                damping_t,
-                damping_s,
-                base_rotation,
-            )
+            self.teacher_damping_ = damping_t
+            self.student_damping_ = damping_s
+            self.base_rotation_ = base_rotation
             self._fit(self._in_student_frame(cloud_t), cloud_s)
             self._settle()
         except BaseException:  # a mixture of two fits would map wrongly
@@ -234,15 +232,20 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
     def _describe(self, teacher: Array, student: Array) -> None:
         """Set means and dispersions of damped domains, and the identity as the map."""
-        self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
+        self.teacher_mean_ = mean(teacher)
+        self.student_mean_ = mean(student)
         self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
         self.student_dispersion_ = dispersion(student, self.student_mean_)
-        self.rotation_, self.dispersion_ratio_ = np.eye(teacher.shape[-1]), 1.0
+        self.rotation_ = np.eye(teacher.shape[-1])
+        self.dispersion_ratio_ = 1.0
 
     def _set_closed_form(self, reason: str, cost: float = 0.0) -> None:
         """Set the convergence attributes of a fit without iterations."""
-        self.cost_, self.history_ = cost, np.array([cost])
-        self.converged_, self.n_iter_, self.stop_reason_ = True, 0, reason
+        self.cost_ = cost
+        self.history_ = np.array([cost])
+        self.converged_ = True
+        self.n_iter_ = 0
+        self.stop_reason_ = reason
 
     def _compared(self, teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
         """Map the teacher's ellipsoids; return them and the student's, both damped."""

@@ -46,7 +46,8 @@ def _as_text(value: Any, name: str) -> None:
         raise InvalidInputError(f"{name} must be text; found {type(value).__name__}")
 
 
-POSITIVE, NON_NEGATIVE = partial(as_number, above=0.0), partial(as_number, minimum=0.0)
+POSITIVE = partial(as_number, above=0.0)
+NON_NEGATIVE = partial(as_number, minimum=0.0)
 SCHEMA: Schema = {
     "student_mean_": Attribute(("d", "d"), as_spd),
     "teacher_mean_": Attribute(("d", "d"), as_spd),

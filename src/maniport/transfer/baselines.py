@@ -80,7 +80,8 @@ class NearestNeighbor(DomainAdapter):
         limit = as_count(self.n_samples, "n_samples", minimum=2)
         keys, values = (points[evenly_spaced(len(points), limit)] for points in (teacher, student))
         index, gap = nearest(keys, values)
-        self.keys_, self.values_ = keys, values[index]
+        self.keys_ = keys
+        self.values_ = values[index]
         self._describe(teacher, student)
         self._set_closed_form("lookup table", float(np.sqrt(np.mean(gap**2))))
 

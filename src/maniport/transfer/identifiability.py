@@ -42,7 +42,8 @@ class CloudPair:
         self.teacher, self.student = (subsample(vectors, limit) for vectors in whole)
         self._teacher_seeks = len(teacher) <= len(student)
         smaller, larger = whole if self._teacher_seeks else reversed(whole)
-        self._seeking, self._sought = subsample(smaller, seekers), larger
+        self._seeking = subsample(smaller, seekers)
+        self._sought = larger
 
     def distances(self, rotation: Array) -> Distances:
         """Mean distances, shapes (m,) and (n,), from each student's to all turned teachers and from these to all."""
@@ -97,7 +98,8 @@ class CloudPair:
         to 2.4e-4 about the Panda's base axis and 2e-3 to 3e-3 across it, at most 4e-4 in the plane of a planar arm of
         two joints, at least 8.5e-3 in clouds with random covariance.
         """
-        middle, here = self.distances(rotation), self.nearest(rotation)
+        middle = self.distances(rotation)
+        here = self.nearest(rotation)
 
         def sides(step: Array) -> list[Array]:
             return [rotation_from_vector(sign * step) @ rotation for sign in (-1.0, 1.0)]
@@ -108,7 +110,8 @@ class CloudPair:
                 [(-2.0, middle), *((1.0, self.distances(side)) for side in sides(step))]
             )
 
-        directions, free = np.eye(len(rotation) * (len(rotation) - 1) // 2), []
+        directions = np.eye(len(rotation) * (len(rotation) - 1) // 2)
+        free = []
         for _ in range(
             2
         ):  # oblique directions are off by up to 3°; measured again along these they are exact to 0.1°
@@ -116,7 +119,8 @@ class CloudPair:
             hessian = np.diag([difference(step).mean for step in steps])
             for a, first in enumerate(steps):
                 for b, second in enumerate(steps[:a]):
-                    along, across = (first + second) / np.sqrt(2.0), (first - second) / np.sqrt(2.0)
+                    along = (first + second) / np.sqrt(2.0)
+                    across = (first - second) / np.sqrt(2.0)
                     hessian[a, b] = hessian[b, a] = 0.5 * (
                         difference(along).mean - difference(across).mean
                     )
@@ -276,7 +280,9 @@ def _mandel_rotation(rotation: Array) -> Array:
 
 def _distances(vectors: Array, others: Array) -> tuple[Array, Array, Array]:
     """Mean distances from each vector (n, k) to the others (m, k), and from these to all; and to the nearest other."""
-    rows, columns, least = np.empty(len(vectors)), np.zeros(len(others)), np.empty(len(vectors))
+    rows = np.empty(len(vectors))
+    columns = np.zeros(len(others))
+    least = np.empty(len(vectors))
     single = (
         np.ascontiguousarray(array, np.float32) for array in (vectors, others.T)
     )  # twice as fast, exact enough
@@ -293,11 +299,13 @@ def _fill_distances(vectors, others, sums, columns, least):  # type: ignore[no-u
         for k in range(len(others)):
             for j in range(len(squares)):
                 squares[j] += (others[k, j] - vectors[i, k]) ** 2
-        total, smallest = 0.0, squares[0]
+        total = 0.0
+        smallest = squares[0]
         for j in range(len(squares)):
             squares[j] = np.sqrt(squares[j])
             columns[j] += squares[j]
         for j in range(len(squares)):
             total += squares[j]
             smallest = min(smallest, squares[j])
-        sums[i], least[i] = total, smallest
+        sums[i] = total
+        least[i] = smallest

@@ -40,7 +40,8 @@ class RigidMap:
 
     def invert(self, points: Array) -> Array:
         """Map SPD matrices (..., d, d) of the student to the teacher: T̄^½ (Rᵀ S̄^-½ S S̄^-½ R)^(1/s) T̄^½."""
-        left, right = self.rotation.T @ roots(self.student_mean)[1], roots(self.teacher_mean)[0]
+        left = self.rotation.T @ roots(self.student_mean)[1]
+        right = roots(self.teacher_mean)[0]
         return power_congruence(left, points, 1.0 / self.ratio, right)
 
 
@@ -102,7 +103,8 @@ class MeanTransport(RigidAdapter):
     """
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        self.rotation_, self.dispersion_ratio_ = np.eye(teacher.shape[-1]), 1.0
+        self.rotation_ = np.eye(teacher.shape[-1])
+        self.dispersion_ratio_ = 1.0
         self._set_closed_form("closed form")
 
 

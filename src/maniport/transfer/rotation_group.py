@@ -28,7 +28,8 @@ def rotation_from_vector(vector: Array) -> Array:
     d = round((1 + math.sqrt(1 + 8 * len(vector))) / 2)
     skew = np.zeros((d, d))
     for angle, (row, column) in zip(vector, rotation_planes(d), strict=True):
-        skew[row, column], skew[column, row] = angle, -angle
+        skew[row, column] = angle
+        skew[column, row] = -angle
     if d > 3:
         return np.asarray(expm(skew))
     angle = math.sqrt(vector @ vector) or 1e-300

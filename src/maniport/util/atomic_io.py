@@ -207,7 +207,9 @@ def _exchange(first: Path, second: Path) -> bool:
     """Exchange two folders in one operation of Linux; False where the system cannot."""
     import ctypes
 
-    here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    # AT_FDCWD, RENAME_EXCHANGE
+    here = -100
+    exchange = 2
     with suppress(AttributeError, OSError, TypeError):
         rename = ctypes.CDLL(None).renameat2
         return bool(rename(here, os.fsencode(first), here, os.fsencode(second), exchange) == 0)

@@ -7,12 +7,13 @@ UNKNOWN = "unknown"  # base rotation that the method has to estimate
 
 BOTH = "both"  # side of a person with both arms
 
-PERSON, ROBOT = "myoarm", "panda"  # human arm model and robot
+# human arm model and robot
+PERSON = "myoarm"
+ROBOT = "panda"
 DAMPING = 0.01  # relative damping ρ: hardly changes long axes, and singular ellipsoids get finite distances
-TEACHER_SAMPLES, STUDENT_SAMPLES = (
-    4096,
-    16384,
-)  # sizes of the sampled domains, sufficient for arms of seven joints
+# sizes of the sampled domains, sufficient for arms of seven joints
+TEACHER_SAMPLES = 4096
+STUDENT_SAMPLES = 16384
 
 POSITION_TOLERANCE = 5e-3  # position tolerance of the end effector [m]
 MARGIN = 0.02  # share of a joint's range that is kept free at either end

@@ -157,7 +157,8 @@ def _load(
     path: str | os.PathLike[str], what: str, name: str, shape: tuple[Any, ...]
 ) -> tuple[Array, Array | None]:
     """Return the array of that name, and its times where there are any."""
-    arrays, where = load_arrays(path, what, (name, "time")), f"in {str(path)!r}"
+    arrays = load_arrays(path, what, (name, "time"))
+    where = f"in {str(path)!r}"
     if name not in arrays:
         held = some_of(array_names(path, what))
         raise FileFormatError(f"{what} {str(path)!r} has no array {name!r}; it holds {held}")

@@ -84,7 +84,8 @@ class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
 
 def _digest(function: Callable[..., Any]) -> str:
     """Digest of the files of a function and of the compiled functions that it calls."""
-    files, waiting = set[str](), [function]
+    files = set[str]()
+    waiting = [function]
     while waiting:
         function = waiting.pop()
         files.add(inspect.getfile(function))

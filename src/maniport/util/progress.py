@@ -21,7 +21,8 @@ class Step:
     """One step of long work: called with the fraction done, it reports that with the name of the step."""
 
     def __init__(self, progress: Progress | None, name: str):
-        self._progress, self._name = progress, name
+        self._progress = progress
+        self._name = name
         self(0.0)
 
     def __call__(self, fraction: float) -> None:

@@ -8,15 +8,20 @@ from maniport.util.jit import kernel
 @kernel
 def vouch(matrices, results, fraction, tolerance, low, high, definite):  # type: ignore[no-untyped-def]
     """Write the symmetric parts of matrices (count, n, n); True when each is certainly finite, symmetric and SPD."""
-    count, n = matrices.shape[0], matrices.shape[1]
-    writes, factor = len(results) > 0, np.empty((n, n))
+    count = matrices.shape[0]
+    n = matrices.shape[1]
+    writes = len(results) > 0
+    factor = np.empty((n, n))
     margin = 4.0 * n * np.finfo(np.float64).eps
     for row in range(count):
-        gap, scale, trace = 0.0, 0.0, 0.0
+        gap = 0.0
+        scale = 0.0
+        trace = 0.0
         for i in range(n):
             trace += matrices[row, i, i]
             for j in range(i + 1):
-                x, y = matrices[row, i, j], matrices[row, j, i]
+                x = matrices[row, i, j]
+                y = matrices[row, j, i]
                 if not (abs(x) < high and abs(y) < high):  # nan, too
                     return False
                 gap = max(gap, abs(x - y))

@@ -13,14 +13,16 @@ from maniport.errors import InvalidInputError, NotSPDError, shown, spoken, unkno
 Array = NDArray[np.float64]
 Rows = slice | NDArray[np.intp] | NDArray[np.bool_]  # Selection of rows of an array
 
-MIN_DIMENSION, MAX_DIMENSION = 2, 12
+MIN_DIMENSION = 2
+MAX_DIMENSION = 12
 SYMMETRY_TOLERANCE = 1e-8  # Largest |A - Aᵀ| that counts as rounding, relative to the largest entry
 SPD_TOLERANCE = 1e-14
 """Largest ratio of the smallest eigenvalue to the trace of a matrix that counts as singular.
 
 It lies above the rounding of J Jᵀ with a rank-deficient J (about 1e-16) and admits condition numbers up to about 1e13.
 """
-MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-70, 1e70
+MIN_MAGNITUDE = 1e-70
+MAX_MAGNITUDE = 1e70
 """Range of a nonzero trace: beyond it, products of eigenvalues overflow or underflow."""
 MAX_POSITION = 1e4  # Larger positions [m] are in another unit
 LATEST = 1e12  # Later times [s], even since 1970, are in another unit
@@ -37,8 +39,10 @@ class Bounds(TypedDict, total=False):
 
 def inside(values: Any, bounds: Bounds) -> Any:
     """Return which numbers lie in a range."""
-    low, above = bounds.get("minimum", -np.inf), bounds.get("above", -np.inf)
-    high, below = bounds.get("maximum", np.inf), bounds.get("below", np.inf)
+    low = bounds.get("minimum", -np.inf)
+    above = bounds.get("above", -np.inf)
+    high = bounds.get("maximum", np.inf)
+    below = bounds.get("below", np.inf)
     return (values >= low) & (values > above) & (values <= high) & (values < below)
 
 

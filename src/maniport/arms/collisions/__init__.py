@@ -110,8 +110,12 @@ class Collisions(NotebookDisplay):
         reason: str = "",
         surroundings: Mapping[str, Any] | None = None,
     ):
-        self.arm, self.reason, self.checked = arm, reason, not reason
-        self._solids, self._pairs, self._selected = solids, selected.pairs, selected
+        self.arm = arm
+        self.reason = reason
+        self.checked = not reason
+        self._solids = solids
+        self._pairs = selected.pairs
+        self._selected = selected
         self._surroundings = dict(surroundings or {})
         self.pairs, self.always, never, self._full = (
             tuple(dict.fromkeys(self._names(pairs))) for pairs in selected[:4]
@@ -147,7 +151,8 @@ class Collisions(NotebookDisplay):
         FileFormatError
             When obstacles or SRDF cannot be read.
         """
-        group, height = as_group(arm), -np.inf if table is None else as_number(table, "table")
+        group = as_group(arm)
+        height = -np.inf if table is None else as_number(table, "table")
         boxes = [box.hull() for box in as_boxes(obstacles)]
         disabled = set() if srdf is None else disabled_pairs(srdf, arm)
         surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf}
@@ -173,7 +178,8 @@ class Collisions(NotebookDisplay):
     @cached_property
     def between(self) -> "Collisions":
         """Collisions between different arms of a group only."""
-        every, across = self._selected, self._selected.across
+        every = self._selected
+        across = self._selected.across
         selected = every._replace(
             pairs=every.pairs[across], share=every.share[across], across=across[across]
         )
@@ -254,21 +260,20 @@ class Collisions(NotebookDisplay):
     def nearest(self, q: ArrayLike) -> Nearest:
         """Compute the clearance and the names of the closest pair; empty if nothing is checked."""
         flat, shape = self._flat(q)
-        least, which = np.full(len(flat), np.inf), np.full(len(flat), len(self._pairs))
+        least = np.full(len(flat), np.inf)
+        which = np.full(len(flat), len(self._pairs))
         for part in _blocks(len(flat)) if len(self._pairs) else ():
-            left, reach = (
-                np.arange(part.start, part.stop),
-                0.02,
-            )  # pairs nearer than this are measured first [m]
+            # pairs nearer than this are measured first [m]
+            left = np.arange(part.start, part.stop)
+            reach = 0.02
             while len(left):
                 rows, columns, distances, *_ = self._solids.contacts(flat[left], self._pairs, reach)
                 order = np.lexsort((columns, distances, rows))
                 nearest, at = np.unique(rows[order], return_index=True)
-                least[left[nearest]], which[left[nearest]] = (
-                    distances[order][at],
-                    columns[order][at],
-                )
-                left, reach = left[least[left] > reach], 2.0 * reach
+                least[left[nearest]] = distances[order][at]
+                which[left[nearest]] = columns[order][at]
+                left = left[least[left] > reach]
+                reach = 2.0 * reach
         names = np.array([*self._names(self._pairs), ("", "")])[which]
         return Nearest(least.reshape(shape), names[:, 0].reshape(shape), names[:, 1].reshape(shape))
 
@@ -281,14 +286,14 @@ class Collisions(NotebookDisplay):
         With `scaled`, distances of links with at most two coordinates between them, which need a quarter of the
         clearance, are multiplied by four.
         """
-        flat, pairs, solids = self._flat(q)[0], self._pairs, self._solids
+        flat = self._flat(q)[0]
+        pairs = self._pairs
+        solids = self._solids
         share = self._selected.share if scaled else np.ones(len(pairs))
         contacts = solids.contacts(flat, pairs, as_number(threshold, "threshold") * share)
         share = share[contacts.columns]
-        distance, slope = (
-            contacts.distances / share,
-            solids.slopes(flat, pairs, contacts) / share[:, None],
-        )
+        distance = contacts.distances / share
+        slope = solids.slopes(flat, pairs, contacts) / share[:, None]
         kept = distance < threshold
         return contacts.rows[kept], distance[kept], slope[kept]
 

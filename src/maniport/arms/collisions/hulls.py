@@ -24,7 +24,9 @@ from maniport.arms.meshes import (
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
-MOST_CORNERS, FINE_CORNERS = 96, 256  # of a hull, and of one of several of a mesh
+# of a hull, and of one of several of a mesh
+MOST_CORNERS = 96
+FINE_CORNERS = 256
 CIRCLES = 96  # corners of a cylinder, whose hull needs all of them
 MOST_SOLIDS = 400  # of an arm: 400 solids of 1 cm³ take 0.4 ms for each configuration
 CORE_THICKNESS = 2e-5  # half the size of cubes in place of the points of a core with a radius [m]
@@ -78,17 +80,18 @@ class Hull:
                 )  # a new corner may make its neighbors redundant
                 chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
             corners = outline[chosen]
-        vertices, skin = coal.StdVec_Vec3s(), 0.0
+        vertices = coal.StdVec_Vec3s()
+        skin = 0.0
         vertices.extend(list(corners))
         solid = coal.Convex.convexHull(vertices, True, "Qt")
         corners = np.ascontiguousarray(solid.points())
         if len(outline) > len(corners):
-            here, there, sphere = coal.Transform3s(), coal.Transform3s(), coal.Sphere(0.0)
-            request, result, faces = (
-                coal.DistanceRequest(),
-                coal.DistanceResult(),
-                ConvexHull(corners).equations,
-            )
+            here = coal.Transform3s()
+            there = coal.Transform3s()
+            sphere = coal.Sphere(0.0)
+            request = coal.DistanceRequest()
+            result = coal.DistanceResult()
+            faces = ConvexHull(corners).equations
             for point in outline[(outline @ faces[:, :3].T + faces[:, 3] > 0.0).any(axis=1)]:
                 there.setTranslation(point)
                 result.clear()
@@ -287,7 +290,8 @@ class _Piece:
 
     def halves(self, any_axis: bool) -> list["_Piece"]:
         """Cut at the fraction of the length, in sixths, where both hulls together are smallest."""
-        low, high = self.triangles.min(axis=(0, 1)), self.triangles.max(axis=(0, 1))
+        low = self.triangles.min(axis=(0, 1))
+        high = self.triangles.max(axis=(0, 1))
         cuts = [[self]]
         for axis in range(3) if any_axis else [int(np.argmax(high - low))]:
             for at in np.linspace(low[axis], high[axis], 7)[1:-1].tolist():
@@ -307,7 +311,8 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
     above = triangles[..., axis] > at
     count = above.sum(axis=1)
     crossing = (count > 0) & (count < 3)
-    split, upper = triangles[crossing], above[crossing]
+    split = triangles[crossing]
+    upper = above[crossing]
     lone = np.argmax(
         upper == (upper.sum(axis=1) == 1)[:, None], axis=1
     )  # the corner alone on its side
@@ -315,10 +320,8 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
     a, b, c = (split[rows, (lone + k) % 3] for k in range(3))
     share = [(at - a[:, axis]) / (end[:, axis] - a[:, axis]) for end in (b, c)]
     ab, ac = (a + part[:, None] * (end - a) for part, end in zip(share, (b, c), strict=True))
-    corners, stumps = (
-        np.stack([a, ab, ac], axis=1),
-        [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)],
-    )
+    corners = np.stack([a, ab, ac], axis=1)
+    stumps = [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
     corner_above = upper[rows, lone]
     below_plane = [
         triangles[count == 0],
@@ -375,7 +378,8 @@ def lowest_point(arm: Arm, time: Array, q: Array) -> Lowest | None:
         hulls = [hull for part in parts_of(arm.geometry) if part.joint for hull in hulls_of(part)]
     except FileFormatError:
         return None
-    poses, lowest = arm.link_poses(q), list[Lowest]()
+    poses = arm.link_poses(q)
+    lowest = list[Lowest]()
     for hull in hulls:
         vertical = poses[:, hull.joint, 2]
         heights = (vertical[:, :3] @ hull.corners.T).min(axis=1) + vertical[:, 3] - hull.skin

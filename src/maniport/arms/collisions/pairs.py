@@ -18,10 +18,9 @@ from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 
 FIRST = 1024  # samples that estimate how often hulls meet; the others are used before a pair is left out
-OFTEN, NEARLY_ALL = (
-    0.05,
-    0.9,
-)  # shares of these samples above which meshes decide, and overlap by design
+# shares of these samples above which meshes decide, and overlap by design
+OFTEN = 0.05
+NEARLY_ALL = 0.9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,11 +79,9 @@ def select_pairs(
 
 def _bodies(group: ArmGroup) -> list[Body]:
     """All bodies of the first arm, then those of each further arm alone; empty without the shapes of an arm."""
-    listed, robots, common = (
-        [parts_of(arm.geometry) for arm in group.arms],
-        _robots(group),
-        group.common,
-    )
+    listed = [parts_of(arm.geometry) for arm in group.arms]
+    robots = _robots(group)
+    common = group.common
     if not all(any(part.own and not part.is_plane for part in parts) for parts in listed):
         return []
     bodies: list[Body] = []
@@ -107,10 +104,11 @@ def _bodies(group: ArmGroup) -> list[Body]:
 
 def _robots(group: ArmGroup) -> NDArray[np.intp]:
     """Index of the robot of each arm: arms of one robot have a frame in the same place in common."""
-    robots, places = np.arange(len(group)), [
+    robots = np.arange(len(group))
+    places = [
         {(name, frame.joint, frame.placement.tobytes()) for name, frame in arm.chain.frames.items()}
         for arm in group.arms
-    ]  # fmt: skip
+    ]
     for i, k in combinations(range(len(group)), 2):
         if any(joint <= group.common[i, k] for _, joint, _ in places[i] & places[k]):
             robots[robots == robots[k]] = robots[i]
@@ -136,7 +134,8 @@ class _Selection:
         ]  # fmt: skip
         self.group = group
         self.excluded: dict[tuple[str, str], None] = {}  # pairs that the description excludes
-        self.bodies, self.solids = bodies, Solids(group.kinematics, [*hulls, *boxes], table)
+        self.bodies = bodies
+        self.solids = Solids(group.kinematics, [*hulls, *boxes], table)
         self.owners = np.repeat(
             np.arange(len(bodies)), [len(own) for own in enclosed]
         )  # body of each hull
@@ -151,7 +150,8 @@ class _Selection:
         checked = {bodies[owner].name for owner in self.owners[np.concatenate([a, b])].tolist()}
         alone = [name for pair in self.excluded for name in pair if name not in checked]
         self.isolated = tuple(dict.fromkeys(alone))
-        count, moving = len(hulls), [i for i, hull in enumerate(hulls) if hull.joint]
+        count = len(hulls)
+        moving = [i for i, hull in enumerate(hulls) if hull.joint]
         around = [*range(count, count + len(boxes)), *([TABLE] if np.isfinite(table) else [])]
         self.pairs = np.array(
             [*zip(b, a, strict=True), *((i, k) for i in moving for k in around)], dtype=np.int64
@@ -194,7 +194,10 @@ class _Selection:
 
     def classified(self) -> tuple[SelectedPairs, set[Part]]:
         """Return the pairs by class, see `Collisions`, and the parts whose hulls are too coarse."""
-        solids, pairs, links, q = self.solids, self.pairs, self.links, self.q
+        solids = self.solids
+        pairs = self.pairs
+        links = self.links
+        q = self.q
         near = links & (self.between[tuple(self.ends.T)] <= 2)
         # samples miss the nearest configuration; those of two coordinates are 2° to 4° apart
         reach = np.where(near, 0.005, np.where(links, 0.1, 0.02))
@@ -206,7 +209,8 @@ class _Selection:
             never[never] = (further > reach[never]).all(axis=0)
         hits = np.array(bounds <= 0.0, dtype=np.bool_)
         always = self._touching_surroundings(hits)
-        unresolved, coarse = np.zeros_like(always), set[Part]()
+        unresolved = np.zeros_like(always)
+        coarse = set[Part]()
         for a, b in np.unique(self.ends[links & ~never & hits.any(axis=0)], axis=0).tolist():
             columns = np.flatnonzero(links & ~never & (self.ends == (a, b)).all(axis=1))
             meeting = np.asarray(hits[:, columns].any(axis=1))
@@ -242,7 +246,8 @@ class _Selection:
 
     def _touching_surroundings(self, hits: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Pairs with table or boxes that touch in all samples; an error where they must not."""
-        solids, always = self.solids, np.asarray(hits.all(axis=0) & ~self.links)
+        solids = self.solids
+        always = np.asarray(hits.all(axis=0) & ~self.links)
         for k in np.flatnonzero(always):
             always[k] = np.all(solids.contacts(self.q[:FIRST], self.pairs[[k]]).distances <= 0.0)
         last = {
@@ -272,11 +277,10 @@ class _Selection:
 
     def _meshes_touch(self, a: int, b: int, q: Array) -> NDArray[np.bool_]:
         """Whether the meshes of two bodies touch at configurations (n, dof), shape (n,)."""
-        request, result = coal.CollisionRequest(), coal.CollisionResult()
-        touching, (first, second) = (
-            np.zeros(len(q), dtype=np.bool_),
-            (self.bodies[i] for i in (a, b)),
-        )
+        request = coal.CollisionRequest()
+        result = coal.CollisionResult()
+        touching = np.zeros(len(q), dtype=np.bool_)
+        (first, second) = (self.bodies[i] for i in (a, b))
         solids = _mesh_solid(first.part), _mesh_solid(second.part)
         for row, (turns, origins) in enumerate(zip(*self.solids.tree.link_poses(q), strict=True)):
             at, other = (
@@ -291,7 +295,9 @@ class _Selection:
 
         Feet and rounded meshes may reach `sunk` [m] into a table or box.
         """
-        solids, hulls, count = self.solids, self.solids.hulls, len(self.owners)
+        solids = self.solids
+        hulls = self.solids.hulls
+        count = len(self.owners)
         fixed = [
             i
             for i in range(count)
@@ -299,7 +305,8 @@ class _Selection:
         ]
         zero = np.zeros((1, solids.tree.coupling.shape[1]))
         for i in fixed:
-            body, hull = self.bodies[self.owners[i]], hulls[i]
+            body = self.bodies[self.owners[i]]
+            hull = hulls[i]
             if (
                 not body.part.own
             ):  # a leg or another arm may reach below a table in front of the robot
@@ -316,7 +323,8 @@ class _Selection:
             for k in (*others, *range(count, len(hulls))):
                 depth = -float(solids.contacts(zero, np.array([[i, k]])).distances[0])
                 if depth > sunk:
-                    own, other = hull.name, hulls[k].name
+                    own = hull.name
+                    other = hulls[k].name
                     what = f"bases: {own!r} is {depth:.3f} m deep in {other!r}"
                     if k >= count:
                         what = f"obstacles: {other!r} intersects the robot's base: {own!r} is {depth:.3f} m deep in it"
@@ -332,7 +340,8 @@ def _candidates(
 
     All have the shape (bodies, bodies). Contacts of an MJCF are not considered.
     """
-    tree, links = group.kinematics, np.array([body.link for body in bodies])
+    tree = group.kinematics
+    links = np.array([body.link for body in bodies])
     paths = tree.moves[links]
     between = ((paths[:, None] != paths).astype(np.intp) @ (tree.coupling != 0) > 0).sum(axis=-1)
     occupied = {0}  # links with a frame
@@ -345,7 +354,8 @@ def _candidates(
     adjacent = (
         (np.array(above)[links][:, None] == links) & (links[:, None] > links) & own[:, None] & own
     )
-    robots, names = np.array([body.robot for body in bodies]), [body.part.name for body in bodies]
+    robots = np.array([body.robot for body in bodies])
+    names = [body.part.name for body in bodies]
     off = np.array([[frozenset((a, b)) in disabled for b in names] for a in names], dtype=np.bool_)
     same_robot = robots[:, None] == robots
     candidates = ~(same_robot & (adjacent | adjacent.T | (between == 0) | off))

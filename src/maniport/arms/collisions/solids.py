@@ -33,7 +33,9 @@ class Solids:
     """Hulls of an arm or a group and a table at a height [m], as arrays for compiled code."""
 
     def __init__(self, tree: Kinematics, hulls: Sequence[Hull], table: float):
-        self.hulls, self.table, self.tree = tuple(hulls), table, tree
+        self.hulls = tuple(hulls)
+        self.table = table
+        self.tree = tree
         joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
         self._links = np.append(joints, 0)  # the last is the table, fixed to the base
         self._shapes = [
@@ -55,7 +57,8 @@ class Solids:
 
     def distance_bounds(self, q: Array, pairs: Pairs, sufficient: float | Array) -> Array:
         """Lower bounds of the distances of pairs [m], (n, pairs), for q (n, dof); not refined above `sufficient`."""
-        bounds, margins = np.empty((len(q), len(pairs))), np.zeros(len(pairs)) + sufficient
+        bounds = np.empty((len(q), len(pairs)))
+        margins = np.zeros(len(pairs)) + sufficient
         _fill_distance_bounds(
             *self.tree.link_poses(q), *self._arrays, pairs, margins, self.table, bounds
         )
@@ -66,14 +69,13 @@ class Solids:
     ) -> Contacts:
         """Measure the pairs that may be within a margin [m], common or per pair, at configurations (n, dof)."""
         rows, columns = np.nonzero(self.distance_bounds(q, pairs, margin) <= margin)
-        distances, normals, points = (
-            np.empty(len(rows)),
-            np.empty((len(rows), 3)),
-            np.empty((len(rows), 3)),
-        )
+        distances = np.empty(len(rows))
+        normals = np.empty((len(rows), 3))
+        points = np.empty((len(rows), 3))
         if not len(rows):  # most control steps
             return Contacts(rows, columns, distances, normals, points)
-        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        request = coal.DistanceRequest()
+        result = coal.DistanceResult()
         request.enable_signed_distance = depths
         used, which = (
             np.unique(rows, return_inverse=True)
@@ -81,7 +83,8 @@ class Solids:
             else (np.zeros(1, dtype=np.intp), rows)
         )
         turns, origins = self.tree.link_poses(q[used])
-        links, ends = self._links[pairs[columns]].tolist(), pairs[columns].tolist()
+        links = self._links[pairs[columns]].tolist()
+        ends = pairs[columns].tolist()
         moved = {
             (row, link) for row, own in zip(which.tolist(), links, strict=True) for link in own
         }
@@ -89,12 +92,11 @@ class Solids:
         for k, row in enumerate(which.tolist()):
             (a, b), (link_a, link_b) = ends[k], links[k]
             result.clear()
-            first, second = (
-                (self._shapes[a], places[row, link_a]),
-                (self._shapes[b], places[row, link_b]),
-            )
+            first = (self._shapes[a], places[row, link_a])
+            second = (self._shapes[b], places[row, link_b])
             distances[k] = coal.distance(*first, *second, request, result)
-            normals[k], points[k] = -result.normal, result.getNearestPoint1()
+            normals[k] = -result.normal
+            points[k] = result.getNearestPoint1()
         return Contacts(
             rows, columns, distances - self._skins[pairs[columns]].sum(axis=1), normals, points
         )
@@ -143,7 +145,8 @@ def _fill_distance_bounds(  # type: ignore[no-untyped-def]
                 )
         for p in range(len(pairs)):
             a, b = pairs[p]
-            j, skin = joints[a], skins[a] + skins[b]
+            j = joints[a]
+            skin = skins[a] + skins[b]
             sufficient = margins[p] + skin
             if b < 0:
                 height = middles[a, 2] - radii[a] - table
@@ -156,11 +159,9 @@ def _fill_distance_bounds(  # type: ignore[no-untyped-def]
                     )
                 bounds[n, p] = height - skin
                 continue
-            x, y, z = (
-                middles[a, 0] - middles[b, 0],
-                middles[a, 1] - middles[b, 1],
-                middles[a, 2] - middles[b, 2],
-            )
+            x = middles[a, 0] - middles[b, 0]
+            y = middles[a, 1] - middles[b, 1]
+            z = middles[a, 2] - middles[b, 2]
             distance = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
             if distance <= sufficient:
                 distance = _apart(
@@ -173,11 +174,13 @@ def _fill_distance_bounds(  # type: ignore[no-untyped-def]
 @part
 def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
     """Smallest product of a direction with corners, and the index of the corner."""
-    least, where = np.inf, first
+    least = np.inf
+    where = first
     for i in range(first, last):
         value = x * corners[i, 0] + y * corners[i, 1] + z * corners[i, 2]
         if value < least:
-            least, where = value, i
+            least = value
+            where = i
     return least, where
 
 
@@ -210,15 +213,21 @@ def _apart(  # type: ignore[no-untyped-def]
         most = max(most, between / length - 1e-9)  # rounding
         if most > sufficient:
             break
-        w0, w1, w2 = at_a[0] - at_b[0], at_a[1] - at_b[1], at_a[2] - at_b[2]
+        w0 = at_a[0] - at_b[0]
+        w1 = at_a[1] - at_b[1]
+        w2 = at_a[2] - at_b[2]
         for m in range(3):
             w0 += turn_a[0, m] * corners[i, m] - turn_b[0, m] * corners[j, m]
             w1 += turn_a[1, m] * corners[i, m] - turn_b[1, m] * corners[j, m]
             w2 += turn_a[2, m] * corners[i, m] - turn_b[2, m] * corners[j, m]
-        u0, u1, u2 = x - w0, y - w1, z - w2
+        u0 = x - w0
+        u1 = y - w1
+        u2 = z - w2
         change = u0 * u0 + u1 * u1 + u2 * u2
         if not change > 0.0:
             break
         step = min(1.0, max(0.0, (x * u0 + y * u1 + z * u2) / change))
-        x, y, z = x - step * u0, y - step * u1, z - step * u2
+        x = x - step * u0
+        y = y - step * u1
+        z = z - step * u2
     return most

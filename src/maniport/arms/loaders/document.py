@@ -242,18 +242,20 @@ def parsed(
         else:
             text = content
         require_at_most(text.count("<"), TAGS, "tags", path)
-        builder, parser = (
-            ElementTree.TreeBuilder(),
-            expat.ParserCreate(),
-        )  # prefixes need no declaration
-        parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+        # prefixes need no declaration
+        builder = ElementTree.TreeBuilder()
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = builder.start
+        parser.EndElementHandler = builder.end
         parser.Parse(text, True)
         root = builder.close()
     except expat.ExpatError as error:
         raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
-    level, depth = [root], 0
+    level = [root]
+    depth = 0
     while level:
-        level, depth = [child for element in level for child in element], depth + 1
+        level = [child for element in level for child in element]
+        depth = depth + 1
     require_at_most(depth, NESTING, "levels of elements within elements", path)
     return root
 

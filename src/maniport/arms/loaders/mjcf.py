@@ -65,13 +65,15 @@ def read(path: Path, root: Element, folders: Sequence[Path] = ()) -> RobotModel:
         name, element = waiting.pop()
         if element.tag == "body":
             body = _body(model, document, name, element)
-            model.bodies[body.name], name = body, body.name
+            model.bodies[body.name] = body
+            name = body.name
         for site in element.findall("site[@name]"):
             model.sites.setdefault(site.get("name", ""), (name, document.pose(site)))
         waiting += [(name, child) for child in reversed(element.findall("body"))]
     for joint in document.root.findall("equality/joint"):
         if document.attribute(joint, "active") != "false":
-            follower, leader = joint.get("joint1", ""), joint.get("joint2")
+            follower = joint.get("joint1", "")
+            leader = joint.get("joint2")
             c = [*document.numbers(joint, "polycoef", None, "0 1 0 0 0").tolist(), 0.0]
             offset = (
                 c[0] + document.rest(follower) - c[1] * document.rest(leader)
@@ -116,7 +118,9 @@ def _set_gravity(model: RobotModel, document: Document) -> None:
 
 def _body(model: RobotModel, document: Document, parent: str, element: Element) -> RobotBody:
     """Return a body with the joints that move it."""
-    placement, joints, inertia = document.pose(element), list[Joint](), _inertia(document, element)
+    placement = document.pose(element)
+    joints = list[Joint]()
+    inertia = _inertia(document, element)
     kinds = {
         joint: document.attribute(joint, "type") or "hinge" for joint in element.findall("joint")
     }
@@ -131,11 +135,9 @@ def _body(model: RobotModel, document: Document, parent: str, element: Element) 
         )
     for joint, kind in kinds.items():
         if kind in ("hinge", "slide"):
-            name, axis, at = (
-                joint.get("name", ""),
-                document.numbers(joint, "axis", 3, "0 0 1"),
-                np.eye(4),
-            )
+            name = joint.get("name", "")
+            axis = document.numbers(joint, "axis", 3, "0 0 1")
+            at = np.eye(4)
             at[:3, 3] = document.numbers(joint, "pos", 3, "0 0 0")
             low, high = document.range(joint, "range", "limited") * document.unit(joint)
             moving = model.joint(
@@ -274,7 +276,8 @@ def _shape(
     if kind == "plane":
         placement = document.pose(geom)
         placement = placement @ PLANE_PLACEMENT
-        kind, sizes = "box", PLANE_SIZES
+        kind = "box"
+        sizes = PLANE_SIZES
     elif title is None and kind in SIZES:
         placement, sizes = _solid(document, geom, kind)
     elif title in assets.files and kind in SIZES:
@@ -321,11 +324,13 @@ def _fitted(
 
 def _solid(document: Document, geom: Element, kind: str) -> tuple[Array, list[float]]:
     """Pose (4, 4) and sizes of a simple solid; `fromto` are the ends of its z axis."""
-    factors, size = np.array(SIZES[kind]), document.numbers(geom, "size", None)
+    factors = np.array(SIZES[kind])
+    size = document.numbers(geom, "size", None)
     placement = document.pose(geom)
     if document.attribute(geom, "fromto") is not None:
         ends = document.numbers(geom, "fromto", 6).reshape(2, 3)
-        placement[:3, :3], placement[:3, 3] = rotation_to(ends[0] - ends[1]), ends.mean(axis=0)
+        placement[:3, :3] = rotation_to(ends[0] - ends[1])
+        placement[:3, 3] = ends.mean(axis=0)
         size = np.append(
             np.full(len(factors) - 1, size[0]), 0.5 * np.linalg.norm(ends[0] - ends[1])
         )
@@ -342,7 +347,8 @@ class _Assets:
     """Meshes of a document by their names."""
 
     def __init__(self, document: Document, paths: MeshPaths):
-        self.document, self.paths = document, paths
+        self.document = document
+        self.paths = paths
         self.files: dict[str | None, tuple[Element, str]] = {}
         folder = document.options.get("meshdir", document.options.get("assetdir", ""))
         for mesh in document.root.iterfind("asset/mesh"):
@@ -361,7 +367,8 @@ class _Assets:
 
     def mesh(self, title: str | None) -> Mesh:
         """Read the mesh of an asset, of its file or of the points in the document."""
-        document, paths = self.document, self.paths
+        document = self.document
+        paths = self.paths
         element, name = self.files[title]
         if name:
             file = paths.find(name)

@@ -102,14 +102,16 @@ class Document:
         """Return an attribute of an element, its own or that of its default class; actuators share their defaults."""
         if element.get(attribute) is not None or element.tag in ("body", "inertial"):
             return element.get(attribute)
-        name, node = element.get("class"), self.parents.get(element)
+        name = element.get("class")
+        node = self.parents.get(element)
         tags: tuple[str, ...] = (element.tag,)
         if element.tag in ACTUATORS:
             tags = ACTUATORS
         elif node is not None and node.tag in ("equality", "tendon"):
             tags = (node.tag,)
         while name is None and node is not None:
-            name, node = node.get("childclass"), self.parents.get(node)
+            name = node.get("childclass")
+            node = self.parents.get(node)
         top = self.root.find("default")
         entry = next(
             (d for d in self.root.iter("default") if name is not None and d.get("class") == name),
@@ -132,7 +134,8 @@ class Document:
         least: float = -np.inf,
     ) -> Array:
         """Numbers of an attribute, its own or that of a class."""
-        text, title = self.attribute(element, name), element.get("name", element.get("joint"))
+        text = self.attribute(element, name)
+        title = element.get("name", element.get("joint"))
         where = f"{self.path}: <{element.tag}>{'' if title is None else f' {title!r}'} needs {name}"
         return numbers(default if text is None else text, count, where, most, least)
 
@@ -144,10 +147,8 @@ class Document:
     def pose(self, element: Element) -> Array:
         """Pose (4, 4) of an element in the frame of its body."""
         result = np.eye(4)
-        result[:3, :3], result[:3, 3] = (
-            self._rotation(element),
-            self.numbers(element, "pos", 3, "0 0 0"),
-        )
+        result[:3, :3] = self._rotation(element)
+        result[:3, 3] = self.numbers(element, "pos", 3, "0 0 0")
         return result
 
     def reference(self, mesh: Element) -> tuple[Array, Array]:

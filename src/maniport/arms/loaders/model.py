@@ -195,7 +195,8 @@ class Limbs:
     """The limbs of a robot, by the last moving body of each; fingers are no limbs unless their joints are `wanted`."""
 
     def __init__(self, model: RobotModel, wanted: Collection[str] = ()):
-        self.model, self._wanted = model, set(wanted)
+        self.model = model
+        self._wanted = set(wanted)
         self._paths: dict[
             str, list[RobotBody]
         ] = {}  # bodies with joints from the base to each body
@@ -261,7 +262,8 @@ class Limbs:
 
     def choose(self) -> str:
         """Choose the end of the limb with most of the wanted joints, or of most joints."""
-        source, wanted = self.model.path, self._wanted
+        source = self.model.path
+        wanted = self._wanted
         size = {
             end: (len(wanted.intersection(self._joints(end))), len(self._joints(end)))
             for end in self._ends
@@ -492,7 +494,8 @@ class Limbs:
 
     def _beyond(self, end: str) -> set[str]:
         """Names of the joints beyond a body."""
-        names, waiting = set[str](), list(self._below[end])
+        names = set[str]()
+        waiting = list(self._below[end])
         while waiting:
             body = waiting.pop()
             names.update(joint.name for joint in body.joints)

@@ -293,7 +293,8 @@ def _of_mujoco(model: "mujoco.MjModel") -> RobotModel:
                 continue
             at = np.eye(4)
             at[:3, 3] = model.jnt_pos[i]
-            low, high = (-np.inf, np.inf)
+            low = -np.inf
+            high = np.inf
             if model.jnt_limited[i]:
                 low, high = model.jnt_range[i].tolist()
             moving = robot.joint(

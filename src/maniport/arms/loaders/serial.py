@@ -57,7 +57,8 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
             f"{path}: joint {name!r} has the limits {low:g} to {high:g}; the first must be below the second, or both "
             "zero if unknown"
         )
-    coupling, offset = np.zeros((len(joints), len(coordinates))), np.zeros(len(joints))
+    coupling = np.zeros((len(joints), len(coordinates)))
+    offset = np.zeros(len(joints))
     for row, joint in enumerate(joints):
         leader, factor, offset[row] = _resolved(model, joint.name, coordinates)
         if leader is not None:
@@ -97,7 +98,9 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
 
 def _mounted(model: RobotModel, end: str) -> tuple[list[Joint], Mounts]:
     """Return the joints from the base to a body, and the bodies fixed to the chain."""
-    joints, mounts, path = list[Joint](), Mounts(), set(model.line(end))
+    joints = list[Joint]()
+    mounts = Mounts()
+    path = set(model.line(end))
     for body in model.bodies.values():
         if body.name in path and body.blocked:
             raise FileFormatError(
@@ -110,7 +113,8 @@ def _mounted(model: RobotModel, end: str) -> tuple[list[Joint], Mounts]:
             count, pose = (0, np.eye(4)) if body.parent is None else mounts[body.parent]
             for joint in body.joints:
                 joints.append(replace(joint, placement=pose @ joint.placement))
-                count, pose = count + 1, np.eye(4)
+                count = count + 1
+                pose = np.eye(4)
             mounts[body.name] = count, pose @ body.placement
     return joints, mounts
 
@@ -119,7 +123,9 @@ def _resolved(
     model: RobotModel, name: str, coordinates: Collection[str]
 ) -> tuple[str | None, float, float]:
     """Coordinate that moves a joint, factor and position at zero."""
-    factor, offset, seen = 1.0, 0.0, set[str]()
+    factor = 1.0
+    offset = 0.0
+    seen = set[str]()
     while (follower := model.followers.get(name)) is not None:
         offset += factor * follower.offset
         if follower.leader is None:
@@ -130,7 +136,8 @@ def _resolved(
                 f"{model.path}: joint {name!r} follows {follower.leader!r} {fault}"
             )
         seen.add(name)
-        factor, name = factor * follower.factor, follower.leader
+        factor = factor * follower.factor
+        name = follower.leader
     if name in coordinates:
         return name, factor, offset
     rest = float(np.clip(0.0, *model.bounds[name]))  # a joint off the chain is locked
@@ -197,7 +204,8 @@ def _bodies_off_chain(
     model: RobotModel, mounts: Mounts, coordinates: Sequence[str]
 ) -> dict[str, Body]:
     """Bodies off a chain, with their poses relative to the joints of the chain."""
-    fingers, bodies = Limbs(model).fingers(), {}
+    fingers = Limbs(model).fingers()
+    bodies = {}
     moving = {*coordinates, *fingers - model.followers.keys()}
     for name in model.bodies:
         path = [model.bodies[above] for above in reversed(model.line(name)) if above not in mounts]

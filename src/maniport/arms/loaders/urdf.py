@@ -55,7 +55,9 @@ def read(path: Path, root: Element) -> RobotModel:
     children: dict[str, list[Element]] = {link: [] for link in links}  # joints below each link
     below = set[str]()
     for name, joint in sorted(_named(path, root, "joint").items()):
-        kind, parent, child = joint.get("type"), _end(joint, "parent"), _end(joint, "child")
+        kind = joint.get("type")
+        parent = _end(joint, "parent")
+        child = _end(joint, "child")
         require(
             kind in KINDS, path, f"joint {name!r} has type {kind!r}; allowed are {', '.join(KINDS)}"
         )
@@ -140,11 +142,9 @@ def _end(joint: Element, end: str) -> str:
 
 def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
     """Body of a link with the joint above it."""
-    name, kind, where = (
-        joint.get("name", ""),
-        joint.get("type", ""),
-        f"{model.path}: joint {joint.get('name')!r} needs",
-    )
+    name = joint.get("name", "")
+    kind = joint.get("type", "")
+    where = f"{model.path}: joint {joint.get('name')!r} needs"
     mimic, limit, axis = (joint.find(tag) for tag in ("mimic", "limit", "axis"))
     if mimic is not None:
         factor, offset = (
@@ -152,7 +152,9 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
             for key, default in (("multiplier", "1"), ("offset", "0"))
         )
         model.followers[name] = Follower(mimic.get("joint", ""), factor, offset)
-    parent, child, placement = _end(joint, "parent"), link.get("name", ""), _origin(joint, where)
+    parent = _end(joint, "parent")
+    child = link.get("name", "")
+    placement = _origin(joint, where)
     inertia = _inertia(model.path, link)
     if not KINDS[kind]:
         moving_above = any(model.bodies[above].joints for above in model.line(parent))
@@ -244,7 +246,8 @@ def _origin(element: Element, where: str) -> Array:
 
 def _inertia(path: Path, link: Element) -> Array:
     """Spatial inertia (6, 6) of a link."""
-    inertial, where = link.find("inertial"), f"{path}: link {link.get('name')!r}"
+    inertial = link.find("inertial")
+    where = f"{path}: link {link.get('name')!r}"
     if inertial is None:
         return np.zeros((6, 6))
     mass, inertia = (
@@ -299,7 +302,9 @@ def _shape(
     paths: MeshPaths, link: Element, part: Element, count_missing: Callable[[str], str]
 ) -> Shape:
     """Make a shape of one <visual> or <collision> of a link, in the frame of the link."""
-    path, name, geometry = paths.path, link.get("name", ""), part.find("geometry")
+    path = paths.path
+    name = link.get("name", "")
+    geometry = part.find("geometry")
     form = None if geometry is None else next(iter(geometry), None)
     if form is None:
         raise FileFormatError(f"{path}: a <{part.tag}> of link {name!r} has no <geometry>")

@@ -74,10 +74,8 @@ def load_mesh(path: Path) -> Mesh:
 
 def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
     """Require valid indices and finite points."""
-    points, triangles = (
-        np.asarray(points, dtype=np.float64).reshape(-1, 3),
-        np.asarray(triangles).reshape(-1, 3),
-    )
+    points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    triangles = np.asarray(triangles).reshape(-1, 3)
     require_at_most(max(points.size, triangles.size) // 3, TRIANGLES, "points or triangles", path)
     if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(points)):
         invalid = triangles[(triangles < 0) | (triangles >= len(points))][0]
@@ -141,7 +139,9 @@ STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 """Types of the numbers in a glTF."""
 WIDTHS = {"SCALAR": 1, "VEC3": 3}
-TRIANGLE_LIST, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
+TRIANGLE_LIST = 4
+TRIANGLE_STRIP = 5
+TRIANGLE_FAN = 6
 
 
 def _read_gltf(path: Path, content: bytes) -> Iterator[Mesh]:
@@ -195,7 +195,8 @@ class _Gltf:
     """Meshes of a glTF; arrays and meshes are read once."""
 
     def __init__(self, path: Path, header: dict[str, Any], binary: bytes):
-        self.header, self.binary = header, binary
+        self.header = header
+        self.binary = binary
         self.files = _Buffers(path)
         self.mesh = cache(self._mesh)
         self._array = cache(self._read_array)
@@ -263,7 +264,8 @@ def _require_sane(path: Path, header: Any) -> None:
     require_at_most(len(header.get("nodes", ())), NODES, "nodes", path)
     views = header.get("bufferViews", ())
     for accessor in header.get("accessors", ()):
-        count, view = accessor.get("count", 0), accessor.get("bufferView")
+        count = accessor.get("count", 0)
+        view = accessor.get("bufferView")
         if not isinstance(count, int) or count < 0 or view is None or "sparse" in accessor:
             raise FileFormatError(
                 f"{path}: has an accessor with count {count!r} of view {view!r}; that is not supported"
@@ -277,7 +279,8 @@ class _Buffers(dict[str, bytes]):
 
     def __init__(self, path: Path):
         super().__init__()
-        self.path, self.left = path, MESH_BYTES
+        self.path = path
+        self.left = MESH_BYTES
 
     def __missing__(self, name: str) -> bytes:
         file = self.path.parent / unquote(name)

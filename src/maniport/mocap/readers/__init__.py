@@ -454,11 +454,9 @@ def _format_of(file: Path) -> str:
     """Return the key of `READERS` for a file: by its content, else by its ending."""
     if os.path.isdir(file) and any(file.glob("*.json")):
         return ".json"
-    suffix, kind, hint = (
-        file.suffix.lower(),
-        None,
-        f"; bundled recordings: {', '.join(map(repr, SHIPPED))}",
-    )
+    suffix = file.suffix.lower()
+    kind = None
+    hint = f"; bundled recordings: {', '.join(map(repr, SHIPPED))}"
     # False of names that no file has; formats of the user go by their ending
     if os.path.exists(file) and isinstance(READERS.get(suffix, ""), str):
         existing_file(file, (), RECORDING_BYTES)

@@ -20,10 +20,13 @@ from maniport.util.input_limits import RECORDING_BYTES, read_whole
 from maniport.util.validation import Array
 
 BLOCK = 512
-DEC, MIPS = 85, 86
+DEC = 85
+MIPS = 86
 """Processors. DEC's numbers have the order of Intel's (84), but their own floats; those of MIPS are big-endian."""
 
-TEXT, SHORT, REAL = -1, 2, 4
+TEXT = -1
+SHORT = 2
+REAL = 4
 TYPES = {1: "i1", SHORT: "i2", REAL: "f4"}
 ORDER = {84: "<", DEC: "<", MIPS: ">"}
 
@@ -78,7 +81,8 @@ def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
     """Return the parameters by ``GROUP:NAME``; each entry must lie inside the section and hold its own data."""
     groups: dict[int, str] = {}
     parameters: list[tuple[int, str, list[Any]]] = []
-    at, end = 4, -1
+    at = 4
+    end = -1
     while end != len(section) and at + 2 <= len(section) and section[at]:
         length, group = struct.unpack_from("bb", section, at)
         body = at + 2 + abs(length)
@@ -100,7 +104,8 @@ def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
 def _values(data: bytes, processor: int, name: str) -> list[Any]:
     """Return the texts or numbers of a parameter."""
     kind, dimensions = struct.unpack_from("bB", data + bytes(2))
-    extents, start = data[2 : 2 + dimensions], 2 + dimensions
+    extents = data[2 : 2 + dimensions]
+    start = 2 + dimensions
     count = math.prod(extents)
     stop = start + abs(kind) * count
     if kind not in (TEXT, *TYPES) or stop > len(data):
@@ -143,7 +148,8 @@ def _points(content: bytes, processor: int, values: dict[str, list[Any]]) -> Arr
     """Return the points (n_frames, n_points, 3) in the file's unit; nan where they are invalid."""
     _, analog, first, last = struct.unpack_from(f"{ORDER[processor]}HHHH", content, 2)
     used, scale, begin = (_number(values, name) for name in ("USED", "SCALE", "DATA_START"))
-    count, start = int(used) % 2**16, BLOCK * (int(begin) % 2**16 - 1)
+    count = int(used) % 2**16
+    start = BLOCK * (int(begin) % 2**16 - 1)
     frames = _frame_count(last - first + 1, values)
     kind = REAL if scale < 0 else SHORT
     size = kind * (4 * count + analog)

@@ -64,7 +64,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
             row[:] = (
                 [body.get(name, [np.nan] * 4) for name in names] if isinstance(body, dict) else body
             )
-    positions, mediapipe = table[..., :3], len(names) == 33
+    positions = table[..., :3]
+    mediapipe = len(names) == 33
     if mediapipe and {"left_hip", "right_hip"} <= set(names):
         # In MediaPipe's landmarks of the image the hips are anywhere, and their depth is zero.
         middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)

@@ -197,7 +197,8 @@ def _rajagopal(q: Array) -> dict[str, Array]:
         + ulna.apply([-0.006727, -0.013007, 0.026083])
         + radius.apply([-0.008797, -0.235841, 0.01361])
     )
-    across, radial = humerus.apply(HALF_WIDTH * elbow_axis), radius.apply([0.0, 0.0, HALF_WIDTH])
+    across = humerus.apply(HALF_WIDTH * elbow_axis)
+    radial = radius.apply([0.0, 0.0, HALF_WIDTH])
     points = {
         "shoulder": np.zeros((len(q), 3)), "elbow": elbow, "wrist": wrist,
         "hand": wrist + hand.apply([0.0, -0.055, 0.0]), "elbow_medial": elbow - across,

@@ -48,7 +48,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
         if tag == "position" and text is None and path[-1].tag.endswith("frame"):
             text = element.text or ""
         if tag == "frame" and element.get("type", "normal") == "normal":
-            number, width = len(rows) + 1, 3 * len(names)
+            number = len(rows) + 1
+            width = 3 * len(names)
             require_size(number, len(names))
             if text is None:
                 raise ValueError(

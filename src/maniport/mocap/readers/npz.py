@@ -74,7 +74,8 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
             f"positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}"
         )
     require_size(*positions.shape[:2])
-    count, names_file = positions.shape[1], file.with_suffix(".names.txt")
+    count = positions.shape[1]
+    names_file = file.with_suffix(".names.txt")
     unit = next(map(str, arrays.get("unit", np.array("")).flat), "")
     notes: list[str] = []
     names = arrays["names"].tolist() if "names" in arrays else None
@@ -139,7 +140,9 @@ def _posed(
     file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses: Sequence[Array]
 ) -> Recording:
     """Return the joints of a body from its pose parameters, in one array or in those of root and body."""
-    count, body_height = len(poses[0]), 1.75  # [m]
+    # [m]
+    count = len(poses[0])
+    body_height = 1.75
     root = arrays.get("trans", np.zeros((count, 3)))
     wrong = any(
         part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != count
@@ -166,7 +169,8 @@ def _posed(
 
 def _bones(body_height: float) -> dict[str, tuple[str, Array]]:
     """Return the parent of each joint and its position there [m], x to the left, y up, z forward."""
-    shares, parent = {}, "pelvis"
+    shares = {}
+    parent = "pelvis"
     for joint, share in {
         "spine1": 0.06,
         "spine2": 0.07,
@@ -174,7 +178,8 @@ def _bones(body_height: float) -> dict[str, tuple[str, Array]]:
         "neck": 0.14,
         "head": 0.05,
     }.items():
-        shares[joint], parent = (parent, [0.0, share, 0.0]), joint
+        shares[joint] = (parent, [0.0, share, 0.0])
+        parent = joint
     arm = {
         "shoulder": 0.099,
         "elbow": FRACTIONS["upper arm"],
@@ -195,7 +200,8 @@ def _bones(body_height: float) -> dict[str, tuple[str, Array]]:
 def _joints(bones: dict[str, tuple[str, Array]], angles: Array, root: Array) -> Array:
     """Return the positions of the joints [m], shape (n, joints, 3); nan where angles are too large."""
     with np.errstate(over="ignore"):  # of wider floating-point types
-        vectors, points = angles.astype(np.float64), {"pelvis": root.astype(np.float64)}
+        vectors = angles.astype(np.float64)
+        points = {"pelvis": root.astype(np.float64)}
     lost = np.asarray(~(np.abs(vectors) < LARGEST_ANGLE).all(axis=1))
     vectors[lost] = 0.0
     order = load_names("joint_orders.yaml")["skeletons"]["SMPL body"]

@@ -26,7 +26,11 @@ from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_finite, require_shape
 
 DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.write_data` writes
-SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)
+SCALE = 0
+YAW = 1
+TILT = 2
+HEADING = 3
+OFFSET = slice(4, 7)
 SIZE = 7
 REACHED = 5e-3  # Largest position error of a waypoint that counts as reached [m]
 
@@ -136,7 +140,8 @@ class Placement(NotebookDisplay):
 
     def turned(self, profile: ArrayLike) -> Array:
         """Rotate other ellipsoids of the same motion, shape (n, d, d), such as those of a denser path."""
-        ellipsoids, size = as_finite(profile, "profile"), self.spec.size
+        ellipsoids = as_finite(profile, "profile")
+        size = self.spec.size
         require_shape(ellipsoids, "profile", ("n", size, size))
         return congruence(self.spec.rotation(self.rotation), ellipsoids)
 
@@ -319,11 +324,14 @@ class PlacementProblem:
 
     def within(self, places: Array, rounding: float = 1e-9) -> tuple[Array, NDArray[np.bool_]]:
         """Shift placements (k, 7) into the workspace, and shrink the path, where free; and which fit, (k,)."""
-        places, free, (least, most) = places.copy(), self.free, self.workspace
+        places = places.copy()
+        free = self.free
+        (least, most) = self.workspace
         if not np.any(np.isfinite(self.workspace)):
             return places, np.ones(len(places), bool)
         turned = self.outline @ np.swapaxes(path_rotations(places), 1, 2)
-        low, high = turned.min(axis=1), turned.max(axis=1)
+        low = turned.min(axis=1)
+        high = turned.max(axis=1)
         if free[SCALE]:
             with np.errstate(divide="ignore", invalid="ignore"):
                 fixed = np.fmin(

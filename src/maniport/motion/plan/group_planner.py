@@ -66,9 +66,11 @@ class Planner:
         random_state: Any = 0,
     ) -> "Planner":
         """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions."""
-        group, model = as_group(limits.arm), as_collisions(collisions, limits.arm)
+        group = as_group(limits.arm)
+        model = as_collisions(collisions, limits.arm)
         alone = (None,) * len(group) if model is None else model.of_arms
-        generators, arms = _copies(as_generator(random_state), len(group)), []
+        generators = _copies(as_generator(random_state), len(group))
+        arms = []
         for arm, columns, own, around, random in zip(
             group.arms, group.columns, group.specs(spec), alone, generators, strict=True
         ):
@@ -139,7 +141,8 @@ class Planner:
         random: np.random.Generator,
     ) -> tuple[Trajectory, bool]:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact."""
-        group, collisions = self.group, problem.collisions
+        group = self.group
+        collisions = problem.collisions
         values = np.full((len(parts), len(parts[0]), group.dof), np.nan)
         for part, columns, own in zip(parts, group.columns, values, strict=True):
             own[:, columns] = part
@@ -156,7 +159,8 @@ class Planner:
         if not (group.shared or problem.costs or near):
             return as_early_as_possible(problem, mean, options), False
         time, terms, _ = coarse_terms(problem, options)
-        optimized, cost = list[Array](), TrajectoryCost(problem.robot, problem, time, terms)
+        optimized = list[Array]()
+        cost = TrajectoryCost(problem.robot, problem, time, terms)
 
         def attempts() -> Iterator[tuple[float, list[Array]]]:
             """Factors of the position tolerance, and further starts."""
@@ -185,7 +189,9 @@ class Planner:
         random: np.random.Generator,
     ) -> list[Array]:
         """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others."""
-        group, collisions, motions = self.group, problem.collisions, []
+        group = self.group
+        collisions = problem.collisions
+        motions = []
         assert collisions is not None
         time, _, joint_motion_weight = coarse_terms(problem, options)
         rows = stages_of(time, options.budget.stage)

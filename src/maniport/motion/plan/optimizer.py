@@ -97,7 +97,8 @@ def relaxed(
             return np.zeros(len(q))
         return np.asarray(errors.max(axis=1))
 
-    clearance, error = np.full(len(time), CLEARANCE), largest_error(q)
+    clearance = np.full(len(time), CLEARANCE)
+    error = largest_error(q)
     for _ in range(rounds):
         far = maximum_filter1d(error > FAR * tolerance, 5)
         if not far.any():
@@ -114,7 +115,8 @@ def relaxed(
         trial_error = largest_error(trial)
         if trial_error[far].max() > 0.95 * error[far].max():
             break
-        q, error = trial, trial_error
+        q = trial
+        error = trial_error
     return q
 
 
@@ -131,7 +133,8 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
     damped step, and the expected decrease of the cost.
     """
     cost, slopes = problem.evaluate(state)
-    damping, growth = 1e-3, 2.0
+    damping = 1e-3
+    growth = 2.0
     for _ in range(max_iter):
         trial, expected = problem.trial(state, slopes, damping)
         trial_cost, trial_slopes = problem.evaluate(
@@ -139,12 +142,16 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
         )  # most steps are taken: the cost alone first takes longer
         gained = cost - trial_cost
         if gained > LEAST_GAIN * expected > 0.0:
-            state, cost, slopes, growth = trial, trial_cost, trial_slopes, 2.0
+            state = trial
+            cost = trial_cost
+            slopes = trial_slopes
+            growth = 2.0
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / expected - 1.0) ** 3)
             if gained <= rel_tol * cost:
                 break
         else:
-            damping, growth = damping * growth, growth * 2.0
+            damping = damping * growth
+            growth = growth * 2.0
             if damping > LARGEST_DAMPING or expected <= rel_tol * cost:
                 break
     return state
@@ -154,13 +161,13 @@ class TrajectoryCost:
     """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `normal_equations` of a problem."""
 
     def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
-        self.arm, self.waypoints, self.terms = arm, waypoints, terms
+        self.arm = arm
+        self.waypoints = waypoints
+        self.terms = terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
         self.clearance = np.broadcast_to(terms.clearance, len(time))
-        factors, limits = (
-            (terms.velocity_cost, terms.jerk_cost),
-            (terms.velocity, terms.acceleration),
-        )
+        factors = (terms.velocity_cost, terms.jerk_cost)
+        limits = (terms.velocity, terms.acceleration)
         self.smoothness = SmoothnessCost(time, factors, limits)
 
     def evaluate(self, q: Array) -> tuple[float, Any]:
@@ -171,7 +178,8 @@ class TrajectoryCost:
         hessian = equations.hessian
         if self.terms.collisions is not None:
             add_clearance_cost(self.terms.collisions, q, square, gradient, hessian, self.clearance)
-        cost, gradient = float(self.weights @ square), self.weights[:, None] * gradient
+        cost = float(self.weights @ square)
+        gradient = self.weights[:, None] * gradient
         band = np.zeros((min(4, len(q)), *q.shape))  # lower diagonals of each joint
         cost = float(self.smoothness.add(q, cost, gradient, band))
         return cost, (gradient, self.weights[:, None, None] * hessian, band)

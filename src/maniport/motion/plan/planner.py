@@ -137,7 +137,8 @@ class ArmPlanner:
 
     def _held(self, nodes: Roadmap, time: Array) -> Roadmap:
         """Drop nodes at which a joint cannot hold the payload; an error where a stage has no others."""
-        dynamics, limits = self.limits.dynamics, self.limits
+        dynamics = self.limits.dynamics
+        limits = self.limits
         assert dynamics is not None  # with a payload
         torques = np.abs(dynamics.gravity(nodes.q))
         shares = (torques / limits.effort).max(axis=1)
@@ -192,13 +193,12 @@ def time_parameterized(
     problem: MotionProblem, q: Array, options: PlanOptions, tolerance: float
 ) -> tuple[Array, Trajectory]:
     """Time a trajectory, optimize it with the smoothness that this time demands, relax it, and time it again."""
-    time, limits, collisions = (
-        as_early_as_possible(problem, q, options).time,
-        problem.limits,
-        problem.collisions,
-    )
+    time = as_early_as_possible(problem, q, options).time
+    limits = problem.limits
+    collisions = problem.collisions
     weights = time_weights(problem.time) * np.ptp(time) / np.ptp(problem.time)
-    speeds, accelerations = SPEED_SHARE * limits.velocity, SPEED_SHARE * limits.acceleration
+    speeds = SPEED_SHARE * limits.velocity
+    accelerations = SPEED_SHARE * limits.acceleration
     terms = TrajectoryTerms(
         3e-3, 1e-6, weights, speeds, accelerations, collisions, options.budget.rel_tol
     )

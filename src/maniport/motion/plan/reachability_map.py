@@ -68,15 +68,14 @@ class ReachabilityMap:
         random_state: Any = 0,
         collisions: Any = None,
     ):
-        self.arm, self.spec = arm, spec
+        self.arm = arm
+        self.spec = spec
         self.collisions: Collisions | None = as_collisions(collisions, arm)
         probes = arm.sample(32, 0)
         poses, jacobian, _, changes = arm.posed_differentials(probes, spec)
         self.axis = Axis.of(jacobian, poses[:, :3, 3])
-        moves, shapes = (
-            np.abs(jacobian[:, :3]).max(axis=(0, 1)),
-            np.abs(changes).max(axis=(0, 2, 3)),
-        )
+        moves = np.abs(jacobian[:, :3]).max(axis=(0, 1))
+        shapes = np.abs(changes).max(axis=(0, 2, 3))
         negligible = 1e-9
         self.idle = (moves <= negligible * moves.max()) & (shapes <= negligible * shapes.max())
         turns = np.abs(np.cross(jacobian[:, 3:, :, None], poses[:, :3, None, :3], axis=1)).max(
@@ -87,14 +86,10 @@ class ReachabilityMap:
         )  # which idle joints turn which axes (dof, 3)
         generator = as_generator(random_state)
         self._forms: dict[str, LineForms] = {}
-        self._allowed, self._first_limits = (
-            dict[EllipsoidSpec, Array](),
-            (arm.lower[0], arm.upper[0]),
-        )
-        self._count, self._generator = (
-            SAMPLES if n is None else as_count(n, "n"),
-            deepcopy(generator),
-        )
+        self._allowed = dict[EllipsoidSpec, Array]()
+        self._first_limits = (arm.lower[0], arm.upper[0])
+        self._count = SAMPLES if n is None else as_count(n, "n")
+        self._generator = deepcopy(generator)
         arm.sample(
             1, generator
         )  # samples are drawn on first use, from a copy; the caller's generator moves on
@@ -108,7 +103,8 @@ class ReachabilityMap:
     @cached_property
     def q(self) -> Array:
         """The samples, turned to angle 0, joints without effect in the middle of their range, shape (n, dof)."""
-        q, middle = self._samples.copy(), 0.5 * (self.arm.lower + self.arm.upper)
+        q = self._samples.copy()
+        middle = 0.5 * (self.arm.lower + self.arm.upper)
         q[:, self.idle] = middle[self.idle]
         if self.axis is not None:
             q[:, 0] = 0.0
@@ -237,10 +233,8 @@ class ReachabilityMap:
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
         chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
         possible = np.isfinite(np.take_along_axis(cost, chosen, axis=1))
-        q, owner = (
-            np.take_along_axis(q, chosen[..., None], axis=1)[possible],
-            np.nonzero(possible)[0],
-        )
+        q = np.take_along_axis(q, chosen[..., None], axis=1)[possible]
+        owner = np.nonzero(possible)[0]
         if problem.orientation is not None:
             q = turned_to_rotations(problem[owner], q)
         q, error = moved_to_positions(self.arm, q, problem.path[owner])

@@ -44,7 +44,8 @@ class Roadmap:
 
 def stages_of(time: Array, longest: float) -> NDArray[np.intp]:
     """Rows of waypoints at most `longest` [s] apart where the waypoints allow, the first and last included."""
-    rows, last = [0], len(time) - 1
+    rows = [0]
+    last = len(time) - 1
     for i in range(1, last + 1):
         if i == last or time[i + 1] - time[rows[-1]] > longest:
             rows.append(i)
@@ -55,8 +56,11 @@ def shortest_path(
     nodes: Roadmap, time: Array, largest: Array, joint_motion_weight: float = JOINT_MOTION_WEIGHT
 ) -> NDArray[np.intp]:
     """Choose a node for each stage with the least sum of cost and joint motion; penalize jumps, beyond `largest`."""
-    gaps, weights, first = np.diff(time, prepend=time[0]), time_weights(time), nodes.first
-    value, before = np.full(len(nodes.q), np.inf), np.full(len(nodes.q), -1, np.intp)
+    gaps = np.diff(time, prepend=time[0])
+    weights = time_weights(time)
+    first = nodes.first
+    value = np.full(len(nodes.q), np.inf)
+    before = np.full(len(nodes.q), -1, np.intp)
     value[first[0] : first[1]] = nodes.cost[first[0] : first[1]] * weights[0]
     for stage in range(1, len(weights)):
         order = first[stage - 1] + np.argsort(value[first[stage - 1] : first[stage]])
@@ -75,7 +79,8 @@ def shortest_path(
 def _fill_stage(q, order, begin, end, weight, largest, value, before, jump_penalty=1000.0):  # type: ignore[no-untyped-def]
     """Fill the least cost of a path to each node from `begin` to `end`, its own left out, and the node before it."""
     for k in range(begin, end):
-        best, chosen = np.inf, order[0]
+        best = np.inf
+        chosen = order[0]
         for n in range(len(order)):
             i = order[n]
             total = value[i]
@@ -89,8 +94,10 @@ def _fill_stage(q, order, begin, end, weight, largest, value, before, jump_penal
                 if total >= best:
                     break
             if total < best:
-                best, chosen = total, i
-        value[k], before[k] = best, chosen
+                best = total
+                chosen = i
+        value[k] = best
+        before[k] = chosen
 
 
 def moved_to_positions(arm: Arm, q: Array, positions: Array) -> tuple[Array, Array]:
@@ -103,7 +110,8 @@ def moved_to_positions(arm: Arm, q: Array, positions: Array) -> tuple[Array, Arr
         far = error[rows] > IN_PLACE
         if step == NEWTON_STEPS or not far.any():
             break
-        rows, offset = rows[far], offset[far]
+        rows = rows[far]
+        offset = offset[far]
         jacobian = jacobians[far, :3]
         square = jacobian @ np.swapaxes(jacobian, 1, 2)
         square += 1e-6 * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)

@@ -51,13 +51,15 @@ def retime(
         np.asarray(time), np.asarray(q, dtype=float), limits.arm.lower, limits.arm.upper
     )
     require_few(path.grid[-1] * rate)
-    own, (limits, rows) = limits, _constraints(limits, path)
+    own = limits
+    (limits, rows) = _constraints(limits, path)
     speed = _fastest(limits, path, rows)
     samples, rest, worst = _sampled(limits, path, speed, rate)
     while worst.max() > 1.0:
         speed = speed / (1.0005 * (worst ** (1.0 / POWERS)).max())
         samples, rest, worst = _sampled(limits, path, speed, rate)
-    waypoints, clock = path.passed(speed)[path.knots] + rest / rate, np.arange(len(samples)) / rate
+    waypoints = path.passed(speed)[path.knots] + rest / rate
+    clock = np.arange(len(samples)) / rate
     return Trajectory.of_positions(own.arm, waypoints, clock, samples, own)
 
 
@@ -75,7 +77,8 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: Array) -> Traj
         return retime(slow, [0.0, duration], np.stack([first, last]), rate=rate).control_positions
 
     own = motion.control_positions
-    before, after = straight(home, own[0]), straight(own[-1], home)
+    before = straight(home, own[0])
+    after = straight(own[-1], home)
     positions = np.concatenate([before, own, after])
     time = np.arange(len(positions)) / rate
     return Trajectory.of_positions(
@@ -102,14 +105,15 @@ class JointPath:
             (spline.c < lower - PATH_TOLERANCE) | (spline.c > upper + PATH_TOLERANCE)
         )
         spline.c = np.clip(spline.c, lower, upper)  # a B-spline lies between its coefficients
-        pieces, finer = np.ones(len(since) - 1, np.int64), 32
+        pieces = np.ones(len(since) - 1, np.int64)
+        finer = 32
         if overshoots:
             fine = np.interp(
                 np.arange(finer * (len(since) - 1) + 1) / finer, np.arange(len(since)), since
             )
-            plain, spline = (
-                spline,
-                make_interp_spline(fine, _within(since, points, fine, finer, lower, upper), k=3),
+            plain = spline
+            spline = make_interp_spline(
+                fine, _within(since, points, fine, finer, lower, upper), k=3
             )
             spline.c = np.clip(spline.c, lower, upper)
             moved = np.abs(plain(fine) - spline(fine)).max(axis=1) > PATH_TOLERANCE
@@ -155,10 +159,8 @@ Rows = tuple[
 def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, list[Rows]]:
     """Constraints of accelerations and torques at the grid points and between them; torque limits leave gravity 5 %."""
     # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
-    allowed, middles = (
-        np.minimum(limits.acceleration, 0.1 * limits.jerk),
-        0.5 * (path.grid[1:] + path.grid[:-1]),
-    )
+    allowed = np.minimum(limits.acceleration, 0.1 * limits.jerk)
+    middles = 0.5 * (path.grid[1:] + path.grid[:-1])
     points = [
         (path.grid, path.first, path.second),
         (middles, path.spline(middles, 1), path.spline(middles, 2)),
@@ -197,7 +199,8 @@ def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows]) -> Arr
     )  # a little less, since samples lie between grid points
     # each constraint holds at the start, middle and end of a piece
     (a, b, *bounds), (a_middle, b_middle, *middle_bounds) = rows
-    ahead, speed = steps[:, None], np.empty(len(path.grid))
+    ahead = steps[:, None]
+    speed = np.empty(len(path.grid))
     of_u = np.hstack([a[:-1], a_middle + ahead * b_middle, a[1:] + 2.0 * ahead * b[1:]])
     of_x = np.hstack([b[:-1], b_middle, b[1:]])
     pairs = zip(bounds, middle_bounds, strict=True)
@@ -276,7 +279,8 @@ def _largest_shares(limits: MotionLimits, samples: Array, rate: float) -> Array:
         limits.dynamics is not None
         and (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any()
     ):
-        torques, held = limits.torques(samples, rate), limits.dynamics.gravity(samples)
+        torques = limits.torques(samples, rate)
+        held = limits.dynamics.gravity(samples)
         left = np.maximum(
             limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6)
         )
@@ -329,15 +333,21 @@ def _largest_start(a, b, low, high, step, limit, end):  # type: ignore[no-untype
 @part
 def _accelerations(a, b, low, high, step, x, end):  # type: ignore[no-untyped-def]
     """Return the largest lower and the smallest upper bound of u at x, both followed by their slopes."""
-    lower, lower_slope = -0.5 * x / step, -0.5 / step
-    upper, upper_slope = 0.5 * (end - x) / step, -0.5 / step
+    lower = -0.5 * x / step
+    lower_slope = -0.5 / step
+    upper = 0.5 * (end - x) / step
+    upper_slope = -0.5 / step
     for m in range(len(a)):
         if abs(a[m]) > FLAT * abs(b[m]):
-            slope, least, most = -b[m] / a[m], low[m] / a[m], high[m] / a[m]
+            slope = -b[m] / a[m]
+            least = low[m] / a[m]
+            most = high[m] / a[m]
             if a[m] < 0.0:
                 least, most = most, least
             if slope * x + least > lower:
-                lower, lower_slope = slope * x + least, slope
+                lower = slope * x + least
+                lower_slope = slope
             if slope * x + most < upper:
-                upper, upper_slope = slope * x + most, slope
+                upper = slope * x + most
+                upper_slope = slope
     return lower, lower_slope, upper, upper_slope

@@ -44,12 +44,12 @@ class ICP:
     def __init__(
         self, teacher: Array, student: Array, correspondence: Correspondence, tol: float = 1e-8
     ):
-        self.teacher, self.student, self.correspondence = teacher, student, correspondence
-        self._match, self._factors, self._tol = (
-            correspondence.between(teacher, student),
-            cholesky(student),
-            tol,
-        )
+        self.teacher = teacher
+        self.student = student
+        self.correspondence = correspondence
+        self._match = correspondence.between(teacher, student)
+        self._factors = cholesky(student)
+        self._tol = tol
 
     def problem(self, rotation: Array) -> RotationProblem:
         """Match under `rotation` (eq. 18) and return the rotation problem (eq. 15)."""
@@ -61,8 +61,11 @@ class ICP:
         self, start: Array, max_iter: int, gradient_tol: float = 1e-9, patience: int = 5
     ) -> Registration:
         """Alternate eqs. 18 and 15 until the rotation converges or `patience` iterations do not lower the cost."""
-        rotation, history, rotations = start, list[float](), list[Array]()
-        reason, converged = f"{max_iter} iterations without convergence", False
+        rotation = start
+        history = list[float]()
+        rotations = list[Array]()
+        reason = f"{max_iter} iterations without convergence"
+        converged = False
         for iteration in range(max_iter + 1):
             problem = self.problem(rotation)
             rotations.append(rotation)
@@ -75,7 +78,8 @@ class ICP:
                 break
             following = problem.minimize(rotation, gradient_tol)
             if rotation_angle(following, rotation) <= self._tol:
-                reason, converged = "matches and rotation converged", True
+                reason = "matches and rotation converged"
+                converged = True
                 break
             rotation = following
         return Registration(start, rotations[best], history[best], history, reason, converged)
@@ -146,7 +150,8 @@ def rotations_by_voting(
     radius = (
         2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)
     )  # |R - R'| for 10° apart in one plane
-    tree, rotations = cKDTree(proposals), list[Array]()
+    tree = cKDTree(proposals)
+    rotations = list[Array]()
     for place in np.argsort(
         -tree.query_ball_point(centers, radius, return_length=True), kind="stable"
     ):

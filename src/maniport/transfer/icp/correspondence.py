@@ -59,7 +59,8 @@ def _between(partners: Callable[[Array], tuple[Indices, Array]], teacher_seeks: 
 
     def match(rotation: Array) -> Matches:
         partner, weight = partners(rotation if teacher_seeks else rotation.T)
-        own, weight = np.arange(len(partner)), weight / weight.sum()
+        own = np.arange(len(partner))
+        weight = weight / weight.sum()
         return Matches(own, partner, weight) if teacher_seeks else Matches(partner, own, weight)
 
     return match
@@ -79,7 +80,8 @@ class GeodesicCorrespondence(Correspondence):
     def between(self, teacher: Array, student: Array) -> Matching:
         """Match with the nearest."""
         seeking, sought = sorted((teacher, student), key=len)
-        index, weight = NeighborIndex(sought), np.ones(len(seeking))
+        index = NeighborIndex(sought)
+        weight = np.ones(len(seeking))
         return _between(
             lambda rotation: (index.query(congruence(rotation, seeking))[0], weight),
             seeking is teacher,
@@ -116,7 +118,8 @@ class EllipsoidCorrespondence(Correspondence):
         )
 
         def partners(rotation: Array) -> tuple[Indices, Array]:
-            index, score = np.empty(len(shapes), np.intp), np.empty(len(shapes))
+            index = np.empty(len(shapes), np.intp)
+            score = np.empty(len(shapes))
             _search(
                 np.dot(directions, rotation.T),
                 shapes,
@@ -168,45 +171,51 @@ def _features(points: Array) -> tuple[Array, Array]:
 @kernel
 def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, indices, scores):  # type: ignore[no-untyped-def]
     """Fill `indices` and `scores`, going outward from the student ellipsoid of the nearest condition number."""
-    count, d = len(order), directions_t.shape[2]
-    minor, major, bound = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    count = len(order)
+    d = directions_t.shape[2]
+    minor = np.empty(BLOCK)
+    major = np.empty(BLOCK)
+    bound = np.empty(BLOCK)
     for i in range(len(positions)):
-        condition, volume = shapes_t[i, 0], shapes_t[i, 1]
-        left, right = positions[i], positions[i]
-        best, best_index, reach = -1.0, 0, np.inf
+        condition = shapes_t[i, 0]
+        volume = shapes_t[i, 1]
+        left = positions[i]
+        right = positions[i]
+        best = -1.0
+        best_index = 0
+        reach = np.inf
         while left > 0 or right < count:
             gap_left = condition - shapes_s[0, left - 1] if left > 0 else np.inf
             gap_right = shapes_s[0, right] - condition if right < count else np.inf
             if min(gap_left, gap_right) > reach:
                 break
             if gap_left <= gap_right:
-                first, size = max(left - BLOCK, 0), min(left, BLOCK)
+                first = max(left - BLOCK, 0)
+                size = min(left, BLOCK)
                 left = first
             else:
-                first, size = right, min(count - right, BLOCK)
+                first = right
+                size = min(count - right, BLOCK)
                 right += size
-            minor[:], major[:] = 0.0, 0.0
+            minor[:] = 0.0
+            major[:] = 0.0
             for k in range(d):
-                x, y = directions_t[i, 0, k], directions_t[i, 1, k]
-                shortest, longest = (
-                    directions_s[0, k, first : first + size],
-                    directions_s[1, k, first : first + size],
-                )
+                x = directions_t[i, 0, k]
+                y = directions_t[i, 1, k]
+                shortest = directions_s[0, k, first : first + size]
+                longest = directions_s[1, k, first : first + size]
                 for w in range(size):
                     minor[w] += x * shortest[w]
                     major[w] += y * longest[w]
-            conditions, volumes = (
-                shapes_s[0, first : first + size],
-                shapes_s[1, first : first + size],
-            )
+            conditions = shapes_s[0, first : first + size]
+            volumes = shapes_s[1, first : first + size]
             for w in range(size):
                 minor[w] = abs(minor[w]) + abs(major[w])
-                gap, other = (
-                    min(abs(conditions[w] - condition), 1e6),
-                    min(abs(volumes[w] - volume), 1e6),
-                )
+                gap = min(abs(conditions[w] - condition), 1e6)
+                other = min(abs(volumes[w] - volume), 1e6)
                 # exp(−g) ≤ 1 / (1 + g + g²/2), which costs no exponential
-                x, y = 1.0 + gap * (1.0 + 0.5 * gap), 1.0 + other * (1.0 + 0.5 * other)
+                x = 1.0 + gap * (1.0 + 0.5 * gap)
+                y = 1.0 + other * (1.0 + 0.5 * other)
                 bound[w] = minor[w] + (x + y) / (x * y)
             for w in range(size):
                 if bound[w] < best - TIE:
@@ -223,4 +232,5 @@ def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, in
                     best = score
             excess = best - 3.0 - 2.0 * TIE  # a candidate scores at most 3 + exp(−|p − p'|)
             reach = -np.log(excess) if excess > 0.0 else np.inf
-        indices[i], scores[i] = best_index, best
+        indices[i] = best_index
+        scores[i] = best

@@ -56,11 +56,13 @@ class RotationProblem:
         self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4
     ) -> Array:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
-        rotation, steps = start, 0
+        rotation = start
+        steps = 0
         cost, gradient, hessian = self.derivatives(start)
         norm = float(np.linalg.norm(gradient))
         while norm > tol and steps < max_iter:
-            direction, length = _saddle_free_direction(gradient, hessian), 1.0
+            direction = _saddle_free_direction(gradient, hessian)
+            length = 1.0
             slope = float(gradient @ direction)
             moved = rotation_from_vector(direction) @ rotation
             following = self.derivatives(moved)
@@ -80,7 +82,8 @@ class RotationProblem:
                 lower = self.cost(moved) < cost + armijo * length * slope
             if not lower:
                 break
-            rotation, steps = moved, steps + 1
+            rotation = moved
+            steps = steps + 1
             cost, gradient, hessian = following if length == 1.0 else self.derivatives(moved)
             norm = float(np.linalg.norm(gradient))
         return orthonormal(rotation)
@@ -112,7 +115,9 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
             cost += weights[pair] * logs[pair, x] ** 2
     if m == 0:
         return cost
-    left, right, moves = np.empty((d, d)), np.empty((d, d)), np.empty((m, d, d))
+    left = np.empty((d, d))
+    right = np.empty((d, d))
+    moves = np.empty((m, d, d))
     for pair in range(count):
         multiply(vectors[pair].T, inverse[pair], left)
         multiply(factor[pair], vectors[pair], right)
@@ -122,12 +127,16 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
                 for y in range(d):
                     moves[k, x, y] = left[x, i] * right[j, y] - left[x, j] * right[i, y]
         for x in range(d):
-            low, log_low, weight = values[pair, x], logs[pair, x], weights[pair]
+            low = values[pair, x]
+            log_low = logs[pair, x]
+            weight = weights[pair]
             for k in range(m):
                 gradient[k] += 4.0 * weight * log_low * moves[k, x, x]
             for y in range(d):
-                high, log_high = values[pair, y], logs[pair, y]
-                gap, middle = low - high, 0.5 * (low + high)
+                high = values[pair, y]
+                log_high = logs[pair, y]
+                gap = low - high
+                middle = 0.5 * (low + high)
                 if (
                     abs(gap) < NEAR * middle
                 ):  # there the logarithm of the middle is the middle of the logarithms

@@ -109,14 +109,10 @@ class LengthField(DomainAdapter):
 
     @threadpool_limits.wrap(limits=1)  # type: ignore[untyped-decorator]  # more threads take longer
     def _fit(self, teacher: Array, student: Array) -> None:
-        most, width = (
-            as_count(self.n_samples, "n_samples", minimum=2),
-            as_number(self.width, "width", above=0.0),
-        )
-        ridge, rounds = (
-            as_number(self.ridge, "ridge", above=0.0),
-            as_count(self.n_rounds, "n_rounds"),
-        )
+        most = as_count(self.n_samples, "n_samples", minimum=2)
+        width = as_number(self.width, "width", above=0.0)
+        ridge = as_number(self.ridge, "ridge", above=0.0)
+        rounds = as_count(self.n_rounds, "n_rounds")
         self._describe(teacher, student)
         for name, domain in (("teacher", teacher), ("student", student)):
             if len(domain) <= domain.shape[-1]:
@@ -137,11 +133,9 @@ class LengthField(DomainAdapter):
         if not callable(projector) and not hasattr(projector, "search"):
             text = "projector must be callable, such as maniport.FeasibleProjector(arm)"
             raise InvalidInputError(f"{text}; found {projector!r}")
-        self.width_, self.centers_, self.lengths_ = (
-            width * self.student_dispersion_,
-            np.zeros((0, 1)),
-            np.zeros((0, 3)),
-        )
+        self.width_ = width * self.student_dispersion_
+        self.centers_ = np.zeros((0, 1))
+        self.lengths_ = np.zeros((0, 3))
         seen, held_out = _split(self._field(), teacher, most)
         samples = Samples(self._field(), seen, projector, damping)
         count = (
@@ -152,8 +146,12 @@ class LengthField(DomainAdapter):
         self.centers_ = samples.x[centers_among(samples.x, count)]
         self.lengths_ = np.zeros((len(self.centers_), 3))
         field, history = fitted(self._field(), samples, ridge, rounds)
-        self.lengths_, self.history_, self.cost_ = field.lengths, np.array(history), history[-1]
-        self.converged_, self.n_iter_, self.from_samples_ = True, rounds, self.projector is None
+        self.lengths_ = field.lengths
+        self.history_ = np.array(history)
+        self.cost_ = history[-1]
+        self.converged_ = True
+        self.n_iter_ = rounds
+        self.from_samples_ = self.projector is None
         self.stop_reason_ = f"{rounds} rounds toward the {'nearest samples' if self.from_samples_ else 'feasible set'}"
         points = held_out if len(held_out) else seen[:HELD_OUT]
         self.report_ = reported(field, Samples(field, points, projector, damping), len(held_out))
@@ -175,7 +173,8 @@ class LengthField(DomainAdapter):
 
     def _field(self) -> LengthsMap:
         """Return the fitted map."""
-        d, s = len(self.teacher_mean_), float(self.dispersion_ratio_)
+        d = len(self.teacher_mean_)
+        s = float(self.dispersion_ratio_)
         teacher, student = (
             float(np.linalg.slogdet(mean)[1]) / d
             for mean in (self.teacher_mean_, self.student_mean_)

@@ -74,7 +74,8 @@ class LengthsMap:
 
     def kernel(self, x: Array) -> Array:
         """Kernel values (n, m) at vectors (n, D)."""
-        x, centers = self.features(x), self._center_features
+        x = self.features(x)
+        centers = self._center_features
         squares = np.sum(x**2, axis=1)[:, None] + np.sum(centers**2, axis=1) - 2.0 * x @ centers.T
         return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0) / self.width**2))
 
@@ -89,10 +90,13 @@ class LengthsMap:
     def slopes(self, values: Array, vectors: Array, equal: float = 1e-5) -> Array:
         """Return derivatives (n, D, D) of vec(log f) by vec L; eigenvalues less than `equal` apart are equal."""
         x = to_vector(compose(values, vectors))
-        near, d = self.kernel(x), values.shape[1]
-        field, t = near @ self.lengths, powers(values)
+        near = self.kernel(x)
+        d = values.shape[1]
+        field = near @ self.lengths
+        t = powers(values)
         # ∂k_j/∂φ = k_j (φ(c_j) − φ(x)) / w²
-        phi, centers = self.features(x), self._center_features
+        phi = self.features(x)
+        centers = self._center_features
         drawn = near @ (self.lengths[:, :, None] * centers[:, None]).reshape(len(centers), -1)
         pulls = (
             drawn.reshape(*field.shape, phi.shape[1]) - field[:, :, None] * phi[:, None]
@@ -131,7 +135,9 @@ def inverse(field: LengthsMap, points: Array) -> Array:
     def off(x: Array, wanted: Array) -> Array:
         return wanted - to_vector(field.logarithms(*eigh(from_vector(x))))
 
-    x, share, scale = wanted.copy(), np.ones(len(wanted)), 1.0 + np.linalg.norm(wanted, axis=1)
+    x = wanted.copy()
+    share = np.ones(len(wanted))
+    scale = 1.0 + np.linalg.norm(wanted, axis=1)
     left = off(x, wanted)
     for _ in range(100):  # Newton's method with steps that are halved until they lead nearer
         rows = np.flatnonzero((np.linalg.norm(left, axis=1) > 1e-13 * scale) & (share > 1e-4))
@@ -142,7 +148,8 @@ def inverse(field: LengthsMap, points: Array) -> Array:
         trial = x[rows] + share[rows, None] * (inner[:, None] @ v)[:, 0]
         rest = off(trial, wanted[rows])
         nearer = np.linalg.norm(rest, axis=1) < np.linalg.norm(left[rows], axis=1)
-        x[rows[nearer]], left[rows[nearer]] = trial[nearer], rest[nearer]
+        x[rows[nearer]] = trial[nearer]
+        left[rows[nearer]] = rest[nearer]
         share[rows] = np.where(nearer, 1.0, 0.5 * share[rows])
     values, vectors = eigh(from_vector(x))
     solved = np.linalg.norm(left, axis=1) <= 1e-10 * scale
@@ -196,10 +203,13 @@ def harmonics(axis: Array) -> Array:
 def features(parts: Array, soft: float) -> Array:
     """Smooth functions (n, 6) of `harmonics` (n, 6) that no turn about the axis changes."""
     along, mean, a, b, c, e = parts.T
-    first, second = a * a + b * b, c * c + e * e
-    once, twice = np.sqrt(first + soft**2), np.sqrt(second + soft**2)
+    first = a * a + b * b
+    second = c * c + e * e
+    once = np.sqrt(first + soft**2)
+    twice = np.sqrt(second + soft**2)
     scale = 1.0 / (once * np.sqrt(first + 4.0 * second + soft**2))
-    together, against = (a * a - b * b) * c + 2.0 * a * b * e, 2.0 * a * b * c - (a * a - b * b) * e
+    together = (a * a - b * b) * c + 2.0 * a * b * e
+    against = 2.0 * a * b * c - (a * a - b * b) * e
     return np.stack([along, mean, once, twice, together * scale, against * scale], axis=1)
 
 

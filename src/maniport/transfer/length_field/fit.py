@@ -65,7 +65,8 @@ class Samples:
         self.values, self.vectors = field.base(points)
         self.x = to_vector(compose(self.values, self.vectors))
         self._projector = projector
-        self._search, self._neighbors = None, None
+        self._search = None
+        self._neighbors = None
         if hasattr(projector, "search"):
             self._search = projector.search(damping)
             if len(points) > neighbors:
@@ -77,7 +78,8 @@ class Samples:
         """Return the ellipsoids (n, d, d) nearest to the images, and derivatives (n, k, d, d) or None."""
         result: Any
         if self._search is None:
-            result, changes = self._projector(images.copy()), None
+            result = self._projector(images.copy())
+            changes = None
         else:
             name = "the second of projector.search(damping).nearest(points)"
             result, changes = self._search.nearest(images, self._neighbors)
@@ -102,8 +104,10 @@ def fitted(
     base: LengthsMap, samples: Samples, ridge: float, rounds: int
 ) -> tuple[LengthsMap, list[float]]:
     """Fit a field with centers in rounds; return it and the mean distance to the feasible set before and after each."""
-    field, history = base, list[float]()
-    near, among = field.kernel(samples.x), field.kernel(field.centers)
+    field = base
+    history = list[float]()
+    near = field.kernel(samples.x)
+    among = field.kernel(field.centers)
     for number in range(rounds + 1):
         images = field.apply(samples.points)
         nearest, changes = samples.projected(images)
@@ -131,10 +135,13 @@ def _lengths(
 ) -> Array:
     """Coefficients (m, 3) of (39) and (40), from kernel values `near` (n, m) and `among` (m, m) of the centers."""
     n, d = samples.values.shape
-    t, vector = powers(samples.values), to_vector(error)
-    m, rank = near.shape[1], t.shape[2]
+    t = powers(samples.values)
+    vector = to_vector(error)
+    m = near.shape[1]
+    rank = t.shape[2]
     wanted = axiswise(near @ lengths, t) + vector[:, :d]
-    weights, pull = np.broadcast_to(np.eye(d), (n, d, d)), wanted
+    weights = np.broadcast_to(np.eye(d), (n, d, d))
+    pull = wanted
     if changes is not None:
         moves = np.swapaxes(
             to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], changes)), 1, 2
@@ -238,7 +245,8 @@ class FieldReport:
 
 def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
     """Measure a field at samples."""
-    points, images = samples.points, field.apply(samples.points)
+    points = samples.points
+    images = field.apply(samples.points)
     for _ in range(2):  # the second search also starts from what was found for neighbors
         nearest, _ = samples.projected(images)
     gaps = distance_unchecked(images, nearest)
@@ -246,7 +254,8 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
     apart, own = (distance_unchecked(x[first], x[other]) for x in (images, points))
     varied = min(np.ptp(apart), np.ptp(own)) > 0.0
     slopes = field.slopes(samples.values, samples.vectors)
-    singular, moved = least_singular(slopes), axis_angles(images, points, -1)
+    singular = least_singular(slopes)
+    moved = axis_angles(images, points, -1)
     along = to_vector(
         np.einsum("nik,njk->nkij", samples.vectors, samples.vectors)
     )  # (n, d, D): vec v vᵀ for axes v
