@@ -348,11 +348,11 @@ class Arm(JointSpace):
             return "has none"
         values, vectors = np.linalg.eigh(terms.inertia[0])
         free = values[0] <= 1e-12 * values[-1]
-        return (
-            f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates"
-            if free
-            else ""
-        )
+        if free:
+            return (
+                f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates"
+            )
+        return ""
 
     def _weights(
         self, q: ArrayLike, spec: EllipsoidSpec, changes: bool = False

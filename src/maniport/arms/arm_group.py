@@ -233,7 +233,9 @@ class ArmGroup(JointSpace):
 
 def as_group(arm: Arm | ArmGroup) -> ArmGroup:
     """Return a group as it is and a single arm as a group of one, which has its joint names."""
-    return arm if isinstance(arm, ArmGroup) else ArmGroup(arm)
+    if isinstance(arm, ArmGroup):
+        return arm
+    return ArmGroup(arm)
 
 
 def _names_of(arms: Sequence[Arm], names: Sequence[str] | None) -> tuple[str, ...]:
@@ -372,4 +374,6 @@ def _require_equal_joints(chains: tuple[Chain, Chain], names: tuple[str, str], c
 def placing_options() -> str:
     """Describe the options that place several robots, for messages."""
     text = "--pose of each, such as 0,0.3,0,0 and 0,-0.3,0,0"
-    return text if typed() else "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"
+    if typed():
+        return text
+    return "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"

@@ -86,14 +86,18 @@ class EllipsoidSpec:
     @property
     def size(self) -> int:
         """Number d of rows of an ellipsoid."""
-        return 6 if self.part == "full" else 3
+        if self.part == "full":
+            return 6
+        return 3
 
     @property
     def unit(self) -> str:
         """Unit of semi-axes for arms with revolute joints; empty where rows mix units."""
         linear, angular, per_joint = UNITS[self.kind]
         unit = {"translation": linear, "rotation": angular}.get(self.part, "")
-        return f"{unit}{per_joint}" if unit and self.joint_weights is None else unit
+        if unit and self.joint_weights is None:
+            return f"{unit}{per_joint}"
+        return unit
 
     @property
     def rows(self) -> slice:

@@ -145,4 +145,6 @@ def resemblance(first: ArrayLike, other: ArrayLike) -> float:
     logarithms = np.log(values[:, usable])
     logarithms -= logarithms.mean(axis=2, keepdims=True)
     a, b = logarithms.reshape(2, -1)
-    return float(a @ b / np.sqrt((a @ a) * (b @ b))) if len(a) else np.nan
+    if len(a):
+        return float(a @ b / np.sqrt((a @ a) * (b @ b)))
+    return np.nan

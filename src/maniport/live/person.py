@@ -146,7 +146,9 @@ class Person:
         None without trunk, upper arm or forearm. A hand that is not seen comes to rest.
         """
         targets, seen = trunk_directions(vectors, self._forward, 2)
-        return targets if seen else None
+        if seen:
+            return targets
+        return None
 
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
@@ -182,13 +184,13 @@ class Person:
             # the arm may be in a wrong local minimum: then another configuration is worth the motion to it
             other = self.begin(targets, q)
             if np.abs(other.q - q).max() > math.radians(1.0):
-                return other if np.abs(other.q - before.q).max() <= MAX_SPEED * dt else None
+                if np.abs(other.q - before.q).max() <= MAX_SPEED * dt:
+                    return other
+                return None
             since_search = 0.0
-        return (
-            ArmEstimate(q, velocity, covariance, targets, since_search)
-            if moved <= MAX_SPEED * dt
-            else None
-        )
+        if moved <= MAX_SPEED * dt:
+            return ArmEstimate(q, velocity, covariance, targets, since_search)
+        return None
 
 
 class HiddenPoints:

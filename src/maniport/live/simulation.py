@@ -140,4 +140,6 @@ class Simulation:
         )
         servo = f"servo lag at most {self.lag:.3f} rad, torque {share}"
         text = servo if self.robot.dynamic else "robot without masses: no dynamics"
-        return f"{errors_text(self.errors)}; {text}" if self.errors else text
+        if self.errors:
+            return f"{errors_text(self.errors)}; {text}"
+        return text

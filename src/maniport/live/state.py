@@ -241,7 +241,9 @@ class MeasuredJoints:
 
     def recent(self, now: float) -> Array | None:
         """Return the last joints, if they are not older than `LOSS` at a time [s]."""
-        return self._last if now - self._measured_at <= LOSS else None
+        if now - self._measured_at <= LOSS:
+            return self._last
+        return None
 
     def settled(self, now: float) -> bool:
         """Whether the commands have been at rest for long enough, at a time [s]."""
@@ -295,7 +297,9 @@ class MotionClock:
         """Return the present [s]; in simulated time that of the last step, infinite before the first one."""
         if self._read is not None:
             return max(self.read(), self.now)
-        return math.inf if self.now == -math.inf else self.now
+        if self.now == -math.inf:
+            return math.inf
+        return self.now
 
     def begin_step(self, frame_time: float | None) -> float:
         """Begin a step; return the time since the last one for which the robot may move [s]."""

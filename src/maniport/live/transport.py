@@ -221,7 +221,9 @@ class Pipe:
 
     def blocked(self) -> list[int]:
         """File descriptors that must be ready for writing before a line can go on."""
-        return [self._sink] if self._waiting else []
+        if self._waiting:
+            return [self._sink]
+        return []
 
     def flush(self, piece: int = 4096) -> bool:
         """Write what waits, as far as it is taken; False when the reader left. POSIX pipes take such pieces whole."""

@@ -168,7 +168,9 @@ def _named_frame(points: _Points, arms: Mapping[str, Roles]) -> _Frame | None:
 
 def _mean(values: list[float]) -> float:
     finite = [value for value in values if np.isfinite(value)]
-    return float(np.mean(finite)) if finite else float("nan")
+    if finite:
+        return float(np.mean(finite))
+    return float("nan")
 
 
 def _weighted(cosines: Array, weights: Array) -> float:

@@ -137,7 +137,9 @@ def _of_direction(recording: Recording, role: str, side: str, most: int) -> list
 
 
 def _other(side: str) -> str:
-    return LEFT if side == RIGHT else RIGHT
+    if side == RIGHT:
+        return LEFT
+    return RIGHT
 
 
 def _rank(key: str, patterns: tuple[str, ...]) -> int:
@@ -175,4 +177,6 @@ def _median_length(places: Mapping[str, Array], start: str, end: str) -> float:
     if not {start, end} <= places.keys():
         return float("nan")
     lengths = np.linalg.norm(places[end] - places[start], axis=-1)
-    return float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else float("nan")
+    if np.isfinite(lengths).any():
+        return float(np.nanmedian(lengths))
+    return float("nan")

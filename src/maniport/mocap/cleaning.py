@@ -165,12 +165,16 @@ def _one_rest_pose(positions: Array, time: Array) -> int:
     distance = np.sqrt((distances**2).mean())
     if run > 1:
         is_jump = distances.max() > least and distance > 1.5 * longest_step
-        return run if is_jump else 0
+        if is_jump:
+            return run
+        return 0
 
     # One frame may also be an outlier or the beginning of a fast motion: the evidence must be clearer.
     moved = np.count_nonzero(distances > least)
     is_jump = moved >= 3 and distance > 3.0 * longest_step
-    return 1 if is_jump else 0
+    if is_jump:
+        return 1
+    return 0
 
 
 def _identical_frames(positions: Array) -> int:
@@ -336,7 +340,9 @@ def _span(values: Array | list[float]) -> str:
     """Describe a range of values to two digits."""
     low = f"{np.nanmin(values):.2g}"
     high = f"{np.nanmax(values):.2g}"
-    return low if low == high else f"{low} to {high}"
+    if low == high:
+        return low
+    return f"{low} to {high}"
 
 
 def _robust_spline(track: Array, rate: float, cutoffs: Sequence[float]) -> tuple[Array, float]:

@@ -125,7 +125,9 @@ def side_of(name: str) -> str:
     found = _side_mark(parts_of(name)[2])
     if found is None:
         return ""
-    return RIGHT if found[0][0] in "Rr右" else LEFT
+    if found[0][0] in "Rr右":
+        return RIGHT
+    return LEFT
 
 
 def _side_mark(bare: str) -> re.Match[str] | None:

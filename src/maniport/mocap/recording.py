@@ -99,7 +99,9 @@ class Recording(NotebookDisplay):
     @property
     def rate(self) -> float:
         """Frames per second [Hz], from the median time step; nan for a single frame."""
-        return float(1.0 / np.median(np.diff(self.time))) if len(self) > 1 else float("nan")
+        if len(self) > 1:
+            return float(1.0 / np.median(np.diff(self.time)))
+        return float("nan")
 
     @property
     def missing(self) -> Array:

@@ -115,7 +115,9 @@ def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = Fals
     )
     if not names or not all(isinstance(name, str) for name in names):
         raise InvalidInputError(f"{where} must be one name or a list of names; found {choice!r}")
-    return tuple(map(other_side, names)) if mirrored else names
+    if mirrored:
+        return tuple(map(other_side, names))
+    return names
 
 
 def find_landmarks(names: Sequence[str], side: str = RIGHT, body: str = "") -> dict[str, Group]:
@@ -214,7 +216,9 @@ def _first_recorded(marker_set: str, role: str, side: str, by_key: Mapping[str, 
 def _both_shoulders(marker_set: str, by_key: Mapping[str, str]) -> tuple[Group, ...]:
     """Return the right shoulder and the left one of a marker set; empty where one of them is not recorded."""
     pair = [_first_recorded(marker_set, "shoulder", side, by_key) for side in (RIGHT, LEFT)]
-    return tuple(pair) if all(pair) and pair[0] != pair[1] else ()
+    if all(pair) and pair[0] != pair[1]:
+        return tuple(pair)
+    return ()
 
 
 def _complete_trunk(roles: Roles, shoulders: tuple[Group, ...], by_key: Mapping[str, str]) -> None:
@@ -415,7 +419,9 @@ def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
 
 def across_role(roles: Mapping[str, Any]) -> str:
     """Return the role of the trunk's second direction."""
-    return "trunk_front" if "trunk_front" in roles else "trunk_left"
+    if "trunk_front" in roles:
+        return "trunk_front"
+    return "trunk_left"
 
 
 def unit(vectors: Array, shortest: float = 0.0) -> Array:
@@ -446,9 +452,9 @@ def segments_of(roles: Mapping[str, Any]) -> list[list[str]]:
 def missing_roles(roles: Mapping[str, Any]) -> list[str]:
     """Return the roles without points that an arm fit needs."""
     missing = [role for role in (*ARM, "trunk_up") if not roles.get(role)]
-    return (
-        missing if roles.get("trunk_front") or roles.get("trunk_left") else [*missing, "trunk_left"]
-    )
+    if roles.get("trunk_front") or roles.get("trunk_left"):
+        return missing
+    return [*missing, "trunk_left"]
 
 
 def missing_text(

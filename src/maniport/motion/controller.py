@@ -234,7 +234,9 @@ def _braking_speed(distance, a, dt):  # type: ignore[no-untyped-def]
     distance = max(distance, 0.0)
     half = 0.5 * a * dt
     fast = np.sqrt(2.0 * a * distance) - half  # nan without a limit of acceleration
-    return fast if fast > half else distance / dt
+    if fast > half:
+        return fast
+    return distance / dt
 
 
 @kernel

@@ -157,7 +157,9 @@ class FeasibleProjector:
             return None
         probes = arm.sample(32, 0)
         axis = Axis.of(arm.jacobian(probes), arm.forward(probes)[:, :3, 3])
-        return None if axis is None else axis.frame[2]
+        if axis is None:
+            return None
+        return axis.frame[2]
 
     def __call__(self, points: ArrayLike) -> Array:
         """Return the nearest ellipsoids to others, both shape (n, d, d) and with the damping."""

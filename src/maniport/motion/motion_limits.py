@@ -163,7 +163,9 @@ class MotionLimits:
     def dynamics(self) -> InverseDynamics | None:
         """Inverse dynamics; None where the description of an arm has no masses."""
         has_masses = all(arm.chain.inertia is not None for arm in as_group(self.arm).arms)
-        return InverseDynamics(self.arm) if has_masses else None
+        if has_masses:
+            return InverseDynamics(self.arm)
+        return None
 
     def require_held(self, least: float = 0.05) -> None:
         """Require that the joints hold the arm against gravity in a share of at least `least` of its configurations."""

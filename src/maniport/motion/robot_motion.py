@@ -219,11 +219,9 @@ class ArmMotion(Trajectory):
             "damping": np.array(self.damping.epsilon),
             "status": np.array(self.status),
         }
-        return (
-            arrays
-            if self.position_error is None
-            else arrays | {"position_error": self.position_error}
-        )
+        if self.position_error is None:
+            return arrays
+        return arrays | {"position_error": self.position_error}
 
 
 def rms_ratio(distance: Array, best: Array) -> float:
@@ -231,7 +229,9 @@ def rms_ratio(distance: Array, best: Array) -> float:
     norm = float(np.linalg.norm(best))
     if np.array_equal(distance, best):
         return 1.0
-    return float(np.linalg.norm(distance)) / norm if norm > 0.0 else np.inf
+    if norm > 0.0:
+        return float(np.linalg.norm(distance)) / norm
+    return np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)

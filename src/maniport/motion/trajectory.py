@@ -84,11 +84,9 @@ class Trajectory(NotebookDisplay):
     @cached_property
     def limit_use(self) -> dict[str, tuple[str, float, float]] | None:
         """As `MotionLimits.use`; None without limits."""
-        return (
-            None
-            if self.limits is None
-            else self.limits.use(self.control_time, self.control_positions)
-        )
+        if self.limits is None:
+            return None
+        return self.limits.use(self.control_time, self.control_positions)
 
     @cached_property
     def control_torques(self) -> Array | None:

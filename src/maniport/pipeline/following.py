@@ -78,7 +78,9 @@ class SampledRobot:
 
     def bank(self, arm: int, spec: EllipsoidSpec) -> SeedBank | None:
         """Return the planner's samples of an arm where they are of these ellipsoids."""
-        return None if self.planner is None or spec.bounded != spec else self.planner.arms[arm].bank
+        if self.planner is None or spec.bounded != spec:
+            return None
+        return self.planner.arms[arm].bank
 
 
 def _is_trackable(settings: Settings) -> bool:

@@ -56,12 +56,16 @@ class Option:
     def label(self) -> str:
         """Name and SI unit, for messages."""
         unit, _ = COMMAND_LINE_UNITS.get(self.unit, (self.unit, 1.0))
-        return f"{self.name} [{unit}]" if unit else self.name
+        if unit:
+            return f"{self.name} [{unit}]"
+        return self.name
 
     @property
     def flag_label(self) -> str:
         """Name and unit on the command line, for messages."""
-        return f"{self.flag} [{self.unit}]" if self.unit else self.flag
+        if self.unit:
+            return f"{self.flag} [{self.unit}]"
+        return self.flag
 
     def check(self, value: object) -> object:
         """Return a valid value of plain type, in SI units, or raise `InvalidInputError`."""
@@ -86,7 +90,9 @@ class Option:
     def text(self, value: object) -> str:
         """Write a value as it is typed on the command line."""
         if isinstance(value, bool):
-            return "on" if value else "off"
+            if value:
+                return "on"
+            return "off"
         if isinstance(value, int | float):
             return f"{value / self.factors[0]:.12g}"
         if isinstance(value, list | tuple):
@@ -322,14 +328,16 @@ def _as_tuple(value: object) -> object:
 
 def _without_path(value: object) -> object:
     """Return the text of a path; other values stay."""
-    return os.fspath(value) if isinstance(value, os.PathLike) else value
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value
 
 
 def _texts(typed: object) -> list[str]:
     """Return what was typed several times as a list."""
-    return (
-        list(typed) if isinstance(typed, Sequence) and not isinstance(typed, str) else [str(typed)]
-    )
+    if isinstance(typed, Sequence) and not isinstance(typed, str):
+        return list(typed)
+    return [str(typed)]
 
 
 def _divided(bounds: Bounds, factor: float) -> Bounds:

@@ -89,11 +89,9 @@ class ArmResult(NotebookDisplay):
     def lowest(self) -> Lowest | None:
         """Lowest point of all moving links over the motion; None where no shape is available."""
         motion = self.motion
-        return (
-            None
-            if motion is None
-            else lowest_point(self.robot, motion.control_time, motion.control_positions)
-        )
+        if motion is None:
+            return None
+        return lowest_point(self.robot, motion.control_time, motion.control_positions)
 
     @property
     def major_axis_angle(self) -> Array:

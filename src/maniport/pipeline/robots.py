@@ -27,7 +27,9 @@ def load_robot(
         masses, f"{argument('payload')} of {arm.name!r}", len(group), broadcast=True
     )
     loaded = group.with_payload(checked, config.payload_center)
-    return loaded if isinstance(arm, ArmGroup) else loaded.arms[0]
+    if isinstance(arm, ArmGroup):
+        return loaded
+    return loaded.arms[0]
 
 
 def load_single_arm(config: TransferOptions, side: str = AUTO) -> Arm:

@@ -59,7 +59,9 @@ class Regularization:
     def __str__(self) -> str:
         if self.damping is not None:
             return f"damping {self.damping:g}"
-        return f"damping of {self.epsilon:.3g}" if self.epsilon else "none"
+        if self.epsilon:
+            return f"damping of {self.epsilon:.3g}"
+        return "none"
 
 
 def damped_again(points: Array, epsilon: float) -> Array:

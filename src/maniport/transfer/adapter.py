@@ -266,7 +266,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
     def _in_student_frame(self, points: Array) -> Array:
         """Express the teacher's ellipsoids in the student's frame, R_b T R_bᵀ."""
-        return points if self.base_rotation_ is None else congruence(self.base_rotation_, points)
+        if self.base_rotation_ is None:
+            return points
+        return congruence(self.base_rotation_, points)
 
     @property
     def map_rotation_(self) -> Array:
@@ -278,11 +280,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         if d == 6:
             base = np.eye(6) if self.base_rotation_ is None else self.base_rotation_
             return orthonormal(base[:3, :3] + base[3:, 3:])
-        return (
-            self._map_rotation()
-            if self.base_rotation_ is None
-            else self._map_rotation() @ self.base_rotation_
-        )
+        if self.base_rotation_ is None:
+            return self._map_rotation()
+        return self._map_rotation() @ self.base_rotation_
 
     @property
     def student_regularization(self) -> Regularization:
@@ -313,7 +313,9 @@ def as_base_rotation(base_rotation: ArrayLike | None, d: int) -> Array | None:
         )
     else:
         rotation = as_rotation(base_rotation, "base_rotation", d)
-    return None if np.array_equal(rotation, np.eye(d)) else rotation
+    if np.array_equal(rotation, np.eye(d)):
+        return None
+    return rotation
 
 
 def _damped_domain(

@@ -30,7 +30,9 @@ class Gain(NamedTuple):
     @property
     def certainty(self) -> float:
         """The gain in standard errors; zero where nothing changed."""
-        return self.mean / self.standard_error if self.standard_error > 0.0 else 0.0
+        if self.standard_error > 0.0:
+            return self.mean / self.standard_error
+        return 0.0
 
 
 class CloudPair:

@@ -48,7 +48,9 @@ class RigidMap:
 def recenter(points: Array, mean: Array, ratio: float = 1.0) -> Array:
     """Return (P^-½ X P^-½)^s, the points about the identity, dilated by `ratio`."""
     whitened = congruence(roots(mean)[1], points)
-    return whitened if ratio == 1.0 else apply(whitened, lambda values: values**ratio)
+    if ratio == 1.0:
+        return whitened
+    return apply(whitened, lambda values: values**ratio)
 
 
 def transport_rotation(teacher_mean: Array, student_mean: Array) -> Array:

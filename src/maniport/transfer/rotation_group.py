@@ -12,7 +12,9 @@ from maniport.util.validation import Array
 @cache
 def rotation_planes(d: int) -> list[tuple[int, int]]:
     """Rows and columns j, k of the basis Ω_a = e_j e_kᵀ − e_k e_jᵀ of the skew matrices, d (d − 1) / 2 of them."""
-    return [(2, 1), (0, 2), (1, 0)] if d == 3 else [(j, k) for j in range(d) for k in range(j)]
+    if d == 3:
+        return [(2, 1), (0, 2), (1, 0)]
+    return [(j, k) for j in range(d) for k in range(j)]
 
 
 def random_rotation(d: int, random: np.random.Generator) -> Array:

@@ -136,7 +136,9 @@ def place(temporary: Path, target: Path) -> None:
 def written() -> str:
     """Describe what this process has written, for the message of an interruption."""
     names = ", ".join(f"{text}{str(path)!r}" for path, text in _written.items())
-    return f"already written: {names}" if names else "nothing was written"
+    if names:
+        return f"already written: {names}"
+    return "nothing was written"
 
 
 def discard() -> None:

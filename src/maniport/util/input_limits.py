@@ -111,8 +111,6 @@ def _similar(file: Path, suffixes: Collection[str]) -> str:
     if not file.parent.is_dir():
         return f", nor a folder {str(file.parent)!r}"
     others = [other.name for other in file.parent.iterdir() if other.suffix.lower() in suffixes]
-    return (
-        f"; there are {', '.join(map(repr, nearest_first(file.name, others)[:5]))}"
-        if others
-        else ""
-    )
+    if others:
+        return f"; there are {', '.join(map(repr, nearest_first(file.name, others)[:5]))}"
+    return ""

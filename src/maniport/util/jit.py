@@ -70,7 +70,9 @@ class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
             self._ignoring_errors(self.flush)
             return None
         # two processes that store code for different arguments at once may choose the same file
-        return overload if overload is None or overload.signature.args == sig else None
+        if overload is None or overload.signature.args == sig:
+            return overload
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         self._ignoring_errors(super().save_overload, sig, data)

@@ -75,12 +75,16 @@ def _first(mask: Any) -> tuple[int, ...]:
 
 def _at(index: tuple[int, ...]) -> str:
     """Format an index behind a name."""
-    return f"[{', '.join(map(str, index))}]" if index else ""
+    if index:
+        return f"[{', '.join(map(str, index))}]"
+    return ""
 
 
 def _behind(index: tuple[int, ...]) -> str:
     """Format an index behind a value."""
-    return f" at index {index[0] if len(index) == 1 else index}" if index else ""
+    if index:
+        return f" at index {index[0] if len(index) == 1 else index}"
+    return ""
 
 
 def as_finite(value: ArrayLike, name: str) -> Array:
@@ -347,7 +351,9 @@ def vouched(
     if not copy and vouch(flat, np.empty((0, d, d)), *limits):
         return flat.reshape(value.shape)
     results = np.empty(flat.shape)
-    return results.reshape(value.shape) if vouch(flat, results, *limits) else None
+    if vouch(flat, results, *limits):
+        return results.reshape(value.shape)
+    return None
 
 
 def _symmetric(

@@ -238,7 +238,9 @@ class Collisions(NotebookDisplay):
     @property
     def table(self) -> float | None:
         """Height of the table in the base frame [m]; None without one."""
-        return None if np.isinf(self._solids.table) else float(self._solids.table)
+        if np.isinf(self._solids.table):
+            return None
+        return float(self._solids.table)
 
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Return whether configurations (..., dof) collide, shape (...); False if nothing is checked."""

@@ -71,7 +71,9 @@ def _panda(frame: str | None) -> Chain:
     """Read the Panda, without its hand where the chain ends before it."""
     chain = read_embedded("panda")
     bare = frame in chain.frames and "panda_hand" not in chain.ancestors(str(frame))
-    return read_embedded("panda", without=("panda_hand",)) if bare else chain
+    if bare:
+        return read_embedded("panda", without=("panda_hand",))
+    return chain
 
 
 ROBOTS: dict[str, Callable[[str | None], Chain]] = {"panda": _panda}

@@ -159,7 +159,9 @@ def _inertia(document: Document, body: Element) -> Array | None:
             all(document.numbers(geom, key, 1, "1")[0] > 0 for key in ("mass", "density"))
             for geom in body.findall("geom")
         ]
-        return None if any(heavy) else _bounded(document, np.zeros((6, 6)), np.eye(4))
+        if any(heavy):
+            return None
+        return _bounded(document, np.zeros((6, 6)), np.eye(4))
     full = inertial.get("fullinertia") is not None
     moments = document.numbers(
         inertial, "fullinertia" if full else "diaginertia", 6 if full else 3, "0 0 0"

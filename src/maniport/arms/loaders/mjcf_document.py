@@ -186,20 +186,22 @@ class Document:
 
     @property
     def _angle(self) -> float:
-        return 1.0 if self.options.get("angle") == "radian" else np.pi / 180
+        if self.options.get("angle") == "radian":
+            return 1.0
+        return np.pi / 180
 
     def rest(self, name: str | None) -> float:
         """Return the `ref` of a joint [rad] or [m]."""
         joint = self.joints.get(name or "")
-        return (
-            0.0
-            if joint is None
-            else float(self.numbers(joint, "ref", 1, "0")[0]) * self.unit(joint)
-        )
+        if joint is None:
+            return 0.0
+        return float(self.numbers(joint, "ref", 1, "0")[0]) * self.unit(joint)
 
     def unit(self, joint: Element) -> float:
         """Return the unit of a joint's range and rest position [rad] or [m]."""
-        return self._angle if self.attribute(joint, "type") in (None, "hinge") else 1.0
+        if self.attribute(joint, "type") in (None, "hinge"):
+            return self._angle
+        return 1.0
 
     def effort_limit(self, joint: Element) -> float:
         """Largest torque [N m] or force [N] of a joint and of all its actuators, in the weaker direction."""

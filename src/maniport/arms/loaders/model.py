@@ -356,7 +356,9 @@ class Limbs:
             return None
         common = self.model.line(self._common(ends))
         carriers = [name for name in common[: common.index(end)] if _is_fixed_gripper(name)]
-        return carriers[-1] if carriers else None
+        if carriers:
+            return carriers[-1]
+        return None
 
     def _tool_of_gripper(
         self,
@@ -474,7 +476,9 @@ class Limbs:
     def _leader(self, name: str) -> str | None:
         """Return the joint that another one follows."""
         rule = self.model.followers.get(name)
-        return None if rule is None else rule.leader
+        if rule is None:
+            return None
+        return rule.leader
 
     def _kind(self, end: str) -> str:
         """Return whether a limb is an "arm", a "leg" or "" by its names; three joints without names are an arm."""
@@ -487,7 +491,9 @@ class Limbs:
         if is_arm:
             return "arm"
         is_other = any(_has(name, _HEADS) for name in names)
-        return "arm" if len(joints) > 2 and not is_other else ""
+        if len(joints) > 2 and not is_other:
+            return "arm"
+        return ""
 
     def _joints(self, end: str) -> tuple[str, ...]:
         return tuple(joint.name for body in self._paths[end] for joint in body.joints)

@@ -137,4 +137,6 @@ def _name(folder: Path) -> str | None:
     except OSError:
         return None
     match = re.search(r"<name>\s*([^<]*?)\s*</name>", text)
-    return None if match is None else match[1]
+    if match is None:
+        return None
+    return match[1]

@@ -90,7 +90,9 @@ def find_robot(name: str) -> RobotFile | None:
             importlib.util.find_spec(CATALOG) and importlib.util.find_spec(f"{CATALOG}.{robot}")
         )
         hidden = not installed and os.path.isdir(name)  # also a suffix of ROS packages
-        return None if hidden else _from_catalog(robot, installed)
+        if hidden:
+            return None
+        return _from_catalog(robot, installed)
     if title and title not in PACKAGES:
         return None
     packages = {title: PACKAGES[title]} if title else PACKAGES
@@ -128,11 +130,9 @@ def known_names() -> tuple[set[str], str]:
 def arm_names(name: str) -> tuple[str, ...]:
     """Return the names of the two arms of a robot in a package; none for other robots."""
     robots = {robot for package in PACKAGES.values() for robot in package.pairs}
-    return (
-        tuple(f"{name}_{side}_arm" for side in sorted(SIDES))
-        if name.rpartition("/")[2] in robots
-        else ()
-    )
+    if name.rpartition("/")[2] in robots:
+        return tuple(f"{name}_{side}_arm" for side in sorted(SIDES))
+    return ()
 
 
 def _from_catalog(name: str, installed: bool) -> RobotFile:

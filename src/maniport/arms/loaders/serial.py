@@ -163,7 +163,9 @@ def _inertia(model: RobotModel, carriers: Mounts, count: int) -> Array | None:
             inertia[carrier] += moved_inertia(body.inertia, pose)
         elif carrier:
             return None
-    return inertia if np.any(inertia[1:]) else None
+    if np.any(inertia[1:]):
+        return inertia
+    return None
 
 
 def _implausible_inertia(model: RobotModel, carriers: Mounts, length: float) -> dict[str, str]:

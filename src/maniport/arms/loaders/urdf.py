@@ -137,7 +137,9 @@ def _named(path: Path, root: Element, tag: str) -> dict[str, Element]:
 
 def _end(joint: Element, end: str) -> str:
     element = joint.find(end)
-    return "" if element is None else element.get("link", "")
+    if element is None:
+        return ""
+    return element.get("link", "")
 
 
 def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:

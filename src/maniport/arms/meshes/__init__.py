@@ -77,7 +77,9 @@ class Geometry:
     @cached_property
     def _drawn(self) -> list[Shape]:
         links = [link for link in self.chain.frames if self.chain.holds(link)]
-        return [] if self.chain.shapes is None else [*self.chain.shapes(links)]
+        if self.chain.shapes is None:
+            return []
+        return [*self.chain.shapes(links)]
 
     @cached_property
     def checked(self) -> CollisionShapes:

@@ -367,7 +367,9 @@ def _as_points(positions: ArrayLike, count: int) -> Array:
         text = f"positions must have shape (n, k, 3) for {count} names, with n ≥ 1; found {points.shape}"
         raise InvalidInputError(text)
     require_size(*points.shape[:2])
-    return points if points.flags.writeable else points.copy()
+    if points.flags.writeable:
+        return points
+    return points.copy()
 
 
 def _numbered(names: Sequence[str]) -> list[str]:
@@ -413,7 +415,9 @@ def known_unit(text: str) -> str | None:
         "cmu": "CMU",
     }
     name = spellings.get(singular, name)
-    return name if name in UNITS else None
+    if name in UNITS:
+        return name
+    return None
 
 
 def require_size(frames: int, points: int) -> None:
@@ -428,7 +432,9 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
     low = confidence < least
     positions[low] = np.nan
     text = f"{100 * low.mean():.1f} % of all points have a confidence below {least} and count as missing"
-    return [text] if low.any() else []
+    if low.any():
+        return [text]
+    return []
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of points out of reach
@@ -494,7 +500,9 @@ def _by_content(head: bytes) -> str | None:
     if any(line.lower() == "endheader" or line.lower().startswith("indegrees") for line in lines):
         return ".mot"
     if text.startswith("<"):
-        return ".mvnx" if "<mvnx" in text else None
+        if "<mvnx" in text:
+            return ".mvnx"
+        return None
     starts = {
         "PK": ".npz", "\ufffdNUMPY": ".npy", "{": ".json", "[": ".json", "PathFileType": ".trc",
         "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv",
@@ -506,11 +514,9 @@ def _bodies_warning(recording: Recording) -> list[str]:
     """Report which of several bodies is used."""
     bodies = max((whole_bodies(recording.observed, side) for side in SIDES), key=len)
     advice = f"the first is used; a point of another one in {argument('markers')} selects that one"
-    return (
-        [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"]
-        if len(bodies) > 1
-        else []
-    )
+    if len(bodies) > 1:
+        return [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"]
+    return []
 
 
 def _first(names: Sequence[str], most: int) -> str:

@@ -337,7 +337,9 @@ def _position_channels(node: _Node, table: Array, column: int) -> tuple[Array | 
         if kind == "position":
             columns.append(column + i)
             axes.append("xyz".index(axis))
-    return (table[:, columns], axes) if columns else (None, axes)
+    if columns:
+        return (table[:, columns], axes)
+    return (None, axes)
 
 
 def _offsets(node: _Node, values: Array, axes: list[int]) -> Array:

@@ -128,13 +128,17 @@ def has_points(columns: Sequence[str]) -> bool:
 def axis_of(cell: str) -> str:
     """Return the axis that a cell alone names, as ``X`` or ``x1``, in small letters; empty where it names none."""
     match = _AXIS.fullmatch(cell)
-    return "" if match is None else match["axis"].lower()
+    if match is None:
+        return ""
+    return match["axis"].lower()
 
 
 def unit_of_axis(cell: str) -> str:
     """Return the unit of length beside an axis, as in ``X (mm)``; empty where there is none."""
     match = _AXIS.fullmatch(cell)
-    return "" if match is None else _unit_of(match)
+    if match is None:
+        return ""
+    return _unit_of(match)
 
 
 def is_numbers(cells: Sequence[str]) -> bool:
@@ -193,4 +197,6 @@ def _first_match(patterns: Sequence[re.Pattern[str]], column: str) -> re.Match[s
 def _unit_of(match: re.Match[str]) -> str:
     groups = match.groupdict()
     unit = groups.get("unit") or groups.get("ending") or ""
-    return unit if known_unit(unit) is not None else ""
+    if known_unit(unit) is not None:
+        return unit
+    return ""

@@ -100,7 +100,9 @@ def _frames_of_array(head: Mapping[str, Any]) -> list[Any]:
     if not isinstance(positions, list) or not positions or not isinstance(positions[0], list):
         return []
     is_array = bool(positions[0]) and isinstance(positions[0][0], list)
-    return positions if is_array else []
+    if is_array:
+        return positions
+    return []
 
 
 def _frames_of_tracks(head: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -188,7 +190,9 @@ def _points(frame: Any) -> list[Point] | dict[str, Point]:
     """Return the keypoints of one frame, by name where they have names; empty where nobody was detected."""
     if isinstance(frame, dict):
         if key := _first(frame, KEYS["people"], list):
-            return _points(frame[key][0]) if frame[key] else []
+            if frame[key]:
+                return _points(frame[key][0])
+            return []
         if key := _first(frame, KEYS["points"]):
             return _points(
                 _with_confidence(
@@ -212,11 +216,9 @@ def _points(frame: Any) -> list[Point] | dict[str, Point]:
         return _points(frame[0])  # several people: the first
     points = [_point(point) for point in frame]
     names = [point.get("name") if isinstance(point, dict) else None for point in frame]
-    return (
-        dict(zip(map(str, names), points, strict=True))
-        if all(isinstance(name, str) for name in names)
-        else points
-    )
+    if all(isinstance(name, str) for name in names):
+        return dict(zip(map(str, names), points, strict=True))
+    return points
 
 
 def _with_confidence(points: Any, scores: Any, key: str) -> Any:
@@ -259,7 +261,9 @@ def _point(point: Any) -> Point:
 
 def _axes_of(point: Mapping[str, Any]) -> str:
     """Return the keys of the coordinates of a keypoint, in small letters or in capitals."""
-    return "XYZ" if "X" in point and "x" not in point else "xyz"
+    if "X" in point and "x" not in point:
+        return "XYZ"
+    return "xyz"
 
 
 def _number(value: Any) -> float:

@@ -185,7 +185,9 @@ def _units_of(cells: Sequence[str]) -> str | None:
             return None
     if not units:
         return None
-    return units.pop() if len(units) == 1 else ""
+    if len(units) == 1:
+        return units.pop()
+    return ""
 
 
 def _row_of_names(rows: Sequence[Row]) -> Row | None:

@@ -229,7 +229,9 @@ def field_of(line: str, separator: str | None, column: int) -> str:
         fields = fields_of(line, separator)
     else:
         fields = line.split(separator, column + 1)
-    return fields[column].strip() if column < len(fields) else ""
+    if column < len(fields):
+        return fields[column].strip()
+    return ""
 
 
 def column_of(lines: Sequence[str], separator: str, column: int) -> list[str]:
@@ -415,7 +417,9 @@ class NumberTable:
             )
         except ValueError:
             return None
-        return table if len(table) == len(lines) else None
+        if len(table) == len(lines):
+            return table
+        return None
 
     def _parsed(self, lines: list[str]) -> Array | None:
         """Parse rows at once, shape (len(lines), columns in use); None where a row is unusual."""
@@ -425,13 +429,17 @@ class NumberTable:
             numbers = _loaded(lines, None, None)
             if numbers is None or numbers.shape[1] != self.width:
                 return None
-            return numbers if self.used == [*range(self.width)] else numbers[:, self.used]
+            if self.used == [*range(self.width)]:
+                return numbers
+            return numbers[:, self.used]
 
         if self._is_all_numbers and 2 * len(self.used) > self.width:
             # without usecols `loadtxt` counts the fields itself
             numbers = _loaded(lines, self.separator, None)
             if numbers is not None and numbers.shape[1] == self.width:
-                return numbers if self.used == [*range(self.width)] else numbers[:, self.used]
+                if self.used == [*range(self.width)]:
+                    return numbers
+                return numbers[:, self.used]
             self._is_all_numbers = False
 
         separators = self.width - 1
@@ -529,4 +537,6 @@ def as_float(field: str) -> float:
         return float(field)
     except ValueError:
         missing = field.lower() in MISSING
-        return np.nan if missing else float(field.replace(",", "."))
+        if missing:
+            return np.nan
+        return float(field.replace(",", "."))

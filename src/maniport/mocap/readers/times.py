@@ -277,7 +277,9 @@ def _rate_of(time: Array) -> float | None:
     step = float(np.median(steps))
     if step <= 0 or _resolution(time) > 0.1 * step:
         step = float(np.mean(steps))
-    return 1.0 / step if step > 0 else None
+    if step > 0:
+        return 1.0 / step
+    return None
 
 
 def _resolution(time: Array) -> float:

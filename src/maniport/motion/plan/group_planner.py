@@ -131,7 +131,9 @@ class Planner:
             )
             q, timed = arm.solve(alone, options, own, part)
             parts.append(q)
-        return (timed, False) if count == 1 else self._joined(problem, parts, options, random)
+        if count == 1:
+            return (timed, False)
+        return self._joined(problem, parts, options, random)
 
     def _joined(
         self,

@@ -129,11 +129,9 @@ class ArmPlanner:
             square = np.sum(cost.residual(at) ** 2, axis=1)
             nodes = replace(nodes, cost=nodes.cost + square)
         nodes = self._held(nodes, problem.time) if self.limits.arm.chain.payload else nodes
-        return (
-            nodes
-            if problem.collisions is None
-            else nodes.without(problem.collisions.collides(nodes.q))
-        )
+        if problem.collisions is None:
+            return nodes
+        return nodes.without(problem.collisions.collides(nodes.q))
 
     def _held(self, nodes: Roadmap, time: Array) -> Roadmap:
         """Drop nodes at which a joint cannot hold the payload; an error where a stage has no others."""

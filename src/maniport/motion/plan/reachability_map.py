@@ -133,11 +133,9 @@ class ReachabilityMap:
 
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""
-        return (
-            (points, np.zeros(points.shape[:-1]))
-            if self.axis is None
-            else self.axis.cylindrical(points)
-        )
+        if self.axis is None:
+            return (points, np.zeros(points.shape[:-1]))
+        return self.axis.cylindrical(points)
 
     def costs(self, target: TargetTrajectory, count: int, demands: Sequence[Demand] = ()) -> Array:
         """Cost d² + (`GAP_WEIGHT` · gap)² of samples next to the positions of targets, shape (n,).
@@ -298,4 +296,6 @@ class ReachabilityMap:
     def _turns(self, angles: Array) -> Array:
         """Rotations (..., 3, 3) of the arm by angles (...)."""
         none = np.broadcast_to(np.eye(3), (*angles.shape, 3, 3))
-        return none if self.axis is None else self.axis.rotations(angles)
+        if self.axis is None:
+            return none
+        return self.axis.rotations(angles)

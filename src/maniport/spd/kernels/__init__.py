@@ -252,4 +252,6 @@ def _flat(array: Array, batch: tuple[int, ...]) -> Array:
         array = np.broadcast_to(array, batch + shape)
     if not array.flags.carray or array.dtype != np.float64:  # Numba would compile again
         array = np.array(array, dtype=np.float64, order="C")
-    return array if array.ndim == 3 else array.reshape((-1, *shape))
+    if array.ndim == 3:
+        return array
+    return array.reshape((-1, *shape))

@@ -187,7 +187,9 @@ def raise_loop(values, exponent, low, high):
             value = values[row, i]
             power = value**exponent if value > 0.0 else 0.0
             if not low <= power <= high:
-                return power if value > 0.0 else -1.0
+                if value > 0.0:
+                    return power
+                return -1.0
             values[row, i] = power
     return np.nan
 
@@ -275,4 +277,6 @@ def release(value, epsilon):
     """Return the y with y (y + ε) / (y + κ ε) = `value`."""
     gap = value - epsilon
     root = np.sqrt(gap * gap + (4.0 * KAPPA * epsilon) * value)
-    return 0.5 * (gap + root) if gap > 0.0 else 2.0 * KAPPA * epsilon * value / (root - gap)
+    if gap > 0.0:
+        return 0.5 * (gap + root)
+    return 2.0 * KAPPA * epsilon * value / (root - gap)

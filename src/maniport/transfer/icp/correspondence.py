@@ -61,7 +61,9 @@ def _between(partners: Callable[[Array], tuple[Indices, Array]], teacher_seeks: 
         partner, weight = partners(rotation if teacher_seeks else rotation.T)
         own = np.arange(len(partner))
         weight = weight / weight.sum()
-        return Matches(own, partner, weight) if teacher_seeks else Matches(partner, own, weight)
+        if teacher_seeks:
+            return Matches(own, partner, weight)
+        return Matches(partner, own, weight)
 
     return match
 

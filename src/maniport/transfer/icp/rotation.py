@@ -96,7 +96,9 @@ def _saddle_free_direction(gradient: Array, hessian: Array, max_step: float = 1.
     size = np.maximum(size, 1e-8 * max(size.max(), np.finfo(float).tiny))
     direction = -axes @ ((axes.T @ gradient) / size)
     length = float(np.linalg.norm(direction))
-    return np.asarray(direction * min(1.0, max_step / length)) if length > 0 else direction
+    if length > 0:
+        return np.asarray(direction * min(1.0, max_step / length))
+    return direction
 
 
 @kernel

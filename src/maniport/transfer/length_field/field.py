@@ -66,7 +66,9 @@ class LengthsMap:
 
     def features(self, x: Array) -> Array:
         """φ(x), shape (n, D), of vectors (n, D)."""
-        return features(x @ harmonics(self.axis).T, self._softening) if len(self.axis) else x
+        if len(self.axis):
+            return features(x @ harmonics(self.axis).T, self._softening)
+        return x
 
     @cached_property
     def _center_features(self) -> Array:
