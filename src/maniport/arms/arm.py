@@ -128,11 +128,10 @@ class Arm(JointSpace):
                 f"rows must have shape (n, 4), columns theta, d, a, alpha; found shape {table.shape}"
             )
         n = len(table)
-        names = (
-            [f"joint{i + 1}" for i in range(n)]
-            if joint_names is None
-            else check_names(joint_names, "joint_names")
-        )
+        if joint_names is None:
+            names = tuple(f"joint{i + 1}" for i in range(n))
+        else:
+            names = check_names(joint_names, "joint_names")
         kinds = [REVOLUTE] * n if kinds is None else kinds
         for key, values in (("joint_names", names), ("kinds", kinds)):
             if len(values) != n:
@@ -358,11 +357,10 @@ class Arm(JointSpace):
         self, q: ArrayLike, spec: EllipsoidSpec, changes: bool = False
     ) -> tuple[Array | None, Array | None]:
         """Weights of the joints for a specification at checked configurations."""
-        limits = (
-            self._limits(spec.kind)
-            if isinstance(self.checked_spec(spec).joint_weights, str)
-            else None
-        )
+        if isinstance(self.checked_spec(spec).joint_weights, str):
+            limits = self._limits(spec.kind)
+        else:
+            limits = None
         flat = np.asarray(q, dtype=np.float64).reshape(-1, self.dof)
         return weighting(spec, self._kinematics, limits, flat, changes)
 
@@ -372,7 +370,8 @@ class Arm(JointSpace):
         poses, own = self._kinematics.motion(array.reshape(-1, self.dof), with_jacobians)
         shape = array.shape[:-1]
         jacobians = self._kinematics.coupled(own)
-        jacobians = jacobians.reshape(*shape, 6, self.dof) if with_jacobians else jacobians
+        if with_jacobians:
+            jacobians = jacobians.reshape(*shape, 6, self.dof)
         return poses.reshape(*shape, 4, 4), jacobians, own
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:

@@ -245,7 +245,10 @@ def _names_of(arms: Sequence[Arm], names: Sequence[str] | None) -> tuple[str, ..
             raise InvalidInputError(
                 f"arms[{i}] must be an Arm, as load_arm makes it; found {type(arm).__name__}"
             )
-    titles = tuple(f"arm{i + 1}" for i in range(len(arms))) if names is None else tuple(names)
+    if names is None:
+        titles = tuple(f"arm{i + 1}" for i in range(len(arms)))
+    else:
+        titles = tuple(names)
     if not arms or len(set(titles)) != len(arms):
         raise InvalidInputError(
             f"names must be one for each of {len(arms)} arms, all different; found {titles}"

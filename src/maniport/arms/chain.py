@@ -328,7 +328,10 @@ def _require_rigid(placement: Array, what: str) -> None:
 
 def check_names(names: Sequence[str], argument: str) -> tuple[str, ...]:
     """Require a sequence of at least one name, without repetitions."""
-    listed = () if isinstance(names, str) or not isinstance(names, Iterable) else tuple(names)
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        listed: tuple[str, ...] = ()
+    else:
+        listed = tuple(names)
     if not listed or not all(isinstance(name, str) for name in listed):
         raise InvalidInputError(
             f"{argument} must be a sequence of names, such as ('first', 'second'); found {names!r}"
@@ -406,7 +409,8 @@ def read_embedded(name: str, without: Collection[str] = ()) -> Chain:
             coupling[row, coordinates.index(coordinate)] = factor
         axis = np.array(entry["axis"], dtype=np.float64)
         placement = pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
-        placement = placement if joints else pose(**data["base"]) @ placement
+        if not joints:
+            placement = pose(**data["base"]) @ placement
         joints.append(
             Joint(
                 entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement

@@ -38,7 +38,10 @@ FLAT = 1e-3  # ε [m/s]
 
 def is_limited(arm: Arm, kind: str) -> bool:
     """Whether an arm has the limits of all joints that extents of a kind need."""
-    limits = arm.velocity_limits if kind == "velocity" else arm.effort_limits
+    if kind == "velocity":
+        limits = arm.velocity_limits
+    else:
+        limits = arm.effort_limits
     return limits is not None and bool(np.all(np.isfinite(limits) & (limits > 0.0)))
 
 
@@ -66,7 +69,10 @@ def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = "
     """
     as_choice(kind, "kind", EXTENT_KINDS)
     arm.checked_spec(EllipsoidSpec(kind, joint_weights=JOINT_LIMITS))
-    limits = arm.velocity_limits if kind == "velocity" else arm.effort_limits
+    if kind == "velocity":
+        limits = arm.velocity_limits
+    else:
+        limits = arm.effort_limits
     assert limits is not None
     configurations = np.atleast_2d(arm.configurations(q))
     u = _unit_vectors(directions, len(configurations))
@@ -169,7 +175,10 @@ def smooth_extents(
     if jacobians is None:
         jacobians = arm.jacobian(q)
     count, k = lines.shape[:2]
-    filled = count if derivatives else 0
+    if derivatives:
+        filled = count
+    else:
+        filled = 0
     result = SmoothExtents(
         logs=np.empty((count, k)),
         joint_changes=np.empty((filled, k, arm.dof)),

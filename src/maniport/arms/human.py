@@ -210,7 +210,10 @@ def human_arm(name: str, side: str = RIGHT, lengths: Mapping[str, float] | None 
     arm = PERSONS[name](
         **{segment.replace(" ", "_"): length for segment, length in (lengths or {}).items()}
     )
-    chain = arm.chain if arm.side in SIDES else replace(arm.chain, side=RIGHT)
+    if arm.side in SIDES:
+        chain = arm.chain
+    else:
+        chain = replace(arm.chain, side=RIGHT)
     return Arm(chain if chain.side == side else mirrored(chain))
 
 

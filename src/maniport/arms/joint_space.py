@@ -118,11 +118,12 @@ class JointSpace(NotebookDisplay):
 
     def _limits(self, kind: str) -> Array:
         """Return the velocity or effort limits (dof,) for a kind of ellipsoids, all finite and above 0."""
-        name, limits = (
-            ("velocity", self.velocity_limits)
-            if kind == "velocity"
-            else ("effort", self.effort_limits)
-        )
+        if kind == "velocity":
+            name = "velocity"
+            limits = self.velocity_limits
+        else:
+            name = "effort"
+            limits = self.effort_limits
         if limits is None or not np.all(np.isfinite(limits) & (limits > 0.0)):
             missing = [
                 n

@@ -25,7 +25,10 @@ def fill_motion(rotations, origins, axes, slides, frame_joint, frame, poses, jac
         pose = poses[n]
         for i in range(3):
             for j in range(4):
-                pose[i, j] = origins[n, frame_joint, i] if j == 3 else 0.0
+                if j == 3:
+                    pose[i, j] = origins[n, frame_joint, i]
+                else:
+                    pose[i, j] = 0.0
                 for m in range(3):
                     pose[i, j] += rotations[n, frame_joint, i, m] * frame[m, j]
             pose[3, i] = 0.0
@@ -43,8 +46,14 @@ def fill_motion(rotations, origins, axes, slides, frame_joint, frame, poses, jac
                     across = axis[p] * (pose[q, 3] - origins[n, k + 1, q]) - axis[q] * (
                         pose[p, 3] - origins[n, k + 1, p]
                     )
-                    jacobian[i, k] = axis[i] if slides[k] else across
-                    jacobian[3 + i, k] = 0.0 if slides[k] else axis[i]
+                    if slides[k]:
+                        jacobian[i, k] = axis[i]
+                    else:
+                        jacobian[i, k] = across
+                    if slides[k]:
+                        jacobian[3 + i, k] = 0.0
+                    else:
+                        jacobian[3 + i, k] = axis[i]
                     if k >= frame_joint:
                         jacobian[i, k] = jacobian[3 + i, k] = 0.0
 
@@ -81,7 +90,10 @@ def place_points(  # type: ignore[no-untyped-def]
     slopes[:] = 0.0
     for v in range(len(joints)):
         for i in range(3):
-            values[v, i] = origins[joints[v], i] if v < count else 0.0
+            if v < count:
+                values[v, i] = origins[joints[v], i]
+            else:
+                values[v, i] = 0.0
             for m in range(3):
                 values[v, i] += rotations[joints[v], i, m] * vectors[v, m]
     for j in range(len(axes)):
@@ -97,9 +109,13 @@ def place_points(  # type: ignore[no-untyped-def]
             z = coupling[j, k] * axis[2]
             for v in range(len(joints)):
                 if j < joints[v]:
-                    at, moves = (
-                        (origins[j + 1], 1.0) if v < count else (origins[0], 0.0)
-                    )  # zero for directions
+                    # zero for directions
+                    if v < count:
+                        at = origins[j + 1]
+                        moves = 1.0
+                    else:
+                        at = origins[0]
+                        moves = 0.0
                     p = values[v, 0] - at[0]
                     q = values[v, 1] - at[1]
                     r = values[v, 2] - at[2]
@@ -115,14 +131,22 @@ def place_links(positions, parents, placements, axes, slides, rotations, origins
     for i in range(3):
         origins[0, i] = 0.0
         for j in range(3):
-            rotations[0, i, j] = 1.0 if i == j else 0.0
+            if i == j:
+                rotations[0, i, j] = 1.0
+            else:
+                rotations[0, i, j] = 0.0
     for k in range(len(positions)):
         x = axes[k, 0]
         y = axes[k, 1]
         z = axes[k, 2]
         angle = positions[k]
         above = parents[k]
-        sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
+        if slides[k]:
+            sine = 0.0
+            cosine = 1.0
+        else:
+            sine = np.sin(angle)
+            cosine = np.cos(angle)
         rest = 1.0 - cosine  # Rodrigues
         turn[0, 0] = cosine + x * x * rest
         turn[0, 1] = x * y * rest - z * sine
@@ -178,11 +202,10 @@ def fill_gravity(rotations, origins, axes, slides, masses, moments, up, torques,
                 q = (i + 2) % 3
                 at_p = moment[p] - mass * origins[n, k + 1, p]
                 at_q = moment[q] - mass * origins[n, k + 1, q]
-                momenta[k, i] = (
-                    mass * turning[k, i]
-                    if slides[k]
-                    else turning[k, p] * at_q - turning[k, q] * at_p
-                )
+                if slides[k]:
+                    momenta[k, i] = mass * turning[k, i]
+                else:
+                    momenta[k, i] = turning[k, p] * at_q - turning[k, q] * at_p
                 torques[n, k] += momenta[k, i] * up[i]
         for k in range(joints if len(changes) > 0 else 0):
             for j in range(k + 1):

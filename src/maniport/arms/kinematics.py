@@ -48,9 +48,15 @@ class Kinematics:
         offset = list[float]()
         self.links: list[list[int]] = []  # of each chain
         for i, (chain, own) in enumerate(zip(chains, columns, strict=True)):
-            before = np.zeros(1, dtype=np.intp) if common is None or not i else common[i, :i]
+            if common is None or not i:
+                before = np.zeros(1, dtype=np.intp)
+            else:
+                before = common[i, :i]
             shared = int(before.max())
-            links = self.links[int(before.argmax())][: shared + 1] if i else [0]
+            if i:
+                links = self.links[int(before.argmax())][: shared + 1]
+            else:
+                links = [0]
             for k in range(shared, len(chain.joints)):
                 joints.append(chain.joints[k])
                 parents.append(links[-1])
@@ -145,7 +151,8 @@ class Kinematics:
         )  # masses and first moments
         fill_gravity(rotations, origins, self.axes, self.slides, *bodies, self._up, torques, slopes)
         torques = self.coupled(torques)
-        slopes = slopes if self.trivial else c.T @ slopes @ c
+        if not self.trivial:
+            slopes = c.T @ slopes @ c
         if not inertia:
             return DynamicsTerms(torques, np.empty((0, 0, 0)), slopes, np.empty((0, 0, 0, 0)))
         rotations = rotations[:, 1:]
@@ -182,9 +189,8 @@ class Kinematics:
             )
             half = np.where(before[..., None], half, 0.0)
             h_changes = -half - np.swapaxes(half, -1, -2)
-            h_changes = (
-                h_changes if self.trivial else np.einsum("nmij,mk->nkij", c.T @ h_changes @ c, c)
-            )
+            if not self.trivial:
+                h_changes = np.einsum("nmij,mk->nkij", c.T @ h_changes @ c, c)
         return DynamicsTerms(torques, h, slopes, h_changes)
 
 

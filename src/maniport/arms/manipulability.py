@@ -172,10 +172,14 @@ def weighting(
     gravity = limits is not None and spec.kind != "velocity" and kinematics.has_weight
     if limits is None and spec.joint_weights is None and not accelerated:
         return None, None
-    terms = kinematics.dynamics(q, changes, inertia=accelerated) if accelerated or gravity else None
-    weights: Any = (
-        1.0 if spec.joint_weights is None else spec.joint_weights if limits is None else limits
-    )
+    if accelerated or gravity:
+        terms = kinematics.dynamics(q, changes, inertia=accelerated)
+    else:
+        terms = None
+    if spec.joint_weights is None:
+        weights: Any = 1.0
+    else:
+        weights = spec.joint_weights if limits is None else limits
     scale: Array = np.ones(q.shape[1]) * weights
     slopes = None
     if limits is not None and terms is not None:
@@ -218,8 +222,14 @@ def manipulability(rows: Array, kind: str = "velocity") -> Array:
     )  # the rule of `as_spd`
     if np.any(bad):
         index = tuple(np.argwhere(bad)[0].tolist())
-        place = f"[{', '.join(map(str, index))}]" if index else ""
-        count = f" ({int(np.sum(bad))} of {bad.size})" if bad.size > 1 else ""
+        if index:
+            place = f"[{', '.join(map(str, index))}]"
+        else:
+            place = ""
+        if bad.size > 1:
+            count = f" ({int(np.sum(bad))} of {bad.size})"
+        else:
+            count = ""
         raise NotSPDError(
             f"jacobian{place} is singular: its singular values range from {lengths[index][-1]:.3g} to "
             f"{lengths[index][0]:.3g}{count}, so that the force ellipsoid is unbounded. "

@@ -67,7 +67,10 @@ def restrict(
                 "joint", name, chain.coordinates, f"on the chain to {chain.frame!r} {where}"
             )
         if name not in part.coordinates:
-            what = "lock" if name in held else "joints"
+            if name in held:
+                what = "lock"
+            else:
+                what = "joints"
             raise InvalidInputError(
                 f"{what}: {name!r} does not move the frame {end_frame!r}{seen} {where}"
             )
@@ -75,7 +78,10 @@ def restrict(
         [n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool
     )
     if not np.any(moving):
-        held_all = "; lock contains all" if part.coordinates else ""
+        if part.coordinates:
+            held_all = "; lock contains all"
+        else:
+            held_all = ""
         raise InvalidInputError(
             f"no movable joint lies between the base and the frame {end_frame!r}{seen} {where}{held_all}"
         )

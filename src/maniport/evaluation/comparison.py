@@ -119,11 +119,10 @@ def evaluate(
     moves = np.max(distance_unchecked(original[:1], original)) > STILL
     for i, (row, baseline) in enumerate(methods.items()):
         step(i / len(methods))
-        method = (
-            adapter
-            if baseline is adapter
-            else with_feasible_set(baseline, robot, spec, bank, random_state)
-        )
+        if baseline is adapter:
+            method = adapter
+        else:
+            method = with_feasible_set(baseline, robot, spec, bank, random_state)
         with collected_warnings() as texts:
             if method is not adapter:
                 method.fit(teacher, student)

@@ -143,7 +143,10 @@ def distance_preservation(
         raise InvalidInputError(
             f"original does not vary: all of its pairwise distances are {own_apart[0]:.3g}"
         )
-    rank = rank_correlation(apart, own_apart) if np.ptp(apart) > STILL else 0.0
+    if np.ptp(apart) > STILL:
+        rank = rank_correlation(apart, own_apart)
+    else:
+        rank = 0.0
     angles = axis_angles(images, own, -1)
     return DistancePreservation(rank, float(np.median(angles)) if len(angles) else None)
 
@@ -270,9 +273,12 @@ class Row:
         """
         ratio = self.step_ratio or 0.0
         kept = self.preservation
-        rank, angle = (
-            (1.0, 0.0) if kept is None else (kept.rank_correlation, kept.major_axis_angle or 0.0)
-        )
+        if kept is None:
+            rank = 1.0
+            angle = 0.0
+        else:
+            rank = kept.rank_correlation
+            angle = kept.major_axis_angle or 0.0
         metrics = {
             "large_step": (ratio, ratio > MAX_STEP_RATIO),
             "rank_correlation": (rank, rank < MIN_RANK_CORRELATION),
@@ -300,7 +306,10 @@ class Evaluation(NotebookDisplay):
     rejected: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
-        recommended = f"; recommended: {self.recommended!r}" if self.recommended else ""
+        if self.recommended:
+            recommended = f"; recommended: {self.recommended!r}"
+        else:
+            recommended = ""
         return f"Evaluation({self.adapter.name!r} and {len(self.rows) - 1} baselines{recommended})"
 
     @property

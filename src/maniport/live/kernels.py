@@ -42,7 +42,12 @@ def trunk_directions(vectors, forward, required):  # type: ignore[no-untyped-def
             first += x * across[i]
             second += x * (up[p] * across[q] - up[q] * across[p])
             directions[n, 2] += x * up[i]
-        directions[n, 0], directions[n, 1] = (first, second) if forward else (-second, first)
+        if forward:
+            directions[n, 0] = first
+            directions[n, 1] = second
+        else:
+            directions[n, 0] = -second
+            directions[n, 1] = first
         seen = seen and (n >= required or not np.isnan(first + second))
     return directions, seen
 
@@ -188,7 +193,10 @@ def follow(  # type: ignore[no-untyped-def]
         for j in range(n):
             of_both = covariance[i, n + j]
             of_velocities = covariance[n + i, n + j]
-            added = noise[i] if i == j else 0.0
+            if i == j:
+                added = noise[i]
+            else:
+                added = 0.0
             predicted[i, j] = (
                 covariance[i, j] + dt * (of_both + covariance[j, n + i]) + dt**2 * of_velocities
             )
@@ -250,7 +258,10 @@ def averaged(times, rows, start, later, longest):  # type: ignore[no-untyped-def
                 share = (0.5 * (begin + end) - times[i]) / (times[i + 1] - times[i])
                 total += (end - begin) * ((1.0 - share) * rows[i] + share * rows[i + 1])
                 duration += end - begin
-        result[k] = total / duration if duration > 0.0 else rows[-1]
+        if duration > 0.0:
+            result[k] = total / duration
+        else:
+            result[k] = rows[-1]
     return result
 
 
@@ -263,11 +274,17 @@ def queued(times, rows, row, now, delay):  # type: ignore[no-untyped-def]
     count = len(times)
     late = now - delay
     ended = count > 0 and times[-1] < late
-    first = count - 1 if ended else max(np.searchsorted(times, late - delay) - 1, 0)
+    if ended:
+        first = count - 1
+    else:
+        first = max(np.searchsorted(times, late - delay) - 1, 0)
     kept = np.empty(count - first + 1)
     kept_rows = np.empty((count - first + 1, len(row)))
     for i in range(first, count):
-        kept[i - first] = late if ended else times[i]
+        if ended:
+            kept[i - first] = late
+        else:
+            kept[i - first] = times[i]
         kept_rows[i - first] = rows[i]
     kept[-1] = now
     kept_rows[-1] = row

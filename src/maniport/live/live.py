@@ -120,8 +120,14 @@ class Live:
             "person", person.arms if isinstance(person, HumanMotion) else person, ArmFit, count
         )
         adapters = _of_each("adapter", adapter, DomainAdapter, count)
-        paths = (None,) * count if path is None else _of_each("path", path, Placement, count)
-        bases = person.bases if isinstance(person, HumanMotion) else np.zeros((1, 3))
+        if path is None:
+            paths = (None,) * count
+        else:
+            paths = _of_each("path", path, Placement, count)
+        if isinstance(person, HumanMotion):
+            bases = person.bases
+        else:
+            bases = np.zeros((1, 3))
         self._delay = as_delay(delay)
         auto_engage = as_flag(auto_engage, "auto_engage")
         own_clock = MotionClock(clock)
@@ -145,12 +151,16 @@ class Live:
         strongest = max(
             (own.student_regularization for own in adapters), key=lambda own: own.epsilon
         )
-        damping = strongest if strongest.epsilon > 0.0 and spec.kind != "force" else DAMPING
+        if strongest.epsilon > 0.0 and spec.kind != "force":
+            damping = strongest
+        else:
+            damping = DAMPING
         q = require_free(start, "start", self._own_limits, own_collisions)
         q = np.clip(q, robot.lower, robot.upper)
-        near = (
-            None if reference is None else bounds.arm.require_within_limits(reference, "reference")
-        )
+        if reference is None:
+            near = None
+        else:
+            near = bounds.arm.require_within_limits(reference, "reference")
         if near is not None:
             require_shape(near, "reference", ("n", bounds.arm.dof), " with n ≥ 1")
         self._robot = Robot(
@@ -209,7 +219,10 @@ class Live:
             tuple(arm.fit for arm in result.arms),
             np.stack([arm.person_base for arm in result.arms]),
         )
-        robot = result.robot if len(result.arms) > 1 else result.arm.robot
+        if len(result.arms) > 1:
+            robot: Arm | ArmGroup = result.robot
+        else:
+            robot = result.arm.robot
         if result.motion is None:
             raise InvalidInputError("result has no motion; transfer the recording with move=True")
         plan = result.fitted.settings.plan
@@ -368,7 +381,10 @@ class Live:
         if not self._machine.moves or len(present) < len(targets):
             self._robot.brake(elapsed)
             return False
-        share = approach_share if self._machine.state == "approaching" else 1.0
+        if self._machine.state == "approaching":
+            share = approach_share
+        else:
+            share = 1.0
         self._robot.follow(present, self._queues, elapsed, share, self._clock.now)
         return True
 
@@ -393,11 +409,15 @@ def as_delay(delay: float) -> float:
 
 def _of_each(name: str, value: Any, kind: Any, count: int) -> tuple[Any, ...]:
     """Require a value of a type for each arm; one that is no sequence is that of the only arm."""
-    values = (
-        tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else (value,)
-    )
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        values = tuple(value)
+    else:
+        values = (value,)
     if len(values) != count or not all(isinstance(item, kind) for item in values):
-        number = "" if count == 1 else f", {count} of them, one for each arm of the robot"
+        if count == 1:
+            number = ""
+        else:
+            number = f", {count} of them, one for each arm of the robot"
         kinds = ", ".join(type(item).__name__ for item in values)
         raise InvalidInputError(
             f"{name} must be of type {getattr(kind, '__name__', kind)}{number}; found {kinds}"

@@ -146,9 +146,9 @@ class Person:
         None without trunk, upper arm or forearm. A hand that is not seen comes to rest.
         """
         targets, seen = trunk_directions(vectors, self._forward, 2)
-        if seen:
-            return targets
-        return None
+        if not seen:
+            return None
+        return np.asarray(targets)
 
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
@@ -271,7 +271,10 @@ class LedArm:
     def forget(self) -> None:
         """Forget all frames."""
         self._last_seen = -np.inf
-        self._filter = OneEuroFilter(self.person.count) if self.person.is_noisy else None
+        if self.person.is_noisy:
+            self._filter: OneEuroFilter | None = OneEuroFilter(self.person.count)
+        else:
+            self._filter = None
         self._hidden = HiddenPoints(self.person._linear)
         self.estimate: ArmEstimate | None = None
         self.target: Target | None = None

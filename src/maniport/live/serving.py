@@ -142,7 +142,10 @@ class Server:
                 due = min(due, self._due)
             if self._is_admitted:
                 due = min(due, self._clock() + longest_pause)
-            pause = None if due == math.inf else max(due - self._clock(), 0.0)
+            if due == math.inf:
+                pause = None
+            else:
+                pause = max(due - self._clock(), 0.0)
             sources: list[Any] = [self._stop]
             if not self._lines and self._next is None:
                 sources += self._transport.sources()

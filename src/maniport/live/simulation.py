@@ -95,7 +95,10 @@ def model_spec(arm: Arm | ArmGroup) -> Any:
         joint.calc(data, np.zeros(joint.nq))
         axis = np.ravel(data.S)
         slides = not np.any(np.ravel(data.S)[3:])
-        kind = package.mjtJoint.mjJNT_SLIDE if slides else package.mjtJoint.mjJNT_HINGE
+        if slides:
+            kind = package.mjtJoint.mjJNT_SLIDE
+        else:
+            kind = package.mjtJoint.mjJNT_HINGE
         body.add_joint(type=kind, axis=axis[:3] if slides else axis[3:])
         bodies.append(body)
     return spec
@@ -123,9 +126,10 @@ class Simulation:
         for arm, pose in zip(
             state.arms, as_group(self._live.robot).forward(self.robot.q), strict=True
         ):
-            error = (
-                None if arm.target_position is None else math.dist(pose[:3, 3], arm.target_position)
-            )
+            if arm.target_position is None:
+                error = None
+            else:
+                error = math.dist(pose[:3, 3], arm.target_position)
             arms.append(replace(arm, position=pose[:3, 3], position_error=error))
         state = replace(state, joint_positions=self.robot.q, arms=tuple(arms))
         if state.position_error is not None and state.state in ("following", "lagging"):
@@ -133,13 +137,15 @@ class Simulation:
         return state
 
     def __str__(self) -> str:
-        share = (
-            f"at most {100.0 * self.robot.largest_share:.0f} %"
-            if self.robot.limited
-            else "without limits"
-        )
+        if self.robot.limited:
+            share = f"at most {100.0 * self.robot.largest_share:.0f} %"
+        else:
+            share = "without limits"
         servo = f"servo lag at most {self.lag:.3f} rad, torque {share}"
-        text = servo if self.robot.dynamic else "robot without masses: no dynamics"
+        if self.robot.dynamic:
+            text = servo
+        else:
+            text = "robot without masses: no dynamics"
         if self.errors:
             return f"{errors_text(self.errors)}; {text}"
         return text

@@ -251,7 +251,10 @@ class MeasuredJoints:
 
     def far(self, measured: Array, command: Array, now: float) -> bool:
         """Whether measured joints (dof,) are far from a command at a time [s]."""
-        factor = 1.0 if self.settled(now) else self.MOVING_FACTOR
+        if self.settled(now):
+            factor = 1.0
+        else:
+            factor = self.MOVING_FACTOR
         return bool((np.abs(measured - command) > factor * self._tolerance).any())
 
     def agree(self, measured: Array, command: Array) -> bool:
@@ -304,7 +307,10 @@ class MotionClock:
     def begin_step(self, frame_time: float | None) -> float:
         """Begin a step; return the time since the last one for which the robot may move [s]."""
         simulated = self._read is None
-        now = frame_time if frame_time is not None and simulated else self.read()
+        if frame_time is not None and simulated:
+            now = frame_time
+        else:
+            now = self.read()
         if self.now == -math.inf:
             self._moved = now
             self.state_time = now if frame_time is None else frame_time
@@ -334,5 +340,8 @@ class MotionClock:
             self.state_time += self._lost_at_rest
         moved = max(self._moved, end - self.COMPUTING_TIME)
         self._was_long = moved > self._moved
-        self._lost_at_rest = moved - self._moved if rested else 0.0
+        if rested:
+            self._lost_at_rest = moved - self._moved
+        else:
+            self._lost_at_rest = 0.0
         self._moved = moved

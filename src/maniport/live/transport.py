@@ -208,7 +208,10 @@ class Pipe:
             received[0] = Line(None)
             self._too_long = False
         self._too_long = self._too_long or len(rest) > FRAME_BYTES
-        self._rest = b"" if self._too_long else rest
+        if self._too_long:
+            self._rest = b""
+        else:
+            self._rest = rest
         return [line for line in received if line.text is None or line.text.strip()]
 
     def send(self, text: bytes, receiver: Any = None) -> bool:

@@ -98,9 +98,10 @@ class ArmFit(NotebookDisplay):
     def summary(self) -> str:
         """Arm, frames, range of the segments' median residuals, and unobservable joints in one line."""
         medians = [np.median(self.residuals[segment]) for segment in self.segment_lengths]
-        unobservable = (
-            f"; unobservable: {', '.join(self.unobservable)}" if self.unobservable else ""
-        )
+        if self.unobservable:
+            unobservable = f"; unobservable: {', '.join(self.unobservable)}"
+        else:
+            unobservable = ""
         residuals = f"median residual {min(medians):.1f}–{max(medians):.1f}°"
         return f"{self.arm.side} arm, {len(self)} frames, {residuals}{unobservable}"
 
@@ -136,7 +137,8 @@ class ArmFit(NotebookDisplay):
             hand, axis=0
         )  # on their principal direction, the longer side positive
         path = offsets @ np.linalg.svd(offsets - offsets.mean(axis=0), full_matrices=False)[2][0]
-        path = path if path.max() >= -path.min() else -path
+        if not (path.max() >= -path.min()):
+            path = -path
         peaks, properties = find_peaks(path, prominence=np.finfo(float).tiny)
         if not len(peaks):
             return []

@@ -109,7 +109,9 @@ def fit_arms(
     """
     both = side == BOTH
     require_person(person, AUTO if both else side, smooth)
-    chosen = _markers_by_side(recording, markers) if both else {side: markers}
+    chosen: dict[str, Markers] = {side: markers}
+    if both:
+        chosen = dict(_markers_by_side(recording, markers))
     observations = [observe(recording, own, name, smooth == AUTO) for name, own in chosen.items()]
     common = reduce(np.intersect1d, [observation.frames for observation in observations])
     if not len(common):

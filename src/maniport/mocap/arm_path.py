@@ -77,7 +77,10 @@ def solve_arm(directions: Directions, time: Array, roles: Collection[str], step:
     step(0.1)
     priors = joint_priors(directions.arm, roles)
     steps = np.diff(time)
-    usual = float(np.median(steps)) if len(steps) else 1.0
+    if len(steps):
+        usual = float(np.median(steps))
+    else:
+        usual = 1.0
     joined = steps < 1.5 * usual
     q = np.clip(_initial_path(directions, time, usual, joined), priors.lower, priors.upper)
     step(0.4)

@@ -97,7 +97,10 @@ def body_sides(recording: Recording, roles: Roles, side: str) -> BodySides:
     BodySides
         Without signs where the trunk or its sides are not recorded.
     """
-    other = LEFT if side == RIGHT else RIGHT
+    if side == RIGHT:
+        other = LEFT
+    else:
+        other = RIGHT
     body = {name: find_landmarks(recording.observed, name) for name in (RIGHT, LEFT)}
     arms = {side: roles, other: find_roles(recording.observed, other)[1]}
     every = -(-len(recording) // MOST_FRAMES)
@@ -159,7 +162,10 @@ def _named_frame(points: _Points, arms: Mapping[str, Roles]) -> _Frame | None:
         left = end - start
     elif shoulders:
         ((side, shoulder),) = shoulders.items()
-        left = shoulder - high if side == LEFT else high - shoulder
+        if side == LEFT:
+            left = shoulder - high
+        else:
+            left = high - shoulder
     else:
         return None
     up = unit(high - low)
@@ -219,7 +225,10 @@ def _elbows(points: _Points, arm: Roles, frame: _Frame, side: str) -> float:
         return float("nan")
     shoulder, elbow, wrist = (points.mean(arm[role]) for role in ARM)
     left = np.cross(frame.up, frame.front)
-    inward = left if side == RIGHT else -left
+    if side == RIGHT:
+        inward = left
+    else:
+        inward = -left
     reach = (wrist - shoulder) / np.linalg.norm(elbow - shoulder, axis=-1, keepdims=True)
     inside, farthest = AT_THE_TRUNK
     at_the_trunk = np.abs(np.sum(reach * frame.front, axis=-1)) < farthest

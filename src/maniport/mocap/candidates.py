@@ -163,7 +163,10 @@ def _is_bone(recording: Recording, name: str, role: str, roles: Mapping[str, Any
             continue
         lengths = np.linalg.norm(places[end] - places[start], axis=-1)
         lengths = lengths[np.isfinite(lengths)]
-        median = float(np.median(lengths)) if len(lengths) else 0.0
+        if len(lengths):
+            median = float(np.median(lengths))
+        else:
+            median = 0.0
         if median <= 0 or np.std(lengths) > LARGEST_CHANGE * median:
             return False
         if upper_arm > 0 and not low <= median / upper_arm <= high:

@@ -72,7 +72,10 @@ def without_zeros(recording: Recording) -> Recording:
     for i in np.flatnonzero(zero.any(axis=0) & ~always):
         distance = np.linalg.norm(recording.positions[:, i], axis=-1)
         step = np.linalg.norm(np.diff(recording.positions[:, i], axis=0), axis=-1)
-        usual = float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
+        if np.isfinite(step).any():
+            usual = float(np.nanmedian(step))
+        else:
+            usual = 0.0
         for start, stop in runs_of(zero[:, i]):
             neighbors = [distance[t] for t in (start - 1, stop) if 0 <= t < len(distance)]
             lost[start:stop, i] = np.nanmax([0.0, *neighbors]) > max(0.05, 5.0 * usual)  # [m]
@@ -101,8 +104,14 @@ def without_rest_poses(
         With a note for each rest pose.
     """
     positions = recording.positions
-    first = 0 if is_cut[0] else rest_frames(positions, recording.time)
-    last = 0 if is_cut[1] else rest_frames(positions[::-1], -recording.time[::-1])
+    if is_cut[0]:
+        first = 0
+    else:
+        first = rest_frames(positions, recording.time)
+    if is_cut[1]:
+        last = 0
+    else:
+        last = rest_frames(positions[::-1], -recording.time[::-1])
     if first + last == 0 or first + last > len(recording) - 2:
         return recording
     notes = []
@@ -121,8 +130,14 @@ def without_rest_poses(
 
 def rest_pose_note(count: int, end: str) -> str:
     """Return the note on a rest pose of some frames at the end "first" or "last"."""
-    frames = f"the {end} frame" if count == 1 else f"the {end} {count} frames"
-    verb = "was" if count == 1 else "were"
+    if count == 1:
+        frames = f"the {end} frame"
+    else:
+        frames = f"the {end} {count} frames"
+    if count == 1:
+        verb = "was"
+    else:
+        verb = "were"
     return f"{frames}, a rest pose from which the motion jumps, {verb} omitted"
 
 
@@ -231,7 +246,10 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
             exchanges = (kept > 2 * least_step) & (crossed < 0.3 * kept)
             if exchanges.any():
                 odd = np.concatenate([[False], np.cumsum(exchanges) % 2 == 1])
-                swapped[part] = odd if odd.mean() < 0.5 else ~odd
+                if odd.mean() < 0.5:
+                    swapped[part] = odd
+                else:
+                    swapped[part] = ~odd
         if swapped.any():
             positions[:, columns] = np.where(swapped[:, None, None], tracks[:, ::-1], tracks)
             texts.append(
@@ -243,7 +261,10 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
 
 def without_outliers(recording: Recording) -> Recording:
     """Mark points as missing in short runs of frames in which they are elsewhere and come back."""
-    step = 1.0 / recording.rate if len(recording) > 2 else np.inf
+    if len(recording) > 2:
+        step = 1.0 / recording.rate
+    else:
+        step = np.inf
     lost = [_outliers(track, step) for track in np.moveaxis(recording.positions, 1, 0)]
     return _marked_missing(recording, np.stack(lost, axis=1), "outlier")
 

@@ -35,13 +35,12 @@ FASTEST_JOINT = 1500.0
 def unobservable_joints(roles: Collection[str]) -> dict[int, str]:
     """Return the joints that the roles leave unobservable in every frame, with the reason."""
     missing = [name for name in ("hand", "wrist_axis") if name not in roles]
-    joints = (
-        (TURN, DEVIATION, FLEXION)
-        if "wrist_axis" in missing
-        else (DEVIATION, FLEXION)
-        if missing
-        else ()
-    )
+    if "wrist_axis" in missing:
+        joints: tuple[int, ...] = (TURN, DEVIATION, FLEXION)
+    elif missing:
+        joints = (DEVIATION, FLEXION)
+    else:
+        joints = ()
     return dict.fromkeys(
         joints, f"points of {' and '.join(missing)} are missing: held at or near the neutral angle"
     )
@@ -150,7 +149,10 @@ def gap_warning(fit: ArmFit, time: Array) -> list[str]:
     runs = runs_of(missing)
     start, stop = max(runs, key=lambda run: time[run[1]] - time[run[0] - 1])  # frames may be lost
     count = int(missing.sum())
-    lack = "lacks points and is" if count == 1 else "lack points and are"
+    if count == 1:
+        lack = "lacks points and is"
+    else:
+        lack = "lack points and are"
     return [
         f"{counted(count, 'frame')} in the middle {lack} omitted: the motion continues on the other "
         f"side of the gap; the longest gap is from {time[start - 1]:.2f} to {time[stop]:.2f} s"

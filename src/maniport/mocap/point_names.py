@@ -51,7 +51,10 @@ def load_names(file: str) -> Any:
 
 def parts_of(name: str) -> tuple[str, str, str]:
     """Split a name into its namespace (before the last ``:`` or ``|``), `END` or nothing, and the rest."""
-    end = END if name.startswith(END) else ""
+    if name.startswith(END):
+        end = END
+    else:
+        end = ""
     whole = name.removeprefix(END)
     cut = max(whole.rfind(":"), whole.rfind("|")) + 1
     namespace = whole[: max(cut - 1, 0)]
@@ -166,7 +169,10 @@ def spellings(name: str) -> tuple[str, ...]:
     key = _plain(unicodedata.normalize("NFKC", base))
     if not key:
         return (own,)
-    marks = ("r", "right") if side_of(name) == RIGHT else ("l", "left")
+    if side_of(name) == RIGHT:
+        marks = ("r", "right")
+    else:
+        marks = ("l", "left")
     keys = [own]
     for mark in marks:
         keys.append(_plain(end) + mark + key)
@@ -230,7 +236,11 @@ def _shared_starts(names: Sequence[str]) -> list[str]:
     length = 0
     while True:
         following = Counter(name[length] for name in group if len(name) > length)
-        letter, count = following.most_common(1)[0] if following else ("", 0)
+        if following:
+            letter, count = following.most_common(1)[0]
+        else:
+            letter = ""
+            count = 0
         if count < len(group) and length:
             starts.append(group[0][:length])
         if count < least:

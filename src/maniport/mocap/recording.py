@@ -172,11 +172,10 @@ class Recording(NotebookDisplay):
                 times = self.time[~missing]
                 values = positions[~missing, i]
                 # Akima's spline needs more than two points.
-                spline = (
-                    Akima1DInterpolator(times, values)
-                    if len(times) > 2
-                    else make_interp_spline(times, values, 1)
-                )
+                if len(times) > 2:
+                    spline = Akima1DInterpolator(times, values)
+                else:
+                    spline = make_interp_spline(times, values, 1)
                 for start, stop in short:
                     positions[start:stop, i] = spline(self.time[start:stop])
                 frames = sum(stop - start for start, stop in short)
@@ -210,7 +209,10 @@ def beyond_end(time: Array, stop: float | None) -> list[str]:
     if stop is None:
         return []
     # the end of the last frame, or its rounding
-    tolerance = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if len(time) > 1:
+        tolerance = 1.5 * float(np.median(np.diff(time)))
+    else:
+        tolerance = 0.0
     if stop <= time[-1] + tolerance:
         return []
     return [f"{argument('stop', stop)} is beyond the end of the recording, {time[-1]:.2f} s"]

@@ -145,7 +145,10 @@ def _other_arm(fitting: Fitting, before: Residuals) -> list[Trial]:
     if len(fitting.observations) > 1:
         return []
     side = fitting.observations[0].side
-    other = RIGHT if side == LEFT else LEFT
+    if side == LEFT:
+        other = RIGHT
+    else:
+        other = LEFT
     markers = fitting.markers.get(side, next(iter(fitting.markers.values())))
     try:
         observation = observe(fitting.recording, markers, other, fitting.smooth)

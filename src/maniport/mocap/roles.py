@@ -106,13 +106,12 @@ def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = Fals
                 f"{where} must be a pair of points or of lists (from, to); found {choice!r}"
             )
         return tuple(as_choice_of_names("", group, where, mirrored) for group in choice)
-    names = (
-        (choice,)
-        if isinstance(choice, str)
-        else tuple(choice)
-        if isinstance(choice, Sequence)
-        else ()
-    )
+    if isinstance(choice, str):
+        names: tuple[str, ...] = (choice,)
+    elif isinstance(choice, Sequence):
+        names = tuple(choice)
+    else:
+        names = ()
     if not names or not all(isinstance(name, str) for name in names):
         raise InvalidInputError(f"{where} must be one name or a list of names; found {choice!r}")
     if mirrored:
@@ -244,7 +243,10 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
     own, theirs = (find_roles(recording.observed, name)[1] for name in (side, other))
     missing = missing_roles(roles)
     if missing:
-        where = f" in {recording.source!r}" if recording.source else ""
+        if recording.source:
+            where = f" in {recording.source!r}"
+        else:
+            where = ""
         advice = ""
         if set(missing) & set(ARM) and set(ARM) <= theirs.keys():
             advice = f" The {other} arm is available: use {argument('side', other)}."
@@ -268,7 +270,10 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
 def _wrong_side(recording: Recording, roles: Roles, side: str) -> str:
     """Describe which point of an arm is on the other side of the trunk; empty where none is."""
     inward = trunk_rotation(recording, roles)[:, :, 1] * (1.0 if side == RIGHT else -1.0)
-    other = LEFT if side == RIGHT else RIGHT
+    if side == RIGHT:
+        other = LEFT
+    else:
+        other = RIGHT
     middle = [name for group in roles["trunk_up"] for name in group]
     # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
     # possible, brings the elbow 0.27 m inward.
@@ -309,9 +314,10 @@ def assigned_roles(
     for role, choice in (markers or {}).items():
         if role not in ROLES:
             raise unknown_name("role", role, ROLES, "of a point")
-        chosen[role] = (
-            None if choice is None else as_choice_of_names(role, choice, f"markers[{role!r}]")
-        )
+        if choice is None:
+            chosen[role] = None
+        else:
+            chosen[role] = as_choice_of_names(role, choice, f"markers[{role!r}]")
     names = points_of({role: choice for role, choice in chosen.items() if choice})
     for name in names:
         recording.point(name)
@@ -358,12 +364,21 @@ def find_side(
         wrist = direction(recording, (own["trunk_up"][0], own["wrist"]))
         local = np.sum(trunk_rotation(recording, own) * wrist[:, :, None], axis=1)
         steps = np.linalg.norm(np.diff(local, axis=0), axis=-1)
-        paths[name] = float(np.nanmean(steps) * len(steps)) if np.isfinite(steps).any() else 0.0
+        if np.isfinite(steps).any():
+            paths[name] = float(np.nanmean(steps) * len(steps))
+        else:
+            paths[name] = 0.0
     similar = 1.1  # ratio of paths up to which the right arm is taken
-    moving, other = (LEFT, RIGHT) if paths[LEFT] > similar * paths[RIGHT] else (RIGHT, LEFT)
-    cause = (
-        "larger motion" if paths[moving] > similar * paths[other] else "both arms move similarly"
-    )
+    if paths[LEFT] > similar * paths[RIGHT]:
+        moving = LEFT
+        other = RIGHT
+    else:
+        moving = RIGHT
+        other = LEFT
+    if paths[moving] > similar * paths[other]:
+        cause = "larger motion"
+    else:
+        cause = "both arms move similarly"
     reason = (
         f"{cause}: wrist path relative to the trunk {paths[moving]:.2f} m, {other} wrist {paths[other]:.2f} m; "
         f"{argument('side', other)} selects the {other} arm"
@@ -498,5 +513,8 @@ def usual_names(role: str, marker_set: str, side: str) -> str:
     """Return the usual names of a role, those of the recording's own marker set first."""
     sets = dict.fromkeys([marker_set, *reversed(MARKER_SETS)])
     usual = [names for name in sets for names in alternatives(name, role, side)[:1]][:3]
-    pairs = usual if role in DIRECTIONS else [(group,) for group in usual]
+    if role in DIRECTIONS:
+        pairs = usual
+    else:
+        pairs = [(group,) for group in usual]
     return " or ".join(" to ".join("+".join(map(repr, group)) for group in pair) for pair in pairs)

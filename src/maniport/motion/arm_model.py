@@ -44,14 +44,20 @@ def robot_model(arm: Arm | ArmGroup) -> pin.Model:
     places = list[list[Place]]()
     for i, (member, prefix) in enumerate(zip(group.arms, model_prefixes(group), strict=True)):
         before = group.common[i, :i]
-        shared = places[int(before.argmax())][: int(before.max()) + 1] if i else ()
+        if i:
+            shared = places[int(before.argmax())][: int(before.max()) + 1]
+        else:
+            shared = []
         places.append(_add_arm(model, member, prefix, shared))
         _add_masses(model, group, i, places[-1])
     model.gravity.linear = np.array(group.arms[0].chain.gravity)
     model.lowerPositionLimit = arm.lower
     model.upperPositionLimit = arm.upper
     unknown = np.full(arm.dof, np.inf)
-    model.velocityLimit = unknown if arm.velocity_limits is None else arm.velocity_limits
+    if arm.velocity_limits is None:
+        model.velocityLimit = unknown
+    else:
+        model.velocityLimit = arm.velocity_limits
     model.effortLimit = unknown if arm.effort_limits is None else arm.effort_limits
     return model
 

@@ -103,7 +103,10 @@ class Controller:
             self.columns = [slice(None)]
             self._blocks = [(slice(None), slice(None))]
         self._bounds = np.array([arm.lower, arm.upper, velocity, acceleration], dtype=np.float64)
-        self._collisions = collisions if collisions is not None and collisions.checked else None
+        if collisions is not None and collisions.checked:
+            self._collisions: Collisions | None = collisions
+        else:
+            self._collisions = None
         self._costs = tuple(costs)
         self._limits = as_own_limits(limits, group)
         if self._collisions is not None:
@@ -157,11 +160,12 @@ class Controller:
         allowed = np.empty(0)
         for limit in self._limits:
             more, sides = limit.inequalities(q, dt)
-            rows, allowed = (
-                (more, sides)
-                if not len(rows)
-                else (np.vstack([rows, more]), np.append(allowed, sides))
-            )
+            if not len(rows):
+                rows = more
+                allowed = sides
+            else:
+                rows = np.vstack([rows, more])
+                allowed = np.append(allowed, sides)
         durations = np.array((dt, *problem.horizon))
         for relaxed in (False, True) if len(rows) else (False,):
             limits = bounds, self._bounds, speed_share, rows, allowed, relaxed
@@ -194,7 +198,10 @@ class Controller:
             if positions is not None and arm.position is not None:
                 offsets = position_weight * (arm.position.positions - positions)
                 changes[:, columns] = offsets @ at.jacobians[0, :3]
-            previous = None if problem.previous_positions is None else problem.previous_positions[i]
+            if problem.previous_positions is None:
+                previous = None
+            else:
+                previous = problem.previous_positions[i]
             if previous is not None:
                 distance = math.dist(at.poses[0, :3, 3], previous)
                 lag = (
@@ -303,9 +310,13 @@ def _program(  # type: ignore[no-untyped-def]
     above[size : size + count] = allowed
     sense = np.zeros(len(above), np.int32)
     for i in range(len(sense) if len(sense) == len(multipliers) else 0):
-        sense[i] = (
-            1 if multipliers[i] > 0.0 else 3 if multipliers[i] < 0.0 else 0
-        )  # active above or below
+        # active above or below
+        if multipliers[i] > 0.0:
+            sense[i] = 1
+        elif multipliers[i] < 0.0:
+            sense[i] = 3
+        else:
+            sense[i] = 0
     if relaxed:
         sense[size : size + count] = 8  # soft
     return quadratic, linear, matrix, above, below, sense

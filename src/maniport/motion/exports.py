@@ -108,7 +108,10 @@ def _write_mcap(
             time = begin + 10**9 * sec + nsec
             positions = values[0]
             velocities = values[1]
-            efforts = values[3] if len(values) > 3 else []
+            if len(values) > 3:
+                efforts = values[3]
+            else:
+                efforts = []
             message = joint_state(time, motion.joint_names, positions, velocities, efforts)
             writer.add_message(states, time, message, time, number)
             if robot is not None:
@@ -157,7 +160,10 @@ def _write_parquet(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None)
         group = as_group(robot)
         end_positions = group.forward(motion.control_positions)[:, :, :3, 3]
         for arm, name in enumerate(group.names):
-            prefix = f"{name}_" if len(group) > 1 else ""
+            if len(group) > 1:
+                prefix = f"{name}_"
+            else:
+                prefix = ""
             columns |= {
                 f"{prefix}end_effector_{axis}": (end_positions[:, arm, i], "m")
                 for i, axis in enumerate("xyz")
@@ -240,7 +246,8 @@ def export_motion(
         raise InvalidInputError(
             f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}"
         )
-    motion = motion.trajectory if isinstance(motion, RobotMotion) else motion
+    if isinstance(motion, RobotMotion):
+        motion = motion.trajectory
     if not isinstance(motion, Trajectory):
         raise InvalidInputError(
             f"motion must be a motion, such as result.motion; found {type(motion).__name__}"

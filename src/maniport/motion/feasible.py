@@ -159,7 +159,7 @@ class FeasibleProjector:
         axis = Axis.of(arm.jacobian(probes), arm.forward(probes)[:, :3, 3])
         if axis is None:
             return None
-        return axis.frame[2]
+        return np.asarray(axis.frame[2])
 
     def __call__(self, points: ArrayLike) -> Array:
         """Return the nearest ellipsoids to others, both shape (n, d, d) and with the damping."""

@@ -139,7 +139,10 @@ def _solve_moving(gradient, hessian, damping, moving, free, factor, step):  # ty
             total = hessian[k, moving[b]] + (damping if a == b else 0.0)
             for c in range(b):
                 total -= factor[a, c] * factor[b, c]
-            factor[a, b] = np.sqrt(total) if a == b else total / factor[b, b]
+            if a == b:
+                factor[a, b] = np.sqrt(total)
+            else:
+                factor[a, b] = total / factor[b, b]
         for c in range(a):
             pull -= factor[a, c] * factor[c, count]
         factor[a, count] = pull / factor[a, a]

@@ -89,10 +89,14 @@ class MotionLimits:
         """
         share = as_number(joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
         is_file = isinstance(source, str | os.PathLike)
-        where = str(source) if is_file else "limits"
+        if is_file:
+            where = str(source)
+        else:
+            where = "limits"
         try:
             content: Any = {} if source is None else source
-            content = read_settings(content, ("joints", "default")) if is_file else content
+            if is_file:
+                content = read_settings(content, ("joints", "default"))
             joints, default = _checked(content, arm, where)
         except (InvalidInputError, FileFormatError) as error:
             raise (FileFormatError if is_file else InvalidInputError)(str(error)) from None
@@ -256,7 +260,8 @@ def _checked(
             for key, value in require_mapping(content, keys, name).items()
         }
 
-    content = dict(content) if isinstance(content, Mapping) else content
+    if isinstance(content, Mapping):
+        content = dict(content)
     content = require_mapping(content, ("joints", "default"), where)
     default = numbers(content.get("default", {}), LIMITS, f"{where}: default")
     entries = require_mapping(

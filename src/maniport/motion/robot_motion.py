@@ -138,9 +138,10 @@ class ArmMotion(Trajectory):
         stopped = np.zeros(len(time), bool) if held is None else held
         ends = (positions <= arm.lower + near_stop) | (positions >= arm.upper - near_stop)
         fast = np.abs(np.diff(positions, axis=0) / np.diff(time)[:, None]) >= near_speed
-        off_path = (
-            np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
-        )
+        if error is None:
+            off_path = np.zeros(len(q), bool)
+        else:
+            off_path = np.asarray(error > position_tolerance)
         judged = distance
         if target.directions:
             judged = np.zeros(len(distance))
@@ -168,7 +169,10 @@ class ArmMotion(Trajectory):
 
     def __repr__(self) -> str:
         error = self.position_error
-        position = "" if error is None else f", position error {1e3 * np.median(error):.2f} mm"
+        if error is None:
+            position = ""
+        else:
+            position = f", position error {1e3 * np.median(error):.2f} mm"
         return (
             f"{type(self).__name__}({self.arm!r}, {len(self.time)} waypoints in {self.time[-1] - self.time[0]:.2f} s, "
             f"distance {np.median(self.distance):.3f}{position} (medians))"

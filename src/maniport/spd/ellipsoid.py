@@ -83,7 +83,12 @@ def axis_angles(points: Array, others: Array, which: int) -> Array:
 
 def _distinct(values: Array, which: int) -> NDArray[np.bool_]:
     """Whether the first or last of ascending eigenvalues (n, d) differs from the next one by more than 5 %."""
-    high, low = (values[:, -1], values[:, -2]) if which == -1 else (values[:, 1], values[:, 0])
+    if which == -1:
+        high = values[:, -1]
+        low = values[:, -2]
+    else:
+        high = values[:, 1]
+        low = values[:, 0]
     return np.asarray(high - low > 0.05 * high)
 
 
@@ -93,9 +98,12 @@ def axis_over_time(points: Array, which: int, like: Array | None = None) -> Arra
     Signs are continuous, but change where an axis is more than 120° from that of `like`.
     """
     semi_axes, directions = axes(points)
-    short, long = (
-        (semi_axes[:, -2], semi_axes[:, -1]) if which == -1 else (semi_axes[:, 0], semi_axes[:, 1])
-    )
+    if which == -1:
+        short = semi_axes[:, -2]
+        long = semi_axes[:, -1]
+    else:
+        short = semi_axes[:, 0]
+        long = semi_axes[:, 1]
     defined = np.flatnonzero(short < 0.97 * long)
     vectors = np.full(directions.shape[:2], np.nan)
     if len(defined) == 0:

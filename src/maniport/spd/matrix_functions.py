@@ -137,7 +137,10 @@ def from_vector(vector: ArrayLike) -> Array:
     ndarray, shape (..., d, d)
     """
     vectors = as_finite(vector, "vector")
-    m = vectors.shape[-1] if vectors.ndim else 0
+    if vectors.ndim:
+        m = vectors.shape[-1]
+    else:
+        m = 0
     d = round((np.sqrt(8 * m + 1) - 1) / 2)
     if not MIN_DIMENSION <= d <= MAX_DIMENSION or d * (d + 1) != 2 * m:
         raise InvalidInputError(

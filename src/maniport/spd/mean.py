@@ -60,7 +60,10 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
             "points are too ill-conditioned for their mean: rounding makes them indefinite about it"
         )
     for _ in range(50):
-        following = _line_search(state, data, w) if state.norm > tol else None
+        if state.norm > tol:
+            following = _line_search(state, data, w)
+        else:
+            following = None
         if following is None:
             break
         state = following

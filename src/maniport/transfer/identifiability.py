@@ -39,11 +39,17 @@ class CloudPair:
     """Two clouds of SPD matrices, (n, d, d) and (m, d, d), about the identity; as log-vectors."""
 
     def __init__(self, teacher: Array, student: Array, largest: int = 1024, seekers: int = 256):
-        limit = largest if teacher.shape[-1] <= 3 else largest // 8
+        if teacher.shape[-1] <= 3:
+            limit = largest
+        else:
+            limit = largest // 8
         whole = [to_vector(apply(cloud, np.log)) for cloud in (teacher, student)]
         self.teacher, self.student = (subsample(vectors, limit) for vectors in whole)
         self._teacher_seeks = len(teacher) <= len(student)
-        smaller, larger = whole if self._teacher_seeks else reversed(whole)
+        if self._teacher_seeks:
+            smaller, larger = whole
+        else:
+            smaller, larger = reversed(whole)
         self._seeking = subsample(smaller, seekers)
         self._sought = larger
 

@@ -103,11 +103,10 @@ def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
 def read_npy(stream: IO[bytes], size: int) -> Any:
     """Read an array from a stream of `size` bytes in NumPy's format; may raise errors of any type."""
     version = np.lib.format.read_magic(stream)
-    read = (
-        np.lib.format.read_array_header_1_0
-        if version == (1, 0)
-        else np.lib.format.read_array_header_2_0
-    )
+    if version == (1, 0):
+        read = np.lib.format.read_array_header_1_0
+    else:
+        read = np.lib.format.read_array_header_2_0
     shape, _, dtype = read(stream)
     if math.prod(shape) * max(dtype.itemsize, 1) > size:
         raise ValueError(f"its header declares the shape {shape} of {dtype}, more than there is")
@@ -290,10 +289,16 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
 
     def _integer(self, node: Any, text: str) -> int:
         base = {"0o": 8, "0x": 16}.get(text[:2], 10)
-        digits = text.lstrip("+-0") if base == 10 else text[2:].lstrip("0")
+        if base == 10:
+            digits = text.lstrip("+-0")
+        else:
+            digits = text[2:].lstrip("0")
         if len(digits) > LARGEST_INTEGER.bit_length():  # Python converts no text of any length
             raise self._fault(node, f"an integer of {len(digits)} digits is too large")
-        value = int(text[2:], base) if base != 10 else int(text)
+        if base != 10:
+            value = int(text[2:], base)
+        else:
+            value = int(text)
         if abs(value) >= LARGEST_INTEGER:
             raise self._fault(
                 node, f"the integer {value} is too large; allowed are those below 2^63"
@@ -311,5 +316,8 @@ class _CarefulDumper(yaml.SafeDumper):  # type: ignore[misc]
 for _name, (_pattern, _initials) in CORE_SCHEMA.items():
     _StrictLoader.add_constructor(_tag(_name), _StrictLoader.construct_core)
     for _class in (_StrictLoader, _CarefulDumper):
-        _first = [*_initials, ""] if _name == "null" else list(_initials)
+        if _name == "null":
+            _first = [*_initials, ""]
+        else:
+            _first = list(_initials)
         _class.add_implicit_resolver(_tag(_name), re.compile(rf"(?:{_pattern})\Z"), _first)

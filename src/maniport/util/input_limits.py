@@ -78,7 +78,10 @@ def existing_file(
             f"{str(file)!r}: cannot be read: {getattr(error, 'strerror', error)}"
         ) from None
     if stat.S_ISDIR(status.st_mode):
-        wanted = f"a file with suffix {', '.join(suffixes)}" if suffixes else "a file"
+        if suffixes:
+            wanted = f"a file with suffix {', '.join(suffixes)}"
+        else:
+            wanted = "a file"
         raise FileFormatError(f"{file}: this is a folder; give {wanted}")
     if suffixes and file.suffix.lower() not in suffixes:
         raise FileFormatError(

@@ -48,20 +48,18 @@ def inside(values: Any, bounds: Bounds) -> Any:
 
 def _in_words(bounds: Bounds) -> str:
     """Describe a range for a message, with a leading space; empty without bounds."""
-    left = (
-        f"({bounds['above']:.12g}"
-        if "above" in bounds
-        else f"[{bounds['minimum']:.12g}"
-        if "minimum" in bounds
-        else ""
-    )
-    right = (
-        f"{bounds['below']:.12g})"
-        if "below" in bounds
-        else f"{bounds['maximum']:.12g}]"
-        if "maximum" in bounds
-        else ""
-    )
+    if "above" in bounds:
+        left = f"({bounds['above']:.12g}"
+    elif "minimum" in bounds:
+        left = f"[{bounds['minimum']:.12g}"
+    else:
+        left = ""
+    if "below" in bounds:
+        right = f"{bounds['below']:.12g})"
+    elif "maximum" in bounds:
+        right = f"{bounds['maximum']:.12g}]"
+    else:
+        right = ""
     if left and right:
         return f" in {left}, {right}"
     words = {"above": "above", "minimum": "of at least", "below": "below", "maximum": "of at most"}
@@ -108,7 +106,10 @@ def as_finite(value: ArrayLike, name: str) -> Array:
     bad = ~np.isfinite(array)
     if bad.any():
         index = _first(bad)
-        count = f" ({int(bad.sum())} such entries)" if index else ""
+        if index:
+            count = f" ({int(bad.sum())} such entries)"
+        else:
+            count = ""
         raise InvalidInputError(
             f"{name} must be finite; found {array[index]}{_behind(index)}{count}"
         )
@@ -224,9 +225,10 @@ def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Ar
 
 def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None) -> int:
     """Convert to an integer from `minimum` to `maximum`."""
-    bounds = (
-        Bounds(minimum=minimum) if maximum is None else Bounds(minimum=minimum, maximum=maximum)
-    )
+    if maximum is None:
+        bounds = Bounds(minimum=minimum)
+    else:
+        bounds = Bounds(minimum=minimum, maximum=maximum)
     rule = f"{name} must be a whole number{_in_words(bounds)}"
     try:
         count = operator.index(value)
@@ -256,10 +258,16 @@ def as_numbers(
     **bounds: Unpack[Bounds],
 ) -> Array:
     """Convert to `count` numbers (or any) within `bounds`, shape (count,); `broadcast` also accepts one number."""
-    single = "one number or " if broadcast and count != 1 else ""
+    if broadcast and count != 1:
+        single = "one number or "
+    else:
+        single = ""
     rule = f"{name} must be {single}{count or 'a sequence of'} number{'s' * (count != 1)}{_in_words(bounds)}"
     array = as_finite(value, name)
-    parts = value if isinstance(value, list | tuple) else [value]
+    if isinstance(value, list | tuple):
+        parts = value
+    else:
+        parts = [value]
     if any(isinstance(part, bool | str) for part in parts):
         raise InvalidInputError(f"{rule}; found {shown(value)}")
     if not ((array.ndim == 1 and count in (None, len(array))) or (broadcast and array.ndim == 0)):
@@ -344,9 +352,9 @@ def vouched(
     from maniport.util.spd_check import vouch  # here, since Numba takes its time to import
 
     flat = np.ascontiguousarray(value).reshape(-1, d, d)
-    flat = (
-        flat if flat.flags.writeable and flat.flags.aligned else flat.copy()
-    )  # else Numba would compile again
+    # else Numba would compile again
+    if not (flat.flags.writeable and flat.flags.aligned):
+        flat = flat.copy()
     limits = fraction or 0.0, SYMMETRY_TOLERANCE, MIN_MAGNITUDE, MAX_MAGNITUDE, fraction is not None
     if not copy and vouch(flat, np.empty((0, d, d)), *limits):
         return flat.reshape(value.shape)
@@ -389,16 +397,21 @@ def _symmetric(
             f"{MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}: choose another unit"
         )
     worst = np.linalg.eigvalsh(array)[..., 0] - fraction * np.abs(trace)
-    bad = worst <= 0.0 if fraction > 0.0 else worst < 0.0
+    if fraction > 0.0:
+        bad = worst <= 0.0
+    else:
+        bad = worst < 0.0
     if np.any(bad):
         index = _first(bad)
         low, high = np.linalg.eigvalsh(array[index])[[0, -1]]
-        kind = (
-            "singular"
-            if fraction > 0 and low >= -SPD_TOLERANCE * abs(trace[index])
-            else "indefinite"
-        )
-        more = f" ({np.sum(bad)} of {bad.size} matrices)" if bad.size > 1 else ""
+        if fraction > 0 and low >= -SPD_TOLERANCE * abs(trace[index]):
+            kind = "singular"
+        else:
+            kind = "indefinite"
+        if bad.size > 1:
+            more = f" ({np.sum(bad)} of {bad.size} matrices)"
+        else:
+            more = ""
         raise NotSPDError(
             f"{name}{_at(index)} is {kind}: its eigenvalues range from {low:.3g} to {high:.3g}{more}; {rule}"
         )

@@ -172,7 +172,10 @@ class Collisions(NotebookDisplay):
         return cls(arm, Solids(group.kinematics, [], -np.inf), NO_PAIRS, reason, surroundings)
 
     def __repr__(self) -> str:
-        text = f"{len(self.pairs)} pairs" if self.checked else f"not checked: {self.reason}"
+        if self.checked:
+            text = f"{len(self.pairs)} pairs"
+        else:
+            text = f"not checked: {self.reason}"
         return f"Collisions({self.arm.name!r}, {text})"
 
     @cached_property
@@ -291,7 +294,10 @@ class Collisions(NotebookDisplay):
         flat = self._flat(q)[0]
         pairs = self._pairs
         solids = self._solids
-        share = self._selected.share if scaled else np.ones(len(pairs))
+        if scaled:
+            share = self._selected.share
+        else:
+            share = np.ones(len(pairs))
         contacts = solids.contacts(flat, pairs, as_number(threshold, "threshold") * share)
         share = share[contacts.columns]
         distance = contacts.distances / share

@@ -148,7 +148,10 @@ def parts_of(geometry: Geometry) -> tuple[Part, ...]:
     parts: list[Part] = []
     for link in links:
         frame = chain.frames[link]
-        end = end_position if link == carrier else None
+        if link == carrier:
+            end = end_position
+        else:
+            end = None
         forms = [_form(shape, frame.placement[None]) for shape in shapes[link]]
         parts += _parts(link, frame.joint, forms, own=True, end_position=end)
 
@@ -247,7 +250,10 @@ def hulls_of(part: Part, fine: bool = False) -> tuple[Hull, ...]:
                 np.argmin([np.linalg.norm(outline - end, axis=1).min() for outline in outlines])
             )
             outlines[nearest] = np.concatenate([outlines[nearest], [end]])
-        most = FINE_CORNERS if fine else MOST_CORNERS
+        if fine:
+            most = FINE_CORNERS
+        else:
+            most = MOST_CORNERS
         hulls += [Hull.around(part.name, part.joint, outline, most) for outline in outlines]
     return tuple(hulls)
 
@@ -256,7 +262,13 @@ def _outlines(mesh: Mesh, fine: bool) -> list[Array]:
     """Corners of the hulls that enclose a mesh."""
     points, triangles = reduced(mesh, 300)  # cuts are chosen on a coarse mesh
     pieces = [_Piece(points[triangles], ())]
-    worth, most = (0.97, 8) if fine else (0.85, 2)  # largest volume after a cut, as a fraction
+    # largest volume after a cut, as a fraction
+    if fine:
+        worth = 0.97
+        most = 8
+    else:
+        worth = 0.85
+        most = 2
     whole: list[_Piece] = []
     while pieces and len(pieces) + len(whole) < most:
         piece = pieces.pop(int(np.argmax([piece.volume for piece in pieces])))
@@ -266,7 +278,10 @@ def _outlines(mesh: Mesh, fine: bool) -> list[Array]:
         whole += [] if smaller else [piece]
     outlines = []
     for piece in pieces + whole:
-        corners = mesh[0][mesh[1]] if piece.planes else mesh[0]
+        if piece.planes:
+            corners = mesh[0][mesh[1]]
+        else:
+            corners = mesh[0]
         for axis, at, side in piece.planes:
             corners = _cut(corners, axis, at)[side]
         if len(corners):

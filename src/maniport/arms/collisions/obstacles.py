@@ -82,7 +82,10 @@ def as_boxes(value: Any) -> tuple[Box, ...]:
         return ()
     if isinstance(value, (str, os.PathLike)):
         return read_boxes(value)
-    listed = list(value) if isinstance(value, Iterable) else [value]
+    if isinstance(value, Iterable):
+        listed = list(value)
+    else:
+        listed = [value]
     if not all(isinstance(box, Box) for box in listed):
         raise InvalidInputError(f"obstacles must be a file or a sequence of Box; found {value!r}")
     return tuple(listed)
@@ -91,7 +94,10 @@ def as_boxes(value: Any) -> tuple[Box, ...]:
 def disabled_pairs(path: str | os.PathLike[str], arm: Arm | ArmGroup) -> set[frozenset[str]]:
     """Read the names of the links of each pair that an SRDF disables."""
     root = parsed(Path(path))
-    what = "this is a URDF" if root.tag == "robot" else f"its root is <{root.tag}>"
+    if root.tag == "robot":
+        what = "this is a URDF"
+    else:
+        what = f"its root is <{root.tag}>"
     is_srdf = root.tag == "robot" and root.find("link") is None
     require(is_srdf, path, f"no SRDF, which has the root <robot> and defines no links; {what}")
     pairs: set[frozenset[str]] = set()

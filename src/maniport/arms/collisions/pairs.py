@@ -257,7 +257,8 @@ class _Selection:
         for a, b in self.pairs[always].tolist():
             if b != TABLE or solids.hulls[a].joint in last:
                 what = f"table: the plane at z = {solids.table:g} m"
-                what = what if b == TABLE else f"obstacles: {solids.hulls[b].name!r}"
+                if b != TABLE:
+                    what = f"obstacles: {solids.hulls[b].name!r}"
                 raise InvalidInputError(
                     f"{what} touches {solids.hulls[a].name!r} in all of {FIRST} samples of the joint space"
                 )

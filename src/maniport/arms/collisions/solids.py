@@ -77,11 +77,11 @@ class Solids:
         request = coal.DistanceRequest()
         result = coal.DistanceResult()
         request.enable_signed_distance = depths
-        used, which = (
-            np.unique(rows, return_inverse=True)
-            if len(q) > 1
-            else (np.zeros(1, dtype=np.intp), rows)
-        )
+        if len(q) > 1:
+            used, which = np.unique(rows, return_inverse=True)
+        else:
+            used = np.zeros(1, dtype=np.intp)
+            which = rows
         turns, origins = self.tree.link_poses(q[used])
         links = self._links[pairs[columns]].tolist()
         ends = pairs[columns].tolist()

@@ -286,7 +286,10 @@ def _as_xacro_args(arguments: Mapping[str, str] | None) -> dict[str, str]:
             raise InvalidInputError(
                 f"{where}: the value of {name!r} must be text, a number or a flag; found {value!r}"
             )
-        texts[name] = str(value).lower() if isinstance(value, bool) else str(value)
+        if isinstance(value, bool):
+            texts[name] = str(value).lower()
+        else:
+            texts[name] = str(value)
     return texts
 
 
@@ -296,7 +299,10 @@ def robot_limbs(
     xacro_args: Mapping[str, str] | None = None,
 ) -> tuple[list[Limb], Limb | None]:
     """Read the limbs of a robot, the longest first, and the limb that `load_arm` chooses by default."""
-    file = None if name_or_path in (*ROBOTS, *PERSONS) else _robot_file(name_or_path)
+    if name_or_path in (*ROBOTS, *PERSONS):
+        file = None
+    else:
+        file = _robot_file(name_or_path)
     if file is None or READERS[file.path.suffix.lower()] is not _read_xml:
         return [], None
     folders = (*_as_folders(mesh_folders), *file.folders)
@@ -315,7 +321,10 @@ def _robot_file(name_or_path: Robot) -> RobotFile:
     name = os.fspath(name_or_path)
     path = Path(name_or_path)
     is_name = isinstance(name_or_path, str) and not os.path.isfile(path)
-    robot = find_robot(name) if is_name else None
+    if is_name:
+        robot = find_robot(name)
+    else:
+        robot = None
     if robot is None:
         if is_name:
             _require_path(name)
@@ -380,7 +389,10 @@ def load_arms(
     for name in robots:
         if name in PERSONS:
             raise InvalidInputError(f"robot: {name!r} is a person; load_arms loads robots")
-    names = (LEFT, RIGHT) if count == 2 else tuple(f"arm{i + 1}" for i in range(count))
+    if count == 2:
+        names: tuple[str, ...] = (LEFT, RIGHT)
+    else:
+        names = tuple(f"arm{i + 1}" for i in range(count))
     end_frames = [None] * count if frames is None else _several("frames", frames, count)
     places = [np.eye(4)] * count if bases is None else _several("bases", bases, count)
     if one_robot and None in end_frames:
@@ -414,7 +426,10 @@ def _restricted_group(
         names = dict(
             zip(in_group, arm.joint_names, strict=True)
         )  # of the arm, by that of the group
-        moving = None if wanted is None else [names[name] for name in wanted if name in names]
+        if wanted is None:
+            moving = None
+        else:
+            moving = [names[name] for name in wanted if name in names]
         if moving == []:
             raise InvalidInputError(
                 f"joints: none of {', '.join(wanted or ())} moves the {title} arm, which has {', '.join(names)}"
@@ -443,7 +458,10 @@ T = TypeVar("T")
 def _several(name: str, value: Sequence[T], count: int | None = None) -> list[T]:
     """Require a sequence of values, one for each arm."""
     is_sequence = hasattr(value, "__len__") and not isinstance(value, (str, os.PathLike, Mapping))
-    values = list(value) if is_sequence else []
+    if is_sequence:
+        values = list(value)
+    else:
+        values = []
     if not values or len(values) != (count or len(values)):
         raise InvalidInputError(
             f"{spoken(name)} must be a sequence of {count or 'several'}, one for each arm; found {value!r}"
@@ -456,9 +474,15 @@ def _ends(
 ) -> list[str | None]:
     """Return the end effectors of the left and right limb of a robot, where `end_frames` has None."""
     name = os.fspath(robot)
-    longest = longest_limbs(limbs) if limbs else []
+    if limbs:
+        longest = longest_limbs(limbs)
+    else:
+        longest = []
     if len(longest) < 2:
-        only = f"one longest limb, to {longest[0].frame!r}" if longest else "one arm"
+        if longest:
+            only = f"one longest limb, to {longest[0].frame!r}"
+        else:
+            only = "one arm"
         raise InvalidInputError(
             f"robot {name!r} must have two arms; found {only}: name both end effectors with "
             f"{argument('frames')}, or place two robots with {placing_options()}"
@@ -483,7 +507,10 @@ def _sided_ends(limbs: Sequence[Limb], robot: str) -> list[str]:
 
 def _base(value: ArrayLike, side: str) -> Array:
     """Return the pose of a base in the world."""
-    name = f"--pose ({side})" if typed() else f"bases: {side}"
+    if typed():
+        name = f"--pose ({side})"
+    else:
+        name = f"bases: {side}"
     array = as_finite(value, name)
     if array.shape in ((3,), (4,)):
         array = pose(array[:3].tolist(), (0.0, 0.0, float(sum(array[3:]))))

@@ -60,7 +60,10 @@ def numbers(
     expected = len(values) > 0 and len(values) == (count or len(values))
     if not expected or not np.all((np.abs(values) <= most) & (values >= least)):
         rule = f"{count or 'several'} number{'s' * (count != 1)}{f', each below {most:g}' * bool(most < np.inf)}"
-        sign = " and not negative" if least == 0.0 else ""
+        if least == 0.0:
+            sign = " and not negative"
+        else:
+            sign = ""
         raise FileFormatError(
             f"{where} with {rule}{sign}; found {None if text is None else text[:80]!r}"
         )
@@ -267,7 +270,10 @@ def _decoded(path: Path, content: bytes) -> str:
         return content.decode("utf-8").lstrip("\ufeff")
     except UnicodeDecodeError as error:
         fault = f"{error.reason} at byte {error.start}"
-    encoding = "utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else None
+    if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        encoding = "utf-16"
+    else:
+        encoding = None
     declared = re.match(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']", content)
     if declared is not None and declared[1].lower().startswith(ENCODINGS):
         encoding = declared[1].decode()

@@ -153,7 +153,10 @@ def _body(model: RobotModel, document: Document, parent: str, element: Element) 
 
 def _inertia(document: Document, body: Element) -> Array | None:
     """Spatial inertia (6, 6) of a body; None if its shapes determine it."""
-    inertial = None if document.options.get("inertiafromgeom") == "true" else body.find("inertial")
+    if document.options.get("inertiafromgeom") == "true":
+        inertial = None
+    else:
+        inertial = body.find("inertial")
     if inertial is None:
         heavy = [
             all(document.numbers(geom, key, 1, "1")[0] > 0 for key in ("mass", "density"))
@@ -214,7 +217,10 @@ def shapes(
         is_plane = document.attribute(geom, "type") == "plane"
         if is_plane and not collision:
             continue
-        contact = Contact(name, number, contype, conaffinity, is_plane) if collision else None
+        if collision:
+            contact = Contact(name, number, contype, conaffinity, is_plane)
+        else:
+            contact = None
         hidden = bool(document.numbers(geom, "group", 1, "0")[0] > LAST_DRAWN_GROUP)
         make = partial(_shape, document, assets, name, geom, contact)
         declared.append(
@@ -245,7 +251,10 @@ def _contact_rules(document: Document, explicit: frozenset[frozenset[int]]) -> C
         for body in element.findall("body"):
             child = body.get("name", "")
             welded = body.find("joint") is None and body.find("freejoint") is None
-            carriers[child] = carriers[name] if welded else child
+            if welded:
+                carriers[child] = carriers[name]
+            else:
+                carriers[child] = child
             parents.setdefault(carriers[child], carriers[name])
             waiting.append((child, body))
     excluded = {
@@ -358,8 +367,8 @@ class _Assets:
             name = mesh.get("name") or Path(file).stem
             if file and document.options.get("strippath") == "true":
                 file = Path(file).name
-            if file and not is_absolute(file):
-                file = f"{folder}/{file}" if folder else file
+            if file and folder and not is_absolute(file):
+                file = f"{folder}/{file}"
             self.files.setdefault(name, (mesh, file))
 
     def available(self, geom: Element) -> bool:

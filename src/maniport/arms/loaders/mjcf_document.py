@@ -180,7 +180,10 @@ class Document:
                 self.options.get("eulerseq", "xyz"), values * self._angle, strict=True
             ):
                 step = rotation_about("xyz".index(letter.lower()), float(angle))
-                turn = turn @ step if letter.islower() else step @ turn
+                if letter.islower():
+                    turn = turn @ step
+                else:
+                    turn = step @ turn
             return turn
         return rotation_to(values)
 
@@ -267,7 +270,10 @@ def rotation_to(values: Array) -> Array:
         return np.stack([x, y, np.cross(x, y)], axis=1)
     around = np.cross((0.0, 0.0, 1.0), values)
     length = float(np.linalg.norm(around))
-    axis = around / length if length > 1e-10 else np.array([1.0, 0.0, 0.0])
+    if length > 1e-10:
+        axis = around / length
+    else:
+        axis = np.array([1.0, 0.0, 0.0])
     return np.asarray(Rotation.from_rotvec(np.arctan2(length, values[2]) * axis).as_matrix())
 
 

@@ -121,14 +121,19 @@ class RobotModel:
         armature: float = 0.0,
     ) -> Joint:
         """Make a joint with one axis and note its limits."""
-        huge = (
-            100.0 if kind == PRISMATIC else 20 * np.pi
-        )  # what is larger means "no limit" [m or rad]
+        # what is larger means "no limit" [m or rad]
+        if kind == PRISMATIC:
+            huge = 100.0
+        else:
+            huge = 20 * np.pi
         if bounds[0] >= bounds[1] and any(bounds):
             self.closed[name] = bounds
         if not (-huge < bounds[0] < bounds[1] < huge):
             self.unlimited.append(name)
-            bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)
+            if kind == PRISMATIC:
+                bounds = (-np.inf, np.inf)
+            else:
+                bounds = (-np.pi, np.pi)
         self.bounds[name] = bounds
         self.speeds[name], self.efforts[name] = (
             limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort)
@@ -205,7 +210,10 @@ class Limbs:
         }  # next moving bodies
         for body in model.bodies.values():
             above = [] if body.parent is None else self._paths[body.parent]
-            self._paths[body.name] = [*above, body] if body.joints else above
+            if body.joints:
+                self._paths[body.name] = [*above, body]
+            else:
+                self._paths[body.name] = above
             if above and body.joints:
                 self._below[above[-1].name].append(body)
         moving = [body for body in model.bodies.values() if body.joints]
@@ -252,7 +260,10 @@ class Limbs:
             others = {id(body) for other in longest if other != end for body in self._paths[other]}
             shared = [body.name for body in self._paths[end] if id(body) in others]
             frame, reason = self._tools[end]
-            fork = shared[-1] if shared else None
+            if shared:
+                fork = shared[-1]
+            else:
+                fork = None
             limbs.append(Limb(frame, reason, joints[end], fork, end in self._legs))
         return limbs
 
@@ -301,7 +312,10 @@ class Limbs:
             return marked, "the site between the fingers"
 
         carriers = {str(child.parent) for child in self._below[end]}
-        hand = self._common(carriers) if carriers else None
+        if carriers:
+            hand = self._common(carriers)
+        else:
+            hand = None
         poses = self._poses(end, rigid)
         outermost = self._outermost(end, rigid)
         if hand is None:

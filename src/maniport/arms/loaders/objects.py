@@ -130,7 +130,10 @@ def _of_pinocchio(model: pin.Model, wanted: str | None) -> RobotModel:
         frames = frames_of.get(number, [])
         bodies = [i for i in frames if model.frames[i].type == pin.BODY]
         if number:
-            first = bodies[0] if bodies else None
+            if bodies:
+                first = bodies[0]
+            else:
+                first = None
             body = _moving_body(robot, model, number, first, owners, placed, carriers)
             robot.bodies[body.name] = body
             carriers[number] = body.name
@@ -195,7 +198,10 @@ def _moving_body(
     if motion.shape[1] != 1 or slides == turns:
         return RobotBody(body_name, parent, at @ placement, blocked=kind)
 
-    axis = motion[:3, 0] if slides else motion[3:, 0]
+    if slides:
+        axis = motion[:3, 0]
+    else:
+        axis = motion[3:, 0]
     bounds = (-np.inf, np.inf)
     speed = np.inf
     effort = np.inf
@@ -394,7 +400,10 @@ def _mujoco_shapes(model: "mujoco.MjModel", robot: RobotModel) -> HeldShapes:
         if kind is None:
             missing[link] = f"a geom of the type {int(model.geom_type[i])} is not supported"
             continue
-        contact = Contact(link, i, contype, conaffinity, is_plane) if touches else None
+        if touches:
+            contact = Contact(link, i, contype, conaffinity, is_plane)
+        else:
+            contact = None
         shape = _mujoco_shape(model, i, kind, link, contact)
         if touches:
             collision.append(shape)

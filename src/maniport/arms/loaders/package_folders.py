@@ -44,7 +44,10 @@ def package_folders(title: str, file: Path, more: Sequence[Path] = ()) -> Iterat
     found = False
     for i, place in enumerate(file.absolute().parents):
         near = i < NEAR and not holds_home(place)
-        candidates = [place, *_subfolders(place)] if near else [place]
+        if near:
+            candidates = [place, *_subfolders(place)]
+        else:
+            candidates = [place]
         renamed = [folder for folder in candidates if _name(folder) == title]
         for package in dict.fromkeys((*_direct(title, place), *renamed)):
             marked = bool(origins(package))

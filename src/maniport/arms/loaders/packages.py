@@ -52,11 +52,10 @@ class Package:
             places = [*(Path(entry) / "cmeel.prefix" for entry in sys.path), Path(sys.prefix), *ros]
         else:
             spec = importlib.util.find_spec(self.module)
-            places = (
-                [Path(place) for place in (spec.submodule_search_locations or ())]
-                if spec is not None
-                else []
-            )
+            if spec is not None:
+                places = [Path(place) for place in (spec.submodule_search_locations or ())]
+            else:
+                places = []
         every: dict[str, Path] = {}
         for place in places:
             for path in sorted((place / self.folder).glob(self.pattern)):
@@ -95,7 +94,10 @@ def find_robot(name: str) -> RobotFile | None:
         return _from_catalog(robot, installed)
     if title and title not in PACKAGES:
         return None
-    packages = {title: PACKAGES[title]} if title else PACKAGES
+    if title:
+        packages = {title: PACKAGES[title]}
+    else:
+        packages = PACKAGES
     for package in packages.values():
         files = package.installed()
         side = next((side for side in SIDES if robot.endswith(f"_{side}_arm")), None)
@@ -123,7 +125,10 @@ def find_robot(name: str) -> RobotFile | None:
 def known_names() -> tuple[set[str], str]:
     """Return the names of all arms of packages, and how to install missing packages."""
     missing = [package.install for package in PACKAGES.values() if not package.installed()]
-    how = f"; for some of the robots: {', '.join(missing)}" if missing else ""
+    if missing:
+        how = f"; for some of the robots: {', '.join(missing)}"
+    else:
+        how = ""
     return {name for package in PACKAGES.values() for name in package.names}, how
 
 

@@ -131,7 +131,10 @@ def _resolved(
         if follower.leader is None:
             return None, 0.0, offset
         if not follower.linear or follower.leader not in model.bounds or name in seen:
-            fault = "nonlinearly" if not follower.linear else "which is no joint, or in a cycle"
+            if not follower.linear:
+                fault = "nonlinearly"
+            else:
+                fault = "which is no joint, or in a cycle"
             raise FileFormatError(
                 f"{model.path}: joint {name!r} follows {follower.leader!r} {fault}"
             )
@@ -231,7 +234,12 @@ def _poses(
     for name in dict.fromkeys(leader for leader, *_ in rules.values() if leader is not None):
         slides = all(joint.kind == PRISMATIC for joint in joints if rules[joint.name][0] == name)
         span = np.ptp(model.bounds[name])  # steps of 0.4 rad cut arcs by 2 % of their radius
-        counts[name] = 1 if not np.isfinite(span) else 2 if slides else 2 + int(span / 0.4)
+        if not np.isfinite(span):
+            counts[name] = 1
+        elif slides:
+            counts[name] = 2
+        else:
+            counts[name] = 2 + int(span / 0.4)
     while np.prod(list(counts.values())) > most:
         counts[max(counts, key=lambda leader: counts[leader])] -= 1
     grids = [
@@ -245,9 +253,10 @@ def _poses(
     for body in path:
         for joint in body.joints:
             leader, factor, offset = rules[joint.name]
-            positions = (
-                np.full(len(poses), offset) if leader is None else factor * at[leader] + offset
-            )
+            if leader is None:
+                positions = np.full(len(poses), offset)
+            else:
+                positions = factor * at[leader] + offset
             poses = poses @ joint.placement @ joint.motion(positions)
         poses = poses @ body.placement
     return poses

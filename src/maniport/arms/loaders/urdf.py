@@ -160,7 +160,10 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
     inertia = _inertia(model.path, link)
     if not KINDS[kind]:
         moving_above = any(model.bodies[above].joints for above in model.line(parent))
-        blocked = "planar" if kind == "planar" and moving_above else ""
+        if kind == "planar" and moving_above:
+            blocked = "planar"
+        else:
+            blocked = ""
         return RobotBody(child, parent, placement, blocked=blocked, inertia=inertia, welds=(name,))
     fault = f"joint {name!r} is {kind} and has no <limit>; use the type 'continuous' for joints without limits"
     require(limit is not None or kind == "continuous", model.path, fault)
@@ -172,7 +175,10 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
         )
         for key in ("lower", "upper", "velocity", "effort")
     )
-    bounds = (-np.inf, np.inf) if kind == "continuous" else (low, high)
+    if kind == "continuous":
+        bounds = (-np.inf, np.inf)
+    else:
+        bounds = (low, high)
     if bounds[0] == bounds[1] != 0.0 and mimic is None:
         model.followers[name] = Follower(None, 0.0, bounds[0])
     bounds = _soft_bounds(model, joint, bounds)

@@ -129,7 +129,10 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
     """
     points, triangles = mesh
     kept, rows = np.unique(triangles, return_inverse=True)
-    size = float(np.ptp(points[kept], axis=0).max(initial=0.0)) if len(kept) else 0.0
+    if len(kept):
+        size = float(np.ptp(points[kept], axis=0).max(initial=0.0))
+    else:
+        size = 0.0
     if size < 1e-9:
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int32)
     cells = np.round((points[kept] - points[kept].min(axis=0)) / max(cell, 1e-6 * size)).astype(
@@ -150,7 +153,10 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
     a, b, c = (mesh[0][column] for column in mesh[1].T)
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     edge = np.sqrt(area / max(most, 1))
-    cell = 0.35 * edge if len(mesh[1]) > 3 * most else 0.035 * edge
+    if len(mesh[1]) > 3 * most:
+        cell = 0.35 * edge
+    else:
+        cell = 0.035 * edge
     while len(mesh[1]) > most:
         mesh = welded(mesh, cell)
         cell *= 1.2

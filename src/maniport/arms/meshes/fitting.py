@@ -130,7 +130,10 @@ def _mass_properties(mesh: Mesh, inertia: str) -> _MassProperties:
     size = float(weights.sum())
     sums = corners.sum(axis=1)
     products = np.einsum("nki,nkj->nij", corners, corners) + sums[:, :, None] * sums[:, None]
-    divisor = 12.0 if inertia == "shell" else 20.0
+    if inertia == "shell":
+        divisor = 12.0
+    else:
+        divisor = 20.0
     second = np.einsum("n,nij->ij", weights, products) / divisor
     moments = np.trace(second) * np.eye(3) - second
     return _MassProperties(size, center, moments)

@@ -302,11 +302,10 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
         element.tag = element.tag.rpartition("}")[2]
         things.setdefault(f"#{element.get('id')}", element)
     scene = root.find("scene/instance_visual_scene")
-    scene = (
-        root.find("library_visual_scenes/visual_scene")
-        if scene is None
-        else things.get(scene.get("url", ""))
-    )
+    if scene is None:
+        scene = root.find("library_visual_scenes/visual_scene")
+    else:
+        scene = things.get(scene.get("url", ""))
     if scene is None:
         raise FileFormatError(f"{path}: cannot be read as a mesh: it has no scene")
     unit = root.find("asset/unit")
@@ -336,7 +335,10 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
         if node.tag == "geometry":
             if id(node) not in parts:
                 lists = list(_polygons(path, node, things, positions))
-                parts[id(node)] = joined(lists) if lists else None
+                if lists:
+                    parts[id(node)] = joined(lists)
+                else:
+                    parts[id(node)] = None
             mesh = parts[id(node)]
             if mesh is not None:
                 points, rows = mesh
@@ -382,10 +384,14 @@ def _polygons(
             _numbers(p, np.int64).reshape(-1, width)[:, column] for p in shape.findall("p")
         ]
         corners = np.concatenate([np.empty(0, dtype=np.int64), *corner_lists])
-        rows = corners.reshape(-1, 3) if shape.tag == "triangles" else corners
+        if shape.tag == "triangles":
+            rows = corners.reshape(-1, 3)
+        else:
+            rows = corners
         if shape.tag != "triangles":  # triangulate each polygon as a fan
             counts = np.array([len(polygon) for polygon in corner_lists])
-            counts = _numbers(shape.find("vcount"), np.int64) if shape.tag == "polylist" else counts
+            if shape.tag == "polylist":
+                counts = _numbers(shape.find("vcount"), np.int64)
             total = counts.sum(dtype=np.float64)
             if total != len(corners) or counts.min(initial=0) < 0:
                 raise ValueError(

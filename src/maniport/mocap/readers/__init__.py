@@ -200,10 +200,16 @@ class ImportOptions:
                 raise InvalidInputError(f"missing: {self._missing(recording)}")
             return _recognized_scale(arm)
 
-        scale = UNITS[unit] if isinstance(unit, str) else unit
+        if isinstance(unit, str):
+            scale = UNITS[unit]
+        else:
+            scale = unit
         low, high = POSSIBLE_UPPER_ARM
         if arm.ends and not low <= arm.upper_arm * scale <= high:
-            cause = argument("unit", unit) if self.unit else f"the unit of the file, {unit},"
+            if self.unit:
+                cause = argument("unit", unit)
+            else:
+                cause = f"the unit of the file, {unit},"
             better = ""
             for fit in _fitting_units(arm):
                 better += f"; {argument('unit', fit)} makes it {arm.upper_arm * UNITS[fit]:.3g} m"
@@ -215,7 +221,10 @@ class ImportOptions:
                 f"{cause} makes the upper arm ({arm.ends}) {arm.upper_arm * scale:.3g} m long; possible are {low} to "
                 f"{high} m{better}"
             )
-        name = unit if isinstance(unit, str) else f"of {unit:g} m"
+        if isinstance(unit, str):
+            name = unit
+        else:
+            name = f"of {unit:g} m"
         return scale, f"unit {name}, {'set by the caller' if self.unit else 'of the file'}"
 
     def _missing(self, recording: Recording) -> str:
@@ -322,7 +331,10 @@ def read_with(file: Path, options: ImportOptions) -> Recording:
     """Read a file with checked options, at least the part that they select; see `read_recording`."""
     kind = _format_of(file)
     reader = READERS[kind]
-    read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
+    if isinstance(reader, str):
+        read: Reader = importlib.import_module(reader).read
+    else:
+        read = reader
     try:
         recording = read(file, options)
         return replace(recording, format=recording.format or kind)
@@ -398,7 +410,10 @@ def _mark_missing(points: Array, names: Sequence[str]) -> list[str]:
     if missing.all():
         raise InvalidInputError("every point is missing in every frame")
     never = [names[i] for i in np.flatnonzero(missing.all(axis=0)).tolist()]
-    always = f"; always: {_first(never, 20)}" if never else ""
+    if never:
+        always = f"; always: {_first(never, 20)}"
+    else:
+        always = ""
     return [f"{100 * missing.mean():.1f} % of all points are missing{always}"]
 
 

@@ -103,7 +103,10 @@ def _ending(member: zipfile.ZipInfo) -> str:
 
 def _listed(names: Iterable[str]) -> str:
     every = list(names)
-    more = f" and {len(every) - LISTED} more" if len(every) > LISTED else ""
+    if len(every) > LISTED:
+        more = f" and {len(every) - LISTED} more"
+    else:
+        more = ""
     return ", ".join(every[:LISTED])[:400] + more
 
 

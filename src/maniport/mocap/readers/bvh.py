@@ -209,7 +209,10 @@ def _read_statement(word: str, rest: list[str], nodes: list[_Node], path: list[i
     if word in ("ROOT", "JOINT", "END"):
         if (word == "ROOT") != (not nodes) or (nodes and not path):
             raise ValueError("there must be one ROOT that contains all else")
-        name = f"{END}{nodes[path[-1]].name}" if word == "END" else " ".join(rest)
+        if word == "END":
+            name = f"{END}{nodes[path[-1]].name}"
+        else:
+            name = " ".join(rest)
         nodes.append(_Node(name, path[-1] if path else -1))
         path.append(len(nodes) - 1)
     elif word == "}":
@@ -297,7 +300,10 @@ def _translations(nodes: list[_Node], table: Array) -> tuple[set[int], list[str]
     """
     lengths = [float(np.linalg.norm(node.offset)) for node in nodes[1:]]
     bones = [length for length in lengths if length > 0]
-    tolerance = 1e-3 * float(np.median(bones)) if bones else 0.0
+    if bones:
+        tolerance = 1e-3 * float(np.median(bones))
+    else:
+        tolerance = 0.0
     used = set()
     largest = 0.0
     text = ""

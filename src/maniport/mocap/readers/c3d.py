@@ -41,9 +41,10 @@ def read(file: Path, options: ImportOptions) -> Recording:
             f"this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50"
         )
     start = BLOCK * (max(content[0], 1) - 1)
-    section = (
-        content[start : start + BLOCK * content[start + 2]] if start + 4 <= len(content) else b""
-    )
+    if start + 4 <= len(content):
+        section = content[start : start + BLOCK * content[start + 2]]
+    else:
+        section = b""
     if len(section) < 4 or section[3] not in ORDER:
         raise ValueError(f"its parameters are missing or damaged at byte {start}")
     if len(section) < BLOCK * section[2]:
@@ -67,7 +68,10 @@ def read(file: Path, options: ImportOptions) -> Recording:
     labels += [""] * positions.shape[1]
     labels = [label or f"point{i + 1}" for i, label in enumerate(labels[: positions.shape[1]])]
     bare = [label.rpartition(":")[2].strip(" \"'") for label in labels]
-    names = bare if len(set(bare)) == len(bare) else labels
+    if len(set(bare)) == len(bare):
+        names = bare
+    else:
+        names = labels
     unit = str((values.get("POINT:UNITS") or [""])[0])
     return options.recording(file, names, positions, stated, unit)
 
@@ -87,7 +91,10 @@ def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
         length, group = struct.unpack_from("bb", section, at)
         body = at + 2 + abs(length)
         step = struct.unpack_from(f"{ORDER[section[3]]}h", section[body : body + 2] + bytes(2))[0]
-        end = body + step if step else len(section)
+        if step:
+            end = body + step
+        else:
+            end = len(section)
         name = section[at + 2 : body].decode("latin-1").strip().upper()
         if not body + 2 <= end <= len(section) or group == 0:
             raise ValueError(f"its parameters are damaged at byte {start + at}")
@@ -151,7 +158,10 @@ def _points(content: bytes, processor: int, values: dict[str, list[Any]]) -> Arr
     count = int(used) % 2**16
     start = BLOCK * (int(begin) % 2**16 - 1)
     frames = _frame_count(last - first + 1, values)
-    kind = REAL if scale < 0 else SHORT
+    if scale < 0:
+        kind = REAL
+    else:
+        kind = SHORT
     size = kind * (4 * count + analog)
     require_size(frames, count)
     if count == 0 or frames <= 0:
@@ -173,7 +183,10 @@ def _points(content: bytes, processor: int, values: dict[str, list[Any]]) -> Arr
         :, : kind * 4 * count
     ]
     numbers = _numbers(rows.tobytes(), kind, processor).reshape(frames, count, 4)
-    points = numbers[..., :3] if kind == REAL else numbers[..., :3] * scale
+    if kind == REAL:
+        points = numbers[..., :3]
+    else:
+        points = numbers[..., :3] * scale
     points[~(numbers[..., 3] >= 0) | (points == 0).all(axis=-1)] = np.nan
     return points
 

@@ -61,19 +61,21 @@ def read(file: Path, options: ImportOptions) -> Recording:
     table = np.full((len(bodies), len(names), 4), np.nan)
     for row, body in zip(table, bodies, strict=True):
         if body:
-            row[:] = (
-                [body.get(name, [np.nan] * 4) for name in names] if isinstance(body, dict) else body
-            )
+            if isinstance(body, dict):
+                row[:] = [body.get(name, [np.nan] * 4) for name in names]
+            else:
+                row[:] = body
     positions = table[..., :3]
     mediapipe = len(names) == 33
     if mediapipe and {"left_hip", "right_hip"} <= set(names):
         # In MediaPipe's landmarks of the image the hips are anywhere, and their depth is zero.
         middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)
-        x, y, depth = (
-            np.nanmedian(np.abs(middle), axis=0)
-            if np.isfinite(middle).all(axis=1).any()
-            else (0.0, 0.0, 0.0)
-        )
+        if np.isfinite(middle).all(axis=1).any():
+            x, y, depth = np.nanmedian(np.abs(middle), axis=0)
+        else:
+            x = 0.0
+            y = 0.0
+            depth = 0.0
         if depth < 0.05 and max(x, y) > 0.2:
             raise ValueError(_IN_IMAGE)
     notes = drop_untrusted(positions, table[..., 3])
@@ -90,7 +92,12 @@ def read(file: Path, options: ImportOptions) -> Recording:
     ):
         notes.append(f"several people in {counted(several, 'frame')}; the first one was taken")
     stated = _times(head, frames)
-    unit = head["unit"] if isinstance(head.get("unit"), str) else "m" if mediapipe else ""
+    if isinstance(head.get("unit"), str):
+        unit = head["unit"]
+    elif mediapipe:
+        unit = "m"
+    else:
+        unit = ""
     return options.recording(file, names, positions, stated, unit, notes=notes)
 
 
@@ -229,7 +236,10 @@ def _with_confidence(points: Any, scores: Any, key: str) -> Any:
         fours = (
             len(points) % 4 == 0 and len(points) // 4 in load_names("joint_orders.yaml")["by_count"]
         )
-        width = 4 if fours else 3
+        if fours:
+            width = 4
+        else:
+            width = 3
         points = [points[i : i + width] for i in range(0, len(points), width)]
     if (
         scores
@@ -245,11 +255,8 @@ def _point(point: Any) -> Point:
     if isinstance(point, dict):
         confidence = point.get(_first(point, KEYS["confidence"]), 1.0)
         point = point.get("position", point)
-        point = (
-            [point[axis] for axis in _axes_of(point) if axis in point]
-            if isinstance(point, dict)
-            else point
-        )
+        if isinstance(point, dict):
+            point = [point[axis] for axis in _axes_of(point) if axis in point]
     if isinstance(point, list) and len(point) == 2:
         raise ValueError(_IN_IMAGE)
     if not isinstance(point, list) or len(point) not in (3, 4):

@@ -46,11 +46,10 @@ def read(file: Path, options: ImportOptions) -> Recording:
     """Read joint angles; see `maniport.mocap.readers.read_recording`."""
     head = list(islice(lines_of(file), HEADER))
     end = next((i for i, (_, line) in enumerate(head) if _is_end(line)), None)
-    names = (
-        next(((n, line) for n, line in head[end + 1 :] if line.strip()), None)
-        if end is not None
-        else None
-    )
+    if end is not None:
+        names = next(((n, line) for n, line in head[end + 1 :] if line.strip()), None)
+    else:
+        names = None
     if end is None or names is None:
         raise ValueError(
             "this is no table of OpenSim: it lacks the line endheader or the numbers after it"

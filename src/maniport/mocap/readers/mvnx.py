@@ -59,7 +59,10 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 text = text.replace(",", ".")  # decimals
             words = text.split(None, width)  # more words than that stay in one
             if len(words) != width:
-                amount = len(words) if len(words) < width else f"more than {width}"
+                if len(words) < width:
+                    amount = str(len(words))
+                else:
+                    amount = f"more than {width}"
                 raise ValueError(
                     f"frame {number} holds {amount} numbers for {len(names)} segments, not three each"
                 )

@@ -78,7 +78,10 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
     names_file = file.with_suffix(".names.txt")
     unit = next(map(str, arrays.get("unit", np.array("")).flat), "")
     notes: list[str] = []
-    names = arrays["names"].tolist() if "names" in arrays else None
+    if "names" in arrays:
+        names = arrays["names"].tolist()
+    else:
+        names = None
     if names is None and names_file.exists():
         names = list(
             filter(
@@ -108,7 +111,11 @@ def _times(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOption
     clocks = {}
     if "time" in arrays:
         clock = arrays["time"]
-        clocks["time"] = clock.reshape(-1) if clock.size == max(clock.shape) else clock  # a column
+        # a column
+        if clock.size == max(clock.shape):
+            clocks["time"] = clock.reshape(-1)
+        else:
+            clocks["time"] = clock
     rates = {}
     wrong = None
     for key, rate in arrays.items():

@@ -113,7 +113,10 @@ class Table(NamedTuple):
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a table of points; see `maniport.mocap.readers.read_recording`."""
     head = list(islice(text.rows_of(file), HEADER))
-    first = head[0][1].strip(' "') if head else ""
+    if head:
+        first = head[0][1].strip(' "')
+    else:
+        first = ""
     if first.startswith("PathFileType") or _is_trc(head):
         return _one_row_a_frame(file, options, _trc(head))
     if first.startswith("Format Version"):
@@ -284,7 +287,10 @@ def _columns_of_places(names: Sequence[str]) -> tuple[list[str], str]:
 
 def _blocks(file: Path, table: Table) -> Iterator[Block]:
     """Iterate over the rows of numbers."""
-    end = f"{table.separator or ''} \n" if table.ends_at_blank else None
+    if table.ends_at_blank:
+        end = f"{table.separator or ''} \n"
+    else:
+        end = None
     return text.row_blocks(file, table.first, table.comments, end)
 
 
@@ -359,7 +365,10 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     reader = text.NumberTable(
         len(table.columns), groups, table.separator, short=table.short, texts=texts
     )
-    size = 0 if options.crops else file.stat().st_size
+    if options.crops:
+        size = 0
+    else:
+        size = file.stat().st_size
     coordinates, confidences, numbers = reader.read(blocks, size)
     positions = coordinates.reshape(len(coordinates), -1, 3)
     if times is None:
@@ -510,7 +519,10 @@ def _is_trc(head: Sequence[Row]) -> bool:
         words = line.replace(",", " ").split()
         if words[:1] == ["DataRate"]:
             return True
-        below = head[i + 1][1].replace(",", " ").split() if i + 1 < len(head) else []
+        if i + 1 < len(head):
+            below = head[i + 1][1].replace(",", " ").split()
+        else:
+            below = []
         if words[:1] == ["Frame#"] and below and all(map(axis_of, below)):
             return True
     return False
@@ -524,7 +536,10 @@ def _trc(head: Sequence[Row]) -> Table:
         keys + 2,
     )
     if len(head) <= named:  # kind of file, keys, their values, names, axes
-        last = head[-1][0] if head else 0
+        if head:
+            last = head[-1][0]
+        else:
+            last = 0
         raise ValueError(f"the file is cut off in its header, at line {last}")
     header = {}
     if keys + 1 < named:
@@ -533,7 +548,10 @@ def _trc(head: Sequence[Row]) -> Table:
         header = dict(zip(filter(None, names_of_keys), values, strict=False))
 
     number, line = head[named]
-    separator = "\t" if "\t" in line else _separator_of(line)
+    if "\t" in line:
+        separator: str | None = "\t"
+    else:
+        separator = _separator_of(line)
     labels = [name for name in fields_of(line, separator)[2:] if name]
     last = number
     axes: list[str] = []
@@ -578,7 +596,10 @@ def _trc_names(
     labels: Sequence[str], axes: Sequence[str], declared: str, line: int
 ) -> Sequence[str]:
     """Return the names of the points of a TRC file, each of which may stand above all three of its columns."""
-    count = int(declared) if declared.isdecimal() and len(declared) < 10 else len(labels)
+    if declared.isdecimal() and len(declared) < 10:
+        count = int(declared)
+    else:
+        count = len(labels)
     if len(labels) in (3 * count, len(axes)) and len(labels) % 3 == 0:
         names: list[str] = []
         for i in range(0, len(labels), 3):
@@ -709,7 +730,10 @@ def _qualisys(rows: Sequence[Row]) -> Table:
         )
     last = rows[len(head) - 1][0]
     rows = rows[len(head) :]
-    first = fields_of(rows[0][1], "\t") if rows else []
+    if rows:
+        first = fields_of(rows[0][1], "\t")
+    else:
+        first = []
     columns = [f"{name}_{axis}" for name in header.get("MARKER_NAMES", ()) for axis in "xyz"]
     frame_column = None
     if first[:2] == ["Frame", "Time"]:

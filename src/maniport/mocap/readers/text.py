@@ -365,7 +365,10 @@ class NumberTable:
         first = 0
         for array, group in zip(self.arrays, self.groups, strict=True):
             if end > len(array):  # `resize` moves large arrays without a second copy
-                rows = end if is_last else max(end, len(array) * 5 // 4)
+                if is_last:
+                    rows = end
+                else:
+                    rows = max(end, len(array) * 5 // 4)
                 array.resize((rows, len(group)), refcheck=False)
             array[self.count : end] = numbers[:, first : first + len(group)]
             first += len(group)
@@ -497,7 +500,10 @@ class NumberTable:
                 fields += [""] * (self.width - len(fields))
             if len(fields) != self.width:
                 cut = is_last and i == count - 1 and len(fields) < self.width
-                fault = "the file is cut off" if cut else "the table is broken"
+                if cut:
+                    fault = "the file is cut off"
+                else:
+                    fault = "the table is broken"
                 raise ValueError(
                     f"{fault} at line {number}: {len(fields)} values instead of {self.width}"
                 )

@@ -139,7 +139,10 @@ def gap_messages(time: Array) -> tuple[list[str], list[str]]:
         return [], []
     worst = int(np.argmax(steps))
     count = int(late.sum())
-    gaps = "1 gap" if count == 1 else f"{count} gaps"
+    if count == 1:
+        gaps = "1 gap"
+    else:
+        gaps = f"{count} gaps"
     text = (
         f"the times have {gaps} between frames: steps are {usual:.4g} s (median), the longest is "
         f"{steps[worst]:.4g} s, from {time[worst]:.2f} to {time[worst + 1]:.2f} s"
@@ -242,7 +245,10 @@ def _in_seconds(times: Array, declared: float | None) -> tuple[Array, str]:
     """Return times in seconds, and the unit that was recognized from their steps."""
     steps = np.diff(times)
     steps = steps[np.isfinite(steps)]
-    step = float(np.median(steps)) if len(steps) else 0.0
+    if len(steps):
+        step = float(np.median(steps))
+    else:
+        step = 0.0
     if declared is not None and step > 0:
         for unit, multiple in MULTIPLES.items():
             if abs(step * declared / multiple - 1) < 0.25:
@@ -340,7 +346,10 @@ def _preferred(clocks: dict[str, Array], declared: float | None, warnings: list[
     names = list(clocks)
     chosen = names[0]
     for name in names[1:]:
-        jitter = 0.0 if FRAME_NUMBERS in (chosen, name) else JITTER
+        if FRAME_NUMBERS in (chosen, name):
+            jitter = 0.0
+        else:
+            jitter = JITTER
         if not _contradict(clocks[chosen], clocks[name], jitter):
             continue
         used = chosen

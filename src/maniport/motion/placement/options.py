@@ -81,7 +81,10 @@ class PlacementOptions:
         fixed = np.full(3, np.nan)
         if self.offset is None:
             return fixed
-        values = list(self.offset) if isinstance(self.offset, Sequence | np.ndarray) else []
+        if isinstance(self.offset, Sequence | np.ndarray):
+            values = list(self.offset)
+        else:
+            values = []
         if len(values) != 3:
             raise InvalidInputError(
                 f"offset must be three numbers, None where free; found {self.offset!r}"

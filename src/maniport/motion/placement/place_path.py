@@ -125,7 +125,10 @@ def place_path(
     else:
         planner.require_fits(robot, [target.spec for target in demonstrated])
 
-    scales = REAL_TIME_SCALES if plan.real_time else SCALES
+    if plan.real_time:
+        scales = REAL_TIME_SCALES
+    else:
+        scales = SCALES
     fixed, lower, upper = options.components(scales)
     bounds = options.bounds()
     _require_reach(planner.arms, bounds, upright=bool(fixed[TILT] == 0.0))

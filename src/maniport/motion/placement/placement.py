@@ -166,7 +166,10 @@ class Placement(NotebookDisplay):
         save_path(folder / DATA_FILES[1], self.path, time)
 
     def __repr__(self) -> str:
-        lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
+        if self.tilt:
+            lean = f", base tilted by {np.degrees(self.tilt):.1f}°"
+        else:
+            lean = ""
         place = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
         missed = int(np.sum(~self.reachable))
         return (

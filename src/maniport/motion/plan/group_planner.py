@@ -151,11 +151,10 @@ class Planner:
         mean = np.nanmean(
             values, axis=0
         )  # shared joints are the mean of all arms, or those of one arm
-        starts = (
-            [mean, *(np.where(np.isnan(own), mean, own) for own in values)]
-            if group.shared
-            else [mean]
-        )
+        if group.shared:
+            starts = [mean, *(np.where(np.isnan(own), mean, own) for own in values)]
+        else:
+            starts = [mean]
         near = collisions is not None and collisions.between.checked
         near = near and bool(np.any(collisions.between.clearance(mean) < CLEARANCE))  # type: ignore[union-attr]
         if not (group.shared or problem.costs or near):

@@ -140,7 +140,10 @@ class PlanOptions:
         model = as_collisions(
             self.collisions if planner is None else planner.collisions, limits.arm
         )
-        home = None if self.home is None else require_free(self.home, "home", limits, model)
+        if self.home is None:
+            home = None
+        else:
+            home = require_free(self.home, "home", limits, model)
         return replace(self, motion_limits=limits, collisions=model or False, home=home)
 
 

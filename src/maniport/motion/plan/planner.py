@@ -128,7 +128,8 @@ class ArmPlanner:
         for cost in problem.costs:
             square = np.sum(cost.residual(at) ** 2, axis=1)
             nodes = replace(nodes, cost=nodes.cost + square)
-        nodes = self._held(nodes, problem.time) if self.limits.arm.chain.payload else nodes
+        if self.limits.arm.chain.payload:
+            nodes = self._held(nodes, problem.time)
         if problem.collisions is None:
             return nodes
         return nodes.without(problem.collisions.collides(nodes.q))

@@ -249,11 +249,10 @@ def _sampled(
     )
 
     def averaged(values: Array, half: int) -> Array:
-        average = (
-            uniform_filter1d(values, 2 * half + 1, axis=1, mode="nearest")
-            if len(values)
-            else values
-        )
+        if len(values):
+            average = uniform_filter1d(values, 2 * half + 1, axis=1, mode="nearest")
+        else:
+            average = values
         return np.asarray(average[:, widest - half : values.shape[1] - widest + half])
 
     def smoothed(half: int) -> Array:

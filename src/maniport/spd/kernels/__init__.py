@@ -204,19 +204,17 @@ def _run(
     d = arrays[0].shape[-1]
     for array in arrays[1:]:
         if array.shape[:-2] != batch:
-            batch = (
-                np.broadcast_shapes(batch, array.shape[:-2])
-                if batch and array.ndim > 2
-                else batch or array.shape[:-2]
-            )
+            if batch and array.ndim > 2:
+                batch = np.broadcast_shapes(batch, array.shape[:-2])
+            else:
+                batch = batch or array.shape[:-2]
     inputs = [_flat(array, batch) for array in arrays]
     count = math.prod(batch)
     results = [np.empty((*batch, *(d,) * number)) for number in axes]
-    flat = (
-        results
-        if len(batch) == 1
-        else [result.reshape(count, *result.shape[len(batch) :]) for result in results]
-    )
+    if len(batch) == 1:
+        flat = results
+    else:
+        flat = [result.reshape(count, *result.shape[len(batch) :]) for result in results]
     if 0 < count <= WIDTH:
         loop(*inputs, *options, *flat)
     elif count:

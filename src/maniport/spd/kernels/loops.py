@@ -25,7 +25,10 @@ def diagonalize(a, v, turns):
     for i in range(v.shape[0]):
         for j in range(n):
             for w in range(v.shape[2]):
-                v[i, j, w] = 1.0 if i == j else 0.0
+                if i == j:
+                    v[i, j, w] = 1.0
+                else:
+                    v[i, j, w] = 0.0
     for _ in range(40):
         turned = 0
         for p in range(n - 1):
@@ -56,15 +59,22 @@ def _annihilate(a, p, q, turns):
         large = apq * apq > EPS2 * abs(app * aqq)
         rotated += large
         gap = aqq - app
-        twice = 2.0 * apq if large else 0.0
-        twice = -twice if gap < 0.0 else twice
+        if large:
+            twice = 2.0 * apq
+        else:
+            twice = 0.0
+        if gap < 0.0:
+            twice = -twice
         tangent = twice / (abs(gap) + np.sqrt(gap * gap + twice * twice) if large else 1.0)
         cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
         turns[0, w] = cosine
         turns[1, w] = tangent * cosine
         a[p, p, w] = app - tangent * apq
         a[q, q, w] = aqq + tangent * apq
-        a[p, q, w] = 0.0 if large else apq
+        if large:
+            a[p, q, w] = 0.0
+        else:
+            a[p, q, w] = apq
     return rotated
 
 
@@ -185,7 +195,10 @@ def raise_loop(values, exponent, low, high):
     for row in range(len(values)):
         for i in range(values.shape[1]):
             value = values[row, i]
-            power = value**exponent if value > 0.0 else 0.0
+            if value > 0.0:
+                power = value**exponent
+            else:
+                power = 0.0
             if not low <= power <= high:
                 if value > 0.0:
                     return power
@@ -215,7 +228,10 @@ def log_norm_loop(values, results):
             largest = max(largest, value)
             logarithm = np.log(value)
             squares += logarithm * logarithm
-        results[row] = np.sqrt(squares) if smallest > APART * largest else np.nan
+        if smallest > APART * largest:
+            results[row] = np.sqrt(squares)
+        else:
+            results[row] = np.nan
 
 
 @kernel

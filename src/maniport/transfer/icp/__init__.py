@@ -214,7 +214,10 @@ class RiemannianICP(RigidAdapter):
         icp = ICP(*matched, correspondence_of(self.correspondence))
         # Clouds of arms are nearly symmetric: between two draws of the Panda's own domain, a rotation with a cost 1.2 %
         # lower was off by 180°.
-        margin = 0.05 if selective else 0.0
+        if selective:
+            margin = 0.05
+        else:
+            margin = 0.0
         return best_registration(icp, first, others, margin=margin)
 
     def _take_matches(

@@ -127,9 +127,11 @@ def rotations_by_voting(
         ]
     d = teacher.shape[-1]
     signs = np.array([turn for turn in product((1.0, -1.0), repeat=d) if np.prod(turn) > 0.0])
-    signs = (
-        signs[:64] if d % 2 else signs[signs[:, 0] > 0.0][:64]
-    )  # in even dimension −P does what P does
+    # in even dimension −P does what P does
+    if d % 2:
+        signs = signs[:64]
+    else:
+        signs = signs[signs[:, 0] > 0.0][:64]
     count = min(voters, len(teacher), 4096 // (len(signs) * candidates))
     if count < 3:
         return []

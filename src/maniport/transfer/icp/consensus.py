@@ -81,7 +81,10 @@ class Clouds:
     @property
     def least(self) -> float:
         """Number of pairs that agree above which they do so not by chance."""
-        chance = CHANCE_PLANAR if self.student.shape[-1] == 2 else CHANCE
+        if self.student.shape[-1] == 2:
+            chance = CHANCE_PLANAR
+        else:
+            chance = CHANCE
         return chance * self.count + FEWEST
 
     @cached_property
@@ -184,7 +187,10 @@ def refined(clouds: Clouds, start: Factors, rounds: int, patient: bool) -> Conse
     history = list[float]()
     before: Pairs | None = None
     converged = False
-    steps = 3 if patient else 1
+    if patient:
+        steps = 3
+    else:
+        steps = 1
     try:
         pairs = clouds.pairs(factors)
         for number in range(rounds):

@@ -187,8 +187,14 @@ def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, in
         best_index = 0
         reach = np.inf
         while left > 0 or right < count:
-            gap_left = condition - shapes_s[0, left - 1] if left > 0 else np.inf
-            gap_right = shapes_s[0, right] - condition if right < count else np.inf
+            if left > 0:
+                gap_left = condition - shapes_s[0, left - 1]
+            else:
+                gap_left = np.inf
+            if right < count:
+                gap_right = shapes_s[0, right] - condition
+            else:
+                gap_right = np.inf
             if min(gap_left, gap_right) > reach:
                 break
             if gap_left <= gap_right:
@@ -233,6 +239,9 @@ def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, in
                 if score > best:
                     best = score
             excess = best - 3.0 - 2.0 * TIE  # a candidate scores at most 3 + exp(−|p − p'|)
-            reach = -np.log(excess) if excess > 0.0 else np.inf
+            if excess > 0.0:
+                reach = -np.log(excess)
+            else:
+                reach = np.inf
         indices[i] = best_index
         scores[i] = best

@@ -112,7 +112,10 @@ class EnergyDistance:
 def least_energy(teacher: Array, student: Array, starts: Sequence[Array]) -> EnergyMinimum:
     """Minimize the energy distance of two clouds about the identity from `starts`, and from a grid of rotations."""
     first = starts[0]
-    limit = LARGEST if len(first) <= 3 else LARGEST // 4
+    if len(first) <= 3:
+        limit = LARGEST
+    else:
+        limit = LARGEST // 4
     coarse = EnergyDistance(teacher, student, limit // 6)
     candidates = [*starts, *_grid(first)]
     ranks = np.argsort([coarse.value(rotation, 1.0) for rotation in candidates], kind="stable")

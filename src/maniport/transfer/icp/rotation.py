@@ -84,7 +84,10 @@ class RotationProblem:
                 break
             rotation = moved
             steps = steps + 1
-            cost, gradient, hessian = following if length == 1.0 else self.derivatives(moved)
+            if length == 1.0:
+                cost, gradient, hessian = following
+            else:
+                cost, gradient, hessian = self.derivatives(moved)
             norm = float(np.linalg.norm(gradient))
         return orthonormal(rotation)
 
@@ -97,8 +100,8 @@ def _saddle_free_direction(gradient: Array, hessian: Array, max_step: float = 1.
     direction = -axes @ ((axes.T @ gradient) / size)
     length = float(np.linalg.norm(direction))
     if length > 0:
-        return np.asarray(direction * min(1.0, max_step / length))
-    return direction
+        direction = direction * min(1.0, max_step / length)
+    return np.asarray(direction)
 
 
 @kernel

@@ -129,7 +129,10 @@ class LengthField(DomainAdapter):
             raise InvalidInputError(
                 f"LengthField needs damping with the projector {self.projector!r}"
             )
-        projector = NearestSamples(student) if self.projector is None else self.projector
+        if self.projector is None:
+            projector = NearestSamples(student)
+        else:
+            projector = self.projector
         if not callable(projector) and not hasattr(projector, "search"):
             text = "projector must be callable, such as maniport.FeasibleProjector(arm)"
             raise InvalidInputError(f"{text}; found {projector!r}")
@@ -138,11 +141,10 @@ class LengthField(DomainAdapter):
         self.lengths_ = np.zeros((0, 3))
         seen, held_out = _split(self._field(), teacher, most)
         samples = Samples(self._field(), seen, projector, damping)
-        count = (
-            min(300, len(seen))
-            if self.n_centers is None
-            else as_count(self.n_centers, "n_centers", 1, len(seen))
-        )
+        if self.n_centers is None:
+            count = min(300, len(seen))
+        else:
+            count = as_count(self.n_centers, "n_centers", 1, len(seen))
         self.centers_ = samples.x[centers_among(samples.x, count)]
         self.lengths_ = np.zeros((len(self.centers_), 3))
         field, history = fitted(self._field(), samples, ridge, rounds)
@@ -153,7 +155,10 @@ class LengthField(DomainAdapter):
         self.n_iter_ = rounds
         self.from_samples_ = self.projector is None
         self.stop_reason_ = f"{rounds} rounds toward the {'nearest samples' if self.from_samples_ else 'feasible set'}"
-        points = held_out if len(held_out) else seen[:HELD_OUT]
+        if len(held_out):
+            points = held_out
+        else:
+            points = seen[:HELD_OUT]
         self.report_ = reported(field, Samples(field, points, projector, damping), len(held_out))
 
     def failures(self) -> tuple[str, ...]:
@@ -212,6 +217,9 @@ def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:
         np.round(keys / TIE).T[::-1]
     )  # the axes decide between samples of equal eigenvalues
     count = min(HELD_OUT, len(order) // 8)
-    apart = evenly_spaced(len(order), count) if count >= 16 else evenly_spaced(0, 0)
+    if count >= 16:
+        apart = evenly_spaced(len(order), count)
+    else:
+        apart = evenly_spaced(0, 0)
     rest = np.delete(order, apart)
     return teacher[rest[evenly_spaced(len(rest), most)]], teacher[order[apart]]

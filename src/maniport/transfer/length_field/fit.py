@@ -231,9 +231,10 @@ class FieldReport:
 
     def in_words(self) -> str:
         """Return it as one line."""
-        where = (
-            f"at {self.held_out} held-out samples" if self.held_out else "at the samples of the fit"
-        )
+        if self.held_out:
+            where = f"at {self.held_out} held-out samples"
+        else:
+            where = "at the samples of the fit"
         shares = ", ".join(
             f"{text} {100 * getattr(self, name):.0f} %" for name, (_, text) in MAX_SHARES.items()
         )
