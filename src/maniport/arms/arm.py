@@ -145,10 +145,9 @@ class Arm(JointSpace):
             raise InvalidInputError(
                 f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}"
             )
-        after = [
-            pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0))
-            for theta, d, a, alpha in table
-        ]
+        after = []
+        for theta, d, a, alpha in table:
+            after.append(pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0)))
         first = np.eye(4) if base is None else as_pose(base, "base")
         joints = tuple(
             Joint(names[i], as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), np.eye(3)[2], parent)
@@ -228,10 +227,10 @@ class Arm(JointSpace):
         self, velocity: ArrayLike | None = None, effort: ArrayLike | None = None
     ) -> "Arm":
         """Return the arm with other velocity limits [rad/s, m/s] or effort limits [N m, N], shape (dof,) or numbers."""
-        changes = {
-            key: as_numbers(value, key, self.dof, broadcast=True, above=0.0)
-            for key, value in (("velocity_limits", velocity), ("effort_limits", effort)) if value is not None
-        }  # fmt: skip
+        changes = {}
+        for key, value in (("velocity_limits", velocity), ("effort_limits", effort)):
+            if value is not None:
+                changes[key] = as_numbers(value, key, self.dof, broadcast=True, above=0.0)
         return self._changed(**changes)
 
     def with_payload(self, mass: float, center: ArrayLike = (0.0, 0.0, 0.0)) -> "Arm":

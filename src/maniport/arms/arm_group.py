@@ -74,7 +74,9 @@ class ArmGroup(JointSpace):
         )
 
     def __repr__(self) -> str:
-        frames = {name: arm.frame for name, arm in zip(self.names, self.arms, strict=True)}
+        frames = {}
+        for name, arm in zip(self.names, self.arms, strict=True):
+            frames[name] = arm.frame
         return (
             f"ArmGroup({self.name!r}, dof={self.dof}, frames={frames}, shared={list(self.shared)})"
         )

@@ -420,10 +420,11 @@ def read_embedded(name: str, without: Collection[str] = ()) -> Chain:
         np.array([entry.get(key, np.inf) for entry in data["coordinates"]], dtype=np.float64)
         for key in ("lower", "upper", "velocity", "effort")
     )
-    frames = {
-        f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent"))
-        for f in data["frames"]
-    }
+    frames = {}
+    for f in data["frames"]:
+        frames[f["name"]] = Frame(
+            f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent")
+        )
     inertia = np.zeros((len(joints) + 1, 6, 6))
     for entry in data.get("masses", ()):
         if entry["frame"] not in without:

@@ -125,11 +125,10 @@ class JointSpace(NotebookDisplay):
             name = "effort"
             limits = self.effort_limits
         if limits is None or not np.all(np.isfinite(limits) & (limits > 0.0)):
-            missing = [
-                n
-                for i, n in enumerate(self.joint_names)
-                if limits is None or not 0.0 < limits[i] < np.inf
-            ]
+            missing = []
+            for i, n in enumerate(self.joint_names):
+                if limits is None or not 0.0 < limits[i] < np.inf:
+                    missing.append(n)
             raise InvalidInputError(
                 f"joint_weights: {self.name!r} has no {name} limits above 0 for {', '.join(missing)}; add them to the "
                 "robot's description, set them with Arm.with_limits, or give numbers"

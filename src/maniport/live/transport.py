@@ -203,7 +203,9 @@ class Pipe:
         if not data and not self._rest and not self._too_long:
             return None
         *lines, rest = (self._rest + (data or b"\n")).split(b"\n")
-        received = [Line(line if len(line) <= FRAME_BYTES else None) for line in lines]
+        received = []
+        for line in lines:
+            received.append(Line(line if len(line) <= FRAME_BYTES else None))
         if lines and self._too_long:
             received[0] = Line(None)
             self._too_long = False

@@ -88,10 +88,9 @@ class ArmFit(NotebookDisplay):
     def only(self, keep: NDArray[Any]) -> "ArmFit":
         """Keep some of the frames, by a mask or by their indices; statistics stay those of all frames."""
         residuals = {name: values[keep] for name, values in self.residuals.items()}
-        per_frame = {
-            name: getattr(self, name)[keep]
-            for name in ("joint_angles", "time", "frames", "beyond_limit")
-        }
+        per_frame = {}
+        for name in ("joint_angles", "time", "frames", "beyond_limit"):
+            per_frame[name] = getattr(self, name)[keep]
         return replace(self, residuals=residuals, **per_frame)
 
     @property
@@ -112,11 +111,10 @@ class ArmFit(NotebookDisplay):
 
     def residual_summary(self) -> dict[str, dict[str, float]]:
         """Statistics of each residual, without sign [degrees]: ``median``, ``p95``, ``max`` at ``max_at_s`` [s]."""
-        sizes = {
-            name: np.abs(values)
-            for name, values in self.residuals.items()
-            if not np.isnan(values).all()
-        }
+        sizes = {}
+        for name, values in self.residuals.items():
+            if not np.isnan(values).all():
+                sizes[name] = np.abs(values)
         return {name: statistics(size, self.time) for name, size in sizes.items()}
 
     def repetitions(self) -> list[tuple[float, float]]:
@@ -189,11 +187,10 @@ class HumanMotion(NotebookDisplay):
     @property
     def quality_warnings(self) -> tuple[str, ...]:
         """Warnings of each arm with its side; common warnings once."""
-        texts = [
-            (side, text)
-            for side, fit in zip(self.names, self.arms, strict=True)
-            for text in fit.quality_warnings
-        ]
+        texts = []
+        for side, fit in zip(self.names, self.arms, strict=True):
+            for text in fit.quality_warnings:
+                texts.append((side, text))
         counts = Counter(text for _, text in texts)
         return tuple(
             dict.fromkeys(

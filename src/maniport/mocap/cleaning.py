@@ -297,11 +297,12 @@ def _outliers(
 
 def _marked_missing(recording: Recording, lost: Bools, cause: str) -> Recording:
     """Return the recording without the marked points, lost (n_frames, n_points), with a note for each point."""
-    notes = [
-        f"{name}: {cause} in {counted(int(frames.sum()), 'frame')}, taken as missing ({when(recording.time, frames)})"
-        for name, frames in zip(recording.names, lost.T, strict=True)
-        if frames.any()
-    ]
+    notes = []
+    for name, frames in zip(recording.names, lost.T, strict=True):
+        if frames.any():
+            count = counted(int(frames.sum()), "frame")
+            moments = when(recording.time, frames)
+            notes.append(f"{name}: {cause} in {count}, taken as missing ({moments})")
     return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes, [])
 
 

@@ -75,13 +75,12 @@ def observability(
     share = np.mean(np.concatenate(errors) <= np.radians(20.0), axis=0)
     fixed = unobservable_joints(roles)
     share[list(fixed)] = 0.0
-    unobservable = {
-        arm.joint_names[joint]: fixed.get(
+    unobservable = {}
+    for joint in np.flatnonzero(share <= 0.5).tolist():
+        unobservable[arm.joint_names[joint]] = fixed.get(
             joint,
             f"observable in {100 * share[joint]:.0f} % of the frames; elsewhere interpolated smoothly",
         )
-        for joint in np.flatnonzero(share <= 0.5).tolist()
-    }
     return unobservable, np.concatenate(excesses)
 
 

@@ -94,10 +94,9 @@ class Directions:
     def kinematics(self) -> PointKinematics:
         """The ends of the segments, then joint axes fixed to the segment above them."""
         joints = [AXES[name][0] for name in self.names if name in AXES]
-        axes = [
-            axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint)
-            for joint in joints
-        ]
+        axes = []
+        for joint in joints:
+            axes.append(axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint))
         return PointKinematics(self.arm.chain, POINTS[: len(self.names) - len(axes) + 1], axes)
 
     @property
@@ -196,9 +195,10 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
                 f"hand: {', '.join(roles.pop('hand'))} coincides with the wrist and was not used"
             )
     trunk = trunk_rotation(used, roles)
-    lost: dict[str, Bools] = {
-        role: np.isnan(role_position(used, roles[role])[:, 0]) for role in POINTS if role in roles
-    }
+    lost: dict[str, Bools] = {}
+    for role in POINTS:
+        if role in roles:
+            lost[role] = np.isnan(role_position(used, roles[role])[:, 0])
     lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
     out = np.any(list(lost.values()), axis=0)
     if out.all():
@@ -219,7 +219,10 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
 
 def vectors_of(points: Recording, roles: Roles, side: str) -> dict[str, Array]:
     """Return vectors along segments and joint axes, by the keys of `Directions`, in the axes of the points."""
-    ends = {name: pair for name, pair in SEGMENTS.items() if all(end in roles for end in pair)}
+    ends = {}
+    for name, pair in SEGMENTS.items():
+        if all(end in roles for end in pair):
+            ends[name] = pair
     vectors = {name: direction(points, (roles[a], roles[b])) for name, (a, b) in ends.items()}
     return vectors | {
         name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles

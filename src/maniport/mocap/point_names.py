@@ -206,7 +206,9 @@ def keys_without_additions(names: tuple[str, ...]) -> tuple[dict[str, str], ...]
             if shortened in tried:
                 continue
             tried.add(shortened)
-            shown = [end + name for end, name in zip(ends, shortened, strict=True)]
+            shown = []
+            for end, name in zip(ends, shortened, strict=True):
+                shown.append(end + name)
             ways.append(names_by_key(shown, names))
     return tuple(ways)
 

@@ -278,10 +278,9 @@ def runs_of(flags: Bools) -> list[tuple[int, int]]:
 
 def when(time: Array, flags: Bools) -> str:
     """Describe the times at which flags are true, the first few of them."""
-    runs = [
-        f"{time[a]:.2f} s" if b == a + 1 else f"{time[a]:.2f}–{time[b - 1]:.2f} s"
-        for a, b in runs_of(flags)
-    ]
+    runs = []
+    for a, b in runs_of(flags):
+        runs.append(f"{time[a]:.2f} s" if b == a + 1 else f"{time[a]:.2f}–{time[b - 1]:.2f} s")
     return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
 
 

@@ -447,11 +447,10 @@ def unit(vectors: Array, shortest: float = 0.0) -> Array:
 
 def points_of(roles: Mapping[str, Any]) -> list[str]:
     """Return all points that are assigned to a role, without repetition."""
-    groups = [
-        group
-        for role, choice in roles.items()
-        for group in (choice if role in DIRECTIONS else (choice,))
-    ]
+    groups = []
+    for role, choice in roles.items():
+        for group in choice if role in DIRECTIONS else (choice,):
+            groups.append(group)
     return list(dict.fromkeys(name for group in groups for name in group))
 
 

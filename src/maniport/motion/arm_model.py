@@ -131,7 +131,10 @@ def _own_coordinates(arm: Arm) -> Array:
         follow_one = (np.count_nonzero(coupling, axis=0) == 1) & np.all(
             np.isin(np.abs(coupling), (0, 1)), axis=0
         )
-        shared = [name for name, own in zip(arm.joint_names, follow_one, strict=True) if not own]
+        shared = []
+        for name, own in zip(arm.joint_names, follow_one, strict=True):
+            if not own:
+                shared.append(name)
         raise InvalidInputError(
             f"{arm.name!r} cannot be tracked: its joints are coupled ({', '.join(shared or arm.joint_names)}), while "
             "tracking needs one joint for each degree of freedom, in order from base to end effector. A robot's arm "
@@ -195,11 +198,10 @@ def require_compatible(
         }
         for arm, spec in zip(arms, specs, strict=True)
     )  # fmt: skip
-    different = [
-        f"{name}: {value!r} there, {here[name]!r} here"
-        for name, value in there.items()
-        if value != here[name]
-    ]
+    different = []
+    for name, value in there.items():
+        if value != here[name]:
+            different.append(f"{name}: {value!r} there, {here[name]!r} here")
     if different:
         raise InvalidInputError(
             f"{what} {arms[0].name!r}; it does not fit {arms[1].name!r}: {'; '.join(different)}"

@@ -156,10 +156,9 @@ class MotionLimits:
         """Return the limits of one arm of a group; `columns` are its joints in the group."""
         names = [self.arm.joint_names[column] for column in columns]
         own = dict(zip(names, arm.joint_names, strict=True))
-        assumed = {
-            quantity: tuple(own[n] for n in joints if n in own)
-            for quantity, joints in self.assumed.items()
-        }
+        assumed = {}
+        for quantity, joints in self.assumed.items():
+            assumed[quantity] = tuple(own[n] for n in joints if n in own)
         theirs = {name: getattr(self, name)[columns] for name in LIMITS}
         return MotionLimits(arm, sources=self.sources, assumed=assumed, **theirs)
 

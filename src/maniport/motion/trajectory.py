@@ -74,9 +74,9 @@ class Trajectory(NotebookDisplay):
 
     def of_arm(self, arm: Arm, columns: NDArray[np.integer]) -> "Trajectory":
         """Return the trajectory of one arm of a group, whose joints are some columns."""
-        parts: dict[str, Any] = {
-            name: getattr(self, name)[:, columns] for name in ("joint_positions", *_CONTROL)
-        }
+        parts: dict[str, Any] = {}
+        for name in ("joint_positions", *_CONTROL):
+            parts[name] = getattr(self, name)[:, columns]
         if self.limits is not None:
             parts["limits"] = self.limits.of_joints(arm, columns)
         return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)

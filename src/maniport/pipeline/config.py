@@ -80,9 +80,9 @@ class Config(TransferOptions):
         content: dict[str, object] = {}
         for section in ("", *SECTIONS):
             described = [option for option in _IN_FILES if option.section == section]
-            settings = {
-                option.name: plain(values[option.name], option.is_file) for option in described
-            }
+            settings = {}
+            for option in described:
+                settings[option.name] = plain(values[option.name], option.is_file)
             content |= {section: settings} if section else settings
 
         head = f"# maniport {__version__}; SI units. Repeat: maniport {self.verb} --config {CONFIG} -o FOLDER\n"

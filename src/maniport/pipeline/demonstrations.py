@@ -217,9 +217,9 @@ def learn(
         ]
         hands.append(np.concatenate(paths, axis=1))
     regularization = Regularization(config.damping or None).fitted(np.concatenate(ellipsoids))
-    profiles = [
-        regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids
-    ]
+    profiles = []
+    for own in ellipsoids:
+        profiles.append(regularization.apply(own, "the ellipsoids of a demonstration"))
     alignment = align(profiles, times, progress=progress)
     model = ProfileGMM(config.components).fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
@@ -227,10 +227,9 @@ def learn(
     warped = alignment.warp(hands)
     # An alignment goes in steps, a hand does not: a spline with half the amplitude at `CUTOFF`.
     strength = 1.0 / (float(np.median(np.diff(alignment.time))) * (2.0 * np.pi * CUTOFF) ** 4)
-    path = [
-        make_smoothing_spline(alignment.time, axis, lam=strength)(time)
-        for axis in warped.mean(axis=0).T
-    ]
+    path = []
+    for axis in warped.mean(axis=0).T:
+        path.append(make_smoothing_spline(alignment.time, axis, lam=strength)(time))
     return LearnedProfile(
         demonstrations, tuple(arms), bases, alignment, warped, model, time, np.asarray(profile), covariance,
         np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config,
@@ -270,7 +269,10 @@ def _intervals(
         except ValueError:
             rule = f"{argument('segments')} must be {AUTO} or times such as 2:4,4:5.6 [s]"
             raise InvalidInputError(f"{rule}; found {part!r}") from None
-        times = [time for pair in sorted(parts[index]) for time in pair]
+        times = []
+        for pair in sorted(parts[index]):
+            for time in pair:
+                times.append(time)
         if times != sorted(times) or any(start == stop for start, stop in parts[index]):
             raise InvalidInputError(
                 f"segments must begin before they end, and must not overlap; found {part!r}"

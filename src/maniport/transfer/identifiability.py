@@ -136,10 +136,9 @@ class CloudPair:
         for direction in directions:
             change = difference(turn * direction)
             if change.mean < least * turn**2 * middle[0].mean() or change.certainty < 2.0:
-                around = [
-                    _coincidence(self.nearest(side), here).certainty
-                    for side in sides(turn * direction)
-                ]
+                around = []
+                for side in sides(turn * direction):
+                    around.append(_coincidence(self.nearest(side), here).certainty)
                 free += [direction] if min(around) < 3.0 else []
         return np.array(free).reshape(-1, len(directions))
 

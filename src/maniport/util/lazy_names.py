@@ -12,7 +12,11 @@ def names_of_stub(package: str, file: str) -> tuple[list[str], Callable[[str], A
     """Return `__all__` and `__getattr__` of a package, which load the names that its stub imports on first use."""
     stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
     imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
-    modules = {alias.name: node.module for node in imports for alias in node.names if alias.asname}
+    modules = {}
+    for node in imports:
+        for alias in node.names:
+            if alias.asname:
+                modules[alias.name] = node.module
 
     def load(name: str) -> Any:
         if name not in modules:

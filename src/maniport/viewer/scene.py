@@ -181,10 +181,9 @@ class Scene:
         )
         scene.add_frame("/person", show_axes=False, position=PERSON_AT - aside)
         # head and trunk about the middle of the neck [m], in the trunk frame
-        middles = [
-            base + np.array([0.0, middle_of(arm), 0.0])
-            for arm, base in zip(persons, bases, strict=True)
-        ]
+        middles = []
+        for arm, base in zip(persons, bases, strict=True):
+            middles.append(base + np.array([0.0, middle_of(arm), 0.0]))
         for name, size, at in (
             ("trunk", (0.11, 0.16, 0.30), (-0.06, 0.0, -0.30)),
             ("shoulders", (0.05, 0.20, 0.06), (-0.03, 0.0, -0.01)),

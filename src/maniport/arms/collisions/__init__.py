@@ -162,9 +162,10 @@ class Collisions(NotebookDisplay):
         try:
             if chosen := select_pairs(group, boxes, height, disabled):
                 return cls(arm, *chosen, surroundings=surroundings)
-            faults = [
-                fault for one in group.arms for fault in one.geometry.checked.missing.values()
-            ]
+            faults = []
+            for one in group.arms:
+                for fault in one.geometry.checked.missing.values():
+                    faults.append(fault)
             if faults:
                 reason = f"the surface of {arm.name!r} cannot be read: {faults[0]}"
         except FileFormatError as error:

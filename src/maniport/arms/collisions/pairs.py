@@ -105,10 +105,14 @@ def _bodies(group: ArmGroup) -> list[Body]:
 def _robots(group: ArmGroup) -> NDArray[np.intp]:
     """Index of the robot of each arm: arms of one robot have a frame in the same place in common."""
     robots = np.arange(len(group))
-    places = [
-        {(name, frame.joint, frame.placement.tobytes()) for name, frame in arm.chain.frames.items()}
-        for arm in group.arms
-    ]
+    places = []
+    for arm in group.arms:
+        places.append(
+            {
+                (name, frame.joint, frame.placement.tobytes())
+                for name, frame in arm.chain.frames.items()
+            }
+        )
     for i, k in combinations(range(len(group)), 2):
         if any(joint <= group.common[i, k] for _, joint, _ in places[i] & places[k]):
             robots[robots == robots[k]] = robots[i]
@@ -128,10 +132,10 @@ class _Selection:
         fine: Collection[Part],  # parts that need finer hulls
     ):
         enclosed = [hulls_of(body.part, body.part in fine) for body in bodies]
-        hulls = [
-            replace(hull, name=body.name, joint=body.link)
-            for body, own in zip(bodies, enclosed, strict=True) for hull in own
-        ]  # fmt: skip
+        hulls = []
+        for body, own in zip(bodies, enclosed, strict=True):
+            for hull in own:
+                hulls.append(replace(hull, name=body.name, joint=body.link))
         self.group = group
         self.excluded: dict[tuple[str, str], None] = {}  # pairs that the description excludes
         self.bodies = bodies
@@ -148,7 +152,11 @@ class _Selection:
         self._apply_contacts(hulls, allowed, movable[self.owners[:, None], self.owners])
         a, b = np.nonzero(np.triu(allowed, 1))
         checked = {bodies[owner].name for owner in self.owners[np.concatenate([a, b])].tolist()}
-        alone = [name for pair in self.excluded for name in pair if name not in checked]
+        alone = []
+        for pair in self.excluded:
+            for name in pair:
+                if name not in checked:
+                    alone.append(name)
         self.isolated = tuple(dict.fromkeys(alone))
         count = len(hulls)
         moving = [i for i, hull in enumerate(hulls) if hull.joint]
@@ -250,10 +258,9 @@ class _Selection:
         always = np.asarray(hits.all(axis=0) & ~self.links)
         for k in np.flatnonzero(always):
             always[k] = np.all(solids.contacts(self.q[:FIRST], self.pairs[[k]]).distances <= 0.0)
-        last = {
-            max(b.link for b in self.bodies if b.part.own and b.arm == arm)
-            for arm in {b.arm for b in self.bodies}
-        }
+        last = set()
+        for arm in {b.arm for b in self.bodies}:
+            last.add(max(b.link for b in self.bodies if b.part.own and b.arm == arm))
         for a, b in self.pairs[always].tolist():
             if b != TABLE or solids.hulls[a].joint in last:
                 what = f"table: the plane at z = {solids.table:g} m"

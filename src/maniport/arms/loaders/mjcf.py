@@ -158,10 +158,11 @@ def _inertia(document: Document, body: Element) -> Array | None:
     else:
         inertial = body.find("inertial")
     if inertial is None:
-        heavy = [
-            all(document.numbers(geom, key, 1, "1")[0] > 0 for key in ("mass", "density"))
-            for geom in body.findall("geom")
-        ]
+        heavy = []
+        for geom in body.findall("geom"):
+            heavy.append(
+                all(document.numbers(geom, key, 1, "1")[0] > 0 for key in ("mass", "density"))
+            )
         if any(heavy):
             return None
         return _bounded(document, np.zeros((6, 6)), np.eye(4))
@@ -257,10 +258,9 @@ def _contact_rules(document: Document, explicit: frozenset[frozenset[int]]) -> C
                 carriers[child] = child
             parents.setdefault(carriers[child], carriers[name])
             waiting.append((child, body))
-    excluded = {
-        frozenset((pair.get("body1", ""), pair.get("body2", "")))
-        for pair in document.root.findall("contact/exclude")
-    }
+    excluded = set()
+    for pair in document.root.findall("contact/exclude"):
+        excluded.add(frozenset((pair.get("body1", ""), pair.get("body2", ""))))
     flags = document.root.findall("option/flag")
     filter_parents = all(flag.get("filterparent") != "disable" for flag in flags)
     enabled = all(

@@ -185,9 +185,11 @@ def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
     longest = longest_limbs(limbs)
     scores = []  # occurrences of one side, as "left" or "l", minus those of the other
     for limb in longest:
-        words = [
-            word for name in (*limb.joints, limb.frame) for word in _words(name) if word in _SIDES
-        ]
+        words = []
+        for name in (*limb.joints, limb.frame):
+            for word in _words(name):
+                if word in _SIDES:
+                    words.append(word)
         scores.append(sum(1 if word in (side, side[0]) else -1 for word in words))
     if scores.count(max(scores)) > 1:
         raise unknown_name(
@@ -257,7 +259,11 @@ class Limbs:
         longest = [end for end in arms if len(joints[end]) == len(joints[arms[0]])]
         limbs = []
         for end in ends:
-            others = {id(body) for other in longest if other != end for body in self._paths[other]}
+            others = set()
+            for other in longest:
+                if other != end:
+                    for body in self._paths[other]:
+                        others.add(id(body))
             shared = [body.name for body in self._paths[end] if id(body) in others]
             frame, reason = self._tools[end]
             if shared:
@@ -285,12 +291,13 @@ class Limbs:
         if not ends:
             raise InvalidInputError(f"{source}: has no movable joint")
         if len(ends) > 1 and most[0]:
-            shared = [
-                body
-                for body in self._paths[ends[0]]
-                if all(body in self._paths[end] for end in ends)
-            ]
-            chosen = [[joint.name in wanted for joint in body.joints] for body in shared]
+            shared = []
+            for body in self._paths[ends[0]]:
+                if all(body in self._paths[end] for end in ends):
+                    shared.append(body)
+            chosen = []
+            for body in shared:
+                chosen.append([joint.name in wanted for joint in body.joints])
             if sum(map(sum, chosen)) == most[0]:
                 end = [body.name for body, own in zip(shared, chosen, strict=True) if any(own)][-1]
                 return self._tool(end)[0]
@@ -454,12 +461,12 @@ class Limbs:
         joint_words = _Words.without_those_of(first.joints[0].name)
         body_words = _Words.without_those_of(first.name)
         for joint in moved.joints:
-            followed = {  # branches beyond, whose joints follow this one
-                child.name
-                for child in self._below[moved.name]
-                for other in child.joints
-                if self._leader(other.name) == joint.name
-            }
+            # branches beyond, whose joints follow this one
+            followed = set()
+            for child in self._below[moved.name]:
+                for other in child.joints:
+                    if self._leader(other.name) == joint.name:
+                        followed.add(child.name)
             if joint.name in self._leaders or len(followed) > 1:
                 return True
             if _has(joint.name, joint_words.fingers):

@@ -383,7 +383,10 @@ def _mujoco_shapes(model: "mujoco.MjModel", robot: RobotModel) -> HeldShapes:
     explicit = frozenset(
         frozenset((int(model.pair_geom1[i]), int(model.pair_geom2[i]))) for i in range(model.npair)
     )
-    paired = {geom for pair in explicit for geom in pair}
+    paired = set()
+    for pair in explicit:
+        for geom in pair:
+            paired.add(geom)
     visual = []
     hidden = []
     collision = []

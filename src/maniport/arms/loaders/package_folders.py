@@ -119,11 +119,10 @@ def _subfolders(folder: Path) -> list[Path]:
     """Folders in a folder, sorted, without hidden ones and without symbolic links to folders, which may be cyclic."""
     try:
         with os.scandir(folder) as entries:
-            names = [
-                entry.name
-                for entry in entries
-                if not entry.name.startswith(".") and entry.is_dir(follow_symlinks=False)
-            ]
+            names = []
+            for entry in entries:
+                if not entry.name.startswith(".") and entry.is_dir(follow_symlinks=False):
+                    names.append(entry.name)
     except OSError:
         return []
     return [folder / name for name in sorted(names)[:MOST_CHILDREN]]

@@ -44,11 +44,10 @@ class Package:
     def installed(self) -> dict[str, Path]:
         """Return the installed files by robot name."""
         if self.module is None:
-            ros = [
-                Path(entry)
-                for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-                if entry
-            ]
+            ros = []
+            for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+                if entry:
+                    ros.append(Path(entry))
             places = [*(Path(entry) / "cmeel.prefix" for entry in sys.path), Path(sys.prefix), *ros]
         else:
             spec = importlib.util.find_spec(self.module)
@@ -134,7 +133,10 @@ def known_names() -> tuple[set[str], str]:
 
 def arm_names(name: str) -> tuple[str, ...]:
     """Return the names of the two arms of a robot in a package; none for other robots."""
-    robots = {robot for package in PACKAGES.values() for robot in package.pairs}
+    robots = set()
+    for package in PACKAGES.values():
+        for robot in package.pairs:
+            robots.add(robot)
     if name.rpartition("/")[2] in robots:
         return tuple(f"{name}_{side}_arm" for side in sorted(SIDES))
     return ()

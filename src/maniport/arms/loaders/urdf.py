@@ -262,8 +262,11 @@ def _inertia(path: Path, link: Element) -> Array:
         Element(tag) if (part := inertial.find(tag)) is None else part
         for tag in ("mass", "inertia")
     )
-    moments = [float(numbers(inertia.get(f"i{axes}"), 1, f"{where} needs an inertia i{axes}")[0])
-               for axes in ("xx", "yy", "zz", "xy", "xz", "yz")]  # fmt: skip
+    moments = []
+    for axes in ("xx", "yy", "zz", "xy", "xz", "yz"):
+        moments.append(
+            float(numbers(inertia.get(f"i{axes}"), 1, f"{where} needs an inertia i{axes}")[0])
+        )
     weight = float(numbers(mass.get("value"), 1, f"{where} needs a mass", least=0.0)[0])
     return body_inertia(where, weight, moments, _origin(inertial, f"{where} needs"))
 
@@ -290,7 +293,10 @@ def shapes(
 
 def _mesh_names(parts: Iterable[Element]) -> list[str]:
     """Names of the mesh files of <visual> or <collision> elements."""
-    names = [mesh.get("filename", "") for part in parts for mesh in part.iterfind("geometry/mesh")]
+    names = []
+    for part in parts:
+        for mesh in part.iterfind("geometry/mesh"):
+            names.append(mesh.get("filename", ""))
     return [name for name in names if name]
 
 
@@ -300,7 +306,10 @@ def _all_available(paths: MeshPaths, names: Sequence[str]) -> bool:
 
 def _count_missing(paths: MeshPaths, owners: Sequence[Element], tag: str) -> str:
     """Count the missing meshes of all <visual> or <collision> elements."""
-    parts = [part for owner in owners for part in owner.iterfind(tag)]
+    parts = []
+    for owner in owners:
+        for part in owner.iterfind(tag):
+            parts.append(part)
     names = dict.fromkeys(_mesh_names(parts))
     count = sum(not paths.available(name) for name in names)
     return f"{count} of {len(names)} meshes are"

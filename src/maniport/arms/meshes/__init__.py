@@ -204,9 +204,9 @@ def solid_core(kind: str, *size: float) -> tuple[Array, float]:
         angles = 2 * np.pi * np.arange(SECTIONS) / SECTIONS
         outer = size[0] / np.cos(np.pi / SECTIONS)
         circle = outer * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        ends = [
-            np.column_stack([circle, np.full(SECTIONS, z)]) for z in (-0.5 * size[1], 0.5 * size[1])
-        ]
+        ends = []
+        for z in (-0.5 * size[1], 0.5 * size[1]):
+            ends.append(np.column_stack([circle, np.full(SECTIONS, z)]))
         return np.concatenate(ends), 0.0
     points, triangles = solid("ellipsoid", 1.0, 1.0, 1.0)
     corners = points[triangles]

@@ -380,9 +380,9 @@ def _polygons(
             continue
         width = max(int(entry.get("offset", "0")) for entry in shape.findall("input")) + 1
         column = int(inputs["VERTEX"].get("offset", "0"))
-        corner_lists = [
-            _numbers(p, np.int64).reshape(-1, width)[:, column] for p in shape.findall("p")
-        ]
+        corner_lists = []
+        for p in shape.findall("p"):
+            corner_lists.append(_numbers(p, np.int64).reshape(-1, width)[:, column])
         corners = np.concatenate([np.empty(0, dtype=np.int64), *corner_lists])
         if shape.tag == "triangles":
             rows = corners.reshape(-1, 3)

@@ -64,7 +64,10 @@ def read(file: Path, options: ImportOptions) -> Recording:
         "LABELS",
         *(f"LABELS{i}" for i in range(2, 100)),
     )  # more than 255 labels continue in LABELS2, …
-    labels = [str(label).strip(" \"'") for key in keys for label in values.get(f"POINT:{key}", [])]
+    labels = []
+    for key in keys:
+        for label in values.get(f"POINT:{key}", []):
+            labels.append(str(label).strip(" \"'"))
     labels += [""] * positions.shape[1]
     labels = [label or f"point{i + 1}" for i, label in enumerate(labels[: positions.shape[1]])]
     bare = [label.rpartition(":")[2].strip(" \"'") for label in labels]
@@ -199,9 +202,10 @@ def _frame_count(header: int, values: dict[str, list[Any]]) -> int:
     if all(len(end) == 2 for end in ends):
         first, last = (int(end[0]) % 2**16 + 2**16 * (int(end[1]) % 2**16) for end in ends)
         return last - first + 1
-    counts = [
-        count for name in ("LONG_FRAMES", "FRAMES") for count in values.get(f"POINT:{name}", [])[:1]
-    ]
+    counts = []
+    for name in ("LONG_FRAMES", "FRAMES"):
+        for count in values.get(f"POINT:{name}", [])[:1]:
+            counts.append(count)
     return next(
         (int(count) for count in counts if isinstance(count, float) and header < count < np.inf),
         header,

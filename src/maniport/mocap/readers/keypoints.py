@@ -206,9 +206,10 @@ def _points(frame: Any) -> list[Point] | dict[str, Point]:
                     frame[key], frame.get(_first(frame, KEYS["confidences"], list)), key
                 )
             )
-        named = {
-            str(name): point for name, point in frame.items() if isinstance(point, (dict, list))
-        }
+        named = {}
+        for name, point in frame.items():
+            if isinstance(point, (dict, list)):
+                named[str(name)] = point
         if any(name.endswith("2d") for name in named):
             raise ValueError(_IN_IMAGE)
         if not named:
@@ -222,7 +223,9 @@ def _points(frame: Any) -> list[Point] | dict[str, Point]:
     if frame and isinstance(frame[0], list) and frame[0] and isinstance(frame[0][0], (list, dict)):
         return _points(frame[0])  # several people: the first
     points = [_point(point) for point in frame]
-    names = [point.get("name") if isinstance(point, dict) else None for point in frame]
+    names = []
+    for point in frame:
+        names.append(point.get("name") if isinstance(point, dict) else None)
     if all(isinstance(name, str) for name in names):
         return dict(zip(map(str, names), points, strict=True))
     return points

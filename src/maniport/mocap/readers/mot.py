@@ -58,9 +58,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
     first, line = names
     separator = next((character for character in ",;" if character in line), None)
     # newer files write the path of a coordinate in the model, as /jointset/elbow/elbow_flexion/value
-    columns = [
-        word.removesuffix("/value").rpartition("/")[2] for word in fields_of(line, separator)
-    ]
+    columns = []
+    for word in fields_of(line, separator):
+        columns.append(word.removesuffix("/value").rpartition("/")[2])
     while columns and not columns[-1]:
         columns.pop()
     if columns[:1] != ["time"]:

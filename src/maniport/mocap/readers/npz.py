@@ -46,7 +46,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
             return _points(file, options, {"positions": np.asarray(positions)})
     names = array_names(file, "recording")
     keys: dict[str, list[str]] = load_names("file_keys.yaml")["arrays"]
-    chosen = {what: next((key for key in own if key in names), None) for what, own in keys.items()}
+    chosen = {}
+    for what, own in keys.items():
+        chosen[what] = next((key for key in own if key in names), None)
     rates = [key for key in keys["rate"] if key in names]
     loaded = load_arrays(file, "recording", [*rates, *(key for key in chosen.values() if key)])
     arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}

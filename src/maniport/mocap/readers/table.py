@@ -221,7 +221,10 @@ def _name_column(columns: Sequence[str]) -> int | None:
     """Return the column of names in a table with a row for each point; None where it is none."""
     if not {"x", "y", "z"} <= set(columns):
         return None
-    words = [f"{word}{end}" for word in POINT_WORDS for end in ("", "_name", " name", "name")]
+    words = []
+    for word in POINT_WORDS:
+        for end in ("", "_name", " name", "name"):
+            words.append(f"{word}{end}")
     return next((columns.index(word) for word in words if word in columns), None)
 
 
@@ -647,11 +650,15 @@ def _motive(rows: Sequence[Row]) -> Table:
         "Rigid Body Marker",
         "Bone Marker",
     )  # expected positions of markers that are recorded, too
-    measured = {name for name, type_ in zip(names, types, strict=True) if type_ not in solved}
-    points = [
-        name if kind == "Position" and (type_ not in solved or name not in measured) else ""
-        for type_, name, kind in zip(types, names, kinds, strict=True)
-    ]
+    measured = set()
+    for name, type_ in zip(names, types, strict=True):
+        if type_ not in solved:
+            measured.add(name)
+    points = []
+    for type_, name, kind in zip(types, names, kinds, strict=True):
+        points.append(
+            name if kind == "Position" and (type_ not in solved or name not in measured) else ""
+        )
     columns = _columns(points, axes)
     columns[1:2] = ["time"]
     rates = _rates(header, "Export Frame Rate") or _rates(header, "Capture Frame Rate")
@@ -734,7 +741,10 @@ def _qualisys(rows: Sequence[Row]) -> Table:
         first = fields_of(rows[0][1], "\t")
     else:
         first = []
-    columns = [f"{name}_{axis}" for name in header.get("MARKER_NAMES", ()) for axis in "xyz"]
+    columns = []
+    for name in header.get("MARKER_NAMES", ()):
+        for axis in "xyz":
+            columns.append(f"{name}_{axis}")
     frame_column = None
     if first[:2] == ["Frame", "Time"]:
         columns = ["", "time", *(columns or first[2:])]

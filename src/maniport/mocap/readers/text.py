@@ -183,9 +183,10 @@ def _is_decodable(content: bytes, encoding: str) -> bool:
 def _is_japanese(content: bytes, encoding: str) -> bool:
     """Whether letters beyond ASCII are those of Japanese, most of them kana or the words of sides and limbs."""
     letters = [letter for letter in _decoded_part(content, encoding) if not letter.isascii()]
-    usual = [
-        letter for letter in letters if letter in COMMON_KANJI or "\u3040" <= letter <= "\u30ff"
-    ]
+    usual = []
+    for letter in letters:
+        if letter in COMMON_KANJI or "\u3040" <= letter <= "\u30ff":
+            usual.append(letter)
     return len(usual) > 0.5 * len(letters)
 
 

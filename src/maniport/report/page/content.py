@@ -318,10 +318,9 @@ def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
     package = rerun()
     place = package.escape_entity_path_part  # a name as one part of an entity path
     clocks = {"time": animation.time, **animation.clocks}
-    columns = [
-        package.TimeColumn(name, duration=(time - time[0]).tolist())
-        for name, time in clocks.items()
-    ]
+    columns = []
+    for name, time in clocks.items():
+        columns.append(package.TimeColumn(name, duration=(time - time[0]).tolist()))
     with written_whole(path) as temporary:
         stream = package.RecordingStream("maniport")
         stream.save(temporary)

@@ -218,11 +218,10 @@ class FieldReport:
     def failures(self) -> tuple[str, ...]:
         """Return the checks that the map fails, with value and limit; empty where it may be used."""
         shares = ((getattr(self, name), limit, text) for name, (limit, text) in MAX_SHARES.items())
-        failed = [
-            f"{text} {100 * share:.0f} % (limit {100 * limit:.0f} %)"
-            for share, limit, text in shares
-            if share > limit
-        ]
+        failed = []
+        for share, limit, text in shares:
+            if share > limit:
+                failed.append(f"{text} {100 * share:.0f} % (limit {100 * limit:.0f} %)")
         if self.rank_correlation < MIN_RANK_CORRELATION:
             failed.append(
                 f"rank correlation of distances {self.rank_correlation:.2f} (limit {MIN_RANK_CORRELATION:g})"
