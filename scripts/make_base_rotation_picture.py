@@ -1,4 +1,4 @@
-"""Draw the picture of `docs/start/end_effector.md`: one target ellipsoid at a robot that is mounted in two ways.
+"""Draw the picture of `docs/end_effector.md`: one target ellipsoid at a robot that is mounted in two ways.
 
 python scripts/make_base_rotation_picture.py [PICTURE]
 """
@@ -37,6 +37,6 @@ if __name__ == "__main__":
         Path(
             sys.argv[1]
             if len(sys.argv) > 1
-            else Path(__file__).parents[1] / "docs" / "start" / "base_rotation.png"
+            else Path(__file__).parents[1] / "docs" / "base_rotation.png"
         )
     )

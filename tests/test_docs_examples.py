@@ -29,11 +29,24 @@ pytestmark = pytest.mark.slow
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
-    *(f"start/{name}.md" for name in ("end_effector", "distances", "sending")),
-    "../README.md", "audit.md", "batch.md", "both_arms.md", "capability.md", "datasets.md", "learn.md", "live.md",
-    "outputs.md", "python.md",
-    "quickstart.md", "recordings.md", "robots.md",
-)  # fmt: skip
+    "../README.md",
+    "audit.md",
+    "batch.md",
+    "both_arms.md",
+    "capability.md",
+    "datasets.md",
+    "demonstrations.md",
+    "distances.md",
+    "end_effector.md",
+    "execution.md",
+    "live.md",
+    "python.md",
+    "quick_start.md",
+    "recordings.md",
+    "result_folder.md",
+    "robots.md",
+    "tutorial.md",
+)
 SAVED = re.compile(
     r"[Ss]ave \w+ as `([\w.-]+)`:\n\n```\w+\n(.*?)^```", flags=re.DOTALL | re.MULTILINE
 )

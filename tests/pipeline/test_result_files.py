@@ -17,7 +17,7 @@ WEIGHTS = (2.0, 2.0, 1.0, 1.0, 3.0, 3.0, 3.0)
 
 
 def distances(folder, power):
-    """The two lines of docs/outputs.md."""
+    """The two lines of docs/result_folder.md."""
     files = [np.load(folder / f"{name}.npz") for name in ("placed_profile", "joints")]
     size, damping = files[0]["manipulability"].shape[-1], files[1]["damping"]
     ellipsoids = [np.linalg.matrix_power(file["manipulability"], power) for file in files]
