@@ -22,6 +22,15 @@ def test_reported_roles_are_an_input():
     )
 
 
+def test_roles_that_the_user_assigned_are_not_ascribed_to_a_marker_set():
+    recording = read_recording("freeform").crop(2, 3)
+    known = as_numbers(recording_report(recording))
+    markers = known["arms"]["right"]["markers"]
+    assigned = as_numbers(recording_report(recording, markers=markers))
+    assert "Plug-in Gait" in known["arms"]["names"]
+    assert assigned["arms"]["names"] == "markers"
+
+
 def test_contradictions_are_warnings(small_result):
     recording = read_recording("ladder").crop(10, 11)
     first, *_ = recording_report(recording, {"elbow": "LeftArm"}).warnings

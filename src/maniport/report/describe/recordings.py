@@ -59,7 +59,9 @@ def recording_report(
     best, reason = _best_side(recording, roles_of, markers, side)
 
     section = Section("Roles of the points", key="arms")
-    if any(roles_of.values()):
+    if markers and set(roles_of[best]) <= set(markers):
+        section.add("Names", "names", "markers", f"all assigned by {argument('markers')}")
+    elif any(roles_of.values()):
         section.add("Names", "names", names_of[best], f"as in {names_of[best]}")
     if reason:
         section.add("Fitted arm", "fitted", best, f"the {best} arm: {reason}")
