@@ -201,7 +201,13 @@ def person_and_robot(folder: Path) -> None:
 def main(folder: Path) -> None:
     """Draw all pictures."""
     folder.mkdir(parents=True, exist_ok=True)
-    for draw in (joint_velocities, velocity_ellipse, singular_arm, force_and_speed, person_and_robot):
+    for draw in (
+        joint_velocities,
+        velocity_ellipse,
+        singular_arm,
+        force_and_speed,
+        person_and_robot,
+    ):
         draw(folder)
 
 
