@@ -3,8 +3,14 @@
 The public names are those of the stub ``__init__.pyi``, loaded on first use, so that ``import maniport`` stays light.
 """
 
+from typing import TYPE_CHECKING
+
 from maniport.util.lazy_names import names_of_stub
 from maniport.util.notebook import render_with
+from maniport.util.plotting import plot_with
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__, __getattr__ = names_of_stub(__name__, __file__)
 
@@ -21,3 +27,13 @@ def _markdown(value: object) -> str:
 
 
 render_with(_markdown)
+
+
+def _plot(value: object) -> "Figure":
+    """Return the figure of an object; matplotlib is loaded on first use."""
+    from maniport.report.plots import plot
+
+    return plot(value)
+
+
+plot_with(_plot)

@@ -1,4 +1,7 @@
+import sys
+
 import numpy as np
+import pytest
 from sklearn.base import clone
 
 import maniport as mp
@@ -35,3 +38,35 @@ def test_the_prompt_of_an_adapter_makes_it_again():
     assert repr(again) == repr(clone(icp))
     assert "#" not in repr(again)
     assert "not fitted" in again._repr_mimebundle_()["text/markdown"]
+
+
+def test_objects_are_plotted(small_result):
+    arm = small_result.arm
+    motion = arm.motion
+    for thing, panels in (
+        (small_result.recording, 3),
+        (arm.robot, 1),
+        (arm.fit, 1),
+        (motion, 2),
+        (small_result.motion, 1),
+    ):
+        figure = thing.plot()
+        assert len(figure.axes) == panels, thing
+        assert any(axes.lines or axes.collections for axes in figure.axes)
+    titles = [axes.get_title(loc="left") for axes in small_result.plot().axes]
+    assert any("Force" in title for title in titles)
+    assert any("Ellipsoid distance" in title for title in titles)
+
+
+def test_the_plotted_distance_is_that_of_the_motion(small_result):
+    (line,) = small_result.arm.motion.plot().axes[0].lines
+    np.testing.assert_array_equal(line.get_ydata(), small_result.arm.motion.distance)
+
+
+def test_a_plot_without_matplotlib_names_the_extra(small_result, monkeypatch):
+    for name in ("maniport.report.plots", "maniport.report.figures"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.delattr("maniport.report.figures", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(mp.errors.MissingPackageError, match="figures"):
+        small_result.plot()

@@ -34,6 +34,7 @@ from maniport.arms.manipulability import (
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
+from maniport.util.plotting import Plottable
 from maniport.util.validation import Array, as_choice, as_finite, as_number, as_numbers
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     import yourdfpy
 
 
-class Arm(JointSpace):
+class Arm(JointSpace, Plottable):
     """One kinematic chain from the base to the end effector.
 
     Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman`, `Arm.from_dh` or `Arm.of`.

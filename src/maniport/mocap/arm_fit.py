@@ -12,12 +12,13 @@ from scipy.ndimage import gaussian_filter1d
 from maniport.arms import Arm
 from maniport.mocap.recording import Bools
 from maniport.util.notebook import NotebookDisplay
+from maniport.util.plotting import Plottable
 from maniport.util.sampling import statistics
 from maniport.util.validation import Array
 
 
 @dataclass(frozen=True, eq=False)
-class ArmFit(NotebookDisplay):
+class ArmFit(NotebookDisplay, Plottable):
     """Joint angles of an arm fitted to a recording, and their quality.
 
     Attributes

@@ -12,6 +12,7 @@ from scipy.interpolate import Akima1DInterpolator, make_interp_spline
 from maniport.errors import InvalidInputError, RecordingError, argument, counted, unknown_name
 from maniport.util.files import save_arrays
 from maniport.util.notebook import NotebookDisplay
+from maniport.util.plotting import Plottable
 from maniport.util.validation import Array, as_number, as_times, require_shape
 
 Bools = NDArray[np.bool_]
@@ -24,7 +25,7 @@ LONGEST_GAP = (
 
 
 @dataclass(frozen=True, eq=False)
-class Recording(NotebookDisplay):
+class Recording(NotebookDisplay, Plottable):
     """Named points over time.
 
     Parameters

@@ -19,11 +19,12 @@ from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.files import save_arrays
 from maniport.util.notebook import NotebookDisplay
+from maniport.util.plotting import Plottable
 from maniport.util.validation import Array
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ArmMotion(Trajectory):
+class ArmMotion(Trajectory, Plottable):
     """The trajectory of one arm, and how well it follows target ellipsoids and a path.
 
     `plan_motion` and `track` make it; `ArmMotion.of_motion` evaluates a trajectory from elsewhere.
@@ -239,7 +240,7 @@ def rms_ratio(distance: Array, best: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RobotMotion(NotebookDisplay):
+class RobotMotion(NotebookDisplay, Plottable):
     """The motion of one or several arms; made by `plan_motion` and `track`.
 
     Attributes

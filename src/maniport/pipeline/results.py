@@ -23,6 +23,7 @@ from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
+from maniport.util.plotting import Plottable
 from maniport.util.validation import Array
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ class ArmTransfer(ArmResult):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class MotionResult(SavedResult):
+class MotionResult(SavedResult, Plottable):
     """A motion of a robot along target ellipsoids, as ``maniport track`` plans it without a person.
 
     Attributes

@@ -133,7 +133,7 @@ def _curves(
     """Return the panels of all arms by topic."""
     topics: dict[str, list[list[Panel]]] = {}
     for arm in result.arms:
-        for topic, panels in _panels_of(result, arm, spec):
+        for topic, panels in panels_of(result, arm, spec):
             topics.setdefault(topic, []).append(panels)
     names = [arm.name for arm in result.arms]
     curves = {}
@@ -366,14 +366,14 @@ def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:
     return profiles
 
 
-def _panels_of(
+def panels_of(
     result: TransferResult | MotionResult, arm: ArmResult, spec: EllipsoidSpec
 ) -> Iterator[tuple[str, list[Panel]]]:
     """Yield panels of curves of an arm by topic."""
     motion = arm.motion
     capabilities = _capabilities(arm)
     if capabilities:
-        yield "Force and speed", [_capability_panel(each) for each in capabilities]
+        yield "Force and speed", [capability_panel(each) for each in capabilities]
     if motion is not None:
         lines = [Line("achieved", motion.distance)]
         best = motion.pointwise_best
@@ -421,7 +421,7 @@ def _panels_of(
         )
 
 
-def _capability_panel(capability: Capability) -> Panel:
+def capability_panel(capability: Capability) -> Panel:
     """Return a panel of force or speed along the person's lines, of the motion and of those to compare it with."""
     lines = [Line("robot", capability.robot)]
     if capability.position_only is not None:
