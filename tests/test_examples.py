@@ -1,6 +1,7 @@
 """The physics of the examples holds; `make docs` runs each example and fails where one does."""
 
 import ast
+import json
 import runpy
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport.arms import load_arm
+from sizes import little_search
 
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(FOLDER.glob("*.py"))
@@ -45,3 +47,16 @@ def test_other_spd_data_are_registered():
     assert accuracy["RiemannianICP"] >= accuracy["… TLRotate, classes"] - 0.02
     assert accuracy["ScaledTransport"] >= accuracy["TLCenter, TLScale"] - 0.02
     assert max(errors.values()) < 1e-6
+
+
+def test_the_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads((FOLDER / "first_steps.ipynb").read_text(encoding="utf-8"))
+    names = {}
+    with little_search():
+        for cell in notebook["cells"]:
+            assert not cell.get("outputs"), "the file has no outputs: they would be outdated"
+            if cell["cell_type"] == "code":
+                exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
+    assert (tmp_path / "results-of-notebook" / "report.html").exists()
+    assert len(names["result"].arm.capabilities) == 2
