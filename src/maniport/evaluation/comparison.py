@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,13 @@ from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.util.progress import Progress, Step
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_finite, as_points, as_positive_semidefinite
+from maniport.util.validation import (
+    Array,
+    RandomState,
+    as_finite,
+    as_points,
+    as_positive_semidefinite,
+)
 
 GAP_POINTS = 64  # Most ellipsoids of a profile whose feasibility gap is searched, evenly spread
 
@@ -27,7 +33,7 @@ def with_feasible_set(
     robot: Arm | None,
     spec: EllipsoidSpec = VELOCITY,
     bank: SeedBank | None = None,
-    random_state: Any = 0,
+    random_state: RandomState = 0,
 ) -> DomainAdapter:
     """Return an adapter that uses the feasible set of a robot, where its method does and none is set."""
     if robot is None:
@@ -66,7 +72,7 @@ def evaluate(
     rows: Sequence[str | DomainAdapter] = BASELINES,
     bank: SeedBank | None = None,
     n_starts: int = 48,
-    random_state: Any = 0,
+    random_state: RandomState = 0,
     progress: Progress | None = None,
 ) -> Evaluation:
     """Compare a fitted adapter with baselines.
@@ -96,6 +102,75 @@ def evaluate(
         raise InvalidInputError(
             f"robot must be an Arm, such as maniport.load_arm('panda'); found {robot!r}"
         )
+    size = None if robot is None else spec.size
+    data = _checked_data(adapter, teacher_domain, student_domain, profile, truth, size)
+
+    step = Step(progress, "Evaluate baselines")
+    methods = {name_of(adapter): adapter, **baselines_for(adapter, rows)}
+    measured = list[Row]()
+    images = list[Array]()
+    for i, (name, baseline) in enumerate(methods.items()):
+        step(i / len(methods))
+        method = baseline
+        if method is not adapter:
+            method = with_feasible_set(baseline, robot, spec, bank, random_state)
+        with collected_warnings() as texts:
+            if method is not adapter:
+                method.fit(data.teacher, data.student)
+            mapped = method.transform(data.profile)
+            row = _measured(name, method, mapped, data)
+        images.append(mapped)
+        measured.append(replace(row, warnings=tuple(texts)))
+    measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
+
+    if robot is not None:
+        along = evenly_spaced(len(data.profile), GAP_POINTS)
+        searched = np.concatenate([mapped[along] for mapped in images])
+        nearest = nearest_feasible(
+            robot,
+            searched,
+            spec=spec,
+            bank=bank,
+            n_starts=n_starts,
+            random_state=random_state,
+            damping=adapter.student_regularization,
+        )
+        distances = nearest.distance.reshape(len(images), -1)
+        for i in range(len(measured)):
+            measured[i] = replace(measured[i], feasibility_gap=Gaps.of(distances[i]))
+    step.end(f"{len(methods) - 1} baselines")
+
+    settings: dict[str, str | int] = {
+        "profile": f"{len(data.profile)} ellipsoids",
+        "domains": f"{len(data.teacher)} of the teacher, {len(data.student)} of the student",
+        "regularization": str(Regularization(adapter.damping)),
+        "seed": random_state if isinstance(random_state, int) else "none",
+    }
+    return Evaluation(tuple(measured), settings)
+
+
+class _Data(NamedTuple):
+    """Ellipsoids by which methods are compared; without regularization unless noted."""
+
+    teacher: Array  # (N, d, d), domain
+    student: Array  # (M, d, d), domain
+    profile: Array  # (n, d, d), of the teacher
+    original: Array  # (n, d, d), the profile with the teacher's regularization
+    truth: Array | None  # (n, d, d), with the student's regularization
+    teacher_subset: Array  # (k, d, d), of the teacher's domain
+    student_subset: Array  # (k, d, d), of the student's domain, with its regularization
+    moves: bool  # whether the ellipsoids of the profile differ
+
+
+def _checked_data(
+    adapter: DomainAdapter,
+    teacher_domain: ArrayLike,
+    student_domain: ArrayLike,
+    profile: ArrayLike,
+    truth: ArrayLike | None,
+    size: int | None,
+) -> _Data:
+    """Check the arguments of `evaluate`; ellipsoids of the student have `size` rows, unless it is None."""
     if not isinstance(adapter, DomainAdapter):
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
     if truth is not None and np.shape(truth) != np.shape(profile):
@@ -104,60 +179,43 @@ def evaluate(
         )
     teacher = as_finite(teacher_domain, "teacher_domain")
     student = as_finite(student_domain, "student_domain")
-    size = None if robot is None else spec.size
     as_points(adapter.student_side(student, "student_domain"), "student_domain", size)
     demonstrated = as_finite(profile, "profile")
     original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
-    wanted = None if truth is None else adapter.student_side(truth, "truth")
+    target = None if truth is None else adapter.student_side(truth, "truth")
+    return _Data(
+        teacher,
+        student,
+        demonstrated,
+        original,
+        target,
+        metrics.subset_of_domain(teacher),
+        metrics.subset_of_domain(adapter.student_side(student)),
+        bool(np.max(distance_unchecked(original[:1], original)) > STILL),
+    )
 
-    step = Step(progress, "Evaluate baselines")
-    methods = {name_of(adapter): adapter, **baselines_for(adapter, rows)}
-    measured = list[Row]()
-    images = list[Array]()
-    domain = metrics.subset_of_domain(teacher)
-    own_domain = metrics.subset_of_domain(adapter.student_side(student))
-    moves = np.max(distance_unchecked(original[:1], original)) > STILL
-    for i, (row, baseline) in enumerate(methods.items()):
-        step(i / len(methods))
-        if baseline is adapter:
-            method = adapter
-        else:
-            method = with_feasible_set(baseline, robot, spec, bank, random_state)
-        with collected_warnings() as texts:
-            if method is not adapter:
-                method.fit(teacher, student)
-            images.append(method.transform(demonstrated))
-            mapped = method.student_side(images[-1])
-            mapped_domain = method.student_side(method.transform(domain))
-            result = Row(
-                row,
-                "returns samples of the student only: its gap is zero"
-                if row == "nearest-neighbor"
-                else "",
-                rmse=None if wanted is None else metrics.rmse(wanted, mapped),
-                domain_distance=metrics.domain_distance(mapped_domain, own_domain),
-                step_ratio=metrics.step_ratio(mapped, original) if moves else None,
-                preservation=metrics.distance_preservation(mapped, original) if moves else None,
-                failures=method.failures(),
-            )
-        measured.append(replace(result, warnings=tuple(texts)))
-    measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
-    if robot is not None:
-        along = evenly_spaced(len(demonstrated), GAP_POINTS)
-        distances = nearest_feasible(
-            robot, np.concatenate([mapped[along] for mapped in images]), spec=spec, bank=bank, n_starts=n_starts,
-            random_state=random_state, damping=adapter.student_regularization,
-        ).distance  # fmt: skip
-        parts = zip(measured, distances.reshape(len(images), -1), strict=True)
-        measured = [replace(row, feasibility_gap=Gaps.of(own)) for row, own in parts]
-    step.end(f"{len(methods) - 1} baselines")
-    settings = {
-        "profile": f"{len(demonstrated)} ellipsoids",
-        "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
-        "regularization": str(Regularization(adapter.damping)),
-        "seed": random_state if isinstance(random_state, int) else "none",
-    }
-    return Evaluation(tuple(measured), settings)
+
+def _measured(name: str, method: DomainAdapter, profile: Array, data: _Data) -> Row:
+    """Return the metrics of a fitted method and of the profile that it mapped, all but the gap."""
+    mapped = method.student_side(profile)
+    mapped_domain = method.student_side(method.transform(data.teacher_subset))
+    note = ""
+    if name == "nearest-neighbor":
+        note = "returns samples of the student only: its gap is zero"
+    row = Row(
+        name,
+        note,
+        rmse=None if data.truth is None else metrics.rmse(data.truth, mapped),
+        domain_distance=metrics.domain_distance(mapped_domain, data.student_subset),
+        failures=method.failures(),
+    )
+    if not data.moves:
+        return row
+    return replace(
+        row,
+        step_ratio=metrics.step_ratio(mapped, data.original),
+        preservation=metrics.distance_preservation(mapped, data.original),
+    )
 
 
 def select_method(
@@ -168,7 +226,7 @@ def select_method(
     robot: Arm,
     spec: EllipsoidSpec = VELOCITY,
     bank: SeedBank | None = None,
-    random_state: Any = 0,
+    random_state: RandomState = 0,
     progress: Progress | None = None,
     **shared: Any,
 ) -> tuple[DomainAdapter, Evaluation]:
@@ -220,22 +278,28 @@ def select_method(
     if failures:
         adapter = nearest_transport(*domains, **shared)
     evaluation = evaluate(
-        adapter, *domains, profile, robot=robot, spec=spec, bank=bank, random_state=random_state,
+        adapter,
+        *domains,
+        profile,
+        robot=robot,
+        spec=spec,
+        bank=bank,
+        random_state=random_state,
         n_starts=16,  # with 48 starts the mean gaps are at most 3 % less
-    )  # fmt: skip
+    )
     step.end(name_of(adapter))
     return adapter, replace(evaluation, rejected=failures)
 
 
-def nearest_transport(teacher: Array, student: Array, **shared: Any) -> DomainAdapter:
+def nearest_transport(teacher: Array, student: Array, **parameters: object) -> DomainAdapter:
     """Fit the transports, and return the first whose domain distance no other undercuts by more than 5 %."""
     domain = metrics.subset_of_domain(teacher)
     adapters = {}
     distances = {}
     for name in TRANSPORTS:
-        adapter = method_of(name, **shared).fit(teacher, student)
-        mapped = adapter.student_side(adapter.transform(domain))
-        own = metrics.subset_of_domain(adapter.student_side(student))
+        adapter = method_of(name, **parameters).fit(teacher, student)
+        mapped_domain = adapter.student_side(adapter.transform(domain))
+        student_subset = metrics.subset_of_domain(adapter.student_side(student))
         adapters[name] = adapter
-        distances[name] = metrics.domain_distance(mapped, own)
+        distances[name] = metrics.domain_distance(mapped_domain, student_subset)
     return adapters[metrics.first_of_least(distances)]

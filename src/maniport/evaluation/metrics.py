@@ -14,7 +14,6 @@ squared error decides alone, and the first in the order of `maniport.transfer.ME
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -111,13 +110,19 @@ def step_ratio(mapped: ArrayLike, original: ArrayLike) -> float:
     -------
     float
     """
-    images, own = _as_pair(mapped, original, "mapped", "original", minimum=2)
-    step, own_step = (
-        float(distance_unchecked(points[:-1], points[1:]).max()) for points in (images, own)
-    )
-    if own_step <= STILL:
-        raise InvalidInputError(f"original does not move: its {len(own)} ellipsoids are equal")
-    return step / own_step
+    images, originals = _as_pair(mapped, original, "mapped", "original", minimum=2)
+    step = _largest_step(images)
+    original_step = _largest_step(originals)
+    if original_step <= STILL:
+        raise InvalidInputError(
+            f"original does not move: its {len(originals)} ellipsoids are equal"
+        )
+    return step / original_step
+
+
+def _largest_step(profile: Array) -> float:
+    """Return the largest distance of consecutive ellipsoids (n, d, d)."""
+    return float(distance_unchecked(profile[:-1], profile[1:]).max())
 
 
 def distance_preservation(
@@ -132,23 +137,24 @@ def distance_preservation(
     most_points : int
         Pairs are taken between at most this many ellipsoids, evenly over their order; axes of all.
     """
-    images, own = _as_pair(mapped, original, "mapped", "original", minimum=3)
-    chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
+    images, originals = _as_pair(mapped, original, "mapped", "original", minimum=3)
+    chosen = evenly_spaced(len(originals), as_count(most_points, "most_points", minimum=3))
     first, second = np.triu_indices(len(chosen), 1)
-    apart, own_apart = (
-        distance_unchecked(points[chosen[first]], points[chosen[second]])
-        for points in (images, own)
-    )
-    if np.ptp(own_apart) <= STILL:
+    first = chosen[first]
+    second = chosen[second]
+    distances = distance_unchecked(images[first], images[second])
+    original_distances = distance_unchecked(originals[first], originals[second])
+    if np.ptp(original_distances) <= STILL:
         raise InvalidInputError(
-            f"original does not vary: all of its pairwise distances are {own_apart[0]:.3g}"
+            f"original does not vary: all of its pairwise distances are {original_distances[0]:.3g}"
         )
-    if np.ptp(apart) > STILL:
-        rank = rank_correlation(apart, own_apart)
-    else:
-        rank = 0.0
-    angles = axis_angles(images, own, -1)
-    return DistancePreservation(rank, float(np.median(angles)) if len(angles) else None)
+    rank = 0.0
+    if np.ptp(distances) > STILL:
+        rank = rank_correlation(distances, original_distances)
+    angles = axis_angles(images, originals, -1)
+    if not len(angles):
+        return DistancePreservation(rank)
+    return DistancePreservation(rank, float(np.median(angles)))
 
 
 def domain_distance(mapped: ArrayLike, student: ArrayLike) -> float:
@@ -302,7 +308,7 @@ class Evaluation(NotebookDisplay):
     """
 
     rows: tuple[Row, ...]
-    settings: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, str | int] = field(default_factory=dict)
     rejected: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
@@ -320,14 +326,11 @@ class Evaluation(NotebookDisplay):
     @property
     def measure(self) -> str:
         """Measure of the comparison: "rmse" with a ground truth, else "feasibility_gap" (mean), "" without a robot."""
-        return next(
-            (
-                name
-                for name in ("rmse", "feasibility_gap")
-                if getattr(self.adapter, name) is not None
-            ),
-            "",
-        )
+        if self.adapter.rmse is not None:
+            return "rmse"
+        if self.adapter.feasibility_gap is not None:
+            return "feasibility_gap"
+        return ""
 
     @property
     def values(self) -> dict[str, float]:
@@ -337,10 +340,12 @@ class Evaluation(NotebookDisplay):
         """
         if self.measure == "rmse":
             return {row.name: row.rmse.undivided for row in self.rows if row.rmse is not None}
-        rows = (row for row in self.rows if row is self.adapter or row.name != "nearest-neighbor")
-        return {
-            row.name: row.feasibility_gap.mean for row in rows if row.feasibility_gap is not None
-        }
+        values = {}
+        for row in self.rows:
+            is_compared = row is self.adapter or row.name != "nearest-neighbor"
+            if is_compared and row.feasibility_gap is not None:
+                values[row.name] = row.feasibility_gap.mean
+        return values
 
     @property
     def recommended(self) -> str:
@@ -348,21 +353,25 @@ class Evaluation(NotebookDisplay):
         if self.measure == "rmse":
             return self._most_accurate()
 
-        candidates = []  # rows
-        for name in TRANSPORTS:
-            candidates += [row for row in self.rows if row.name == name]
         for row in self.rows:
             if row.name == "length-field" and not row.failures:
                 return row.name
-        own = self.adapter
-        is_candidate = own.name not in (*TRANSPORTS, *NEVER_RECOMMENDED)
-        if is_candidate and not (own.weaknesses or own.failures):
-            candidates.append(own)
         distances = {}
-        for row in candidates or self.rows:
+        for row in self._candidates() or self.rows:
             if row.domain_distance is not None and row.name != "nearest-neighbor":
                 distances[row.name] = row.domain_distance
         return first_of_least(distances)
+
+    def _candidates(self) -> list[Row]:
+        """Return the transports in their order, then the adapter if it has no weakness."""
+        candidates = []
+        for name in TRANSPORTS:
+            candidates += [row for row in self.rows if row.name == name]
+        adapter = self.adapter
+        is_other = adapter.name not in (*TRANSPORTS, *NEVER_RECOMMENDED)
+        if is_other and not (adapter.weaknesses or adapter.failures):
+            candidates.append(adapter)
+        return candidates
 
     def _most_accurate(self) -> str:
         """Return the first method, in the order of `METHODS`, whose error no other undercuts by more than 5 %."""

@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.errors import InvalidInputError, NotSPDError, shown, spoken, unknown_name
 
 Array = NDArray[np.float64]
+RandomState = (
+    int | np.random.Generator | None
+)  # Seed or generator; None draws other numbers each time
 Rows = slice | NDArray[np.intp] | NDArray[np.bool_]  # Selection of rows of an array
 
 MIN_DIMENSION = 2
