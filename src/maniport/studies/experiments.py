@@ -159,15 +159,19 @@ def adapter_of(
     row: PaperRow, settings: str, base_rotation: ArrayLike | None, damping: float | None
 ) -> DomainAdapter:
     """Return the adapter of a row: by the paper's text, or the same method with maniport's defaults."""
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = {}  # passed on
     if settings != PAPER:
         options = {"damping": damping, "base_rotation": base_rotation}
     if row.exponent is None:
         return ParallelTransport(**options)
     if settings == PAPER:
         matching = EllipsoidCorrespondence(row.exponent)
-        options |= {"correspondence": matching, "start": row.start}
-        options |= {"require_improvement": False, "criterion": "correspondence"}
+        options |= {
+            "correspondence": matching,
+            "start": row.start,
+            "require_improvement": False,
+            "criterion": "correspondence",
+        }
     return RiemannianICP(**options, most_singular=row.most_singular)
 
 
@@ -226,10 +230,9 @@ def two_dof(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> 
     title = "Table II: two-joint arms"
     rows = paper_table("II")
     arms = trajectories.two_dof_arms()
-    random_rows = [row for row in rows if row.data == "random"]
-    jobs = [(row, "trajectories") for row in rows if row.data == "trajectories"]
-    jobs += [(row, SEPARATE) for row in random_rows]
-    jobs += [(row, SAME) for row in random_rows]
+    jobs = []
+    for wanted, data in (("trajectories", "trajectories"), ("random", SEPARATE), ("random", SAME)):
+        jobs += [(row, data) for row in rows if row.data == wanted]
     truth = {}
     for name, path in trajectories.two_dof_evaluation().items():
         truth[name] = _ellipsoids(arms, path, path)
@@ -278,9 +281,11 @@ def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS)
     for name, path in trajectories.human_evaluation().items():
         profile = arms[0].manipulability(path)
         profiles[name] = (profile, profile)
-    person = trajectories.human_training()
-    robot = [trajectories.robot_path(path) for path in person]
-    training = _ellipsoids(arms, np.concatenate(person), np.concatenate(robot))
+    paths = trajectories.human_training()
+    robot_paths = []
+    for path in paths:
+        robot_paths.append(trajectories.robot_path(path))
+    training = _ellipsoids(arms, np.concatenate(paths), np.concatenate(robot_paths))
     random = [_uniform(arms, 400, seed + k) for k in range(draws)]
     parts = pieces(Step(progress, title), 1.0, 1.0)
     for settings, damping, part in zip((PAPER, OURS), (None, DAMPING), parts, strict=True):
@@ -343,7 +348,11 @@ def measure(
             "evaluation": name,
             "settings": settings,
         }
-        counts = {"iterations": float(np.mean(iterations)), "draws": len(draws), "warned": warned}
+        counts = {
+            "iterations": float(np.mean(iterations)),
+            "draws": len(draws),
+            "warned": warned,
+        }
         lines.append(line | forms | counts)
     return lines
 

@@ -112,8 +112,13 @@ def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[d
                 ratios.setdefault(key, []).append(line[form] / line["paper_rmse"])
     groups = []
     for (table, settings, error), values in ratios.items():
-        lower = sum(value < 1.0 - tolerance for value in values)
-        higher = sum(value > 1.0 + tolerance for value in values)
+        lower = 0
+        higher = 0
+        for value in values:
+            if value < 1.0 - tolerance:
+                lower += 1
+            if value > 1.0 + tolerance:
+                higher += 1
         counts = {
             f"within {100 * tolerance:.0f} %": len(values) - lower - higher,
             "lower": lower,
@@ -137,14 +142,22 @@ def _section(experiment: Experiment) -> Section:
         for line in lines:
             if line["settings"] == settings:
                 fits[line["row"], line["data"], line["samples"], line["method"]] = line
-        warned = sum(line["warned"] for line in fits.values())
-        draws = sum(line["draws"] for line in fits.values())
+        warned = 0
+        draws = 0
+        for line in fits.values():
+            warned += line["warned"]
+            draws += line["draws"]
         if warned:
             section.warn(
                 "fits", f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits"
             )
-    printed = [line for line in lines if line["table"] is not None]
-    further = [line for line in lines if line["table"] is None]
+    printed = []
+    further = []
+    for line in lines:
+        if line["table"] is None:
+            further.append(line)
+        else:
+            printed.append(line)
     section.tables = (_pivot(printed, LEGEND, "rows", lines),)
     if further:
         section.tables += (
@@ -158,22 +171,25 @@ def _pivot(
 ) -> Table:
     """Arrange lines as the paper does: a column for each evaluation set, a row for each settings and form."""
     names = "data", "samples", "method"
-    columns = [*dict.fromkeys(line["evaluation"] for line in lines)]
+    columns = list[str]()
+    for line in lines:
+        if line["evaluation"] not in columns:
+            columns.append(line["evaluation"])
     if any(line["paper_iterations"] for line in lines):
         columns.append("iterations")
     rows: dict[tuple[str, ...], dict[str, dict[str, str]]] = {}  # cells by numbers' origin, by data
     for line in lines:
-        block = rows.setdefault(tuple(line[name] for name in names), {})
+        block = rows.setdefault((line["data"], line["samples"], line["method"]), {})
         for origin, cells in _cells(line).items():
             known = block.setdefault(origin, cells)
             known[line["evaluation"]] = cells[line["evaluation"]]
 
-    cells_of = []
+    written_rows = []
     for data, block in rows.items():
         for origin, cells in block.items():
             numbers = [cells.get(column, "–") for column in columns]
-            cells_of.append((*data, origin, *numbers))
-    return Table((*names, "numbers of", *columns), tuple(cells_of), caption, key, value)
+            written_rows.append((*data, origin, *numbers))
+    return Table((*names, "numbers of", *columns), tuple(written_rows), caption, key, value)
 
 
 def _cells(line: Line) -> dict[str, dict[str, str]]:

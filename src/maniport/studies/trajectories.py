@@ -34,7 +34,11 @@ def two_dof_arms() -> tuple[Arm, Arm]:
 def two_dof_training() -> Array:
     """Twenty trajectories of 20 configurations, shape (20, 20, 2) [rad]: one joint rests, the other turns by 180°."""
     resting = range(-180, 180, 36)  # ten angles around the circle [deg], zero among them; chosen
-    return np.stack([_half_turn(moving, angle) for angle in resting for moving in (0, 1)])
+    paths = []
+    for angle in resting:
+        for moving in (0, 1):
+            paths.append(_half_turn(moving, angle))
+    return np.stack(paths)
 
 
 def two_dof_evaluation() -> dict[str, Array]:
@@ -59,8 +63,12 @@ def human_arm() -> Arm:
 
 def human_training() -> list[Array]:
     """Four sideways and four upward motions of the extended arm, each of shape (50, 7) [rad]."""
-    sideways = [_human(plane=(-90, 130), elevation=angle) for angle in (90, 110, 120, 150)]
-    return sideways + [_human(plane=angle, elevation=(79, 180)) for angle in (0, 30, 45, 90)]
+    paths = []
+    for angle in (90, 110, 120, 150):
+        paths.append(_human(plane=(-90, 130), elevation=angle))
+    for angle in (0, 30, 45, 90):
+        paths.append(_human(plane=angle, elevation=(79, 180)))
+    return paths
 
 
 def human_evaluation() -> dict[str, Array]:
