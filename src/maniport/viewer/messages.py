@@ -5,9 +5,12 @@ viser prints tracebacks of other ones, and any program of this machine can conne
 
 import math
 from collections.abc import Mapping
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 from maniport.util.optional import optional_package
+
+if TYPE_CHECKING:
+    from viser import GuiInputHandle
 
 VECTORS = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
 """Numbers of a camera message, and how many each has."""
@@ -16,7 +19,7 @@ LARGEST = 1e9
 """Largest number of a camera message [m, pixels]; far clipping planes are at 1000 m by default."""
 
 
-def accepted(message: object, controls: Mapping[str, Any]) -> bool:
+def accepted(message: object, controls: Mapping[str, "GuiInputHandle"]) -> bool:
     """Return whether a message is of the page: its camera, or a value that a control can have.
 
     Parameters
@@ -60,7 +63,7 @@ def _is_camera(content: Mapping[str, object]) -> bool:
     return content["wxyz"] != [0, 0, 0, 0]
 
 
-def _is_update(content: Mapping[str, object], controls: Mapping[str, Any]) -> bool:
+def _is_update(content: Mapping[str, object], controls: Mapping[str, "GuiInputHandle"]) -> bool:
     """Return whether the control exists, and can have the value."""
     if content.keys() != {"uuid", "updates"}:
         return False

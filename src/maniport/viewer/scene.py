@@ -107,9 +107,9 @@ class Skeleton:
             )
             self.rods.append(rod)
         look = {"radius": 1.25 * radius, "color": color}
-        self._balls = [
-            scene.add_icosphere(f"{name}/{i}", position=at, **look) for i, at in enumerate(skeleton)
-        ]
+        self._balls = []
+        for i, corner in enumerate(skeleton):
+            self._balls.append(scene.add_icosphere(f"{name}/{i}", position=corner, **look))
 
     def draw(self, skeleton: Array) -> None:
         """Move to a new configuration."""
@@ -242,13 +242,13 @@ class DrawnSide:
             scene, f"{home}/arm", person.skeleton(frame.target.joints), 0.028, (86, 120, 150)
         )
         look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
-        self._joints = np.array([part.joint for part in surfaces], dtype=int)
-        self.meshes = [
-            scene.add_mesh_simple(
-                f"{place}/surface/{own.joint}", own.points.astype(np.float32), own.triangles, **look
-            )
-            for own in surfaces
-        ]
+        self._joints = np.array([surface.joint for surface in surfaces], dtype=int)
+        self.meshes = []
+        for surface in surfaces:
+            label = f"{place}/surface/{surface.joint}"
+            points = surface.points.astype(np.float32)
+            mesh = scene.add_mesh_simple(label, points, surface.triangles, **look)
+            self.meshes.append(mesh)
         self._skeleton = None
         if not surfaces:
             skeleton = robot.skeleton(frame.joints)

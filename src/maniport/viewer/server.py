@@ -27,11 +27,11 @@ from maniport.viewer.scene import FIELD_OF_VIEW, NARROW, Scene, camera_for
 from maniport.viewer.state import Command, Frame, Target, ViewState
 
 if TYPE_CHECKING:
-    from viser import ClientHandle, GuiApi, GuiSliderHandle
+    from viser import ClientHandle, GuiApi, GuiInputHandle, GuiSliderHandle, ViserServer
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
-Controls = Mapping[str, Any]  # viser's handles by their identifiers
+Controls = Mapping[str, "GuiInputHandle"]  # viser's handles by their identifiers
 Answer = Callable[["ServerConnection", "Request"], "Response | None"]
 Handler = Callable[["ServerConnection"], Awaitable[None]]
 
@@ -58,17 +58,16 @@ LEGEND = "".join(
 class Page:
     """A server of viser that this machine alone can reach."""
 
+    _server: "ViserServer"
+
     def __init__(self, port: int):
         module = viser()
         require_free(port)
-        self._server: Any = None
         with _silent(), _own_pages_only(self._controls):
-            self._server = server = module.ViserServer(
-                host=LOOPBACK, port=port, label="maniport", verbose=False
-            )
-        server.request_share_url = lambda verbose=True: (
-            None
-        )  # a program could request it, and open this page to others
+            server = module.ViserServer(host=LOOPBACK, port=port, label="maniport", verbose=False)
+            self._server = server
+        # A program could request an address that opens this page to others.
+        server.request_share_url = lambda verbose=True: None
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(330)
@@ -79,7 +78,7 @@ class Page:
 
     def _controls(self) -> Controls:
         """Return viser's handles of the controls by their identifiers."""
-        if self._server is None:  # the server is being started
+        if not hasattr(self, "_server"):  # the server is being started
             return {}
         handles: Controls = self._server.gui._gui_input_handle_from_uuid
         return handles
@@ -132,11 +131,12 @@ def _own_pages_only(controls: Callable[[], Controls]) -> Iterator[None]:
 
         return usual(handle, *args, process_request=answer, logger=log, **options)
 
-    connections.serve = serve  # type: ignore[assignment, misc]
+    names = vars(connections)  # viser takes the function from there when it starts its server
+    names["serve"] = serve
     try:
         yield
     finally:
-        connections.serve = usual  # type: ignore[misc]
+        names["serve"] = usual
     if not guarded:
         raise InvalidInputError(
             "this version of viser starts its server in a way that cannot be guarded"
@@ -176,7 +176,9 @@ def _response(
     return response
 
 
-async def _handle(connection: Any, handler: Handler, controls: Callable[[], Controls]) -> None:
+async def _handle(
+    connection: "ServerConnection", handler: Handler, controls: Callable[[], Controls]
+) -> None:
     """Let viser handle a connection of its own page, of which it gets only accepted messages."""
     version = f"viser-v{viser().__version__}"
     if connection.subprotocol != version:  # viser would print it
@@ -190,7 +192,7 @@ async def _handle(connection: Any, handler: Handler, controls: Callable[[], Cont
             message = await receive()
         return message
 
-    connection.recv = receive_accepted
+    connection.recv = receive_accepted  # type: ignore[method-assign, assignment]
     await handler(connection)
 
 
@@ -241,17 +243,13 @@ class Panel:
                     for joint, (low, high) in zip(arm.joint_names, limits, strict=True):
                         start = float(np.clip(bent.get(joint, 0.0), low, high))
                         self._sliders.append(gui.add_slider(readable(joint), low, high, 0.5, start))
-        rotations = {
-            name: np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
-            for name, angles in BASE_ORIENTATIONS.items()
-        }
-        preset = next(
-            (name for name, own in rotations.items() if np.allclose(own, base_rotation, atol=1e-6)),
-            "own",
-        )
-        self._rotations = rotations | {preset: base_rotation}
+        self._rotations = orientations_with(base_rotation)
+        chosen = "own"
+        for name, rotation in self._rotations.items():
+            if rotation is base_rotation:
+                chosen = name
         self._preset = gui.add_dropdown(
-            "Base orientation", tuple(self._rotations), initial_value=preset
+            "Base orientation", tuple(self._rotations), initial_value=chosen
         )
         self._notes = gui.add_markdown("")
 
@@ -290,6 +288,19 @@ class Panel:
         self._notes.content = "\n".join(notes)
         if self._state.playback is not None and self._plays.value:
             self._time.value = self._written = round(self._position, 2)
+
+
+def orientations_with(base_rotation: Array) -> dict[str, Array]:
+    """Return the usual base orientations by name, with a rotation in place of one that equals it, or as "own"."""
+    rotations = {}
+    place = "own"
+    for name, angles in BASE_ORIENTATIONS.items():
+        rotation = np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
+        rotations[name] = rotation
+        if place == "own" and np.allclose(rotation, base_rotation, atol=1e-6):
+            place = name
+    rotations[place] = base_rotation
+    return rotations
 
 
 def readable(name: str) -> str:
