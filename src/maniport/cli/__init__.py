@@ -1,5 +1,7 @@
 """The command line: a command for each step of the transfer; commands parse, call and print, nothing else."""
 
+from typer.models import CommandInfo
+
 from maniport.cli import audit, files, live, transfer  # each adds its commands
 from maniport.cli.application import app, main
 
@@ -11,4 +13,11 @@ ORDER = [
 ]
 """The commands as `--help` lists them."""
 
-app.registered_commands.sort(key=lambda command: ORDER.index(command.callback.__name__))  # type: ignore[union-attr]
+
+def _position(command: CommandInfo) -> int:
+    """Return the position of a command in the list."""
+    assert command.callback is not None
+    return ORDER.index(command.callback.__name__)
+
+
+app.registered_commands.sort(key=_position)

@@ -4,16 +4,17 @@ import inspect
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from functools import wraps
 from math import inf, isfinite, radians
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperArgument, TyperCommand, TyperOption
+from typer.models import ArgumentInfo, OptionInfo
 
 from maniport.errors import (
     InvalidInputError,
@@ -25,7 +26,7 @@ from maniport.errors import (
 from maniport.pipeline.config import Config
 from maniport.pipeline.extensions import load_extensions
 from maniport.pipeline.option import ASSIGNED, Flag, Option
-from maniport.pipeline.options import OPTIONS
+from maniport.pipeline.options import OPTIONS, SECTIONS
 from maniport.report.console import Console
 from maniport.util.atomic_io import free_path, require_room
 from maniport.util.defaults import BOTH
@@ -84,6 +85,16 @@ def _root(
         print(f"! {printable(fault)}", file=sys.stderr)
 
 
+class _HelpFormatter(Protocol):
+    """What is used of the object that writes a help page."""
+
+    def section(self, name: str) -> AbstractContextManager[None]:
+        """Begin a section with a title."""
+
+    def write_dl(self, rows: list[tuple[str, str]], col_max: int = ...) -> None:
+        """Write names and descriptions in two columns."""
+
+
 class _Command(TyperCommand):
     """A command whose help page has the options in groups."""
 
@@ -91,17 +102,18 @@ class _Command(TyperCommand):
         """Parse arguments; several values may follow the option of xacro arguments."""
         return super().parse_args(ctx, _with_repeated_flag(args))
 
-    def format_options(self, ctx: Any, formatter: Any) -> None:
+    def format_options(self, ctx: Any, formatter: _HelpFormatter) -> None:
         """Write the options; those that are not common with ``--help-all`` only."""
         groups: dict[str, list[tuple[str, str]]] = {}
-        parameters: list[Any] = self.get_params(ctx)  # of options and arguments
-        for parameter in parameters:
+        for parameter in self.get_params(ctx):
             hidden = getattr(parameter, "hidden", False)
             if hidden and "all" not in ctx.meta:
                 continue
-            parameter.hidden = False
+            if isinstance(parameter, TyperArgument | TyperOption):
+                parameter.hidden = False
             row = parameter.get_help_record(ctx)
-            parameter.hidden = hidden
+            if isinstance(parameter, TyperArgument | TyperOption):
+                parameter.hidden = hidden
             if row is None:
                 continue
             name, help = row
@@ -174,13 +186,11 @@ def command(
 
     The function gets them as `config`; a `console` has the flags of all commands.
     """
-    chosen = [
-        option
-        for option in OPTIONS.values()
-        if {option.name, option.section} & set(names)
-        and option.typed
-        and option.name not in without
-    ]
+    chosen = []
+    for option in OPTIONS.values():
+        is_named = option.name in names or option.section in names
+        if is_named and option.typed and option.name not in without:
+            chosen.append(option)
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         usual = replace(defaults or Config(), verb=verb.__name__)
@@ -188,20 +198,21 @@ def command(
         @wraps(verb)
         def run(**typed: Any) -> None:
             _, *flags = [typed.pop(name) for name in FLAGS]
-            made: dict[str, Any] = {"console": Console(*flags)}
-            if chosen:
-                file = typed.pop("config_file")
-                texts = {option.name: typed.pop(option.name) for option in chosen}
-                # domain and info name the robot by an argument
-                robot = typed.get("arm") or typed.get("what")
-                made["config"] = _configuration(usual, file, texts, robot)
-            verb(**typed, **made)
+            console = Console(*flags)
+            if not chosen:
+                verb(**typed, console=console)
+                return
+            file = typed.pop("config_file")
+            texts = {option.name: typed.pop(option.name) for option in chosen}
+            # domain and info name the robot by an argument
+            robot = typed.get("arm") or typed.get("what")
+            config = _configuration(usual, file, texts, robot)
+            verb(**typed, console=console, config=config)
 
         signature = _signature(verb, chosen, usual)
         run.__signature__ = signature  # type: ignore[attr-defined]
-        run.__annotations__ = {
-            name: parameter.annotation for name, parameter in signature.parameters.items()
-        }
+        for name, parameter in signature.parameters.items():
+            run.__annotations__[name] = parameter.annotation
         app.command(cls=_Command, epilog=f"Example: {example}")(run)
         return verb
 
@@ -209,20 +220,20 @@ def command(
 
 
 def _configuration(
-    usual: Config, file: Path | None, texts: Mapping[str, Any], robot: str | None
+    usual: Config, file: Path | None, texts: Mapping[str, object], robot: str | None
 ) -> Config:
     """Return the configuration of a file, if there is one, with the options that were typed."""
     config = usual
     if file is not None:
         config = Config.load(file, usual, {"recording", "profile", "path", *texts})
 
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for name, text in texts.items():
         if text not in (None, []):
             values[name] = OPTIONS[name].parse(text)
     if "profile" in values:
         values.setdefault("path", None)  # that of a file belongs to the profile of the file
-    config = config.changed(**values)
+    config = config.changed(allowed=SECTIONS, **values)
     return in_si_units(config, values, robot or config.robot)
 
 
@@ -252,26 +263,36 @@ def _signature(
     return inspect.Signature(parameters)
 
 
-def _annotation(option: Option, usual: Config) -> Any:
+def _annotation(option: Option, usual: Config) -> object:
     """Make the annotation of an option's parameter; None is a value that was not typed."""
-    kind: Any = str
-    if isinstance(option, Flag):
-        kind = bool
-    if option.listed:
-        kind = list[str]
     if option.name in ("recording", "profile"):
-        return Annotated[kind | None, typer.Argument(help=option.help, metavar=option.name)]
+        settings = typer.Argument(help=option.help, metavar=option.name)
+    else:
+        settings = _settings(option, usual)
+    if option.listed:
+        return Annotated[list[str] | None, settings]
+    if isinstance(option, Flag):
+        return Annotated[bool | None, settings]
+    return Annotated[str | None, settings]
 
+
+def _metavar(option: Option) -> str:
+    """Return what stands for the value of an option on the help page."""
+    if option.metavar:
+        return option.metavar
     words = "|".join(option.choices)
-    metavar = option.metavar
-    if not metavar and len(words) <= 24:
-        metavar = words
-    if not metavar:
-        metavar = option.unit
-    if not metavar and option.is_file:
-        metavar = "FILE"
-    if not metavar:
-        metavar = option.placeholder
+    if words and len(words) <= 24:
+        return words
+    if option.unit:
+        return option.unit
+    if option.is_file:
+        return "FILE"
+    return option.placeholder
+
+
+def _settings(option: Option, usual: Config) -> ArgumentInfo | OptionInfo:
+    """Return name, help and completion of an option."""
+    metavar = _metavar(option)
     help = option.help
     if option.choices and metavar == "NAME":
         help += f": {', '.join(option.choices)}"
@@ -285,7 +306,7 @@ def _annotation(option: Option, usual: Config) -> Any:
     completion = None
     if option.choices:
         completion = _completion(option.choices)
-    settings = typer.Option(
+    settings: OptionInfo = typer.Option(
         flag,
         help=help,
         hidden=not option.common,
@@ -293,7 +314,7 @@ def _annotation(option: Option, usual: Config) -> Any:
         rich_help_panel=PANELS.get(option.section),
         autocompletion=completion,
     )
-    return Annotated[kind | None, settings]
+    return settings
 
 
 def _completion(choices: Iterable[str]) -> Callable[[], list[str]]:
@@ -303,16 +324,18 @@ def _completion(choices: Iterable[str]) -> Callable[[], list[str]]:
     return complete
 
 
-def in_si_units(config: Config, typed: dict[str, Any], robot: Any) -> Config:
-    """Convert `lock` and `home`, where they were typed, to rad or m; this loads the robot."""
+def in_si_units(
+    config: Config, typed: Collection[str], robot: str | Sequence[str] | None
+) -> Config:
+    """Convert `lock` and `home`, where they are among the typed options, to rad or m; this loads the robot."""
     if not robot:
         return config
-    if typed.get("lock"):
+    if "lock" in typed and config.lock:
         with suppress(UnknownNameError):  # is raised again where the robot is loaded
             joints = _joints(config.changed(robot=robot))
-            config = config.changed(lock=_converted("--lock", typed["lock"], joints))
-    if typed.get("home") is not None:
-        config = config.changed(home=_home(config, typed["home"]))
+            config = config.changed(lock=_converted("--lock", config.lock, joints))
+    if "home" in typed and config.home is not None:
+        config = config.changed(home=_home(config, config.home))
     return config
 
 
@@ -359,7 +382,7 @@ def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
 
 def _converted(
     option: str,
-    values: dict[str, float],
+    values: Mapping[str, float],
     joints: dict[str, tuple[str, float, float]],
     rounding: float = 5e-3,
 ) -> dict[str, float]:

@@ -18,9 +18,16 @@ if TYPE_CHECKING:
 
 
 @command(
-    "robot", "limits", "collisions", "table", "obstacles", "srdf", without=("hand_targets",),
-    defaults=NO_ROBOT, example="maniport audit my_dataset --robot panda --unit rad -o audited",
-)  # fmt: skip
+    "robot",
+    "limits",
+    "collisions",
+    "table",
+    "obstacles",
+    "srdf",
+    without=("hand_targets",),
+    defaults=NO_ROBOT,
+    example="maniport audit my_dataset --robot panda --unit rad -o audited",
+)
 def audit(
     config: Config,
     console: Console,
