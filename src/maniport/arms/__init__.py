@@ -8,7 +8,17 @@ from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.arms.meshes import Geometry, Surface
 
 __all__ = [
-    "PERSONS", "READERS", "VELOCITY", "Arm", "ArmGroup", "EllipsoidSpec", "Geometry", "Surface", "as_group", "load_arm",
+    "PERSONS",
+    "READERS",
+    "VELOCITY",
+    "Arm",
+    "ArmGroup",
+    "EllipsoidSpec",
+    "Geometry",
+    "Surface",
+    "as_group",
+    "load_arm",
     "load_arms",
-    "myoarm", "rhuman",
-]  # fmt: skip
+    "myoarm",
+    "rhuman",
+]

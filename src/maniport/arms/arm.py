@@ -43,6 +43,18 @@ if TYPE_CHECKING:
     import yourdfpy
 
 
+def _dh_limits(lower: ArrayLike, upper: ArrayLike, names: Sequence[str]) -> tuple[Array, Array]:
+    """Return lower and upper limits of joints (n,), of which each pair is a range."""
+    low = as_numbers(lower, "lower", len(names), broadcast=True)
+    high = as_numbers(upper, "upper", len(names), broadcast=True)
+    if np.any(low >= high):
+        i = int(np.argmax(low >= high))
+        raise InvalidInputError(
+            f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}"
+        )
+    return low, high
+
+
 class Arm(JointSpace, Plottable):
     """One kinematic chain from the base to the end effector.
 
@@ -139,27 +151,28 @@ class Arm(JointSpace, Plottable):
                 raise InvalidInputError(
                     f"{key} must have {n} entries, one for each row; found {len(values)}"
                 )
-        low = as_numbers(lower, "lower", n, broadcast=True)
-        high = as_numbers(upper, "upper", n, broadcast=True)
-        if np.any(low >= high):
-            i = int(np.argmax(low >= high))
-            raise InvalidInputError(
-                f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}"
-            )
-        after = []
-        for theta, d, a, alpha in table:
-            after.append(pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0)))
-        first = np.eye(4) if base is None else as_pose(base, "base")
-        joints = tuple(
-            Joint(names[i], as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), np.eye(3)[2], parent)
-            for i, parent in enumerate((first, *after[:-1]))
-        )  # fmt: skip
-        frames = {"base": Frame(0, first)} | {
-            f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)
-        }
-        return cls(
-            Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n))
+        low, high = _dh_limits(lower, upper, names)
+
+        placement = np.eye(4) if base is None else as_pose(base, "base")
+        joints = []
+        frames = {"base": Frame(0, placement)}
+        for i, (theta, d, a, alpha) in enumerate(table):
+            kind = as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC))
+            joints.append(Joint(names[i], kind, np.eye(3)[2], placement))
+            placement = pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0))
+            frames[f"link{i + 1}"] = Frame(i + 1, placement)
+        chain = Chain(
+            name=name,
+            joints=tuple(joints),
+            frames=frames,
+            frame=f"link{n}",
+            coordinates=names,
+            lower=low,
+            upper=high,
+            coupling=np.eye(n),
+            offset=np.zeros(n),
         )
+        return cls(chain)
 
     @classmethod
     def of(
@@ -205,9 +218,12 @@ class Arm(JointSpace, Plottable):
         return type(self), (self.chain,)
 
     def restricted(
-        self, frame: str | None = None, joints: Sequence[str] | None = None, base: str | None = None,
+        self,
+        frame: str | None = None,
+        joints: Sequence[str] | None = None,
+        base: str | None = None,
         lock: Mapping[str, float] | None = None,
-    ) -> "Arm":  # fmt: skip
+    ) -> "Arm":
         """Return the arm with another end effector or base, or with some joints only; see `maniport.load_arm`."""
         return Arm(restrict(self.chain, frame, joints, base, lock))
 
@@ -294,13 +310,14 @@ class Arm(JointSpace, Plottable):
         Derivatives ``∂M/∂q_k`` have shape (..., dof, d, d), symmetric, in closed form; see
         `maniport.arms.kernels.fill_derivatives`. Units are those of M per radian or meter.
         """
-        poses, jacobians, own = self._motions(q)
+        poses, jacobians, of_joints = self._motions(q)
         flat = jacobians.reshape(-1, 6, self.dof)
         weights = self._weights(q, spec, changes=True)
-        ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, *weights)
-        ellipsoids, changes = (
-            part.reshape(*poses.shape[:-2], *part.shape[1:]) for part in (ellipsoids, changes)
-        )
+        coupling = self._kinematics.coupling
+        ellipsoids, changes = with_derivatives(flat, of_joints, coupling, spec, *weights)
+        leading = poses.shape[:-2]
+        ellipsoids = ellipsoids.reshape(*leading, *ellipsoids.shape[1:])
+        changes = changes.reshape(*leading, *changes.shape[1:])
         return poses, jacobians, ellipsoids, changes
 
     def gravity_torques(self, q: ArrayLike) -> Array:
@@ -367,12 +384,13 @@ class Arm(JointSpace, Plottable):
     def _motions(self, q: ArrayLike, with_jacobians: bool = True) -> tuple[Array, Array, Array]:
         """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of the chain."""
         array = self.configurations(q)
-        poses, own = self._kinematics.motion(array.reshape(-1, self.dof), with_jacobians)
+        flat = array.reshape(-1, self.dof)
+        poses, of_joints = self._kinematics.motion(flat, with_jacobians)
         shape = array.shape[:-1]
-        jacobians = self._kinematics.coupled(own)
+        jacobians = self._kinematics.coupled(of_joints)
         if with_jacobians:
             jacobians = jacobians.reshape(*shape, 6, self.dof)
-        return poses.reshape(*shape, 4, 4), jacobians, own
+        return poses.reshape(*shape, 4, 4), jacobians, of_joints
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""
@@ -412,16 +430,12 @@ class Arm(JointSpace, Plottable):
         end_frame = self.chain.frames[self.frame]
         if self.chain.base_pose is not None:
             points[..., 0, :] = self.chain.base_pose[:3, 3]
-        apart = [
-            0,
-            *(
-                i
-                for i, j in enumerate(joints, 1)
-                if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC
-            ),
-        ]
-        points = points[..., apart, :]
-        if np.any(end_frame.placement[:3, 3]) or len(apart) == 1:
+        corners = [0]
+        for i, joint in enumerate(joints, 1):
+            if np.any(joint.placement[:3, 3]) or joint.kind == PRISMATIC:
+                corners.append(i)
+        points = points[..., corners, :]
+        if np.any(end_frame.placement[:3, 3]) or len(corners) == 1:
             points = np.concatenate([points, self.forward(q)[..., None, :3, 3]], axis=-2)
         return points
 

@@ -52,26 +52,26 @@ class ArmGroup(JointSpace):
         self.arms = arms
         self.names = _names_of(arms, names)
         self.common, shared = _shared_joints([arm.chain for arm in arms], self.names)
-        self.shared = tuple(dict.fromkeys(name for pair in shared for name in pair.coordinates))
-        self.frames = tuple(dict.fromkeys(frame for arm in arms for frame in arm.frames))
-        self.columns, own = _columns(arms, shared)
+        shared_names = dict[str, None]()
+        for pair in shared:
+            shared_names |= dict.fromkeys(pair.coordinates)
+        self.shared = tuple(shared_names)
+        frames = dict[str, None]()
+        for arm in arms:
+            frames |= dict.fromkeys(arm.frames)
+        self.frames = tuple(frames)
+        self.columns, joints = _columns(arms, shared)
 
-        joints = [arms[i].joint_names[k] for i, k in own]
-        repeated = len(set(joints)) < len(joints)
-        self.prefixes = tuple(f"{name}_" if repeated else "" for name in self.names)
+        names_in_arms = [arms[i].joint_names[k] for i, k in joints]
+        self.prefixes = ("",) * len(arms)
+        if len(set(names_in_arms)) < len(joints):
+            self.prefixes = tuple(f"{name}_" for name in self.names)
         self.locked = {}
         for prefix, arm in zip(self.prefixes, arms, strict=True):
             for name, position in arm.locked.items():
                 self.locked[prefix + name] = position
-        super().__init__(
-            "+".join(dict.fromkeys(arm.name for arm in arms)),
-            tuple(self.prefixes[i] + arms[i].joint_names[k] for i, k in own),
-            np.array([arms[i].lower[k] for i, k in own]),
-            np.array([arms[i].upper[k] for i, k in own]),
-            _joined_limits([arm.velocity_limits for arm in arms], own),
-            _joined_limits([arm.effort_limits for arm in arms], own),
-            tuple(arms[i].joint_units[k] for i, k in own),
-        )
+        properties = _JointProperties.of(arms, joints, self.prefixes)
+        super().__init__("+".join(dict.fromkeys(arm.name for arm in arms)), *properties)
 
     def __repr__(self) -> str:
         frames = {}
@@ -90,8 +90,11 @@ class ArmGroup(JointSpace):
     @property
     def base_positions(self) -> Array:
         """Origin of the base of each arm in the robot's frame, shape (n_arms, 3) [m]."""
-        poses = [arm.chain.base_pose for arm in self.arms]
-        return np.array([np.zeros(3) if pose is None else pose[:3, 3] for pose in poses])
+        origins = np.zeros((len(self.arms), 3))
+        for i, arm in enumerate(self.arms):
+            if arm.chain.base_pose is not None:
+                origins[i] = arm.chain.base_pose[:3, 3]
+        return origins
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -148,9 +151,9 @@ class ArmGroup(JointSpace):
         """Return the group with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
         low = as_numbers(lower, "lower", self.dof)
         high = as_numbers(upper, "upper", self.dof)
-        arms = (
-            arm.narrowed(low[c], high[c]) for arm, c in zip(self.arms, self.columns, strict=True)
-        )
+        arms = []
+        for arm, columns in zip(self.arms, self.columns, strict=True):
+            arms.append(arm.narrowed(low[columns], high[columns]))
         return ArmGroup(*arms, names=self.names)
 
     def with_payload(self, mass: ArrayLike, center: ArrayLike = (0.0, 0.0, 0.0)) -> "ArmGroup":
@@ -173,22 +176,29 @@ class ArmGroup(JointSpace):
 
     def forward(self, q: ArrayLike) -> Array:
         """Compute the poses of all end effectors, shape (..., n_arms, 4, 4) [m]."""
-        return np.stack(
-            [arm.forward(part) for arm, part in zip(self.arms, self.split(q), strict=True)], axis=-3
-        )
+        poses = []
+        for arm, configurations in zip(self.arms, self.split(q), strict=True):
+            poses.append(arm.forward(configurations))
+        return np.stack(poses, axis=-3)
 
     def jacobian(self, q: ArrayLike) -> Array:
         """Compute the geometric Jacobians in all joints, shape (..., n_arms, 6, dof), linear rows first."""
-        parts = self.split(q)
-        jacobians = np.zeros((*parts[0].shape[:-1], len(self.arms), 6, self.dof))
-        for i, (arm, part, columns) in enumerate(zip(self.arms, parts, self.columns, strict=True)):
-            jacobians[..., i, :, columns] = np.moveaxis(arm.jacobian(part), -1, 0)
+        configurations = self.split(q)
+        leading = configurations[0].shape[:-1]
+        jacobians = np.zeros((*leading, len(self.arms), 6, self.dof))
+        for i, arm in enumerate(self.arms):
+            jacobian = arm.jacobian(configurations[i])
+            jacobians[..., i, :, self.columns[i]] = np.moveaxis(jacobian, -1, 0)
         return jacobians
 
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
         """Compute the manipulability matrices of all arms, shape (..., n_arms, d, d); weights are for all joints."""
-        parts = zip(self.arms, self.split(q), self.specs(spec), strict=True)
-        return np.stack([arm.ellipsoids(part, own) for arm, part, own in parts], axis=-3)
+        ellipsoids = []
+        for arm, configurations, spec_of_arm in zip(
+            self.arms, self.split(q), self.specs(spec), strict=True
+        ):
+            ellipsoids.append(arm.ellipsoids(configurations, spec_of_arm))
+        return np.stack(ellipsoids, axis=-3)
 
     def specs(self, spec: EllipsoidSpec) -> tuple[EllipsoidSpec, ...]:
         """Return the specification of each arm: numbers as joint weights of the group are split."""
@@ -199,8 +209,10 @@ class ArmGroup(JointSpace):
         ):
             return tuple(arm.checked_spec(spec) for arm in self.arms)
         weights = np.array(self.checked_spec(spec).joint_weights)
-        own = (replace(spec, joint_weights=weights[columns]) for columns in self.columns)
-        return tuple(arm.checked_spec(part) for arm, part in zip(self.arms, own, strict=True))
+        specs = []
+        for arm, columns in zip(self.arms, self.columns, strict=True):
+            specs.append(arm.checked_spec(replace(spec, joint_weights=weights[columns])))
+        return tuple(specs)
 
     def cooperative_ellipsoids(
         self, q: ArrayLike, kind: str = "relative", part: str = "translation"
@@ -262,7 +274,7 @@ def _columns(
     arms: Sequence[Arm], shared: Sequence["_SharedJoints"]
 ) -> tuple[tuple[NDArray[np.intp], ...], list[tuple[int, int]]]:
     """Columns of each arm's joints, and for each column the first arm with that joint, and its index there."""
-    own: list[tuple[int, int]] = []
+    joints: list[tuple[int, int]] = []
     columns: list[NDArray[np.intp]] = []
     for i, arm in enumerate(arms):
         earlier: dict[str, int] = {}  # arm with the same joint, by its name
@@ -275,19 +287,42 @@ def _columns(
                 other = earlier[name]
                 listed[k] = columns[other][arms[other].joint_names.index(name)]
             else:
-                listed[k] = len(own)
-                own.append((i, k))
+                listed[k] = len(joints)
+                joints.append((i, k))
         columns.append(listed)
-    return tuple(columns), own
+    return tuple(columns), joints
 
 
-def _joined_limits(limits: Sequence[Array | None], own: Sequence[tuple[int, int]]) -> Array:
-    """Limits of the joints of a group, by arm and index; infinite where those of an arm are unknown."""
-    values = []
-    for i, k in own:
-        of_arm = limits[i]
-        values.append(np.inf if of_arm is None else of_arm[k])
-    return np.array(values)
+class _JointProperties(NamedTuple):
+    """Properties of the joints of a group (dof,), in the order of the arguments of `JointSpace`."""
+
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    velocity_limits: Array  # infinite where those of an arm are unknown
+    effort_limits: Array
+    units: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls, arms: Sequence[Arm], joints: Sequence[tuple[int, int]], prefixes: Sequence[str]
+    ) -> "_JointProperties":
+        """Collect the properties of joints by arm and index."""
+        names = []
+        units = []
+        limits = np.full((4, len(joints)), np.inf)
+        for column, (i, k) in enumerate(joints):
+            arm = arms[i]
+            names.append(prefixes[i] + arm.joint_names[k])
+            units.append(arm.joint_units[k])
+            limits[0, column] = arm.lower[k]
+            limits[1, column] = arm.upper[k]
+            if arm.velocity_limits is not None:
+                limits[2, column] = arm.velocity_limits[k]
+            if arm.effort_limits is not None:
+                limits[3, column] = arm.effort_limits[k]
+        lower, upper, velocity, effort = limits
+        return cls(tuple(names), lower, upper, velocity, effort, tuple(units))
 
 
 class _SharedJoints(NamedTuple):
@@ -355,7 +390,8 @@ def _moving(chain: Chain, count: int) -> dict[str, tuple[float, ...]]:
 
 def _require_equal_joints(chains: tuple[Chain, Chain], names: tuple[str, str], count: int) -> None:
     """Require that joints which carry two arms have the same limits, or are locked at one position."""
-    first, second = (_moving(chain, count) for chain in chains)
+    first = _moving(chains[0], count)
+    second = _moving(chains[1], count)
     differ = [name for name in first | second if first.get(name) != second.get(name)]
     offsets = chains[0].offset[:count] != chains[1].offset[:count]
     differ += [chains[0].joints[k].name for k in np.flatnonzero(offsets)]
@@ -367,8 +403,9 @@ def _require_equal_joints(chains: tuple[Chain, Chain], names: tuple[str, str], c
         if differ[0] in moving:
             ranges.append("{:g} to {:g}".format(*moving[differ[0]]))
             continue
-        joints = [joint.name for joint in chain.joints]
-        locked = dict(zip(joints, chain.offset, strict=True))
+        locked = {}
+        for joint, offset in zip(chain.joints, chain.offset, strict=True):
+            locked[joint.name] = offset
         ranges.append(f"locked at {locked.get(differ[0])}")
     raise InvalidInputError(
         f"the joint {differ[0]!r} carries two arms and must have the same limits, or be locked at one "

@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -113,7 +112,7 @@ class ContactRules:
         Both have the shape (geoms, geoms). Welded bodies cannot touch, nor can two that a joint connects unless one of
         them is fixed to the world.
         """
-        numbers = {name: number for number, name in enumerate(self.parents)}
+        numbers = dict(zip(self.parents, range(len(self.parents)), strict=True))
         carriers = np.array([numbers[self.carriers[geom.body]] for geom in geoms], dtype=np.intp)
         parents = np.array([numbers[parent] for parent in self.parents.values()])[carriers]
         joined = parents[:, None] == carriers
@@ -264,13 +263,18 @@ class Chain:
     def units(self) -> tuple[str, ...]:
         """Unit of each degree of freedom: ``"rad"``, or ``"m"`` if it moves prismatic joints only."""
         turns = np.array([joint.kind == REVOLUTE for joint in self.joints])
-        return tuple("rad" if np.any(turns & (column != 0)) else "m" for column in self.coupling.T)
+        units = []
+        for column in self.coupling.T:
+            units.append("rad" if np.any(turns & (column != 0)) else "m")
+        return tuple(units)
 
     def ancestors(self, frame: str) -> list[str]:
         """Return a frame and all frames that it is attached to, the nearest first."""
-        names: list[Any] = [frame]
-        while (above := self.frames[names[-1]].parent) in self.frames and above not in names:
+        names = [frame]
+        above = self.frames[frame].parent
+        while above is not None and above in self.frames and above not in names:
             names.append(above)
+            above = self.frames[above].parent
         return names
 
     def holds(self, link: str) -> bool:
@@ -286,22 +290,25 @@ class Chain:
         """
         if self.side is not None or not self.on_base_plane:
             return False
-        heights = [place.placement[2, 3] for place in self.frames.values() if place.joint == 0]
+        heights = []
+        for frame in self.frames.values():
+            if frame.joint == 0:
+                heights.append(frame.placement[2, 3])
         for body in self.attached.values():
             if body.joint == 0:
                 heights.append(body.placements[:, 2, 3].min())
-        return min(heights, default=0.0) >= -BELOW
+        return bool(min(heights, default=0.0) >= -BELOW)
 
     @property
     def attached(self) -> dict[str, Body]:
         """Bodies off the chain and frames beyond the end effector."""
         if self.others is None:
             return {}
-        beyond = {name: place for name, place in self.frames.items() if not self.holds(name)}
-        return {
-            **{name: Body(f.joint, f.placement[None], name) for name, f in beyond.items()},
-            **self.others,
-        }
+        bodies = {}
+        for name, frame in self.frames.items():
+            if not self.holds(name):
+                bodies[name] = Body(frame.joint, frame.placement[None], name)
+        return bodies | dict(self.others)
 
 
 def point_mass(mass: float, point: Array) -> Array:
@@ -352,9 +359,8 @@ def rotation_about(axis: int, angle: float | Array) -> Array:
     exact = quarters == np.round(quarters)
     first = (axis + 1) % 3
     second = (axis + 2) % 3
-    cos, sin = (
-        np.where(exact, np.round(values) + 0.0, values) for values in (cos, sin)
-    )  # + 0.0: without −0
+    cos = np.where(exact, np.round(cos) + 0.0, cos)  # + 0.0: without −0
+    sin = np.where(exact, np.round(sin) + 0.0, sin)
     matrix = np.zeros((*exact.shape, 3, 3))
     matrix[..., axis, axis] = 1.0
     matrix[..., first, first] = matrix[..., second, second] = cos
@@ -401,58 +407,74 @@ def read_embedded(name: str, without: Collection[str] = ()) -> Chain:
     """
     folder = Path(__file__).parent / "data"
     data = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-    coordinates = [entry["name"] for entry in data["coordinates"]]
-    coupling = np.zeros((len(data["joints"]), len(coordinates)))
+    coordinates = data["coordinates"]
+    names = [entry["name"] for entry in coordinates]
+    coupling = np.zeros((len(data["joints"]), len(names)))
     joints: list[Joint] = []
     for row, entry in enumerate(data["joints"]):
         for coordinate, factor in entry.get("follows", {entry["name"]: 1.0}).items():
-            coupling[row, coordinates.index(coordinate)] = factor
+            coupling[row, names.index(coordinate)] = factor
         axis = np.array(entry["axis"], dtype=np.float64)
-        placement = pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
+        axis = axis / np.linalg.norm(axis)
+        placement = _pose_of(entry)
         if not joints:
             placement = pose(**data["base"]) @ placement
-        joints.append(
-            Joint(
-                entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement
-            )
-        )
-    lower, upper, speeds, efforts = (
-        np.array([entry.get(key, np.inf) for entry in data["coordinates"]], dtype=np.float64)
-        for key in ("lower", "upper", "velocity", "effort")
-    )
+        joints.append(Joint(entry["name"], entry.get("kind", REVOLUTE), axis, placement))
+
     frames = {}
-    for f in data["frames"]:
-        frames[f["name"]] = Frame(
-            f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent")
-        )
+    for entry in data["frames"]:
+        frames[entry["name"]] = Frame(entry["joint"], _pose_of(entry), entry.get("parent"))
+    masses = [entry for entry in data.get("masses", ()) if entry["frame"] not in without]
     inertia = np.zeros((len(joints) + 1, 6, 6))
-    for entry in data.get("masses", ()):
-        if entry["frame"] not in without:
-            carrier = frames[entry["frame"]]
-            about_center = np.array(entry["inertia"])[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-            own = pin.Inertia(entry["mass"], np.array(entry["center"]), about_center)
-            inertia[carrier.joint] += pin.SE3(carrier.placement).act(own).matrix()
-    shapes = folder / f"{name}_surfaces.npz"
+    for entry in masses:
+        carrier = frames[entry["frame"]]
+        inertia[carrier.joint] += _inertia_of(entry, carrier.placement)
+    others = None
+    if "others" in data and not without:
+        others = {}
+        for entry in data["others"]:
+            placements = np.array([pose(**place) for place in entry["placements"]])
+            others[entry["name"]] = Body(entry["joint"], placements, entry["name"])
+    shapes = None
+    collision_shapes = None
+    surfaces = folder / f"{name}_surfaces.npz"
+    if surfaces.exists():
+        shapes = partial(read_shapes, surfaces)
+        collision_shapes = partial(read_collision_shapes, surfaces)
     return Chain(
         name=data["name"],
         joints=tuple(joints),
         frames=frames,
         frame=data["frame"],
-        coordinates=tuple(coordinates),
-        lower=lower,
-        upper=upper,
+        coordinates=tuple(names),
+        lower=_numbers_of(coordinates, "lower"),
+        upper=_numbers_of(coordinates, "upper"),
         coupling=coupling,
         offset=np.zeros(len(joints)),
-        velocity_limits=speeds,
-        effort_limits=efforts,
+        velocity_limits=_numbers_of(coordinates, "velocity"),
+        effort_limits=_numbers_of(coordinates, "effort"),
         inertia=inertia if np.any(inertia) else None,
-        shapes=partial(read_shapes, shapes) if shapes.exists() else None,
-        collision_shapes=partial(read_collision_shapes, shapes) if shapes.exists() else None,
-        others=None if "others" not in data or without else {
-            body["name"]: Body(body["joint"], np.array([pose(**place) for place in body["placements"]]), body["name"])
-            for body in data["others"]
-        },
-    )  # fmt: skip
+        shapes=shapes,
+        collision_shapes=collision_shapes,
+        others=others,
+    )
+
+
+def _pose_of(entry: Mapping[str, Sequence[float]]) -> Array:
+    """Pose (4, 4) of an entry with a translation and perhaps a rotation."""
+    return pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
+
+
+def _inertia_of(entry: Mapping[str, ArrayLike], placement: Array) -> Array:
+    """Spatial inertia (6, 6) of an entry with mass, center and moments in a frame with a placement (4, 4)."""
+    about_center = np.array(entry["inertia"])[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+    inertia = pin.Inertia(entry["mass"], np.array(entry["center"]), about_center)
+    return np.asarray(pin.SE3(placement).act(inertia).matrix())
+
+
+def _numbers_of(coordinates: Sequence[Mapping[str, float]], key: str) -> Array:
+    """Numbers of coordinates by their key (dof,), infinite where there are none."""
+    return np.array([entry.get(key, np.inf) for entry in coordinates], dtype=np.float64)
 
 
 def read_shapes(path: Path, links: Collection[str], collision: bool = False) -> list[Shape]:

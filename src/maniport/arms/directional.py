@@ -79,15 +79,15 @@ def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = "
     jacobian = arm.jacobian(configurations)[:, :3]
     if kind == "velocity":
         return _zonotope_extent(jacobian * limits, u)
-    held = np.zeros_like(configurations)
+    gravity = np.zeros_like(configurations)
     if arm.chain.inertia is not None:
-        held = arm.gravity_torques(configurations)
-    held = held[:, None]
+        gravity = arm.gravity_torques(configurations)
+    gravity = gravity[:, None]
     torques = u @ jacobian  # of 1 N, (n, m, dof)
     with np.errstate(divide="ignore", invalid="ignore"):
-        extents = (limits - np.sign(torques) * held) / np.abs(torques)
+        extents = (limits - np.sign(torques) * gravity) / np.abs(torques)
     extents = np.where(torques == 0.0, np.inf, extents).min(axis=-1)
-    return np.asarray(np.where(np.any(np.abs(held) > limits, axis=-1), 0.0, extents))
+    return np.asarray(np.where(np.any(np.abs(gravity) > limits, axis=-1), 0.0, extents))
 
 
 def line_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = "force") -> Array:

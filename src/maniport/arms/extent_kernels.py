@@ -8,7 +8,7 @@ TINY = 1e-300  # keeps the logarithm finite where no facet bounds a line
 
 
 @kernel
-def fill_force_extents(  # type: ignore[no-untyped-def]
+def fill_force_extents(
     jacobians, torques, torque_changes, lines, power, logs, joint_changes, line_changes
 ):
     """Fill logarithms (n, k) of forces, and derivatives (n, k, dof) and (n, k, 3), unless they have length 0.
@@ -47,9 +47,7 @@ def fill_force_extents(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def fill_velocity_extents(  # type: ignore[no-untyped-def]
-    jacobians, limits, lines, flat, power, logs, joint_changes, line_changes
-):
+def fill_velocity_extents(jacobians, limits, lines, flat, power, logs, joint_changes, line_changes):
     """Fill logarithms (n, k) of speeds, and derivatives (n, k, dof) and (n, k, 3), unless they have length 0."""
     wanted = len(joint_changes) > 0
     dof = jacobians.shape[2]
@@ -129,7 +127,7 @@ def fill_velocity_extents(  # type: ignore[no-untyped-def]
 
 
 @part
-def _fill_size(  # type: ignore[no-untyped-def]
+def _fill_size(
     jacobian, limits, flat, normal, normal_changes, column_changes, wanted, size, size_changes
 ):
     """Fill Σ_i |wᵀ c_i| + ε |w|₁ + ε³ of a face with normal w, and its derivatives (dof,)."""
@@ -156,7 +154,7 @@ def _fill_size(  # type: ignore[no-untyped-def]
 
 
 @part
-def _log_extent(values, power, weights):  # type: ignore[no-untyped-def]
+def _log_extent(values, power, weights):
     """Return −1/p log Σ |s|ᵖ of values s, and fill weights |s|^(p−1) sign(s) / Σ |s|ᵖ."""
     largest = TINY
     for value in values:
@@ -172,7 +170,7 @@ def _log_extent(values, power, weights):  # type: ignore[no-untyped-def]
 
 
 @part
-def _cross_along(jacobian, first, last, u):  # type: ignore[no-untyped-def]
+def _cross_along(jacobian, first, last, u):
     """Return (w_first × v_last)ᵀ u."""
     total = 0.0
     for x in range(3):

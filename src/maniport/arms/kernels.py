@@ -6,14 +6,14 @@ from maniport.util.jit import kernel, part
 
 
 @kernel
-def fill_link_poses(positions, parents, placements, axes, slides, rotations, origins):  # type: ignore[no-untyped-def]
+def fill_link_poses(positions, parents, placements, axes, slides, rotations, origins):
     """Fill rotations (n, links, 3, 3) and origins (n, links, 3) of the base and of the link after each joint."""
     for n in range(len(positions)):
         place_links(positions[n], parents, placements, axes, slides, rotations[n], origins[n])
 
 
 @kernel
-def fill_motion(rotations, origins, axes, slides, frame_joint, frame, poses, jacobians):  # type: ignore[no-untyped-def]
+def fill_motion(rotations, origins, axes, slides, frame_joint, frame, poses, jacobians):
     """Fill poses (n, 4, 4) of a frame (4, 4) after so many joints of a chain, and its Jacobians (n, 6, joints).
 
     The poses of the links are those of `fill_link_poses`. Columns of later joints are zero; without Jacobians, shape
@@ -59,9 +59,7 @@ def fill_motion(rotations, origins, axes, slides, frame_joint, frame, poses, jac
 
 
 @kernel
-def fill_points(  # type: ignore[no-untyped-def]
-    rotations, origins, axes, slides, coupling, joints, vectors, count, values, slopes
-):
+def fill_points(rotations, origins, axes, slides, coupling, joints, vectors, count, values, slopes):
     """Fill vectors (n, k, 3) on a chain and derivatives (n, k, 3, dof); see `place_points`."""
     for n in range(len(values)):
         place_points(
@@ -79,7 +77,7 @@ def fill_points(  # type: ignore[no-untyped-def]
 
 
 @part
-def place_points(  # type: ignore[no-untyped-def]
+def place_points(
     rotations, origins, axes, slides, coupling, joints, vectors, count, values, slopes
 ):
     """Fill vectors (k, 3) after so many `joints` and derivatives (k, 3, dof); only the first `count` are points.
@@ -125,7 +123,7 @@ def place_points(  # type: ignore[no-untyped-def]
 
 
 @part
-def place_links(positions, parents, placements, axes, slides, rotations, origins):  # type: ignore[no-untyped-def]
+def place_links(positions, parents, placements, axes, slides, rotations, origins):
     """Fill the poses of the base and of the link after each joint, whose parent is the link `parents` names."""
     turn = np.empty((3, 3))
     for i in range(3):
@@ -175,7 +173,7 @@ def place_links(positions, parents, placements, axes, slides, rotations, origins
 
 
 @kernel
-def fill_gravity(rotations, origins, axes, slides, masses, moments, up, torques, changes):  # type: ignore[no-untyped-def]
+def fill_gravity(rotations, origins, axes, slides, masses, moments, up, torques, changes):
     """Fill gravity torques (n, joints), and derivatives (n, joints, joints) unless of length 0.
 
     Links have masses and first moments (links, 3) about their origins; −`up` is gravity.
@@ -218,7 +216,7 @@ def fill_gravity(rotations, origins, axes, slides, masses, moments, up, torques,
 
 
 @kernel
-def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, results):  # type: ignore[no-untyped-def]
+def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, results):
     """Fill ellipsoids M (n, d, d) and derivatives (n, dof, d, d) from Jacobians (n, 6, joints).
 
     `rows` are J W (n, d, dof) with M = J W Wᵀ Jᵀ, and `weighted` J W Wᵀ; the derivatives are those at constant W.

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms.chain import (
     LEFT,
@@ -36,73 +36,95 @@ def restrict(
     where = f"on the arm {chain.name!r}"
     end_frame = chain.frame if frame is None else frame
     wanted = None if joints is None else check_names(joints, "joints")
-    held = check_lock(lock, wanted)
+    positions = check_lock(lock, wanted)
     if not isinstance(end_frame, str) or end_frame not in chain.frames:
         raise unknown_name("frame", end_frame, chain.frames, where)
     last = chain.frames[end_frame].joint
     first = 0
     if base is not None:
-        reached = [name for name, place in chain.frames.items() if place.joint <= last]
-        if not isinstance(base, str) or base not in reached:
-            raise unknown_name(
-                "base", base, reached, f"on the chain to the frame {end_frame!r} {where}"
-            )
-        first = chain.frames[base].joint
-    part = _segment(chain, first, last, end_frame)
+        first = _joint_of_base(chain, base, end_frame)
+    segment = _segment(chain, first, last, end_frame)
     if base is not None:
-        placement = chain.frames[base].placement
-        turn = (
-            _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]
-        )  # gravity keeps its direction
-        part = _expressed_in(part, np.asarray(np.linalg.inv(placement), dtype=np.float64), base)
-        part = replace(
-            part,
-            gravity=tuple((turn.T @ chain.gravity).tolist()),
-            on_base_plane=chain.on_base_plane and first == 0 and _is_on_plane(placement),
-        )
-    seen = "" if part.base is None else f", seen from {part.base!r}"
-    for name in (*(wanted or ()), *held):
-        if name not in chain.coordinates:
-            raise unknown_name(
-                "joint", name, chain.coordinates, f"on the chain to {chain.frame!r} {where}"
-            )
-        if name not in part.coordinates:
-            if name in held:
-                what = "lock"
-            else:
-                what = "joints"
-            raise InvalidInputError(
-                f"{what}: {name!r} does not move the frame {end_frame!r}{seen} {where}"
-            )
-    moving = np.array(
-        [n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool
-    )
+        segment = _seen_from(segment, chain, base)
+
+    for name in wanted or ():
+        _require_moving(name, "joints", segment, chain)
+    for name in positions:
+        _require_moving(name, "lock", segment, chain)
+    moving = np.zeros(len(segment.coordinates), dtype=bool)
+    for i, name in enumerate(segment.coordinates):
+        moving[i] = name not in positions and (wanted is None or name in wanted)
     if not np.any(moving):
-        if part.coordinates:
-            held_all = "; lock contains all"
-        else:
-            held_all = ""
+        all_locked = ""
+        if segment.coordinates:
+            all_locked = "; lock contains all"
         raise InvalidInputError(
-            f"no movable joint lies between the base and the frame {end_frame!r}{seen} {where}{held_all}"
+            f"no movable joint lies between the base and the frame {end_frame!r}{_seen(segment)} {where}{all_locked}"
         )
     if np.all(moving):
-        return part
-    neutral = np.where(moving, 0.0, np.clip(0.0, part.lower, part.upper))
-    locked = dict(part.locked)
+        return segment
+    return _locked(segment, moving, positions)
+
+
+def _require_moving(name: str, argument: str, segment: Chain, chain: Chain) -> None:
+    """Require that a coordinate in an argument moves the end effector of a segment of a chain."""
+    where = f"on the arm {chain.name!r}"
+    if name not in chain.coordinates:
+        place = f"on the chain to {chain.frame!r} {where}"
+        raise unknown_name("joint", name, chain.coordinates, place)
+    if name not in segment.coordinates:
+        raise InvalidInputError(
+            f"{argument}: {name!r} does not move the frame {segment.frame!r}{_seen(segment)} {where}"
+        )
+
+
+def _seen(chain: Chain) -> str:
+    """Name the base of a chain in a message if it is not the first frame of the description."""
+    if chain.base is None:
+        return ""
+    return f", seen from {chain.base!r}"
+
+
+def _joint_of_base(chain: Chain, base: str, end_frame: str) -> int:
+    """Return the number of joints before a frame that is on the chain to an end effector."""
+    last = chain.frames[end_frame].joint
+    reached = [name for name, place in chain.frames.items() if place.joint <= last]
+    if not isinstance(base, str) or base not in reached:
+        where = f"on the chain to the frame {end_frame!r} on the arm {chain.name!r}"
+        raise unknown_name("base", base, reached, where)
+    return chain.frames[base].joint
+
+
+def _seen_from(segment: Chain, chain: Chain, base: str) -> Chain:
+    """Express a segment that begins with the link of a frame of the chain in that frame."""
+    placement = chain.frames[base].placement
+    first = chain.frames[base].joint
+    # gravity keeps its direction
+    turn = _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]
+    to_base = np.asarray(np.linalg.inv(placement), dtype=np.float64)
+    return replace(
+        _expressed_in(segment, to_base, base),
+        gravity=tuple((turn.T @ chain.gravity).tolist()),
+        on_base_plane=chain.on_base_plane and first == 0 and _is_on_plane(placement),
+    )
+
+
+def _locked(chain: Chain, moving: NDArray[np.bool_], positions: Mapping[str, float]) -> Chain:
+    """Lock the other coordinates of a chain: at given positions by name, else at zero or the limit next to it."""
+    neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
+    locked = dict(chain.locked)
     for i in np.flatnonzero(~moving):
-        name = part.coordinates[i]
-        if name in held:
-            low, high = (
-                float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION))
-                for limit in (part.lower, part.upper)
-            )
+        name = chain.coordinates[i]
+        if name in positions:
             neutral[i] = as_number(
-                held[name], f"lock: {name!r} [{part.units[i]}]", minimum=low, maximum=high
+                positions[name],
+                f"lock: {name!r} [{chain.units[i]}]",
+                minimum=float(np.clip(chain.lower[i], -MAX_POSITION, MAX_POSITION)),
+                maximum=float(np.clip(chain.upper[i], -MAX_POSITION, MAX_POSITION)),
             )
         locked[name] = float(neutral[i])
-    return replace(
-        _with_coordinates(part, moving), offset=part.offset + part.coupling @ neutral, locked=locked
-    )
+    offset = chain.offset + chain.coupling @ neutral
+    return replace(_with_coordinates(chain, moving), offset=offset, locked=locked)
 
 
 def _is_on_plane(placement: Array) -> bool:
@@ -110,45 +132,38 @@ def _is_on_plane(placement: Array) -> bool:
     return abs(float(placement[2, 3])) < 1e-3 and float(placement[2, 2]) > 0.999
 
 
-def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
+def check_lock(
+    lock: Mapping[str, float] | None, joints: tuple[str, ...] | None
+) -> Mapping[str, float]:
     """Require a mapping of names to positions, without names in `joints`."""
-    held = {} if lock is None else lock
-    if not isinstance(held, Mapping) or not all(isinstance(name, str) for name in held):
+    positions = {} if lock is None else lock
+    if not isinstance(positions, Mapping) or not all(isinstance(name, str) for name in positions):
         raise InvalidInputError(
             f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}"
         )
-    both = sorted(held.keys() & set(joints or ()))
+    both = sorted(positions.keys() & set(joints or ()))
     if both:
         raise InvalidInputError(
             f"a joint must be in joints or in lock, not in both; found {', '.join(both)}"
         )
-    return held
+    return positions
 
 
 def _segment(chain: Chain, first: int, last: int, end_frame: str) -> Chain:
     """Joints `first` to `last` of a chain, and the coordinates that move them."""
-    others = chain.others
     inertia = chain.inertia
-    poses = _resting_poses(chain)
     if inertia is not None:
         inertia = inertia[first : last + 1].copy()
         inertia[-1] += carried_inertia(chain, last)
-    kept = {name: place for name, place in chain.frames.items() if first <= place.joint <= last}
-    if others is not None:
-        bodies = {
-            n: Body(f.joint, f.placement[None], n) for n, f in chain.frames.items() if n not in kept
-        } | {**others}
-        others = {}
-        for name, body in bodies.items():
-            carrier = min(max(body.joint, first), last)
-            others[name] = body.moved(
-                carrier - first, np.linalg.inv(poses[carrier]) @ poses[body.joint]
-            )
+    frames = {}
+    for name, frame in chain.frames.items():
+        if first <= frame.joint <= last:
+            frames[name] = replace(frame, joint=frame.joint - first)
     segment = replace(
         chain,
-        others=others,
+        others=_bodies_beside(chain, first, last),
         joints=chain.joints[first:last],
-        frames={name: replace(place, joint=place.joint - first) for name, place in kept.items()},
+        frames=frames,
         frame=end_frame,
         coupling=chain.coupling[first:last],
         offset=chain.offset[first:last],
@@ -157,15 +172,34 @@ def _segment(chain: Chain, first: int, last: int, end_frame: str) -> Chain:
     return _with_coordinates(segment, np.any(segment.coupling != 0, axis=0))
 
 
+def _bodies_beside(chain: Chain, first: int, last: int) -> dict[str, Body] | None:
+    """Attach the frames and bodies that are not on the links `first` to `last` to the nearest of these."""
+    if chain.others is None:
+        return None
+    bodies = {}
+    for name, frame in chain.frames.items():
+        if not first <= frame.joint <= last:
+            bodies[name] = Body(frame.joint, frame.placement[None], name)
+    bodies |= chain.others
+
+    poses = _resting_poses(chain)
+    attached = {}
+    for name, body in bodies.items():
+        carrier = min(max(body.joint, first), last)
+        transform = np.linalg.inv(poses[carrier]) @ poses[body.joint]
+        attached[name] = body.moved(carrier - first, transform)
+    return attached
+
+
 def carried_inertia(chain: Chain, link: int) -> Array:
     """Spatial inertia (6, 6) of all links beyond a link, in their resting poses, about the origin of that link."""
     assert chain.inertia is not None
     poses = _resting_poses(chain)
     back = np.linalg.inv(poses[link])
-    beyond = range(link + 1, len(poses))
-    return np.asarray(
-        sum((moved_inertia(chain.inertia[k], back @ poses[k]) for k in beyond), np.zeros((6, 6)))
-    )
+    total = np.zeros((6, 6))
+    for k in range(link + 1, len(poses)):
+        total = total + moved_inertia(chain.inertia[k], back @ poses[k])
+    return total
 
 
 def _resting_poses(chain: Chain) -> list[Array]:
@@ -177,14 +211,19 @@ def _resting_poses(chain: Chain) -> list[Array]:
     return poses
 
 
-def _with_coordinates(chain: Chain, kept: Array) -> Chain:
+def _with_coordinates(chain: Chain, kept: NDArray[np.bool_]) -> Chain:
     """Return the chain with the coordinates in `kept` (dof,) only."""
-    limits = {
-        name: values[kept] for name in ("lower", "upper", "velocity_limits", "effort_limits")
-        if (values := getattr(chain, name)) is not None
-    }  # fmt: skip
-    coordinates = tuple(name for name, keep in zip(chain.coordinates, kept, strict=True) if keep)
-    return replace(chain, coupling=chain.coupling[:, kept], coordinates=coordinates, **limits)
+    velocity = chain.velocity_limits
+    effort = chain.effort_limits
+    return replace(
+        chain,
+        coupling=chain.coupling[:, kept],
+        coordinates=tuple(chain.coordinates[i] for i in np.flatnonzero(kept)),
+        lower=chain.lower[kept],
+        upper=chain.upper[kept],
+        velocity_limits=None if velocity is None else velocity[kept],
+        effort_limits=None if effort is None else effort[kept],
+    )
 
 
 def standing(chain: Chain, where: Array) -> Chain:
@@ -199,19 +238,20 @@ def standing(chain: Chain, where: Array) -> Chain:
 
 def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
     """Return the chain expressed in a frame in which its base has the pose `where`, shape (4, 4)."""
-    joints = [replace(joint, placement=where @ joint.placement) for joint in chain.joints[:1]]
-    return replace(
-        chain,
-        base=base,
-        joints=(*joints, *chain.joints[1:]),
-        frames={
-            name: place if place.joint else replace(place, placement=where @ place.placement)
-            for name, place in chain.frames.items()
-        },
-        others=None if chain.others is None else {
-            name: body if body.joint else body.moved(0, where) for name, body in chain.others.items()
-        },
-    )  # fmt: skip
+    joints = list(chain.joints)
+    if joints:
+        joints[0] = replace(joints[0], placement=where @ joints[0].placement)
+    frames = dict(chain.frames)
+    for name, frame in frames.items():
+        if frame.joint == 0:
+            frames[name] = replace(frame, placement=where @ frame.placement)
+    others = None
+    if chain.others is not None:
+        others = dict(chain.others)
+        for name, body in others.items():
+            if body.joint == 0:
+                others[name] = body.moved(0, where)
+    return replace(chain, base=base, joints=tuple(joints), frames=frames, others=others)
 
 
 _MIRROR = np.array([1.0, -1.0, 1.0, 1.0])
@@ -224,40 +264,60 @@ def mirrored(chain: Chain) -> Chain:
     With S = diag(1, −1, 1) every pose T becomes S T S. A rotation about an axis a becomes one about −S a by the same
     angle: equal joint angles of an arm and its mirror image are mirrored configurations, with ellipsoids M and S M S.
     """
-    left = chain.side == LEFT
+    name = f"{chain.name}_left"
+    side = LEFT
+    if chain.side == LEFT:
+        name = chain.name.removesuffix("_left")
+        side = RIGHT
 
-    def moved(poses: Array) -> Array:
-        return np.asarray(
-            _MIRROR[:, None] * poses * _MIRROR + 0.0
-        )  # adding zero removes negative zeros
-
+    joints = []
+    for joint in chain.joints:
+        sign = -1.0 if joint.kind == REVOLUTE else 1.0
+        axis = sign * _MIRROR[:3] * joint.axis + 0.0
+        joints.append(replace(joint, axis=axis, placement=_mirrored_poses(joint.placement)))
+    frames = {}
+    for frame_name, frame in chain.frames.items():
+        frames[frame_name] = replace(frame, placement=_mirrored_poses(frame.placement))
+    others = chain.others
+    if others:
+        others = dict(others)
+        for body_name, body in others.items():
+            others[body_name] = replace(body, placements=_mirrored_poses(body.placements))
+    inertia = chain.inertia
+    if inertia is not None:
+        inertia = inertia * np.outer(_MIRROR_TWIST, _MIRROR_TWIST) + 0.0
+    base_pose = chain.base_pose
+    if base_pose is not None:
+        base_pose = _mirrored_poses(base_pose)
+    shapes = chain.shapes
+    if shapes is not None:
+        shapes = partial(_mirrored_shapes, shapes)
+    collision_shapes = chain.collision_shapes
+    if collision_shapes is not None:
+        collision_shapes = partial(_mirrored_collision_shapes, collision_shapes)
     return replace(
         chain,
-        name=chain.name.removesuffix("_left") if left else f"{chain.name}_left",
-        side=RIGHT if left else LEFT,
-        joints=tuple(
-            replace(
-                joint,
-                axis=(-1.0 if joint.kind == REVOLUTE else 1.0) * _MIRROR[:3] * joint.axis + 0.0,
-                placement=moved(joint.placement),
-            )
-            for joint in chain.joints
-        ),
-        frames={name: replace(place, placement=moved(place.placement)) for name, place in chain.frames.items()},
-        inertia=None if chain.inertia is None else chain.inertia * np.outer(_MIRROR_TWIST, _MIRROR_TWIST) + 0.0,
+        name=name,
+        side=side,
+        joints=tuple(joints),
+        frames=frames,
+        inertia=inertia,
         gravity=tuple((_MIRROR[:3] * chain.gravity + 0.0).tolist()),
-        others=chain.others and {
-            name: replace(body, placements=moved(body.placements)) for name, body in chain.others.items()
-        },
-        base_pose=None if chain.base_pose is None else moved(chain.base_pose),
-        shapes=None if chain.shapes is None else partial(_mirrored_shapes, chain.shapes),
-        collision_shapes=chain.collision_shapes
-        and partial(_mirrored_collision_shapes, chain.collision_shapes),
-    )  # fmt: skip
+        others=others,
+        base_pose=base_pose,
+        shapes=shapes,
+        collision_shapes=collision_shapes,
+    )
+
+
+def _mirrored_poses(poses: Array) -> Array:
+    """Mirror poses (..., 4, 4) in the plane y = 0."""
+    # adding zero removes negative zeros
+    return np.asarray(_MIRROR[:, None] * poses * _MIRROR + 0.0)
 
 
 def _mirrored_shapes(
-    shapes: Callable[..., Iterable[Shape]], links: Collection[str], **options: Any
+    shapes: Callable[..., Iterable[Shape]], links: Collection[str], **options: object
 ) -> list[Shape]:
     """Mirrored shapes of links; reversed triangles keep their outside."""
     images = []
@@ -270,7 +330,7 @@ def _mirrored_shapes(
 
 
 def _mirrored_collision_shapes(
-    shapes: Callable[..., CollisionShapes], links: Collection[str], **options: Any
+    shapes: Callable[..., CollisionShapes], links: Collection[str], **options: object
 ) -> CollisionShapes:
     read = shapes(links, **options)
     return replace(read, shapes=_mirrored_shapes(lambda _: read.shapes, links))

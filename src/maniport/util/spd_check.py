@@ -6,7 +6,7 @@ from maniport.util.jit import kernel
 
 
 @kernel
-def vouch(matrices, results, fraction, tolerance, low, high, definite):  # type: ignore[no-untyped-def]
+def vouch(matrices, results, fraction, tolerance, low, high, definite):
     """Write the symmetric parts of matrices (count, n, n); True when each is certainly finite, symmetric and SPD."""
     count = matrices.shape[0]
     n = matrices.shape[1]

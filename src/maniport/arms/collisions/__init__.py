@@ -1,10 +1,10 @@
 """Collision checks of an arm or a group with itself, a table and obstacles: clearance and its gradient."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from maniport.arms.collisions.pairs import NO_PAIRS, SelectedPairs, select_pairs
 from maniport.arms.collisions.solids import Pairs, Solids
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.validation import Array, as_generator, as_number
+from maniport.util.validation import Array, RandomState, as_generator, as_number
 
 __all__ = [
     "NO_SHAPES",
@@ -77,6 +77,18 @@ class CheckedShapes(NamedTuple):
 NO_SHAPES = CheckedShapes()
 
 
+Obstacles = str | os.PathLike[str] | Sequence[Box] | None
+"""Boxes in the base frame of the arm, or a file of them."""
+
+
+class Surroundings(TypedDict, total=False):
+    """Arguments of `Collisions.of` besides the arm."""
+
+    table: float | None
+    obstacles: Obstacles
+    srdf: str | os.PathLike[str] | None
+
+
 class Collisions(NotebookDisplay):
     """Collisions of an arm or a group of arms with itself, a table and obstacles; made by `Collisions.of`.
 
@@ -108,7 +120,7 @@ class Collisions(NotebookDisplay):
         solids: Solids,
         selected: SelectedPairs,
         reason: str = "",
-        surroundings: Mapping[str, Any] | None = None,
+        surroundings: Surroundings | None = None,
     ):
         self.arm = arm
         self.reason = reason
@@ -116,10 +128,11 @@ class Collisions(NotebookDisplay):
         self._solids = solids
         self._pairs = selected.pairs
         self._selected = selected
-        self._surroundings = dict(surroundings or {})
-        self.pairs, self.always, never, self._full = (
-            tuple(dict.fromkeys(self._names(pairs))) for pairs in selected[:4]
-        )
+        self._surroundings: Surroundings = surroundings or {}
+        self.pairs = self._unique_names(selected.pairs)
+        self.always = self._unique_names(selected.always)
+        self._full = self._unique_names(selected.unresolved)
+        never = self._unique_names(selected.never)
         self.never = tuple(pair for pair in never if pair not in self.pairs)
         self.excluded = tuple(pair for pair in selected.excluded if pair not in self.pairs)
 
@@ -129,7 +142,7 @@ class Collisions(NotebookDisplay):
         arm: Arm | ArmGroup,
         *,
         table: float | None = None,
-        obstacles: Any = None,
+        obstacles: Obstacles = None,
         srdf: str | os.PathLike[str] | None = None,
     ) -> "Collisions":
         """Choose the pairs of bodies of an arm or a group of arms to check, with table and obstacles.
@@ -155,17 +168,17 @@ class Collisions(NotebookDisplay):
         height = -np.inf if table is None else as_number(table, "table")
         boxes = [box.hull() for box in as_boxes(obstacles)]
         disabled = set() if srdf is None else disabled_pairs(srdf, arm)
-        surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf}
+        surroundings: Surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf}
         reason = (
             f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
         )
         try:
-            if chosen := select_pairs(group, boxes, height, disabled):
+            chosen = select_pairs(group, boxes, height, disabled)
+            if chosen is not None:
                 return cls(arm, *chosen, surroundings=surroundings)
-            faults = []
-            for one in group.arms:
-                for fault in one.geometry.checked.missing.values():
-                    faults.append(fault)
+            faults = list[str]()
+            for member in group.arms:
+                faults += member.geometry.checked.missing.values()
             if faults:
                 reason = f"the surface of {arm.name!r} cannot be read: {faults[0]}"
         except FileFormatError as error:
@@ -205,8 +218,12 @@ class Collisions(NotebookDisplay):
         """
         names = dict[str, None]()
         for arm in as_group(self.arm).arms:
-            moving = (name for name, frame in arm.chain.frames.items() if frame.joint)
-            names |= dict.fromkeys(arm.geometry.checked.missing if self.checked else moving)
+            if self.checked:
+                names |= dict.fromkeys(arm.geometry.checked.missing)
+                continue
+            for name, frame in arm.chain.frames.items():
+                if frame.joint:
+                    names[name] = None
         names |= dict.fromkeys(self._selected.isolated)
         return *names, *(f"{first} against {second}" for first, second in self._full)
 
@@ -250,10 +267,10 @@ class Collisions(NotebookDisplay):
         """Return whether configurations (..., dof) collide, shape (...); False if nothing is checked."""
         flat, shape = self._flat(q)
         hit = np.zeros(len(flat), dtype=np.bool_)
-        for part in _blocks(len(flat)):
-            contacts = self._solids.contacts(flat[part], self._pairs, 0.0, depths=False)
+        for block in _blocks(len(flat)):
+            contacts = self._solids.contacts(flat[block], self._pairs, 0.0, depths=False)
             if len(contacts.rows):
-                hit[part.start + contacts.rows[contacts.distances <= 0.0]] = True
+                hit[block.start + contacts.rows[contacts.distances <= 0.0]] = True
         return hit.reshape(shape)
 
     def clearance(self, q: ArrayLike) -> Array:
@@ -268,10 +285,9 @@ class Collisions(NotebookDisplay):
         flat, shape = self._flat(q)
         least = np.full(len(flat), np.inf)
         which = np.full(len(flat), len(self._pairs))
-        for part in _blocks(len(flat)) if len(self._pairs) else ():
-            # pairs nearer than this are measured first [m]
-            left = np.arange(part.start, part.stop)
-            reach = 0.02
+        for block in _blocks(len(flat)) if len(self._pairs) else ():
+            left = np.arange(block.start, block.stop)
+            reach = 0.02  # pairs nearer than this are measured first [m]
             while len(left):
                 rows, columns, distances, *_ = self._solids.contacts(flat[left], self._pairs, reach)
                 order = np.lexsort((columns, distances, rows))
@@ -306,6 +322,9 @@ class Collisions(NotebookDisplay):
         kept = distance < threshold
         return contacts.rows[kept], distance[kept], slope[kept]
 
+    def _unique_names(self, pairs: Pairs) -> tuple[tuple[str, str], ...]:
+        return tuple(dict.fromkeys(self._names(pairs)))
+
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end
         return [(names[b], names[a]) for a, b in pairs.tolist()]
@@ -320,7 +339,7 @@ def _blocks(count: int, most: int = 8192) -> Iterator[slice]:
     return (slice(first, min(first + most, count)) for first in range(0, count, most))
 
 
-def as_collisions(value: Any, arm: Arm | ArmGroup) -> Collisions | None:
+def as_collisions(value: object, arm: Arm | ArmGroup) -> Collisions | None:
     """Convert the argument `collisions`: None and False to None, True to `Collisions.of(arm)`."""
     if value is None or value is False:
         return None
@@ -339,7 +358,11 @@ def as_collisions(value: Any, arm: Arm | ArmGroup) -> Collisions | None:
 
 
 def free_configurations(
-    arm: Arm | ArmGroup, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
+    arm: Arm | ArmGroup,
+    n: int,
+    random_state: RandomState,
+    sequence: str = "sobol",
+    collisions: Collisions | bool | None = None,
 ) -> Array:
     """Sample configurations as `maniport.arms.Arm.sample` does; those that collide are replaced.
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import coal
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.arm import Arm
@@ -62,24 +63,10 @@ class Hull:
     @classmethod
     def around(cls, name: str, joint: int, points: Array, most: int = 96) -> "Hull":
         """Enclose points [m] in a hull of at most `most` corners; the least prominent are omitted."""
-        corners = outline = _outline(points)
+        outline = _outline(points)
+        corners = outline
         if len(outline) > most:
-            chosen = _extreme(outline)
-            while len(chosen) < most:  # add the most prominent from the hull of the others
-                faces = ConvexHull(outline[chosen]).equations
-                beyond = outline @ faces[:, :3].T + faces[:, 3]
-                farthest = np.argmax(beyond, axis=0)
-                out = np.where(
-                    np.isin(farthest, chosen), 0.0, beyond[farthest, np.arange(len(faces))]
-                )
-                best = [face for face in np.argsort(-out, kind="stable") if out[face] > 1e-4]
-                if not best:
-                    break
-                count = min(
-                    most - len(chosen), 1 + len(best) // 4
-                )  # a new corner may make its neighbors redundant
-                chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
-            corners = outline[chosen]
+            corners = outline[_prominent(outline, most)]
         vertices = coal.StdVec_Vec3s()
         skin = 0.0
         vertices.extend(list(corners))
@@ -114,12 +101,10 @@ class Part:
 
     name: str  # of the link
     joint: int  # number of joints of the chain that move it
-    mesh: (
-        Mesh  # all shapes, in the frame of the last of them [m]; of a finger the hulls of all poses
-    )
+    mesh: Mesh  # all shapes in the frame of the joint [m]; of a finger the hulls of all poses
     own: bool = False  # whether it is on the chain, not attached to it
     end_position: Array | None = (
-        None  # (3,) of the end effector if it carries it, which hulls of visual shapes enclose [m]
+        None  # (3,) of the end effector that hulls of visual shapes enclose
     )
     solids: tuple[Solid, ...] = ()  # convex shapes
     concave: tuple[Mesh, ...] = ()  # meshes that hulls may have to divide
@@ -148,10 +133,9 @@ def parts_of(geometry: Geometry) -> tuple[Part, ...]:
     parts: list[Part] = []
     for link in links:
         frame = chain.frames[link]
+        end = None
         if link == carrier:
             end = end_position
-        else:
-            end = None
         forms = [_form(shape, frame.placement[None]) for shape in shapes[link]]
         parts += _parts(link, frame.joint, forms, own=True, end_position=end)
 
@@ -198,12 +182,18 @@ def _form(shape: Shape, placements: Array) -> _Form:
         solid = None if core is None else Solid(core, shape.radius, shape.contact)
         return _Form(mesh, solid, shape.collision)
 
-    points = _outline(mesh[0]) if core is None else core
-    core = np.concatenate([moved_points(points, placement) for placement in placements])
-    outline = [moved_points(_outline(mesh[0]), placement) for placement in placements]
-    hull = ConvexHull(_outline(np.concatenate(outline)))
+    outline = _outline(mesh[0])
+    if core is None:
+        core = outline
+    cores = []
+    outlines = []
+    for placement in placements:
+        cores.append(moved_points(core, placement))
+        outlines.append(moved_points(outline, placement))
+    hull = ConvexHull(_outline(np.concatenate(outlines)))
     swept = hull.points, hull.simplices.astype(np.int32)
-    return _Form(swept, Solid(core, shape.radius, shape.contact), shape.collision)
+    solid = Solid(np.concatenate(cores), shape.radius, shape.contact)
+    return _Form(swept, solid, shape.collision)
 
 
 def _parts(
@@ -214,22 +204,51 @@ def _parts(
     end_position: Array | None = None,
 ) -> list[Part]:
     """Return the part of a body, if it has a form, and one of its planes; visual meshes are joined."""
-    forms = [form for form in forms if len(form.mesh[1])]
-    planes = [form for form in forms if _is_plane(form.solid)]
+    planes = list[_Form]()
+    others = list[_Form]()
+    for form in forms:
+        if not len(form.mesh[1]):
+            continue
+        if _is_plane(form.solid):
+            planes.append(form)
+        else:
+            others.append(form)
+    parts = []
     if planes:
-        mesh = joined([form.mesh for form in planes])
-        solids = tuple(form.solid for form in planes if form.solid is not None)
-        part = Part(name, joint, mesh, own, None, solids, is_plane=True)
-        others = [form for form in forms if not _is_plane(form.solid)]
-        return [part, *_parts(name, joint, others, own, end_position)]
-    if not forms:
-        return []
-    mesh = joined([form.mesh for form in forms])
-    if not any(form.collision for form in forms):
-        return [Part(name, joint, mesh, own, end_position, concave=(mesh,))]
-    solids = tuple(form.solid for form in forms if form.solid is not None)
-    concave = tuple(form.mesh for form in forms if form.solid is None)
-    return [Part(name, joint, mesh, own, None, solids, concave)]
+        joined_planes = _Joined.of(planes)
+        parts.append(
+            Part(name, joint, joined_planes.mesh, own, solids=joined_planes.solids, is_plane=True)
+        )
+    if others:
+        shapes = _Joined.of(others)
+        if any(form.collision for form in others):
+            part = Part(name, joint, shapes.mesh, own, None, shapes.solids, shapes.concave)
+        else:
+            part = Part(name, joint, shapes.mesh, own, end_position, concave=(shapes.mesh,))
+        parts.append(part)
+    return parts
+
+
+class _Joined(NamedTuple):
+    """Shapes of a body: all as one mesh, the convex ones as solids, and the meshes of the others."""
+
+    mesh: Mesh
+    solids: tuple[Solid, ...]
+    concave: tuple[Mesh, ...]
+
+    @classmethod
+    def of(cls, forms: Sequence[_Form]) -> "_Joined":
+        """Join the shapes of a body, at least one."""
+        meshes = []
+        solids = []
+        concave = []
+        for form in forms:
+            meshes.append(form.mesh)
+            if form.solid is None:
+                concave.append(form.mesh)
+            else:
+                solids.append(form.solid)
+        return cls(joined(meshes), tuple(solids), tuple(concave))
 
 
 def _is_plane(solid: Solid | None) -> bool:
@@ -243,17 +262,16 @@ def hulls_of(part: Part, fine: bool = False) -> tuple[Hull, ...]:
     With `fine`, there are up to eight hulls of each mesh.
     """
     hulls = [Hull.of(part.name, part.joint, solid) for solid in part.solids]
+    most = FINE_CORNERS if fine else MOST_CORNERS
     for mesh in part.concave:
         outlines = _outlines(mesh, fine)
-        if (end := part.end_position) is not None:
-            nearest = int(
-                np.argmin([np.linalg.norm(outline - end, axis=1).min() for outline in outlines])
-            )
+        end = part.end_position
+        if end is not None:
+            distances = []
+            for outline in outlines:
+                distances.append(np.linalg.norm(outline - end, axis=1).min())
+            nearest = int(np.argmin(distances))
             outlines[nearest] = np.concatenate([outlines[nearest], [end]])
-        if fine:
-            most = FINE_CORNERS
-        else:
-            most = MOST_CORNERS
         hulls += [Hull.around(part.name, part.joint, outline, most) for outline in outlines]
     return tuple(hulls)
 
@@ -273,9 +291,10 @@ def _outlines(mesh: Mesh, fine: bool) -> list[Array]:
     while pieces and len(pieces) + len(whole) < most:
         piece = pieces.pop(int(np.argmax([piece.volume for piece in pieces])))
         halves = piece.halves(any_axis=fine)
-        smaller = sum(half.volume for half in halves) < worth * piece.volume
-        pieces += halves if smaller else []
-        whole += [] if smaller else [piece]
+        if _volume(halves) < worth * piece.volume:
+            pieces += halves
+        else:
+            whole.append(piece)
     outlines = []
     for piece in pieces + whole:
         if piece.planes:
@@ -294,9 +313,7 @@ class _Piece:
     """Triangles of a link on one side of some planes."""
 
     triangles: Array  # (n, 3, 3)
-    planes: tuple[
-        tuple[int, float, int], ...
-    ]  # axis, where the plane crosses it, and the side: 0 below, 1 above
+    planes: tuple[tuple[int, float, int], ...]  # axis, where the plane crosses it, side (1: above)
 
     @cached_property
     def volume(self) -> float:
@@ -307,18 +324,27 @@ class _Piece:
         """Cut at the fraction of the length, in sixths, where both hulls together are smallest."""
         low = self.triangles.min(axis=(0, 1))
         high = self.triangles.max(axis=(0, 1))
-        cuts = [[self]]
-        for axis in range(3) if any_axis else [int(np.argmax(high - low))]:
+        axes = [0, 1, 2]
+        if not any_axis:
+            axes = [int(np.argmax(high - low))]
+        cuts = []
+        for axis in axes:
             for at in np.linspace(low[axis], high[axis], 7)[1:-1].tolist():
-                sides = _cut(self.triangles, axis, at)
-                if all(map(len, sides)):
-                    cuts.append(
-                        [
-                            _Piece(side, (*self.planes, (axis, at, i)))
-                            for i, side in enumerate(sides)
-                        ]
-                    )
-        return min(cuts[1:] or cuts, key=lambda pieces: sum(piece.volume for piece in pieces))
+                below, above = _cut(self.triangles, axis, at)
+                if len(below) and len(above):
+                    pieces = [
+                        _Piece(below, (*self.planes, (axis, at, 0))),
+                        _Piece(above, (*self.planes, (axis, at, 1))),
+                    ]
+                    cuts.append(pieces)
+        if not cuts:
+            return [self]
+        return min(cuts, key=_volume)
+
+
+def _volume(pieces: Sequence[_Piece]) -> float:
+    """Sum of the volumes of the hulls of pieces [m³]."""
+    return sum(piece.volume for piece in pieces)
 
 
 def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
@@ -328,25 +354,34 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
     crossing = (count > 0) & (count < 3)
     split = triangles[crossing]
     upper = above[crossing]
-    lone = np.argmax(
-        upper == (upper.sum(axis=1) == 1)[:, None], axis=1
-    )  # the corner alone on its side
+    # corner a is alone on its side
+    lone = np.argmax(upper == (upper.sum(axis=1) == 1)[:, None], axis=1)
     rows = np.arange(len(split))
-    a, b, c = (split[rows, (lone + k) % 3] for k in range(3))
-    share = [(at - a[:, axis]) / (end[:, axis] - a[:, axis]) for end in (b, c)]
-    ab, ac = (a + part[:, None] * (end - a) for part, end in zip(share, (b, c), strict=True))
+    a = split[rows, lone]
+    b = split[rows, (lone + 1) % 3]
+    c = split[rows, (lone + 2) % 3]
+
+    # edges from a cross the plane there
+    share_b = (at - a[:, axis]) / (b[:, axis] - a[:, axis])
+    share_c = (at - a[:, axis]) / (c[:, axis] - a[:, axis])
+    ab = a + share_b[:, None] * (b - a)
+    ac = a + share_c[:, None] * (c - a)
+
     corners = np.stack([a, ab, ac], axis=1)
-    stumps = [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    first_stump = np.stack([ab, b, c], axis=1)
+    second_stump = np.stack([ab, c, ac], axis=1)
     corner_above = upper[rows, lone]
     below_plane = [
         triangles[count == 0],
         corners[~corner_above],
-        *(stump[corner_above] for stump in stumps),
+        first_stump[corner_above],
+        second_stump[corner_above],
     ]
     above_plane = [
         triangles[count == 3],
         corners[corner_above],
-        *(stump[~corner_above] for stump in stumps),
+        first_stump[~corner_above],
+        second_stump[~corner_above],
     ]
     return np.concatenate(below_plane), np.concatenate(above_plane)
 
@@ -359,17 +394,35 @@ def _outline(points: Array) -> Array:
             points = points[(points @ faces[:, :3].T + faces[:, 3] > -1e-9).any(axis=1)]
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
-        points = np.concatenate(
-            [points + 5e-4 * np.array(corner) for corner in product((-1, 1), repeat=3)]
-        )
+        thick = []
+        for corner in product((-1, 1), repeat=3):
+            thick.append(points + 5e-4 * np.array(corner))
+        points = np.concatenate(thick)
         return np.asarray(points[ConvexHull(points).vertices])
 
 
-def _extreme(points: Array) -> np.ndarray:
+def _prominent(points: Array, most: int) -> NDArray[np.intp]:
+    """Return indices of at most `most` points, the most prominent corners of the hull of all (n, 3)."""
+    chosen = _extreme(points)
+    while len(chosen) < most:  # add the most prominent from the hull of the others
+        faces = ConvexHull(points[chosen]).equations
+        beyond = points @ faces[:, :3].T + faces[:, 3]
+        farthest = np.argmax(beyond, axis=0)
+        distances = beyond[farthest, np.arange(len(faces))]
+        distances = np.where(np.isin(farthest, chosen), 0.0, distances)
+        order = np.argsort(-distances, kind="stable")
+        best = order[distances[order] > 1e-4]
+        if not len(best):
+            break
+        # a new corner may make its neighbors redundant
+        count = min(most - len(chosen), 1 + len(best) // 4)
+        chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
+    return chosen
+
+
+def _extreme(points: Array) -> NDArray[np.intp]:
     """Return indices of the points that are farthest along 26 directions."""
-    directions = np.array(
-        [direction for direction in product((-1, 0, 1), repeat=3) if any(direction)]
-    )
+    directions = np.array([axes for axes in product((-1, 0, 1), repeat=3) if any(axes)])
     return np.unique(np.argmax(points @ directions.T, axis=0))
 
 
@@ -390,7 +443,10 @@ class Lowest(NamedTuple):
 def lowest_point(arm: Arm, time: Array, q: Array) -> Lowest | None:
     """Compute the lowest point of the convex hulls of all moving links over a motion; None without shapes."""
     try:
-        hulls = [hull for part in parts_of(arm.geometry) if part.joint for hull in hulls_of(part)]
+        hulls = list[Hull]()
+        for part in parts_of(arm.geometry):
+            if part.joint:
+                hulls += hulls_of(part)
     except FileFormatError:
         return None
     poses = arm.link_poses(q)

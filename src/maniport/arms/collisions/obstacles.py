@@ -76,7 +76,7 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
     return tuple(obstacles)
 
 
-def as_boxes(value: Any) -> tuple[Box, ...]:
+def as_boxes(value: object) -> tuple[Box, ...]:
     """Convert None, a file, or boxes."""
     if value is None:
         return ()

@@ -32,9 +32,7 @@ class Body:
     arm: int  # arm that it was read with
     robot: int
     link: int  # link of the tree that moves it
-    arms: NDArray[
-        np.bool_
-    ]  # (n_arms,): arms that it is a part of; a base is one of all arms of its robot
+    arms: NDArray[np.bool_]  # (n_arms,): arms that have it; a base is of all arms of its robot
 
 
 class SelectedPairs(NamedTuple):
@@ -46,10 +44,8 @@ class SelectedPairs(NamedTuple):
     unresolved: Pairs
     share: Array  # (pairs,): fraction of a clearance that applies
     across: NDArray[np.bool_]  # (pairs,): pairs of links of two arms
-    excluded: tuple[
-        tuple[str, str], ...
-    ] = ()  # names of bodies whose contacts the description excludes
-    isolated: tuple[str, ...] = ()  # names of bodies whose contacts with all others it excludes
+    excluded: tuple[tuple[str, str], ...] = ()  # names of bodies whose contacts are excluded
+    isolated: tuple[str, ...] = ()  # names of bodies whose contacts with all others are excluded
 
 
 NO_PAIRS = SelectedPairs(
@@ -79,27 +75,74 @@ def select_pairs(
 
 def _bodies(group: ArmGroup) -> list[Body]:
     """All bodies of the first arm, then those of each further arm alone; empty without the shapes of an arm."""
-    listed = [parts_of(arm.geometry) for arm in group.arms]
-    robots = _robots(group)
-    common = group.common
-    if not all(any(part.own and not part.is_plane for part in parts) for parts in listed):
+    parts_of_arms = [parts_of(arm.geometry) for arm in group.arms]
+    if not all(_has_solids(parts) for parts in parts_of_arms):
         return []
+    robots = _robots(group)
     bodies: list[Body] = []
-    for i, parts in enumerate(listed):
-        others = [k for k in np.flatnonzero(robots == robots[i]).tolist() if k != i]
-        earlier = {body.part.name for body in bodies if body.robot == robots[i]}
-        moved = {part.name for k in others for part in listed[k] if part.joint > common[i, k]}
-        shared = max((int(common[i, k]) for k in others), default=-1)
+    for i, parts in enumerate(parts_of_arms):
+        known = _KnownParts.of(i, parts_of_arms, bodies, group, robots)
         for part in parts:
-            if part.joint > shared or (
-                part.name not in earlier and (part.own or part.name not in moved)
-            ):
-                arms = (robots == robots[i]) & (common[i] >= part.joint)
-                link = group.kinematics.links[i][part.joint]
-                bodies.append(Body(part, part.name, i, int(robots[i]), link, arms))
-    if len({body.name for body in bodies}) < len({(body.arm, body.name) for body in bodies}):
-        bodies = [replace(body, name=f"{group.names[body.arm]}_{body.name}") for body in bodies]
-    return bodies
+            if known.has(part):
+                continue
+            arms = (robots == robots[i]) & (group.common[i] >= part.joint)
+            link = group.kinematics.links[i][part.joint]
+            bodies.append(Body(part, part.name, i, int(robots[i]), link, arms))
+    return _named_apart(bodies, group)
+
+
+def _has_solids(parts: Sequence[Part]) -> bool:
+    """Whether a body on the chain of an arm has a shape other than a plane."""
+    return any(part.own and not part.is_plane for part in parts)
+
+
+class _KnownParts(NamedTuple):
+    """What earlier arms of a robot already have of an arm, or its other arms will have."""
+
+    shared: int  # number of joints with which the chain of another arm begins, -1 without one
+    earlier: set[str]  # names of bodies that were read with earlier arms
+    moved: set[str]  # names of parts that only another arm moves
+
+    @classmethod
+    def of(
+        cls,
+        arm: int,
+        parts_of_arms: Sequence[Sequence[Part]],
+        bodies: Sequence[Body],
+        group: ArmGroup,
+        robots: NDArray[np.intp],
+    ) -> "_KnownParts":
+        """Compare an arm with the others of its robot (arms,)."""
+        shared = -1
+        moved = set[str]()
+        for other in np.flatnonzero(robots == robots[arm]).tolist():
+            if other == arm:
+                continue
+            common = int(group.common[arm, other])
+            shared = max(shared, common)
+            moved |= {part.name for part in parts_of_arms[other] if part.joint > common}
+        earlier = {body.part.name for body in bodies if body.robot == robots[arm]}
+        return cls(shared, earlier, moved)
+
+    def has(self, part: Part) -> bool:
+        """Whether a part of the arm is not taken with it."""
+        if part.joint > self.shared:
+            return False
+        if part.name in self.earlier:
+            return True
+        return not part.own and part.name in self.moved
+
+
+def _named_apart(bodies: list[Body], group: ArmGroup) -> list[Body]:
+    """Return bodies with the names of arms as prefixes, where two arms have bodies of one name."""
+    names = {body.name for body in bodies}
+    names_in_arms = {(body.arm, body.name) for body in bodies}
+    if len(names) == len(names_in_arms):
+        return bodies
+    renamed = []
+    for body in bodies:
+        renamed.append(replace(body, name=f"{group.names[body.arm]}_{body.name}"))
+    return renamed
 
 
 def _robots(group: ArmGroup) -> NDArray[np.intp]:
@@ -107,16 +150,22 @@ def _robots(group: ArmGroup) -> NDArray[np.intp]:
     robots = np.arange(len(group))
     places = []
     for arm in group.arms:
-        places.append(
-            {
-                (name, frame.joint, frame.placement.tobytes())
-                for name, frame in arm.chain.frames.items()
-            }
-        )
+        of_arm = set[tuple[str, int, bytes]]()
+        for name, frame in arm.chain.frames.items():
+            of_arm.add((name, frame.joint, frame.placement.tobytes()))
+        places.append(of_arm)
     for i, k in combinations(range(len(group)), 2):
         if any(joint <= group.common[i, k] for _, joint, _ in places[i] & places[k]):
             robots[robots == robots[k]] = robots[i]
     return robots
+
+
+class _Classes(NamedTuple):
+    """Which pairs (pairs,) are left out, see `SelectedPairs`; filled one after the other."""
+
+    never: NDArray[np.bool_]
+    always: NDArray[np.bool_]
+    unresolved: NDArray[np.bool_]
 
 
 class _Selection:
@@ -131,46 +180,47 @@ class _Selection:
         disabled: Collection[frozenset[str]],
         fine: Collection[Part],  # parts that need finer hulls
     ):
-        enclosed = [hulls_of(body.part, body.part in fine) for body in bodies]
         hulls = []
-        for body, own in zip(bodies, enclosed, strict=True):
-            for hull in own:
+        owners = []
+        for i, body in enumerate(bodies):
+            for hull in hulls_of(body.part, body.part in fine):
                 hulls.append(replace(hull, name=body.name, joint=body.link))
+                owners.append(i)
         self.group = group
         self.excluded: dict[tuple[str, str], None] = {}  # pairs that the description excludes
         self.bodies = bodies
         self.solids = Solids(group.kinematics, [*hulls, *boxes], table)
-        self.owners = np.repeat(
-            np.arange(len(bodies)), [len(own) for own in enclosed]
-        )  # body of each hull
-        self.q = np.concatenate(
-            [np.clip(0.0, group.lower, group.upper)[None], group.sample(9999, random_state=0)]
-        )
+        self.owners = np.array(owners, dtype=np.intp)  # body of each hull
+        rest = np.clip(0.0, group.lower, group.upper)
+        self.q = np.concatenate([rest[None], group.sample(9999, random_state=0)])
         self.between, candidates, off = _candidates(group, bodies, disabled)
         allowed = candidates[self.owners[:, None], self.owners]
         movable = ~off & (self.between > 0)
         self._apply_contacts(hulls, allowed, movable[self.owners[:, None], self.owners])
-        a, b = np.nonzero(np.triu(allowed, 1))
-        checked = {bodies[owner].name for owner in self.owners[np.concatenate([a, b])].tolist()}
-        alone = []
+
+        smaller, larger = np.nonzero(np.triu(allowed, 1))
+        self.isolated = self._isolated(np.concatenate([smaller, larger]))
+        pairs = list(zip(larger.tolist(), smaller.tolist(), strict=True))
+        surroundings = list(range(len(hulls), len(hulls) + len(boxes)))
+        if np.isfinite(table):
+            surroundings.append(TABLE)
+        for i, hull in enumerate(hulls):
+            if hull.joint:
+                pairs += [(i, other) for other in surroundings]
+        self.pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        is_link = (self.pairs >= 0) & (self.pairs < len(hulls))
+        self.links = np.array(is_link.all(axis=1), dtype=np.bool_)  # pairs of links
+        self.ends = self.owners[np.where(self.links[:, None], self.pairs, 0)]  # their bodies
+
+    def _isolated(self, checked: NDArray[np.intp]) -> tuple[str, ...]:
+        """Return names of bodies in excluded pairs without a hull that is checked with another."""
+        names = {self.bodies[owner].name for owner in self.owners[checked].tolist()}
+        isolated = dict[str, None]()
         for pair in self.excluded:
             for name in pair:
-                if name not in checked:
-                    alone.append(name)
-        self.isolated = tuple(dict.fromkeys(alone))
-        count = len(hulls)
-        moving = [i for i, hull in enumerate(hulls) if hull.joint]
-        around = [*range(count, count + len(boxes)), *([TABLE] if np.isfinite(table) else [])]
-        self.pairs = np.array(
-            [*zip(b, a, strict=True), *((i, k) for i in moving for k in around)], dtype=np.int64
-        )
-        self.pairs = self.pairs.reshape(-1, 2)
-        self.links = np.array(
-            ((self.pairs >= 0) & (self.pairs < count)).all(axis=1), dtype=np.bool_
-        )
-        self.ends = self.owners[
-            np.where(self.links[:, None], self.pairs, 0)
-        ]  # bodies of pairs of links
+                if name not in names:
+                    isolated[name] = None
+        return tuple(isolated)
 
     def _apply_contacts(
         self,
@@ -197,60 +247,91 @@ class _Selection:
             movable_here = movable[block] & other_body
             allowed[block] = touching & movable_here
             for i, k in np.argwhere(np.triu(excluded & movable_here, 1)).tolist():
-                first, second = (self.bodies[self.owners[geoms[end]]].name for end in (i, k))
+                first = self.bodies[self.owners[geoms[i]]].name
+                second = self.bodies[self.owners[geoms[k]]].name
                 self.excluded[first, second] = None
 
     def classified(self) -> tuple[SelectedPairs, set[Part]]:
         """Return the pairs by class, see `Collisions`, and the parts whose hulls are too coarse."""
-        solids = self.solids
         pairs = self.pairs
         links = self.links
-        q = self.q
         near = links & (self.between[tuple(self.ends.T)] <= 2)
         # samples miss the nearest configuration; those of two coordinates are 2° to 4° apart
         reach = np.where(near, 0.005, np.where(links, 0.1, 0.02))
-        bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
-        never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
-        for first in range(FIRST, len(q), FIRST):  # in blocks, to bound the memory
-            block = q[first : first + FIRST]
-            further = solids.distance_bounds(block, pairs[never], reach[never])
-            never[never] = (further > reach[never]).all(axis=0)
+        bounds = self.solids.distance_bounds(self.q[:FIRST], pairs, reach)
         hits = np.array(bounds <= 0.0, dtype=np.bool_)
-        always = self._touching_surroundings(hits)
-        unresolved = np.zeros_like(always)
+        classes = _Classes(
+            never=self._far(bounds, reach),
+            always=self._touching_surroundings(hits),
+            unresolved=np.zeros(len(pairs), dtype=np.bool_),
+        )
         coarse = set[Part]()
-        for a, b in np.unique(self.ends[links & ~never & hits.any(axis=0)], axis=0).tolist():
-            columns = np.flatnonzero(links & ~never & (self.ends == (a, b)).all(axis=1))
+        met = links & ~classes.never & hits.any(axis=0)
+        for a, b in np.unique(self.ends[met], axis=0).tolist():
+            of_bodies = (self.ends == (a, b)).all(axis=1)
+            columns = np.flatnonzero(links & ~classes.never & of_bodies)
             meeting = np.asarray(hits[:, columns].any(axis=1))
-            if meeting.mean() <= OFTEN:
-                continue
-            touching = self._touch(a, b, pairs[columns], q[np.flatnonzero(meeting)[:128]])
-            share = float(meeting.mean() * touching.mean())
-            if share > NEARLY_ALL and meeting[0] and touching[0]:  # also at rest
-                always[columns] = True
-                continue
-            if not touching.any() and self.between[a, b] <= 2:
-                # 2048 samples with two coordinates are 8° apart
-                close = np.asarray(
-                    (solids.distance_bounds(q[:2048], pairs[columns], 0.0) <= 0.0).any(axis=1)
-                )
-                if not self._touch(a, b, pairs[columns], q[:2048][close]).any():
-                    never[columns] = True
-                    continue
-            if self._are_convex(a, b):  # their hulls are exact
-                continue
-            unresolved[columns] = meeting.mean() > NEARLY_ALL
-            if meeting.mean() - share > OFTEN:
-                parts = (self.bodies[i].part for i in (a, b))
-                coarse |= {part for part in parts if not part.is_convex}
-        kept = ~(always | never | unresolved)
+            if meeting.mean() > OFTEN and self._classify(a, b, columns, meeting, classes):
+                for i in (a, b):
+                    if not self.bodies[i].part.is_convex:
+                        coarse.add(self.bodies[i].part)
+
+        kept = ~(classes.always | classes.never | classes.unresolved)
         arms = np.array([body.arms for body in self.bodies])
         across = links & ~np.any(arms[self.ends].all(axis=1), axis=1)
-        share_of = np.where(near, 0.25, 1.0)
-        return SelectedPairs(
-            pairs[kept], pairs[always], pairs[never], pairs[unresolved], share_of[kept], across[kept],
-            tuple(self.excluded), self.isolated,
-        ), coarse  # fmt: skip
+        share = np.where(near, 0.25, 1.0)
+        selected = SelectedPairs(
+            pairs=pairs[kept],
+            always=pairs[classes.always],
+            never=pairs[classes.never],
+            unresolved=pairs[classes.unresolved],
+            share=share[kept],
+            across=across[kept],
+            excluded=tuple(self.excluded),
+            isolated=self.isolated,
+        )
+        return selected, coarse
+
+    def _far(self, bounds: Array, reach: Array) -> NDArray[np.bool_]:
+        """Return pairs that keep a distance (pairs,) in all samples; `bounds` are those of the first."""
+        far = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
+        for first in range(FIRST, len(self.q), FIRST):  # in blocks, to bound the memory
+            block = self.q[first : first + FIRST]
+            further = self.solids.distance_bounds(block, self.pairs[far], reach[far])
+            far[far] = (further > reach[far]).all(axis=0)
+        return far
+
+    def _classify(
+        self,
+        a: int,
+        b: int,
+        columns: NDArray[np.intp],
+        meeting: NDArray[np.bool_],
+        classes: "_Classes",
+    ) -> bool:
+        """Classify the pairs of two bodies whose hulls meet in some samples (`FIRST`,), by their shapes.
+
+        Return whether the hulls meet much more often than the shapes.
+        """
+        pairs = self.pairs[columns]
+        touching = self._touch(a, b, pairs, self.q[np.flatnonzero(meeting)[:128]])
+        share = float(meeting.mean() * touching.mean())
+        if share > NEARLY_ALL and meeting[0] and touching[0]:  # also at rest
+            classes.always[columns] = True
+            return False
+        if not touching.any() and self.between[a, b] <= 2 and not self._ever_touch(a, b, pairs):
+            classes.never[columns] = True
+            return False
+        if self._are_convex(a, b):  # their hulls are exact
+            return False
+        classes.unresolved[columns] = meeting.mean() > NEARLY_ALL
+        return bool(meeting.mean() - share > OFTEN)
+
+    def _ever_touch(self, a: int, b: int, pairs: Pairs) -> bool:
+        """Whether two bodies touch in 2048 samples, which are 8° apart with two coordinates."""
+        q = self.q[:2048]
+        meeting = np.asarray((self.solids.distance_bounds(q, pairs, 0.0) <= 0.0).any(axis=1))
+        return bool(self._touch(a, b, pairs, q[meeting]).any())
 
     def _touching_surroundings(self, hits: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Pairs with table or boxes that touch in all samples; an error where they must not."""
@@ -258,9 +339,11 @@ class _Selection:
         always = np.asarray(hits.all(axis=0) & ~self.links)
         for k in np.flatnonzero(always):
             always[k] = np.all(solids.contacts(self.q[:FIRST], self.pairs[[k]]).distances <= 0.0)
-        last = set()
-        for arm in {b.arm for b in self.bodies}:
-            last.add(max(b.link for b in self.bodies if b.part.own and b.arm == arm))
+        last_of_arms = dict[int, int]()
+        for body in self.bodies:
+            if body.part.own:
+                last_of_arms[body.arm] = max(body.link, last_of_arms.get(body.arm, 0))
+        last = set(last_of_arms.values())
         for a, b in self.pairs[always].tolist():
             if b != TABLE or solids.hulls[a].joint in last:
                 what = f"table: the plane at z = {solids.table:g} m"
@@ -288,14 +371,19 @@ class _Selection:
         request = coal.CollisionRequest()
         result = coal.CollisionResult()
         touching = np.zeros(len(q), dtype=np.bool_)
-        (first, second) = (self.bodies[i] for i in (a, b))
-        solids = _mesh_solid(first.part), _mesh_solid(second.part)
-        for row, (turns, origins) in enumerate(zip(*self.solids.tree.link_poses(q), strict=True)):
-            at, other = (
-                coal.Transform3s(turns[body.link], origins[body.link]) for body in (first, second)
-            )
+        first = self.bodies[a]
+        second = self.bodies[b]
+        first_solid = _mesh_solid(first.part)
+        second_solid = _mesh_solid(second.part)
+        turns, origins = self.solids.tree.link_poses(q)
+        for row in range(len(q)):
+            first_pose = coal.Transform3s(turns[row, first.link], origins[row, first.link])
+            second_pose = coal.Transform3s(turns[row, second.link], origins[row, second.link])
             result.clear()
-            touching[row] = coal.collide(solids[0], at, solids[1], other, request, result) > 0
+            contacts = coal.collide(
+                first_solid, first_pose, second_solid, second_pose, request, result
+            )
+            touching[row] = contacts > 0
         return touching
 
     def require_free_base(self, sunk: float = 0.01) -> None:
@@ -306,19 +394,16 @@ class _Selection:
         solids = self.solids
         hulls = self.solids.hulls
         count = len(self.owners)
-        fixed = [
-            i
-            for i in range(count)
-            if hulls[i].joint == 0 and not self.bodies[self.owners[i]].part.is_plane
-        ]
+        fixed = []
+        for i in range(count):
+            if hulls[i].joint == 0 and not self.bodies[self.owners[i]].part.is_plane:
+                fixed.append(i)
         zero = np.zeros((1, solids.tree.coupling.shape[1]))
         for i in fixed:
             body = self.bodies[self.owners[i]]
             hull = hulls[i]
-            if (
-                not body.part.own
-            ):  # a leg or another arm may reach below a table in front of the robot
-                continue
+            if not body.part.own:
+                continue  # a leg or another arm may reach below a table in front of the robot
             low = round(float(hull.corners[:, 2].min() - hull.radius), 3) + 0.0  # no negative zero
             high = float(hull.corners[:, 2].max() + hull.radius)
             if solids.table > low + sunk:
@@ -331,11 +416,11 @@ class _Selection:
             for k in (*others, *range(count, len(hulls))):
                 depth = -float(solids.contacts(zero, np.array([[i, k]])).distances[0])
                 if depth > sunk:
-                    own = hull.name
+                    name = hull.name
                     other = hulls[k].name
-                    what = f"bases: {own!r} is {depth:.3f} m deep in {other!r}"
+                    what = f"bases: {name!r} is {depth:.3f} m deep in {other!r}"
                     if k >= count:
-                        what = f"obstacles: {other!r} intersects the robot's base: {own!r} is {depth:.3f} m deep in it"
+                        what = f"obstacles: {other!r} intersects the robot's base: {name!r} is {depth:.3f} m deep in it"
                     raise InvalidInputError(
                         f"{what}; allowed is at most {sunk:g} m. Place them farther apart"
                     )
@@ -354,17 +439,19 @@ def _candidates(
     between = ((paths[:, None] != paths).astype(np.intp) @ (tree.coupling != 0) > 0).sum(axis=-1)
     occupied = {0}  # links with a frame
     for arm, path in zip(group.arms, tree.links, strict=True):
-        occupied |= {path[frame.joint] for frame in arm.chain.frames.values()}
+        for frame in arm.chain.frames.values():
+            occupied.add(path[frame.joint])
     above = [0]  # nearest occupied link above each link
     for parent in tree.parents.tolist():
         above.append(parent if parent in occupied else above[parent])
-    own = np.array([body.part.own for body in bodies])
-    adjacent = (
-        (np.array(above)[links][:, None] == links) & (links[:, None] > links) & own[:, None] & own
-    )
+    on_chain = np.array([body.part.own for body in bodies])
+    adjacent = (np.array(above)[links][:, None] == links) & (links[:, None] > links)
+    adjacent &= on_chain[:, None] & on_chain
     robots = np.array([body.robot for body in bodies])
-    names = [body.part.name for body in bodies]
-    off = np.array([[frozenset((a, b)) in disabled for b in names] for a in names], dtype=np.bool_)
+    off = np.zeros((len(bodies), len(bodies)), dtype=np.bool_)
+    for i, first in enumerate(bodies):
+        for k, second in enumerate(bodies):
+            off[i, k] = frozenset((first.part.name, second.part.name)) in disabled
     same_robot = robots[:, None] == robots
     candidates = ~(same_robot & (adjacent | adjacent.T | (between == 0) | off))
     return between, candidates, off & same_robot

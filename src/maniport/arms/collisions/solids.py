@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.collisions.hulls import Hull
+from maniport.arms.collisions.kernels import fill_distance_bounds
 from maniport.arms.kinematics import Kinematics
-from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
 TABLE = -1  # index of the table in pairs
@@ -38,28 +38,38 @@ class Solids:
         self.tree = tree
         joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
         self._links = np.append(joints, 0)  # the last is the table, fixed to the base
-        self._shapes = [
-            *(hull.solid for hull in hulls),
-            coal.Halfspace(np.array([0.0, 0.0, 1.0]), max(table, -1e9)),
-        ]
-        self._skins = np.array([*(hull.skin for hull in hulls), 0.0])
-        ends = np.array(
-            [(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]
-        ).reshape(-1, 2, 3)
+        self._shapes = []
+        skins = []
+        corners = [np.empty((0, 3))]
+        starts = [0]
+        lowest = []
+        highest = []
+        for hull in hulls:
+            self._shapes.append(hull.solid)
+            skins.append(hull.skin)
+            corners.append(hull.corners)
+            starts.append(starts[-1] + len(hull.corners))
+            lowest.append(hull.corners.min(axis=0))
+            highest.append(hull.corners.max(axis=0))
+        self._shapes.append(coal.Halfspace(np.array([0.0, 0.0, 1.0]), max(table, -1e9)))
+        self._skins = np.array([*skins, 0.0])
+
+        low = np.reshape(lowest, (-1, 3))
+        high = np.reshape(highest, (-1, 3))
         self._arrays = (
-            np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
-            np.cumsum([0, *(len(hull.corners) for hull in hulls)]),
+            np.concatenate(corners),
+            np.array(starts),
             joints,
             self._skins,
-            0.5 * (ends[:, 0] + ends[:, 1]),
-            0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1),
+            0.5 * (low + high),
+            0.5 * np.linalg.norm(high - low, axis=1),
         )
 
     def distance_bounds(self, q: Array, pairs: Pairs, sufficient: float | Array) -> Array:
         """Lower bounds of the distances of pairs [m], (n, pairs), for q (n, dof); not refined above `sufficient`."""
         bounds = np.empty((len(q), len(pairs)))
         margins = np.zeros(len(pairs)) + sufficient
-        _fill_distance_bounds(
+        fill_distance_bounds(
             *self.tree.link_poses(q), *self._arrays, pairs, margins, self.table, bounds
         )
         return bounds
@@ -84,22 +94,27 @@ class Solids:
             which = rows
         turns, origins = self.tree.link_poses(q[used])
         links = self._links[pairs[columns]].tolist()
-        ends = pairs[columns].tolist()
-        moved = {
-            (row, link) for row, own in zip(which.tolist(), links, strict=True) for link in own
-        }
-        places = {key: coal.Transform3s(turns[key], origins[key]) for key in moved}
+        hulls = pairs[columns].tolist()
+        poses: dict[tuple[int, int], coal.Transform3s] = {}  # by row and link
         for k, row in enumerate(which.tolist()):
-            (a, b), (link_a, link_b) = ends[k], links[k]
+            for link in links[k]:
+                if (row, link) not in poses:
+                    poses[row, link] = coal.Transform3s(turns[row, link], origins[row, link])
+            first, second = hulls[k]
+            first_link, second_link = links[k]
             result.clear()
-            first = (self._shapes[a], places[row, link_a])
-            second = (self._shapes[b], places[row, link_b])
-            distances[k] = coal.distance(*first, *second, request, result)
+            distances[k] = coal.distance(
+                self._shapes[first],
+                poses[row, first_link],
+                self._shapes[second],
+                poses[row, second_link],
+                request,
+                result,
+            )
             normals[k] = -result.normal
             points[k] = result.getNearestPoint1()
-        return Contacts(
-            rows, columns, distances - self._skins[pairs[columns]].sum(axis=1), normals, points
-        )
+        distances = distances - self._skins[pairs[columns]].sum(axis=1)
+        return Contacts(rows, columns, distances, normals, points)
 
     def slopes(self, q: Array, pairs: Pairs, contacts: Contacts) -> Array:
         """Return derivatives of the distances in the configuration, shape (k, dof)."""
@@ -123,111 +138,3 @@ class Solids:
         # sums in order, for the same bits on any processor; + 0.0 makes -0.0 a 0.0
         changes = np.cumsum(terms.reshape(*signs.shape, 9), axis=-1)[..., -1] + 0.0
         return self.tree.coupled(changes)
-
-
-@kernel
-def _fill_distance_bounds(  # type: ignore[no-untyped-def]
-    rotations, places,
-    corners, starts, joints, skins, centers, radii, pairs, margins, table, bounds,
-):  # fmt: skip
-    """Fill lower bounds of the distances of pairs; bounds above `margins` (pairs,) are not refined."""
-    middles = np.empty((len(joints), 3))
-    for n in range(len(bounds)):
-        turns = rotations[n]
-        origins = places[n]
-        for h in range(len(joints)):
-            j = joints[h]
-            for i in range(3):
-                middles[h, i] = origins[j, i] + (
-                    turns[j, i, 0] * centers[h, 0]
-                    + turns[j, i, 1] * centers[h, 1]
-                    + turns[j, i, 2] * centers[h, 2]
-                )
-        for p in range(len(pairs)):
-            a, b = pairs[p]
-            j = joints[a]
-            skin = skins[a] + skins[b]
-            sufficient = margins[p] + skin
-            if b < 0:
-                height = middles[a, 2] - radii[a] - table
-                if height <= sufficient:
-                    up = turns[j, 2]
-                    height = (
-                        origins[j, 2]
-                        - table
-                        + _least(corners, starts[a], starts[a + 1], up[0], up[1], up[2])[0]
-                    )
-                bounds[n, p] = height - skin
-                continue
-            x = middles[a, 0] - middles[b, 0]
-            y = middles[a, 1] - middles[b, 1]
-            z = middles[a, 2] - middles[b, 2]
-            distance = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
-            if distance <= sufficient:
-                distance = _apart(
-                    turns[j], origins[j], turns[joints[b]], origins[joints[b]], corners,
-                    starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, sufficient,
-                )  # fmt: skip
-            bounds[n, p] = distance - skin
-
-
-@part
-def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
-    """Smallest product of a direction with corners, and the index of the corner."""
-    least = np.inf
-    where = first
-    for i in range(first, last):
-        value = x * corners[i, 0] + y * corners[i, 1] + z * corners[i, 2]
-        if value < least:
-            least = value
-            where = i
-    return least, where
-
-
-@part
-def _apart(  # type: ignore[no-untyped-def]
-    turn_a, at_a, turn_b, at_b, corners, a0, a1, b0, b1, x, y, z, sufficient
-):
-    """Distance of two hulls along separating directions: the first above `sufficient`, or the largest."""
-    most = -1.0
-    for _ in range(12):  # after 12 directions the exact test decides
-        square = x * x + y * y + z * z
-        length = np.sqrt(square)
-        if length <= 1e-12:
-            break
-        ax = turn_a[0, 0] * x + turn_a[1, 0] * y + turn_a[2, 0] * z
-        ay = turn_a[0, 1] * x + turn_a[1, 1] * y + turn_a[2, 1] * z
-        az = turn_a[0, 2] * x + turn_a[1, 2] * y + turn_a[2, 2] * z
-        bx = turn_b[0, 0] * x + turn_b[1, 0] * y + turn_b[2, 0] * z
-        by = turn_b[0, 1] * x + turn_b[1, 1] * y + turn_b[2, 1] * z
-        bz = turn_b[0, 2] * x + turn_b[1, 2] * y + turn_b[2, 2] * z
-        least_a, i = _least(corners, a0, a1, ax, ay, az)
-        least_b, j = _least(corners, b0, b1, -bx, -by, -bz)
-        between = (
-            x * (at_a[0] - at_b[0])
-            + y * (at_a[1] - at_b[1])
-            + z * (at_a[2] - at_b[2])
-            + least_a
-            + least_b
-        )
-        most = max(most, between / length - 1e-9)  # rounding
-        if most > sufficient:
-            break
-        w0 = at_a[0] - at_b[0]
-        w1 = at_a[1] - at_b[1]
-        w2 = at_a[2] - at_b[2]
-        for m in range(3):
-            w0 += turn_a[0, m] * corners[i, m] - turn_b[0, m] * corners[j, m]
-            w1 += turn_a[1, m] * corners[i, m] - turn_b[1, m] * corners[j, m]
-            w2 += turn_a[2, m] * corners[i, m] - turn_b[2, m] * corners[j, m]
-        u0 = x - w0
-        u1 = y - w1
-        u2 = z - w2
-        change = u0 * u0 + u1 * u1 + u2 * u2
-        if not change > 0.0:
-            break
-        step = min(1.0, max(0.0, (x * u0 + y * u1 + z * u2) / change))
-        x = x - step * u0
-        y = y - step * u1
-        z = z - step * u2
-    return most

@@ -249,8 +249,8 @@ def _read_side(
     if frame is None:
         frame = limb.frame
     chain = _read_file(file, frame, joints, {})
-    for ours, theirs in zip(chain.joints, limb.joints, strict=False):
-        if ours.name != theirs:
+    for joint, name_on_limb in zip(chain.joints, limb.joints, strict=False):
+        if joint.name != name_on_limb:
             raise InvalidInputError(
                 f"the frame {frame!r} is not on {name!r}; its end effector is {limb.frame!r}"
             )
@@ -413,28 +413,29 @@ def _restricted_group(
 ) -> ArmGroup:
     """Return a group in which other joints are locked; names are those of the group."""
     wanted = None if joints is None else check_names(joints, "joints")
-    held = check_lock(lock, None)
-    for name in (*(wanted or ()), *held):
+    positions = check_lock(lock, None)
+    for name in (*(wanted or ()), *positions):
         if name not in group.joint_names:
             raise unknown_name("joint", name, group.joint_names, f"on the arms of {group.name!r}")
-    if not wanted and not held:
+    if not wanted and not positions:
         return group
 
     arms = []
     for arm, title, columns in zip(group.arms, group.names, group.columns, strict=True):
-        in_group = [group.joint_names[column] for column in columns]
-        names = dict(
-            zip(in_group, arm.joint_names, strict=True)
-        )  # of the arm, by that of the group
-        if wanted is None:
-            moving = None
-        else:
+        names = {}  # of joints of the arm, by those of the group
+        for column, name in zip(columns, arm.joint_names, strict=True):
+            names[group.joint_names[column]] = name
+        moving = None
+        if wanted is not None:
             moving = [names[name] for name in wanted if name in names]
         if moving == []:
             raise InvalidInputError(
                 f"joints: none of {', '.join(wanted or ())} moves the {title} arm, which has {', '.join(names)}"
             )
-        locked = {names[name]: at for name, at in held.items() if name in names}
+        locked = {}
+        for name, position in positions.items():
+            if name in names:
+                locked[names[name]] = position
         arms.append(arm.restricted(joints=moving, lock=locked))
     return ArmGroup(*arms, names=group.names)
 
@@ -474,15 +475,11 @@ def _ends(
 ) -> list[str | None]:
     """Return the end effectors of the left and right limb of a robot, where `end_frames` has None."""
     name = os.fspath(robot)
-    if limbs:
-        longest = longest_limbs(limbs)
-    else:
-        longest = []
+    longest = longest_limbs(limbs) if limbs else []
     if len(longest) < 2:
+        only = "one arm"
         if longest:
             only = f"one longest limb, to {longest[0].frame!r}"
-        else:
-            only = "one arm"
         raise InvalidInputError(
             f"robot {name!r} must have two arms; found {only}: name both end effectors with "
             f"{argument('frames')}, or place two robots with {placing_options()}"
@@ -494,7 +491,10 @@ def _ends(
             f"the robot {name!r} has limbs without left and right in their names: name both end "
             f"effectors with {argument('frames')}; they end at {ends}"
         )
-    return [chosen or default for chosen, default in zip(end_frames, sided, strict=True)]
+    frames = list[str | None]()
+    for chosen, default in zip(end_frames, sided, strict=True):
+        frames.append(chosen or default)
+    return frames
 
 
 def _sided_ends(limbs: Sequence[Limb], robot: str) -> list[str]:

@@ -134,8 +134,8 @@ def read_shapes(
         visual = _drawn(listed)
         shapes, fault = _made(path, visual)
         if fault:
-            others = [one for one in listed if one.collision and one not in visual]
-            shapes, other_fault = _made(path, others)
+            contacts = [shape for shape in listed if shape.collision and shape not in visual]
+            shapes, other_fault = _made(path, contacts)
             if not shapes or other_fault:
                 raise FileFormatError(fault)
             shapes = [replace(shape, stand_in=True) for shape in shapes]
@@ -162,21 +162,20 @@ def read_collision_shapes(
     replaced: dict[str, str] = {}
     undrawn: list[str] = []
     for link, listed in by_link.items():
-        contacts = [one for one in listed if one.collision]
-        visual = [one for one in _drawn(listed) if not one.collision]
+        contacts = [shape for shape in listed if shape.collision]
+        visual = [shape for shape in _drawn(listed) if not shape.collision]
         shapes, fault = _made(path, contacts)
-        if contacts and not fault:
-            if not all(one.available() for one in visual):
-                undrawn.append(link)
-        else:
-            others, other_fault = _made(path, visual)
-            if others and not other_fault:
-                shapes = others
+        if not contacts or fault:
+            drawn, drawn_fault = _made(path, visual)
+            if drawn and not drawn_fault:
+                shapes = drawn
                 if fault:
                     replaced[link] = fault
-            elif fault or other_fault:
-                shapes = shapes or others
-                missing[link] = fault or other_fault
+            elif fault or drawn_fault:
+                shapes = shapes or drawn
+                missing[link] = fault or drawn_fault
+        elif not _are_available(visual):
+            undrawn.append(link)
         chosen += shapes
         _require_few(path, chosen)
     return CollisionShapes(chosen, missing, replaced, tuple(undrawn), rules)
@@ -194,9 +193,13 @@ def _declared(
     declared, rules = read(path, root, links, MeshPaths(path, mesh_folders))
     require_at_most(len(declared), SHAPES, "shapes", path)
     by_link: dict[str, list[Declared]] = {}
-    for one in declared:
-        by_link.setdefault(one.link, []).append(one)
+    for shape in declared:
+        by_link.setdefault(shape.link, []).append(shape)
     return by_link, rules
+
+
+def _are_available(shapes: Sequence[Declared]) -> bool:
+    return all(shape.available() for shape in shapes)
 
 
 def _require_few(path: Path, shapes: Sequence[Shape]) -> None:
@@ -217,12 +220,12 @@ def _made(path: Path, declared: Sequence[Declared]) -> tuple[list[Shape], str]:
     """Make the shapes that can be made; the text is the first fault of another."""
     shapes = []
     fault = ""
-    for one in declared:
+    for declared_shape in declared:
         try:
-            shape = one.make()
+            shape = declared_shape.make()
             if not np.all(np.abs(shape.mesh[0]) < MAX_POSITION):  # false for nan, too
                 raise FileFormatError(
-                    f"{path}: a shape of link {one.link!r} reaches farther than {MAX_POSITION:g} m"
+                    f"{path}: a shape of link {declared_shape.link!r} reaches farther than {MAX_POSITION:g} m"
                 )
         except FileFormatError as error:
             fault = fault or str(error)
@@ -257,7 +260,10 @@ def parsed(
     level = [root]
     depth = 0
     while level:
-        level = [child for element in level for child in element]
+        children = list[ElementTree.Element]()
+        for element in level:
+            children += element
+        level = children
         depth = depth + 1
     require_at_most(depth, NESTING, "levels of elements within elements", path)
     return root
@@ -409,7 +415,9 @@ class MeshPaths:
             yield path.parent
             if not holds_home(path.parent.parent):
                 yield path.parent.parent
-            yield from (place for place in path.parent.parents if origins(place))
+            for place in path.parent.parents:
+                if origins(place):
+                    yield place
 
 
 def _plain(name: str) -> str:
@@ -431,7 +439,10 @@ def _tails(name: str, most: int = 16) -> list[Path]:
     """Return the ends of a path as relative paths, the longest first."""
     parts = [part for part in name.split("/") if part not in ("", ".", "..") and ":" not in part]
     parts = parts[-most:]
-    return [Path(*parts[first:]) for first in range(len(parts))]
+    tails = []
+    for first in range(len(parts)):
+        tails.append(Path(*parts[first:]))
+    return tails
 
 
 def _below(folders: Iterable[Path], tails: Sequence[Path]) -> Iterator[Path]:

@@ -40,9 +40,12 @@ from maniport.util.validation import Array
 KINDS = ("hinge", "slide", "ball", "free")
 """Types of joints."""
 SIZES = {
-    "sphere": (1.0,), "ellipsoid": (1.0, 1.0, 1.0), "box": (2.0, 2.0, 2.0), "cylinder": (1.0, 2.0),
+    "sphere": (1.0,),
+    "ellipsoid": (1.0, 1.0, 1.0),
+    "box": (2.0, 2.0, 2.0),
+    "cylinder": (1.0, 2.0),
     "capsule": (1.0, 2.0),
-}  # fmt: skip
+}
 """Sizes of solids as multiples of the numbers in the file."""
 PLANE_SIZES = [40.0, 40.0, 10.0]  # of a box below an infinite plane, larger than any arm [m]
 PLANE_PLACEMENT = np.eye(4)
@@ -89,14 +92,18 @@ def _scale_masses(model: RobotModel, document: Document) -> None:
     total = float(document.option("settotalmass", 1, "-1")[0])
     if total <= 0.0:
         return
-    inertias = [body.inertia for body in model.bodies.values()]
-    known = [inertia for inertia in inertias if inertia is not None]
-    mass = float(sum(inertia[0, 0] for inertia in known))
+    mass = 0.0
+    all_known = True
+    for body in model.bodies.values():
+        if body.inertia is None:
+            all_known = False
+        else:
+            mass += float(body.inertia[0, 0])
     for name, body in model.bodies.items():
         inertia = None
         if name == WORLD:
             inertia = body.inertia
-        elif len(known) == len(inertias) and body.inertia is not None and mass > 0.0:
+        elif all_known and body.inertia is not None and mass > 0.0:
             inertia = body.inertia * (total / mass)
         model.bodies[name] = replace(body, inertia=inertia)
 
@@ -121,9 +128,9 @@ def _body(model: RobotModel, document: Document, parent: str, element: Element) 
     placement = document.pose(element)
     joints = list[Joint]()
     inertia = _inertia(document, element)
-    kinds = {
-        joint: document.attribute(joint, "type") or "hinge" for joint in element.findall("joint")
-    }
+    kinds = {}
+    for joint in element.findall("joint"):
+        kinds[joint] = document.attribute(joint, "type") or "hinge"
     for joint, kind in kinds.items():
         fault = (
             f"<joint> {joint.get('name', '')!r} has type {kind!r}; allowed are {', '.join(KINDS)}"
@@ -141,10 +148,14 @@ def _body(model: RobotModel, document: Document, parent: str, element: Element) 
             at[:3, 3] = document.numbers(joint, "pos", 3, "0 0 0")
             low, high = document.range(joint, "range", "limited") * document.unit(joint)
             moving = model.joint(
-                name, PRISMATIC if kind == "slide" else REVOLUTE, axis, placement @ at, (float(low), float(high)),
+                name,
+                PRISMATIC if kind == "slide" else REVOLUTE,
+                axis,
+                placement @ at,
+                (float(low), float(high)),
                 effort=document.effort_limit(joint),
                 armature=float(document.numbers(joint, "armature", 1, "0", least=0.0)[0]),
-            )  # fmt: skip
+            )
             rest = moving.motion(-document.rest(name))
             joints.append(replace(moving, placement=moving.placement @ rest))
             placement = np.asarray(np.linalg.inv(at), dtype=np.float64)
@@ -153,27 +164,26 @@ def _body(model: RobotModel, document: Document, parent: str, element: Element) 
 
 def _inertia(document: Document, body: Element) -> Array | None:
     """Spatial inertia (6, 6) of a body; None if its shapes determine it."""
+    inertial = body.find("inertial")
     if document.options.get("inertiafromgeom") == "true":
         inertial = None
-    else:
-        inertial = body.find("inertial")
     if inertial is None:
-        heavy = []
+        has_mass = False
         for geom in body.findall("geom"):
-            heavy.append(
-                all(document.numbers(geom, key, 1, "1")[0] > 0 for key in ("mass", "density"))
-            )
-        if any(heavy):
+            mass = document.numbers(geom, "mass", 1, "1")[0]
+            if mass > 0 and document.numbers(geom, "density", 1, "1")[0] > 0:
+                has_mass = True
+        if has_mass:
             return None
         return _bounded(document, np.zeros((6, 6)), np.eye(4))
-    full = inertial.get("fullinertia") is not None
-    moments = document.numbers(
-        inertial, "fullinertia" if full else "diaginertia", 6 if full else 3, "0 0 0"
-    )
+    if inertial.get("fullinertia") is not None:
+        moments = document.numbers(inertial, "fullinertia", 6, "0 0 0")
+    else:
+        moments = document.numbers(inertial, "diaginertia", 3, "0 0 0")
     where = f"{document.path}: link {body.get('name')!r}"
     mass = float(numbers(inertial.get("mass"), 1, f"{where} needs a mass", least=0.0)[0])
-    found = body_inertia(where, mass, [*moments, 0.0, 0.0, 0.0][:6], document.pose(inertial))
-    return _bounded(document, found, document.pose(inertial))
+    inertia = body_inertia(where, mass, [*moments, 0.0, 0.0, 0.0][:6], document.pose(inertial))
+    return _bounded(document, inertia, document.pose(inertial))
 
 
 def _bounded(document: Document, inertia: Array, pose: Array) -> Array:
@@ -200,46 +210,61 @@ def shapes(
     """List the geoms of bodies: those with contacts are collision shapes, the others visual; and their contacts."""
     document = Document(path, root, paths.more)
     assets = _Assets(document, paths)
-    owners = [(WORLD, world) for world in document.root.findall("worldbody")]
-    owners += [(body.get("name", ""), body) for body in document.root.findall("worldbody//body")]
-    geoms = [(name, geom) for name, owner in owners for geom in owner.findall("geom")]
+    geoms = _geoms(document)
     explicit = _explicit_pairs(document, geoms)
-    paired = {number for pair in explicit for number in pair}
+    paired = set[int]().union(*explicit)
 
     declared = []
     for number, (name, geom) in enumerate(geoms):
         if name not in links:
             continue
-        contype, conaffinity = (
-            int(document.numbers(geom, key, 1, "1", MOST_BITS)[0])
-            for key in ("contype", "conaffinity")
-        )
+        contype = int(document.numbers(geom, "contype", 1, "1", MOST_BITS)[0])
+        conaffinity = int(document.numbers(geom, "conaffinity", 1, "1", MOST_BITS)[0])
         collision = bool(contype or conaffinity or number in paired)
         is_plane = document.attribute(geom, "type") == "plane"
         if is_plane and not collision:
             continue
+        contact = None
         if collision:
             contact = Contact(name, number, contype, conaffinity, is_plane)
-        else:
-            contact = None
-        hidden = bool(document.numbers(geom, "group", 1, "0")[0] > LAST_DRAWN_GROUP)
-        make = partial(_shape, document, assets, name, geom, contact)
-        declared.append(
-            Declared(name, collision, make, partial(assets.available, geom), hidden, is_plane)
+        shape = Declared(
+            name,
+            collision,
+            partial(_shape, document, assets, name, geom, contact),
+            partial(assets.available, geom),
+            hidden=bool(document.numbers(geom, "group", 1, "0")[0] > LAST_DRAWN_GROUP),
+            infinite=is_plane,
         )
+        declared.append(shape)
     return declared, _contact_rules(document, explicit)
+
+
+def _geoms(document: Document) -> list[tuple[str, Element]]:
+    """Return the geoms of a document with the names of their bodies; those of the world are first."""
+    geoms = []
+    for world in document.root.findall("worldbody"):
+        for geom in world.findall("geom"):
+            geoms.append((WORLD, geom))
+    for body in document.root.findall("worldbody//body"):
+        for geom in body.findall("geom"):
+            geoms.append((body.get("name", ""), geom))
+    return geoms
 
 
 def _explicit_pairs(
     document: Document, geoms: Sequence[tuple[str, Element]]
 ) -> frozenset[frozenset[int]]:
     """Numbers of the geoms in each <pair>."""
-    numbers_of = {geom.get("name"): number for number, (_, geom) in enumerate(geoms)}
+    numbers_of = {}
+    for number, (_, geom) in enumerate(geoms):
+        numbers_of[geom.get("name")] = number
     pairs = set()
     for pair in document.root.findall("contact/pair"):
-        ends = [numbers_of.get(document.attribute(pair, key)) for key in ("geom1", "geom2")]
-        pairs.add(frozenset(end for end in ends if end is not None))
-    return frozenset(pair for pair in pairs if len(pair) == 2)
+        first = numbers_of.get(document.attribute(pair, "geom1"))
+        second = numbers_of.get(document.attribute(pair, "geom2"))
+        if first is not None and second is not None and first != second:
+            pairs.add(frozenset((first, second)))
+    return frozenset(pairs)
 
 
 def _contact_rules(document: Document, explicit: frozenset[frozenset[int]]) -> ContactRules:
@@ -261,19 +286,19 @@ def _contact_rules(document: Document, explicit: frozenset[frozenset[int]]) -> C
     excluded = set()
     for pair in document.root.findall("contact/exclude"):
         excluded.add(frozenset((pair.get("body1", ""), pair.get("body2", ""))))
-    flags = document.root.findall("option/flag")
-    filter_parents = all(flag.get("filterparent") != "disable" for flag in flags)
-    enabled = all(
-        flag.get(kind) != "disable" for flag in flags for kind in ("contact", "constraint")
-    )
+    disabled = set[str]()
+    for flag in document.root.findall("option/flag"):
+        for kind, state in flag.items():
+            if state == "disable":
+                disabled.add(kind)
     return ContactRules(
         carriers,
         parents,
         WORLD,
         frozenset(excluded),
         explicit,
-        filter_parents,
-        enabled,
+        filter_parents="filterparent" not in disabled,
+        enabled=disabled.isdisjoint(("contact", "constraint")),
     )
 
 

@@ -5,7 +5,6 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from itertools import count
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -55,21 +54,21 @@ class Document:
     def __init__(self, path: Path, root: Element, folders: Sequence[Path] = ()):
         self.path = path
         self.root = with_includes(path, root, folders)
-        self.parents = {child: parent for parent in self.root.iter() for child in parent}
-        self.options = {
-            name: value
-            for compiler in self.root.findall("compiler")
-            for name, value in compiler.items()
-        }
-        self.joints = {
-            joint.get("name", ""): joint for joint in self.root.iterfind("worldbody//joint")
-        }
+        self.parents = dict[Element, Element]()
+        for parent in self.root.iter():
+            for child in parent:
+                self.parents[child] = parent
+        self.options = dict[str, str]()
+        for compiler in self.root.findall("compiler"):
+            self.options |= dict(compiler.items())
+        self.joints = dict[str, Element]()
+        for joint in self.root.iterfind("worldbody//joint"):
+            self.joints[joint.get("name", "")] = joint
 
     def check(self) -> None:
         """Raise `FileFormatError` for inconsistent or unsupported elements."""
-        ignored = {"frame", "replicate", "attach", "composite", "flexcomp"} & {
-            element.tag for element in self.root.iter()
-        }
+        tags = {element.tag for element in self.root.iter()}
+        ignored = {"frame", "replicate", "attach", "composite", "flexcomp"} & tags
         require(
             not ignored,
             self.path,
@@ -83,9 +82,8 @@ class Document:
             self.root.find("worldbody//body") is not None, self.path, "has no body in <worldbody>"
         )
         for tag in ("body", "joint"):
-            names = Counter(
-                element.get("name") for element in self.root.findall(f"worldbody//{tag}")
-            )
+            elements = self.root.findall(f"worldbody//{tag}")
+            names = Counter(element.get("name") for element in elements)
             require_at_most(names.total(), LINKS, f"elements <{tag}>", self.path)
             names[WORLD] += tag == "body"  # implicit
             for name, times in names.items():
@@ -102,27 +100,32 @@ class Document:
         """Return an attribute of an element, its own or that of its default class; actuators share their defaults."""
         if element.get(attribute) is not None or element.tag in ("body", "inertial"):
             return element.get(attribute)
-        name = element.get("class")
-        node = self.parents.get(element)
         tags: tuple[str, ...] = (element.tag,)
+        parent = self.parents.get(element)
         if element.tag in ACTUATORS:
             tags = ACTUATORS
-        elif node is not None and node.tag in ("equality", "tendon"):
-            tags = (node.tag,)
-        while name is None and node is not None:
-            name = node.get("childclass")
-            node = self.parents.get(node)
-        top = self.root.find("default")
-        entry = next(
-            (d for d in self.root.iter("default") if name is not None and d.get("class") == name),
-            top,
-        )
-        while entry is not None and entry.tag == "default":
-            for default in reversed(entry):
+        elif parent is not None and parent.tag in ("equality", "tendon"):
+            tags = (parent.tag,)
+        defaults = self._defaults_of(element)
+        while defaults is not None and defaults.tag == "default":
+            for default in reversed(defaults):
                 if default.tag in tags and default.get(attribute) is not None:
                     return default.get(attribute)
-            entry = self.parents.get(entry)
+            defaults = self.parents.get(defaults)
         return None
+
+    def _defaults_of(self, element: Element) -> Element | None:
+        """Return the <default> of the class of an element, its own or that of the bodies that contain it."""
+        name = element.get("class")
+        body = self.parents.get(element)
+        while name is None and body is not None:
+            name = body.get("childclass")
+            body = self.parents.get(body)
+        if name is not None:
+            for defaults in self.root.iter("default"):
+                if defaults.get("class") == name:
+                    return defaults
+        return self.root.find("default")
 
     def numbers(
         self,
@@ -176,9 +179,8 @@ class Document:
             return np.asarray(Rotation.from_rotvec(values[3] * self._angle * axis).as_matrix())
         if name == "euler":
             turn = np.eye(3)
-            for letter, angle in zip(
-                self.options.get("eulerseq", "xyz"), values * self._angle, strict=True
-            ):
+            letters = self.options.get("eulerseq", "xyz")
+            for letter, angle in zip(letters, values * self._angle, strict=True):
                 step = rotation_about("xyz".index(letter.lower()), float(angle))
                 if letter.islower():
                     turn = turn @ step
@@ -224,9 +226,9 @@ class Document:
         name = joint.get("name")
         ratios: dict[str | None, float] = {}  # of tendons
         for tendon in self.root.findall("tendon/fixed"):
-            for part in tendon.findall("joint"):
-                if part.get("joint") == name:
-                    coefficient = float(self.numbers(part, "coef", 1)[0])
+            for pulled in tendon.findall("joint"):
+                if pulled.get("joint") == name:
+                    coefficient = float(self.numbers(pulled, "coef", 1)[0])
                     ratios[tendon.get("name")] = coefficient + ratios.get(tendon.get("name"), 0.0)
         for actuator in self.root.findall("actuator/*"):
             gear = float(self.numbers(actuator, "gear", None, "1")[0])
@@ -268,12 +270,11 @@ def rotation_to(values: Array) -> Array:
         y = values[3:] - (values[3:] @ x) * x
         y = y / np.linalg.norm(y)
         return np.stack([x, y, np.cross(x, y)], axis=1)
-    around = np.cross((0.0, 0.0, 1.0), values)
-    length = float(np.linalg.norm(around))
+    normal = np.cross((0.0, 0.0, 1.0), values)
+    length = float(np.linalg.norm(normal))
+    axis = np.array([1.0, 0.0, 0.0])
     if length > 1e-10:
-        axis = around / length
-    else:
-        axis = np.array([1.0, 0.0, 0.0])
+        axis = normal / length
     return np.asarray(Rotation.from_rotvec(np.arctan2(length, values[2]) * axis).as_matrix())
 
 
@@ -285,10 +286,14 @@ def with_includes(path: Path, root: Element, folders: Sequence[Path] = ()) -> El
     _join_sections(tree)
     taken = {element.get("name") for element in tree.iterfind("worldbody//*")}
     for tag in ("body", "joint"):
-        names = (name for k in count(1) if (name := f"{tag}{k}") not in taken)
+        number = 0
         for element in tree.iterfind(f"worldbody//{tag}"):
-            if element.get("name") is None:
-                element.set("name", next(names))
+            if element.get("name") is not None:
+                continue
+            number += 1
+            while f"{tag}{number}" in taken:
+                number += 1
+            element.set("name", f"{tag}{number}")
     return tree
 
 
@@ -316,7 +321,7 @@ class Inclusion:
         self.allowed = [path.parent.resolve(), *(folder.resolve() for folder in folders)]
         self.read: dict[Path, Element] = {}  # cache
         self.insertions = 0
-        self.elements = sum(1 for _ in root.iter())
+        self.elements = len(list(root.iter()))
         self._fill(root, path, {path.resolve()}, 1)
 
     def _fill(self, element: Element, path: Path, included: set[Path], level: int) -> None:
@@ -343,9 +348,9 @@ class Inclusion:
     def _file(self, name: str, path: Path) -> Path:
         """Return an included file: relative to the model's file, else to the including file."""
         require(bool(name), path, "an <include> names no file")
-        places = [self.path.parent, path.parent]
-        candidates = [place / name for place in places]
-        found = next(filter(is_file, candidates), candidates[-1])
+        found = self.path.parent / name
+        if not is_file(found):
+            found = path.parent / name
         file = Path(os.path.realpath(found))  # not strict: symbolic links may be cyclic
         inside = any(file.is_relative_to(folder) for folder in self.allowed)
         require(
@@ -365,7 +370,7 @@ class Inclusion:
         root = self.read[file]
         self.insertions += 1
         require_at_most(self.insertions, INSERTIONS, "inclusions of files", self.path)
-        self.elements += sum(1 for _ in root.iter())
+        self.elements += len(list(root.iter()))
         what = "elements with those of the files that it includes"
         require_at_most(self.elements, TAGS, what, self.path)
         return copy.deepcopy(root)

@@ -54,6 +54,7 @@ _SENSORS = (
 _SHORT_SENSORS = ("cam", "imu", "led", "ft", "ati", "rgb", "depth", "zed")
 _CAMERA_MODEL = re.compile(r"(^|_)(d4[0-9]{2}[a-z]?|l515|sr300|t265|zed[0-9][a-z]*)(_|$)")
 _NO_TOOLS = ("mount", "adapter", "changer", "cover", "collision")
+_END_EFFECTOR_RANK = 3
 _GRIPPER_RANK = 4  # of names of points of a gripper
 _NO_RANK = 9  # of names that are not those of tool frames
 _PINCH = ("pinch_site", "pinch")
@@ -121,26 +122,21 @@ class RobotModel:
         armature: float = 0.0,
     ) -> Joint:
         """Make a joint with one axis and note its limits."""
-        # what is larger means "no limit" [m or rad]
+        huge = 20 * np.pi  # what is larger means "no limit" [rad] or [m]
+        free = (-np.pi, np.pi)
         if kind == PRISMATIC:
             huge = 100.0
-        else:
-            huge = 20 * np.pi
+            free = (-np.inf, np.inf)
         if bounds[0] >= bounds[1] and any(bounds):
             self.closed[name] = bounds
         if not (-huge < bounds[0] < bounds[1] < huge):
             self.unlimited.append(name)
-            if kind == PRISMATIC:
-                bounds = (-np.inf, np.inf)
-            else:
-                bounds = (-np.pi, np.pi)
+            bounds = free
         self.bounds[name] = bounds
-        self.speeds[name], self.efforts[name] = (
-            limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort)
-        )
-        with np.errstate(
-            invalid="ignore", divide="ignore", over="ignore"
-        ):  # `Joint` checks the axis
+        self.speeds[name] = speed if 0 < speed < 1e6 else np.inf
+        self.efforts[name] = effort if 0 < effort < 1e6 else np.inf
+        # `Joint` checks the axis
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             direction = axis / np.linalg.norm(axis)
         try:
             return Joint(name, kind, direction, placement, armature)
@@ -154,8 +150,10 @@ class RobotModel:
     def line(self, body: str) -> list[str]:
         """Return a body and all bodies that carry it, the nearest first."""
         names = [body]
-        while (parent := self.bodies[names[-1]].parent) is not None:
+        parent = self.bodies[body].parent
+        while parent is not None:
             names.append(parent)
+            parent = self.bodies[parent].parent
         return names
 
 
@@ -173,11 +171,11 @@ class Limb:
 def longest_limbs(limbs: Sequence[Limb]) -> list[Limb]:
     """Return the longest limbs, without legs if there are arms; those are first."""
     first = limbs[0]
-    return [
-        limb
-        for limb in limbs
-        if (limb.is_leg, len(limb.joints)) == (first.is_leg, len(first.joints))
-    ]
+    longest = []
+    for limb in limbs:
+        if limb.is_leg == first.is_leg and len(limb.joints) == len(first.joints):
+            longest.append(limb)
+    return longest
 
 
 def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
@@ -185,12 +183,14 @@ def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
     longest = longest_limbs(limbs)
     scores = []  # occurrences of one side, as "left" or "l", minus those of the other
     for limb in longest:
-        words = []
+        score = 0
         for name in (*limb.joints, limb.frame):
             for word in _words(name):
-                if word in _SIDES:
-                    words.append(word)
-        scores.append(sum(1 if word in (side, side[0]) else -1 for word in words))
+                if word in (side, side[0]):
+                    score += 1
+                elif word in _SIDES:
+                    score -= 1
+        scores.append(score)
     if scores.count(max(scores)) > 1:
         raise unknown_name(
             "arm", robot, [limb.frame for limb in longest], f"(no limb is called {side})"
@@ -204,52 +204,72 @@ class Limbs:
     def __init__(self, model: RobotModel, wanted: Collection[str] = ()):
         self.model = model
         self._wanted = set(wanted)
-        self._paths: dict[
-            str, list[RobotBody]
-        ] = {}  # bodies with joints from the base to each body
-        self._below: dict[str, list[RobotBody]] = {
-            name: [] for name in model.bodies
-        }  # next moving bodies
-        for body in model.bodies.values():
-            above = [] if body.parent is None else self._paths[body.parent]
-            if body.joints:
-                self._paths[body.name] = [*above, body]
-            else:
-                self._paths[body.name] = above
-            if above and body.joints:
-                self._below[above[-1].name].append(body)
+        self._paths: dict[str, list[RobotBody]] = {}  # to each body: the bodies with joints
+        self._below: dict[str, list[RobotBody]] = {}  # the next bodies with joints
+        self._connect()
         moving = [body for body in model.bodies.values() if body.joints]
-        beyond = {body.name: 0 for body in moving}  # largest number of moving joints beyond each
+        self._count_beyond = {body.name: 0 for body in moving}  # most joints beyond each in a row
         for body in reversed(moving):
             for child in self._below[body.name]:
-                beyond[body.name] = max(beyond[body.name], len(child.joints) + beyond[child.name])
-        owners = {name: body.name for body in model.bodies.values() for name in body.welds}
-        owners |= {joint.name: body.name for body in moving for joint in body.joints}
-        self._leaders = {  # of joints on other branches, such as the other finger
-            rule.leader
-            for name, rule in model.followers.items()
-            if rule.leader in owners
-            and name in owners
-            and owners[rule.leader] not in [body.name for body in self._paths[owners[name]]]
-        }
+                count = len(child.joints) + self._count_beyond[child.name]
+                self._count_beyond[body.name] = max(self._count_beyond[body.name], count)
+        self._leaders = self._leaders_of_branches()
 
-        def is_hand(body: RobotBody) -> bool:
-            below = self._below[body.name]
-            if not 0 < beyond[body.name] < len(self._joints(body.name)):
-                return False
-            if self._beyond(body.name) & self._wanted:
-                return False
-            return len(below) > 1 or self._opens(body, below[0])
-
-        tops = [self._paths[body.name] for body in moving if not beyond[body.name]]
-        self._ends = list(
-            dict.fromkeys(next(filter(is_hand, path), path[-1]).name for path in tops)
-        )
+        ends = dict[str, None]()
+        for body in moving:
+            if not self._count_beyond[body.name]:
+                ends[self._end_of(self._paths[body.name]).name] = None
+        self._ends = list(ends)
         self._tools = {end: self._tool(end) for end in self._ends}
         kinds = {end: self._kind(end) for end in self._ends}
         self._legs: set[str] = set()  # ends of legs, if there are arms
         if "arm" in kinds.values():
             self._legs = {end for end in self._ends if kinds[end] == "leg"}
+
+    def _connect(self) -> None:
+        """Find the bodies with joints above and below each body."""
+        for body in self.model.bodies.values():
+            above = [] if body.parent is None else self._paths[body.parent]
+            self._paths[body.name] = above
+            self._below[body.name] = []
+            if body.joints:
+                self._paths[body.name] = [*above, body]
+                if above:
+                    self._below[above[-1].name].append(body)
+
+    def _leaders_of_branches(self) -> set[str]:
+        """Return joints that joints on other branches follow, such as those of the other finger."""
+        bodies = {}  # by the joints above them
+        for body in self.model.bodies.values():
+            for name in body.welds:
+                bodies[name] = body.name
+        for body in self.model.bodies.values():
+            for joint in body.joints:
+                bodies[joint.name] = body.name
+        leaders = set[str]()
+        for name, rule in self.model.followers.items():
+            if rule.leader is None or rule.leader not in bodies or name not in bodies:
+                continue
+            path = self._paths[bodies[name]]
+            if bodies[rule.leader] not in [body.name for body in path]:
+                leaders.add(rule.leader)
+        return leaders
+
+    def _end_of(self, path: Sequence[RobotBody]) -> RobotBody:
+        """Return the first hand on a path, or its last body."""
+        for body in path:
+            if self._is_hand(body):
+                return body
+        return path[-1]
+
+    def _is_hand(self, body: RobotBody) -> bool:
+        """Whether a body carries fingers of which no joint is wanted."""
+        if not 0 < self._count_beyond[body.name] < len(self._joints(body.name)):
+            return False
+        if self._beyond(body.name) & self._wanted:
+            return False
+        below = self._below[body.name]
+        return len(below) > 1 or self._opens(body, below[0])
 
     def all(self) -> list[Limb]:
         """Return all limbs, arms before legs, the longest first."""
@@ -280,28 +300,19 @@ class Limbs:
     def choose(self) -> str:
         """Choose the end of the limb with most of the wanted joints, or of most joints."""
         source = self.model.path
-        wanted = self._wanted
-        size = {
-            end: (len(wanted.intersection(self._joints(end))), len(self._joints(end)))
-            for end in self._ends
-            if wanted or end not in self._legs
-        }
-        most = max(size.values(), default=(0, 0))
-        ends = [end for end, own in size.items() if own == most]
+        counts = {}  # of wanted joints, and of all
+        for end in self._ends:
+            if self._wanted or end not in self._legs:
+                joints = self._joints(end)
+                counts[end] = (len(self._wanted.intersection(joints)), len(joints))
+        most = max(counts.values(), default=(0, 0))
+        ends = [end for end, count in counts.items() if count == most]
         if not ends:
             raise InvalidInputError(f"{source}: has no movable joint")
-        if len(ends) > 1 and most[0]:
-            shared = []
-            for body in self._paths[ends[0]]:
-                if all(body in self._paths[end] for end in ends):
-                    shared.append(body)
-            chosen = []
-            for body in shared:
-                chosen.append([joint.name in wanted for joint in body.joints])
-            if sum(map(sum, chosen)) == most[0]:
-                end = [body.name for body, own in zip(shared, chosen, strict=True) if any(own)][-1]
-                return self._tool(end)[0]
         if len(ends) > 1:
+            trunk = self._last_wanted(ends, most[0])
+            if trunk is not None:
+                return self._tool(trunk)[0]
             candidates = nearest_first("hand", [self._tools[end][0] for end in ends])
             raise InvalidInputError(
                 f"{source}: several frames end a chain of {most[1]} movable joints; choose one with "
@@ -309,6 +320,21 @@ class Limbs:
                 f"maniport info {shlex.quote(str(source))} lists all ends"
             )
         return self._tools[ends[0]][0]
+
+    def _last_wanted(self, ends: Sequence[str], count: int) -> str | None:
+        """Return the last body with wanted joints if limbs share all `count` of them, else None."""
+        last = None
+        wanted_count = 0
+        for body in self._paths[ends[0]]:
+            if not all(body in self._paths[end] for end in ends):
+                continue
+            wanted = [joint for joint in body.joints if joint.name in self._wanted]
+            wanted_count += len(wanted)
+            if wanted:
+                last = body.name
+        if wanted_count == count:
+            return last
+        return None
 
     def _tool(self, end: str) -> tuple[str, str]:
         """Return the end effector of a moving body, and why it is that frame."""
@@ -318,41 +344,47 @@ class Limbs:
         if marked:
             return marked, "the site between the fingers"
 
-        carriers = {str(child.parent) for child in self._below[end]}
-        if carriers:
-            hand = self._common(carriers)
-        else:
-            hand = None
         poses = self._poses(end, rigid)
         outermost = self._outermost(end, rigid)
-        if hand is None:
-            gripper = self._fixed_gripper(end, outermost, sites)
-            if gripper is not None:
-                return self._tool_of_gripper(gripper, outermost, sites, poses)
-            marked = _with_usual_name(sites, _ATTACHMENT)
-            if marked:
-                return marked, "the site for tools"
-        link = self._common(outermost) if hand is None else hand
-        further = [site for site in sites if not _coincide(poses[site], poses[link])]
-        tools = [name for name in (*outermost, *further) if _tool_rank(name) < _NO_RANK]
-        if hand is not None:
-            tools = [name for name in tools if self._is_beyond(name, hand, poses)]
-        if tools:
-            tool = _best_tool(tools, poses)
-            if hand is not None:
-                return tool, f"a fixed tool frame of {hand!r}"
-            named = _tool_rank(link) <= _tool_rank(tool)
-            return link if named else tool, "a fixed tool frame"
-
+        carriers = {str(child.parent) for child in self._below[end]}
+        if carriers:
+            return self._tool_of_hand(self._common(carriers), outermost, sites, poses)
+        gripper = self._fixed_gripper(end, outermost, sites)
+        if gripper is not None:
+            return self._tool_of_gripper(gripper, outermost, sites, poses)
         marked = _with_usual_name(sites, _ATTACHMENT)
         if marked:
             return marked, "the site for tools"
-        if hand is not None:
-            return hand, "the link that carries the gripper"
+
+        link = self._common(outermost)
+        tools = _tool_frames(link, outermost, sites, poses)
+        if tools:
+            tool = _best_tool(tools, poses)
+            is_named = _tool_rank(link) <= _tool_rank(tool)
+            return link if is_named else tool, "a fixed tool frame"
         marked = _with_usual_name(outermost, ("flange",))
         if marked:
             return marked, "the flange"
         return link, "the outermost link"
+
+    def _tool_of_hand(
+        self,
+        hand: str,
+        outermost: Sequence[str],
+        sites: Sequence[str],
+        poses: Mapping[str, Array],
+    ) -> tuple[str, str]:
+        """Return the end effector of a body that carries fingers, and why it is that frame."""
+        tools = []
+        for name in _tool_frames(hand, outermost, sites, poses):
+            if self._is_beyond(name, hand, poses):
+                tools.append(name)
+        if tools:
+            return _best_tool(tools, poses), f"a fixed tool frame of {hand!r}"
+        marked = _with_usual_name(sites, _ATTACHMENT)
+        if marked:
+            return marked, "the site for tools"
+        return hand, "the link that carries the gripper"
 
     def _fixed_gripper(
         self, end: str, outermost: Sequence[str], sites: Sequence[str]
@@ -418,16 +450,19 @@ class Limbs:
 
     def _sites_on(self, bodies: Collection[str]) -> list[str]:
         """Return the sites on bodies, without those that have the name of a body."""
-        return [
-            site
-            for site, (body, _) in self.model.sites.items()
-            if body in bodies and site not in self.model.bodies
-        ]
+        sites = []
+        for site, (body, _) in self.model.sites.items():
+            if body in bodies and site not in self.model.bodies:
+                sites.append(site)
+        return sites
 
     def _common(self, names: Iterable[str]) -> str:
         """Return the outermost body that carries all bodies of some names, or is one of them."""
-        lines = [self.model.line(name) for name in names]
-        return next(name for name in lines[0] if all(name in line for line in lines))
+        common = list[str]()
+        for i, name in enumerate(names):
+            line = self.model.line(name)
+            common = [body for body in common if body in line] if i else line
+        return common[0]
 
     def _poses(self, end: str, rigid: Sequence[str]) -> dict[str, Array]:
         """Poses (4, 4) of bodies and sites in the frame of the moving body that they are rigid with."""
@@ -517,7 +552,10 @@ class Limbs:
         return ""
 
     def _joints(self, end: str) -> tuple[str, ...]:
-        return tuple(joint.name for body in self._paths[end] for joint in body.joints)
+        names = list[str]()
+        for body in self._paths[end]:
+            names += [joint.name for joint in body.joints]
+        return tuple(names)
 
     def _beyond(self, end: str) -> set[str]:
         """Names of the joints beyond a body."""
@@ -532,15 +570,11 @@ class Limbs:
 
 def _with_usual_name(names: Collection[str], usual: Sequence[str]) -> str | None:
     """Return the first name that equals or ends with a usual name, in the order of `usual`."""
-    return next(
-        (
-            name
-            for end in usual
-            for name in names
-            if name == end or name.endswith((f"_{end}", f"/{end}"))
-        ),
-        None,
-    )
+    for end in usual:
+        for name in names:
+            if name == end or name.endswith((f"_{end}", f"/{end}")):
+                return name
+    return None
 
 
 def _words(name: str) -> list[str]:
@@ -549,9 +583,8 @@ def _words(name: str) -> list[str]:
 
 def _has(name: str, parts: Collection[str]) -> bool:
     """Whether a word of a name begins or ends with one of some parts."""
-    return any(
-        word.startswith(part) or word.endswith(part) for word in _words(name) for part in parts
-    )
+    ends = tuple(parts)
+    return any(word.startswith(ends) or word.endswith(ends) for word in _words(name))
 
 
 @dataclass(frozen=True)
@@ -600,23 +633,46 @@ def _is_sensor(name: str) -> bool:
 def _tool_rank(name: str) -> int:
     """Return the rank of the name of a tool frame, the lowest first; `_NO_RANK` for other names."""
     words = _words(name)
-    if _is_sensor(name):
-        return _NO_RANK
-    if _is_no_tool(name) or any(word in ("x", "y", "z") for word in words):
+    if _is_sensor(name) or _is_no_tool(name) or not {"x", "y", "z"}.isdisjoint(words):
         return _NO_RANK
     core = [word for word in words if word not in _FILLERS]
     text = "_".join(words)
-    if "tcp" in core or "tool_center" in text or "tool_centre" in text:
+    if "tcp" in core or re.search("tool_cent(er|re)", text):
         return 0
-    if core and (core[-1] in ("tool", "tooltip") or core[-2:] == ["tool", "tip"]):
+    if not core:
+        return _rank_of_text(text)
+    return min(_rank_of_words(core, text), _rank_of_text(text))
+
+
+def _rank_of_words(core: Sequence[str], text: str) -> int:
+    """Return the rank of the words of a tool, grasp or end effector, which `text` joins with the others."""
+    if core[-1] in ("tool", "tooltip") or core[-2:] == ["tool", "tip"]:
         return 1
-    if core and (core[-1].startswith("grasp") or "grasp_center" in text):
+    if core[-1].startswith("grasp") or "grasp_center" in text:
         return 2
-    if {"ee", "eef", "eoat", "endeffector"} & set(core) or "end_effector" in text:
-        return 3
+    if not {"ee", "eef", "eoat", "endeffector"}.isdisjoint(core):
+        return _END_EFFECTOR_RANK
+    return _NO_RANK
+
+
+def _rank_of_text(text: str) -> int:
+    """Return the rank of words that are joined by underscores, of end effectors and grippers."""
+    if "end_effector" in text:
+        return _END_EFFECTOR_RANK
     if re.search("grip(per)?_?(frame|center|centre|point|site|tip)", text):
         return _GRIPPER_RANK
     return _NO_RANK
+
+
+def _tool_frames(
+    link: str, outermost: Sequence[str], sites: Sequence[str], poses: Mapping[str, Array]
+) -> list[str]:
+    """Return bodies at the end and sites with names of tool frames; sites in the pose of the link are none."""
+    tools = [name for name in outermost if _tool_rank(name) < _NO_RANK]
+    for site in sites:
+        if not _coincide(poses[site], poses[link]) and _tool_rank(site) < _NO_RANK:
+            tools.append(site)
+    return tools
 
 
 def _is_flange(name: str) -> bool:

@@ -119,49 +119,69 @@ def _of_pinocchio(model: pin.Model, wanted: str | None) -> RobotModel:
     """Read a model of Pinocchio, whose bodies are its frames of the type BODY."""
     robot = RobotModel(Path(f"pinocchio.Model {model.name!r}"), model.name, urdf.shapes)
     robot.bodies[UNIVERSE] = RobotBody(UNIVERSE, None, np.eye(4), inertia=np.zeros((6, 6)))
-    owners: dict[int, str] = {0: UNIVERSE}  # body of each frame, by its index
-    placed: dict[str, Array] = {UNIVERSE: np.eye(4)}  # pose of each body in the frame of its joint
-    carriers = {0: UNIVERSE}  # body that each joint moves
-    frames_of: dict[int, list[int]] = {}
-    for index, frame in enumerate(model.frames):
-        frames_of.setdefault(frame.parentJoint, []).append(index)
-
+    tree = _PinocchioTree(model, robot)
     for number in range(model.njoints):
-        frames = frames_of.get(number, [])
-        bodies = [i for i in frames if model.frames[i].type == pin.BODY]
+        frames = tree.frames.get(number, [])
         if number:
-            if bodies:
-                first = bodies[0]
-            else:
-                first = None
-            body = _moving_body(robot, model, number, first, owners, placed, carriers)
+            bodies = [i for i in frames if model.frames[i].type == pin.BODY]
+            first = bodies[0] if bodies else None
+            body = _moving_body(robot, model, number, first, tree)
             robot.bodies[body.name] = body
-            carriers[number] = body.name
-            placed[body.name] = body.placement
+            tree.carriers[number] = body.name
+            tree.placed[body.name] = body.placement
         for i in frames:
-            frame = model.frames[i]
-            moving = carriers[number]
-            above = owners.get(frame.parentFrame, moving)
-            if frame.parentFrame == i or model.frames[frame.parentFrame].parentJoint != number:
-                above = moving
-            relative = np.linalg.inv(placed[above]) @ frame.placement.homogeneous
-            if frame.type == pin.BODY and frame.name != moving:
-                robot.bodies[frame.name] = RobotBody(
-                    frame.name, above, relative, inertia=np.zeros((6, 6))
-                )
-                placed[frame.name] = frame.placement.homogeneous
-                above = frame.name
-            elif frame.name not in robot.bodies and (
-                frame.type == pin.OP_FRAME or frame.name == wanted
-            ):
-                robot.sites[frame.name] = (above, relative)
-            owners[i] = above
-        inertia = model.inertias[number].matrix()
-        body = robot.bodies[carriers[number]]
-        placement = placed[body.name]
-        own = moved_inertia(inertia, np.asarray(np.linalg.inv(placement)))
-        robot.bodies[body.name] = replace(body, inertia=own)
+            tree.add_frame(i, number, wanted)
+        body = robot.bodies[tree.carriers[number]]
+        to_body = np.asarray(np.linalg.inv(tree.placed[body.name]))
+        inertia = moved_inertia(model.inertias[number].matrix(), to_body)
+        robot.bodies[body.name] = replace(body, inertia=inertia)
     return robot
+
+
+class _PinocchioTree:
+    """Bodies of a robot that were read from a model of Pinocchio so far.
+
+    Attributes
+    ----------
+    frames : dict of int to list of int
+        Indices of the frames on each joint.
+    owners : dict of int to str
+        Body of each frame, by its index.
+    carriers : dict of int to str
+        Body that each joint moves.
+    placed : dict of str to ndarray, shape (4, 4)
+        Pose of each body in the frame of its joint.
+    """
+
+    def __init__(self, model: pin.Model, robot: RobotModel):
+        self.model = model
+        self.robot = robot
+        self.owners: dict[int, str] = {0: UNIVERSE}
+        self.placed: dict[str, Array] = {UNIVERSE: np.eye(4)}
+        self.carriers: dict[int, str] = {0: UNIVERSE}
+        self.frames: dict[int, list[int]] = {}
+        for index, frame in enumerate(model.frames):
+            self.frames.setdefault(frame.parentJoint, []).append(index)
+
+    def add_frame(self, index: int, joint: int, wanted: str | None) -> None:
+        """Add a frame on a joint: a body, or a site where it is for operations or wanted."""
+        frame = self.model.frames[index]
+        moving = self.carriers[joint]
+        above = self.owners.get(frame.parentFrame, moving)
+        parent_joint = self.model.frames[frame.parentFrame].parentJoint
+        if frame.parentFrame == index or parent_joint != joint:
+            above = moving
+        placement = frame.placement.homogeneous
+        relative = np.linalg.inv(self.placed[above]) @ placement
+        is_site = frame.type == pin.OP_FRAME or frame.name == wanted
+        if frame.type == pin.BODY and frame.name != moving:
+            body = RobotBody(frame.name, above, relative, inertia=np.zeros((6, 6)))
+            self.robot.bodies[frame.name] = body
+            self.placed[frame.name] = placement
+            above = frame.name
+        elif is_site and frame.name not in self.robot.bodies:
+            self.robot.sites[frame.name] = (above, relative)
+        self.owners[index] = above
 
 
 def _moving_body(
@@ -169,9 +189,7 @@ def _moving_body(
     model: pin.Model,
     number: int,
     first: int | None,
-    owners: Mapping[int, str],
-    placed: Mapping[str, Array],
-    carriers: Mapping[int, str],
+    tree: _PinocchioTree,
 ) -> RobotBody:
     """Return the body that a joint of Pinocchio moves; without a frame of a body it has the joint's name."""
     name = model.names[number]
@@ -180,11 +198,11 @@ def _moving_body(
     if first is not None:
         body_name = model.frames[first].name
         placement = model.frames[first].placement.homogeneous
-    parent = carriers[model.parents[number]]
+    parent = tree.carriers[model.parents[number]]
     if model.existFrame(name, pin.JOINT):
         frame = model.frames[model.getFrameId(name, pin.JOINT)]
-        parent = owners.get(frame.parentFrame, parent)
-    at = np.linalg.inv(placed[parent]) @ model.jointPlacements[number].homogeneous
+        parent = tree.owners.get(frame.parentFrame, parent)
+    at = np.linalg.inv(tree.placed[parent]) @ model.jointPlacements[number].homogeneous
 
     joint = model.joints[number]
     kind = joint.shortname()
@@ -209,11 +227,7 @@ def _moving_body(
     if kind == MIMIC:
         rule = joint.extract()
         axis = axis / rule.scaling
-        leader = next(
-            other
-            for other, one in zip(model.names, model.joints, strict=True)
-            if one.nq and one.idx_q == joint.idx_q
-        )
+        leader = _joint_at(model, joint.idx_q)
         robot.followers[name] = Follower(leader, float(rule.scaling), float(rule.offset))
     else:
         if joint.nq == 1:  # continuous joints have the cosine and the sine of the angle
@@ -226,6 +240,14 @@ def _moving_body(
         name, PRISMATIC if slides else REVOLUTE, axis, at, bounds, speed, effort, armature
     )
     return RobotBody(body_name, parent, placement, (moving,))
+
+
+def _joint_at(model: pin.Model, index: int) -> str:
+    """Return the name of the joint that has a coordinate of its own at an index of configurations."""
+    for name, joint in zip(model.names, model.joints, strict=True):
+        if joint.nq and joint.idx_q == index:
+            return str(name)
+    raise LookupError(f"no joint of {model.name!r} has the coordinate {index}")
 
 
 def _of_yourdfpy(model: "yourdfpy.URDF") -> tuple[RobotModel, HeldShapes]:
@@ -242,13 +264,13 @@ def _of_yourdfpy(model: "yourdfpy.URDF") -> tuple[RobotModel, HeldShapes]:
     visual = []
     collision = []
     missing: dict[str, str] = {}
-    for one in declared:
+    for declared_shape in declared:
         try:
-            shape = one.make()
+            shape = declared_shape.make()
         except FileFormatError as error:
-            missing[one.link] = str(error)
+            missing[declared_shape.link] = str(error)
             continue
-        if one.collision:
+        if declared_shape.collision:
             collision.append(shape)
         else:
             visual.append(shape)
@@ -267,12 +289,15 @@ def _pose(position: Array, quaternion: Array) -> Array:
 def _names(model: "mujoco.MjModel", kind: str, count: int) -> list[str]:
     """Return the names of the bodies, joints or sites of a model; those without one are numbered."""
     accessor = getattr(model, kind)
-    return [accessor(i).name or f"{kind}{i}" for i in range(count)]
+    names = []
+    for i in range(count):
+        names.append(accessor(i).name or f"{kind}{i}")
+    return names
 
 
 def _of_mujoco(model: "mujoco.MjModel") -> RobotModel:
     """Read a compiled model of MuJoCo; free joints are at rest, as in an MJCF."""
-    from mujoco import mjtEq, mjtJoint
+    from mujoco import mjtJoint
 
     name = model.names[: model.names.index(b"\0")].decode(errors="replace")
     robot = RobotModel(Path(f"mujoco.MjModel {name!r}"), name, mjcf.shapes)
@@ -322,6 +347,16 @@ def _of_mujoco(model: "mujoco.MjModel") -> RobotModel:
     for i, site in enumerate(_names(model, "site", model.nsite)):
         owner = bodies[model.site_bodyid[i]]
         robot.sites.setdefault(site, (owner, _pose(model.site_pos[i], model.site_quat[i])))
+    _add_mujoco_followers(robot, model, joint_names)
+    return robot
+
+
+def _add_mujoco_followers(
+    robot: RobotModel, model: "mujoco.MjModel", joint_names: Sequence[str]
+) -> None:
+    """Add the joints that equality constraints of a model bind to others or fix."""
+    from mujoco import mjtEq
+
     for i in range(model.neq):
         if int(model.eq_type[i]) != int(mjtEq.mjEQ_JOINT) or not model.eq_active0[i]:
             continue
@@ -335,7 +370,6 @@ def _of_mujoco(model: "mujoco.MjModel") -> RobotModel:
             offset = c[0] + rest - c[1] * model.qpos0[model.jnt_qposadr[leader]]
             rule = Follower(joint_names[leader], float(c[1]), float(offset), not np.any(c[2:]))
         robot.followers[joint_names[follower]] = rule
-    return robot
 
 
 def _mujoco_effort(model: "mujoco.MjModel", joint: int) -> float:
@@ -368,7 +402,7 @@ def _mujoco_effort(model: "mujoco.MjModel", joint: int) -> float:
 
 def _mujoco_shapes(model: "mujoco.MjModel", robot: RobotModel) -> HeldShapes:
     """Return the geoms of a model: those with contacts are collision shapes, the others visual."""
-    from mujoco import mjtDisableBit, mjtGeom
+    from mujoco import mjtGeom
 
     bodies = _names(model, "body", model.nbody)
     kinds = {
@@ -380,13 +414,10 @@ def _mujoco_shapes(model: "mujoco.MjModel", robot: RobotModel) -> HeldShapes:
         int(mjtGeom.mjGEOM_PLANE): "plane",
         int(mjtGeom.mjGEOM_MESH): "mesh",
     }
-    explicit = frozenset(
-        frozenset((int(model.pair_geom1[i]), int(model.pair_geom2[i]))) for i in range(model.npair)
-    )
-    paired = set()
-    for pair in explicit:
-        for geom in pair:
-            paired.add(geom)
+    pairs = set()
+    for i in range(model.npair):
+        pairs.add(frozenset((int(model.pair_geom1[i]), int(model.pair_geom2[i]))))
+    paired = set[int]().union(*pairs)
     visual = []
     hidden = []
     collision = []
@@ -403,10 +434,9 @@ def _mujoco_shapes(model: "mujoco.MjModel", robot: RobotModel) -> HeldShapes:
         if kind is None:
             missing[link] = f"a geom of the type {int(model.geom_type[i])} is not supported"
             continue
+        contact = None
         if touches:
             contact = Contact(link, i, contype, conaffinity, is_plane)
-        else:
-            contact = None
         shape = _mujoco_shape(model, i, kind, link, contact)
         if touches:
             collision.append(shape)
@@ -416,6 +446,15 @@ def _mujoco_shapes(model: "mujoco.MjModel", robot: RobotModel) -> HeldShapes:
             visual.append(shape)
     drawn = {shape.link for shape in visual}
     visual += [shape for shape in hidden if shape.link not in drawn]
+    rules = _mujoco_rules(model, bodies, frozenset(pairs))
+    return HeldShapes(tuple(visual), tuple(collision), missing, rules)
+
+
+def _mujoco_rules(
+    model: "mujoco.MjModel", bodies: Sequence[str], explicit: frozenset[frozenset[int]]
+) -> ContactRules:
+    """Return the contacts that a model excludes; `explicit` are the pairs of geoms that touch in any case."""
+    from mujoco import mjtDisableBit
 
     carriers = {}
     parents = {}
@@ -426,7 +465,7 @@ def _mujoco_shapes(model: "mujoco.MjModel", robot: RobotModel) -> HeldShapes:
         parents[bodies[welded]] = bodies[model.body_weldid[above]]
     excluded = _excluded_pairs(model.exclude_signature.tolist(), bodies)
     disabled = int(model.opt.disableflags)
-    rules = ContactRules(
+    return ContactRules(
         carriers,
         parents,
         bodies[0],
@@ -435,7 +474,6 @@ def _mujoco_shapes(model: "mujoco.MjModel", robot: RobotModel) -> HeldShapes:
         filter_parents=not disabled & int(mjtDisableBit.mjDSBL_FILTERPARENT),
         enabled=not disabled & int(mjtDisableBit.mjDSBL_CONTACT),
     )
-    return HeldShapes(tuple(visual), tuple(collision), missing, rules)
 
 
 def _excluded_pairs(signatures: Iterable[int], bodies: Sequence[str]) -> frozenset[frozenset[str]]:

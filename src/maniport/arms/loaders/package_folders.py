@@ -44,12 +44,7 @@ def package_folders(title: str, file: Path, more: Sequence[Path] = ()) -> Iterat
     found = False
     for i, place in enumerate(file.absolute().parents):
         near = i < NEAR and not holds_home(place)
-        if near:
-            candidates = [place, *_subfolders(place)]
-        else:
-            candidates = [place]
-        renamed = [folder for folder in candidates if _name(folder) == title]
-        for package in dict.fromkeys((*_direct(title, place), *renamed)):
+        for package in _candidates(title, place, near):
             marked = bool(origins(package))
             found = found or marked
             if near or marked:
@@ -63,6 +58,18 @@ def package_folders(title: str, file: Path, more: Sequence[Path] = ()) -> Iterat
     if not found:  # the search below may take a second
         for place in trusted:
             yield from _below(title, place)
+
+
+def _candidates(title: str, place: Path, near: bool) -> list[Path]:
+    """Folders of a title that may be a package: a place, those in it, and where it is near renamed ones in it."""
+    candidates = dict.fromkeys(_direct(title, place))
+    folders = [place]
+    if near:
+        folders += _subfolders(place)
+    for folder in folders:
+        if _name(folder) == title:
+            candidates[folder] = None
+    return list(candidates)
 
 
 def origins(folder: Path) -> list[Path]:

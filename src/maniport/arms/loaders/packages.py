@@ -36,30 +36,40 @@ class Package:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all arms of the package."""
-        return (
-            *self.arms,
-            *(f"{robot}_{side}_arm" for robot in self.pairs for side in sorted(SIDES)),
-        )
+        names = list(self.arms)
+        for robot in self.pairs:
+            names += _sided(robot)
+        return tuple(names)
 
     def installed(self) -> dict[str, Path]:
         """Return the installed files by robot name."""
-        if self.module is None:
-            ros = []
-            for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-                if entry:
-                    ros.append(Path(entry))
-            places = [*(Path(entry) / "cmeel.prefix" for entry in sys.path), Path(sys.prefix), *ros]
-        else:
-            spec = importlib.util.find_spec(self.module)
-            if spec is not None:
-                places = [Path(place) for place in (spec.submodule_search_locations or ())]
-            else:
-                places = []
-        every: dict[str, Path] = {}
-        for place in places:
+        files: dict[str, Path] = {}
+        for place in self._places():
             for path in sorted((place / self.folder).glob(self.pattern)):
-                every.setdefault(path.parent.name if path.stem == "robot" else path.stem, path)
-        return every | {name: every[stem] for name, stem in self.files.items() if stem in every}
+                files.setdefault(path.parent.name if path.stem == "robot" else path.stem, path)
+        named = {name: files[stem] for name, stem in self.files.items() if stem in files}
+        return files | named
+
+    def _places(self) -> list[Path]:
+        """Folders that may contain the folder of the package."""
+        if self.module is not None:
+            spec = importlib.util.find_spec(self.module)
+            if spec is None:
+                return []
+            return list(map(Path, spec.submodule_search_locations or ()))
+        places = []
+        for entry in sys.path:
+            places.append(Path(entry) / "cmeel.prefix")
+        places.append(Path(sys.prefix))
+        for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+            if entry:
+                places.append(Path(entry))
+        return places
+
+
+def _sided(robot: str) -> tuple[str, ...]:
+    """Names of the arms of a robot of two arms."""
+    return tuple(f"{robot}_{side}_arm" for side in sorted(SIDES))
 
 
 _TABLE = json.loads(
@@ -91,44 +101,50 @@ def find_robot(name: str) -> RobotFile | None:
         if hidden:
             return None
         return _from_catalog(robot, installed)
-    if title and title not in PACKAGES:
-        return None
+    packages = PACKAGES
     if title:
+        if title not in PACKAGES:
+            return None
         packages = {title: PACKAGES[title]}
-    else:
-        packages = PACKAGES
     for package in packages.values():
         files = package.installed()
-        side = next((side for side in SIDES if robot.endswith(f"_{side}_arm")), None)
-        stem = robot.removesuffix(f"_{side}_arm")
-        if side is not None and stem in files and stem not in package.arms:
-            return RobotFile(files[stem], name=robot, side=side)
-        if robot in files:
-            return RobotFile(files[robot], name=robot, pair=robot in package.pairs)
+        file = _file_of(robot, package, files)
+        if file is not None:
+            return file
         if title and files:
             names = {*package.names, *files}
             raise unknown_name("robot", robot, names, f"in the package {title}", MOST_ROBOTS)
-    missing = [
-        key
-        for key, package in packages.items()
-        if title or robot in (*package.names, *package.pairs)
-    ]
-    if missing:  # or an older version without that robot
-        raise MissingPackageError(
-            f"the robot {robot!r} comes with the package {missing[0]}, which is not installed: "
-            f"{PACKAGES[missing[0]].install}"
-        )
+    for key, package in packages.items():
+        if title or robot in (*package.names, *package.pairs):  # perhaps its version is too old
+            raise MissingPackageError(
+                f"the robot {robot!r} comes with the package {key}, which is not installed: {package.install}"
+            )
+    return None
+
+
+def _file_of(robot: str, package: Package, files: Mapping[str, Path]) -> RobotFile | None:
+    """Return the file of a robot, or of the robot of an arm with a side, among those of a package."""
+    for side in SIDES:
+        if robot.endswith(f"_{side}_arm"):
+            stem = robot.removesuffix(f"_{side}_arm")
+            if stem in files and stem not in package.arms:
+                return RobotFile(files[stem], name=robot, side=side)
+            break
+    if robot in files:
+        return RobotFile(files[robot], name=robot, pair=robot in package.pairs)
     return None
 
 
 def known_names() -> tuple[set[str], str]:
     """Return the names of all arms of packages, and how to install missing packages."""
     missing = [package.install for package in PACKAGES.values() if not package.installed()]
+    how = ""
     if missing:
         how = f"; for some of the robots: {', '.join(missing)}"
-    else:
-        how = ""
-    return {name for package in PACKAGES.values() for name in package.names}, how
+    names = set[str]()
+    for package in PACKAGES.values():
+        names.update(package.names)
+    return names, how
 
 
 def arm_names(name: str) -> tuple[str, ...]:
@@ -138,7 +154,7 @@ def arm_names(name: str) -> tuple[str, ...]:
         for robot in package.pairs:
             robots.add(robot)
     if name.rpartition("/")[2] in robots:
-        return tuple(f"{name}_{side}_arm" for side in sorted(SIDES))
+        return _sided(name)
     return ()
 
 

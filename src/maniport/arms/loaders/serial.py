@@ -1,6 +1,6 @@
 """Serial chains in robot models: joints and frames, couplings, masses and bodies off the chain."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -33,47 +33,29 @@ Mounts = dict[str, tuple[int, Array]]
 def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | None) -> Chain:
     """Return the chain to a frame, by default the end effector of some joints; see `maniport.load_arm`."""
     path = model.path
-    places = {
-        **{site: body for site, (body, _) in model.sites.items()},
-        **{body: body for body in model.bodies},
-    }
+    places = {site: body for site, (body, _) in model.sites.items()}
+    places |= {name: name for name in model.bodies}
     wanted = () if wanted is None else check_names(wanted, "joints")
-    for name in wanted:
-        if name not in model.bounds:
-            raise unknown_name("joint", name, model.bounds, f"in '{path}'")
-        if name in model.followers:
-            leader = model.followers[name].leader
-            reason = "it is constant" if leader is None else f"it follows {leader!r}"
-            raise InvalidInputError(f"joints: {name!r} in '{path}' cannot move by itself, {reason}")
+    _require_movable(model, wanted)
     if end_frame is None:
         end_frame = Limbs(model, wanted).choose()
     elif end_frame not in places:
         raise unknown_name("frame", end_frame, places, f"in '{path}'")
     joints, mounts = _mounted(model, places[end_frame])
     coordinates = [joint.name for joint in joints if joint.name not in model.followers]
-    for name in [name for name in coordinates if name in model.closed]:
-        low, high = model.closed[name]
-        raise FileFormatError(
-            f"{path}: joint {name!r} has the limits {low:g} to {high:g}; the first must be below the second, or both "
-            "zero if unknown"
-        )
-    coupling = np.zeros((len(joints), len(coordinates)))
-    offset = np.zeros(len(joints))
-    for row, joint in enumerate(joints):
-        leader, factor, offset[row] = _resolved(model, joint.name, coordinates)
-        if leader is not None:
-            coupling[row, coordinates.index(leader)] = factor
-    frames = {name: Frame(*mount, model.bodies[name].parent) for name, mount in mounts.items()}
-    for site, (body, placement) in model.sites.items():
-        if body in mounts and site not in model.bodies:
-            frames[site] = Frame(mounts[body][0], mounts[body][1] @ placement, body)
-    limits = np.array([model.bounds[name] for name in coordinates]).reshape(-1, 2)
+    _require_ranges(model, coordinates)
+
+    coupling, offset = _coupling(model, joints, coordinates)
+    frames = _frames(model, mounts)
     carriers = _carriers(model, mounts)
     inertia = _inertia(model, carriers, len(joints))
     remarks = dict(model.remarks)
     if inertia is not None:
-        steps = [np.linalg.norm(joint.placement[:3, 3]) for joint in joints]
-        remarks[IMPLAUSIBLE_INERTIA] = _implausible_inertia(model, carriers, float(sum(steps)))
+        length = 0.0
+        for joint in joints:
+            length += float(np.linalg.norm(joint.placement[:3, 3]))
+        remarks[IMPLAUSIBLE_INERTIA] = _implausible_inertia(model, carriers, length)
+    limits = np.array([model.bounds[name] for name in coordinates]).reshape(-1, 2)
     return Chain(
         name=model.name,
         joints=tuple(joints),
@@ -96,6 +78,55 @@ def chain_to(model: RobotModel, end_frame: str | None, wanted: Sequence[str] | N
     )
 
 
+def _coupling(
+    model: RobotModel, joints: Sequence[Joint], coordinates: Sequence[str]
+) -> tuple[Array, Array]:
+    """Return positions of joints per coordinate (joints, dof), and at zero coordinates (joints,)."""
+    coupling = np.zeros((len(joints), len(coordinates)))
+    offset = np.zeros(len(joints))
+    for row, joint in enumerate(joints):
+        leader, factor, offset[row] = _resolved(model, joint.name, coordinates)
+        if leader is not None:
+            coupling[row, coordinates.index(leader)] = factor
+    return coupling, offset
+
+
+def _require_movable(model: RobotModel, names: Sequence[str]) -> None:
+    """Require names of joints that move by themselves."""
+    for name in names:
+        if name not in model.bounds:
+            raise unknown_name("joint", name, model.bounds, f"in '{model.path}'")
+        if name in model.followers:
+            leader = model.followers[name].leader
+            reason = "it is constant" if leader is None else f"it follows {leader!r}"
+            raise InvalidInputError(
+                f"joints: {name!r} in '{model.path}' cannot move by itself, {reason}"
+            )
+
+
+def _require_ranges(model: RobotModel, coordinates: Sequence[str]) -> None:
+    """Require that limits of coordinates leave positions."""
+    for name in coordinates:
+        if name in model.closed:
+            low, high = model.closed[name]
+            raise FileFormatError(
+                f"{model.path}: joint {name!r} has the limits {low:g} to {high:g}; the first must be below the second, "
+                "or both zero if unknown"
+            )
+
+
+def _frames(model: RobotModel, mounts: Mounts) -> dict[str, Frame]:
+    """Return bodies and sites fixed to a chain as frames."""
+    frames = {}
+    for name, (joint, placement) in mounts.items():
+        frames[name] = Frame(joint, placement, model.bodies[name].parent)
+    for site, (body, site_placement) in model.sites.items():
+        if body in mounts and site not in model.bodies:
+            joint, placement = mounts[body]
+            frames[site] = Frame(joint, placement @ site_placement, body)
+    return frames
+
+
 def _mounted(model: RobotModel, end: str) -> tuple[list[Joint], Mounts]:
     """Return the joints from the base to a body, and the bodies fixed to the chain."""
     joints = list[Joint]()
@@ -107,15 +138,18 @@ def _mounted(model: RobotModel, end: str) -> tuple[list[Joint], Mounts]:
                 f"{model.path}: the joint to {body.name!r} on the chain is of type {body.blocked}; only joints with "
                 "one axis are supported"
             )
-        if body.parent is None or (
-            body.parent in mounts and (body.name in path or not (body.joints or body.blocked))
-        ):
-            count, pose = (0, np.eye(4)) if body.parent is None else mounts[body.parent]
-            for joint in body.joints:
-                joints.append(replace(joint, placement=pose @ joint.placement))
-                count = count + 1
-                pose = np.eye(4)
-            mounts[body.name] = count, pose @ body.placement
+        count = 0
+        pose = np.eye(4)
+        if body.parent is not None:
+            is_rigid = not (body.joints or body.blocked)
+            if body.parent not in mounts or not (body.name in path or is_rigid):
+                continue
+            count, pose = mounts[body.parent]
+        for joint in body.joints:
+            joints.append(replace(joint, placement=pose @ joint.placement))
+            count = count + 1
+            pose = np.eye(4)
+        mounts[body.name] = count, pose @ body.placement
     return joints, mounts
 
 
@@ -126,15 +160,15 @@ def _resolved(
     factor = 1.0
     offset = 0.0
     seen = set[str]()
-    while (follower := model.followers.get(name)) is not None:
+    while name in model.followers:
+        follower = model.followers[name]
         offset += factor * follower.offset
         if follower.leader is None:
             return None, 0.0, offset
         if not follower.linear or follower.leader not in model.bounds or name in seen:
+            fault = "which is no joint, or in a cycle"
             if not follower.linear:
                 fault = "nonlinearly"
-            else:
-                fault = "which is no joint, or in a cycle"
             raise FileFormatError(
                 f"{model.path}: joint {name!r} follows {follower.leader!r} {fault}"
             )
@@ -215,48 +249,73 @@ def _bodies_off_chain(
     for name in model.bodies:
         path = [model.bodies[above] for above in reversed(model.line(name)) if above not in mounts]
         if path:
-            count, rest = mounts[str(path[0].parent)]
-            finger = next(
-                (body for body in path if any(joint.name in fingers for joint in body.joints)),
-                path[-1],
-            )
-            bodies[name] = Body(count, rest @ _poses(model, path, moving), finger.name)
+            count, placement = mounts[str(path[0].parent)]
+            finger = _first_moved_by(path, fingers)
+            bodies[name] = Body(count, placement @ _poses(model, path, moving), finger.name)
     return bodies
+
+
+def _first_moved_by(path: Sequence[RobotBody], joints: Collection[str]) -> RobotBody:
+    """Return the first body of a path with one of some joints, or the last body."""
+    for body in path:
+        if any(joint.name in joints for joint in body.joints):
+            return body
+    return path[-1]
 
 
 def _poses(
     model: RobotModel, path: Sequence[RobotBody], moving: Collection[str], most: int = 512
 ) -> Array:
     """Poses of the last body of a path relative to the parent of the first, shape (k, 4, 4) with k ≤ `most`."""
-    joints = [joint for body in path for joint in body.joints]
-    rules = {joint.name: _resolved(model, joint.name, moving) for joint in joints}
-    counts: dict[str, int] = {}  # samples of the range of each leader
-    for name in dict.fromkeys(leader for leader, *_ in rules.values() if leader is not None):
-        slides = all(joint.kind == PRISMATIC for joint in joints if rules[joint.name][0] == name)
-        span = np.ptp(model.bounds[name])  # steps of 0.4 rad cut arcs by 2 % of their radius
-        if not np.isfinite(span):
-            counts[name] = 1
-        elif slides:
-            counts[name] = 2
-        else:
-            counts[name] = 2 + int(span / 0.4)
-    while np.prod(list(counts.values())) > most:
-        counts[max(counts, key=lambda leader: counts[leader])] -= 1
-    grids = [
-        np.linspace(*model.bounds[leader], n) if n > 1 else np.zeros(1)
-        for leader, n in counts.items()
-    ]
-    at = dict(
-        zip(counts, (grid.ravel() for grid in np.meshgrid(*grids, indexing="ij")), strict=True)
-    )
-    poses: Array = np.broadcast_to(np.eye(4), (int(np.prod([len(grid) for grid in grids])), 4, 4))
+    rules = {}
+    slides: dict[str, bool] = {}  # whether a leader moves prismatic joints only
+    for body in path:
+        for joint in body.joints:
+            rules[joint.name] = _resolved(model, joint.name, moving)
+            leader = rules[joint.name][0]
+            if leader is not None:
+                slides[leader] = slides.get(leader, True) and joint.kind == PRISMATIC
+    positions = _sampled_positions(model, slides, most)
+
+    poses: Array = np.eye(4)[None]
+    if positions:
+        count = len(next(iter(positions.values())))
+        poses = np.broadcast_to(np.eye(4), (count, 4, 4))
     for body in path:
         for joint in body.joints:
             leader, factor, offset = rules[joint.name]
             if leader is None:
-                positions = np.full(len(poses), offset)
+                of_joint = np.full(len(poses), offset)
             else:
-                positions = factor * at[leader] + offset
-            poses = poses @ joint.placement @ joint.motion(positions)
+                of_joint = factor * positions[leader] + offset
+            poses = poses @ joint.placement @ joint.motion(of_joint)
         poses = poses @ body.placement
     return poses
+
+
+def _sampled_positions(
+    model: RobotModel, slides: Mapping[str, bool], most: int
+) -> dict[str, Array]:
+    """Sample the ranges of joints on a grid of at most `most` points, shape (k,) for each.
+
+    `slides` tells of each joint whether it moves bodies along lines only, for which the ends of its range suffice.
+    """
+    counts: dict[str, int] = {}
+    for name, is_straight in slides.items():
+        span = np.ptp(model.bounds[name])
+        if not np.isfinite(span):
+            counts[name] = 1
+        elif is_straight:
+            counts[name] = 2
+        else:
+            counts[name] = 2 + int(span / 0.4)  # steps of 0.4 rad cut arcs by 2 % of their radius
+    while np.prod(list(counts.values())) > most:
+        counts[max(counts, key=lambda leader: counts[leader])] -= 1
+    samples = []
+    for name, count in counts.items():
+        if count > 1:
+            samples.append(np.linspace(*model.bounds[name], count))
+        else:
+            samples.append(np.zeros(1))
+    grids = np.meshgrid(*samples, indexing="ij")
+    return {name: grid.ravel() for name, grid in zip(counts, grids, strict=True)}

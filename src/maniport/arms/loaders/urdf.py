@@ -1,6 +1,5 @@
 """URDF: bodies, joints, mimic joints, and shapes from <visual> and <collision>."""
 
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -19,6 +18,7 @@ from maniport.arms.chain import (
     pose,
 )
 from maniport.arms.loaders.document import (
+    LARGEST,
     XACRO,
     Declared,
     MeshPaths,
@@ -41,6 +41,7 @@ KINDS = {
 }
 """Joints with one axis by their types; a floating joint is at rest, and the planar one of a mobile base."""
 XACRO_PREFIX = "xacro:"
+BODY_TAGS = ("link", "joint")
 INERT = ("property", "arg", "include", "if", "unless")
 """Elements of xacro that a URDF may contain: what they declare has no effect without macros and expressions."""
 
@@ -94,7 +95,9 @@ def read(path: Path, root: Element) -> RobotModel:
 
 def _release_followers_of_welds(model: RobotModel) -> None:
     """Hold joints that mimic a fixed joint at their offset."""
-    welds = {name for body in model.bodies.values() for name in body.welds}
+    welds = set[str]()
+    for body in model.bodies.values():
+        welds |= set(body.welds)
     for name, rule in model.followers.items():
         if rule.leader in welds:
             model.followers[name] = Follower(None, 0.0, rule.offset)
@@ -107,32 +110,45 @@ def _require_expanded(model: RobotModel, root: Element) -> None:
     """
     waiting = [(root, False, False)]
     while waiting:
-        element, in_xacro, in_part = waiting.pop()
-        is_part = element.tag in ("link", "joint")
-        word = ""
-        if element.tag.startswith(XACRO_PREFIX):
-            in_xacro = True
-            if element.tag == f"{XACRO_PREFIX}include":
-                model.remark(IGNORED_INCLUDES, element.get("filename", ""))
-            if element.tag.removeprefix(XACRO_PREFIX) not in INERT or in_part:
-                word = f"<{element.tag}>"
-        elif in_xacro and is_part:
-            word = f"a <{element.tag}> inside an element of xacro"
-        elif is_part or in_part:
-            word = next((repr(text) for text in element.attrib.values() if "${" in text), "")
-        fault = f"this is a xacro file; let its name end in {XACRO} (it has {word})"
-        require(not word, model.path, fault)
-        waiting += [(child, in_xacro, in_part or is_part) for child in element]
+        element, in_xacro, in_body = waiting.pop()
+        if element.tag == f"{XACRO_PREFIX}include":
+            model.remark(IGNORED_INCLUDES, element.get("filename", ""))
+        macro = _needed_macro(element, in_xacro, in_body)
+        fault = f"this is a xacro file; let its name end in {XACRO} (it has {macro})"
+        require(not macro, model.path, fault)
+        in_xacro = in_xacro or element.tag.startswith(XACRO_PREFIX)
+        in_body = in_body or element.tag in BODY_TAGS
+        for child in element:
+            waiting.append((child, in_xacro, in_body))
+
+
+def _needed_macro(element: Element, in_xacro: bool, in_body: bool) -> str:
+    """Return what xacro has to expand in an element, inside an element of xacro, or of a link or joint; or nothing."""
+    if element.tag.startswith(XACRO_PREFIX):
+        if element.tag.removeprefix(XACRO_PREFIX) not in INERT or in_body:
+            return f"<{element.tag}>"
+        return ""
+    is_body = element.tag in BODY_TAGS
+    if in_xacro and is_body:
+        return f"a <{element.tag}> inside an element of xacro"
+    if is_body or in_body:
+        for text in element.attrib.values():
+            if "${" in text:
+                return repr(text)
+    return ""
 
 
 def _named(path: Path, root: Element, tag: str) -> dict[str, Element]:
     """Links or joints by their names."""
     elements = root.findall(tag)
     require_at_most(len(elements), LINKS, f"elements <{tag}>", path)
-    for name, count in Counter(element.get("name", "") for element in elements).items():
+    named: dict[str, list[Element]] = {}
+    for element in elements:
+        named.setdefault(element.get("name", ""), []).append(element)
+    for name, same in named.items():
         require(bool(name), path, f"a {tag} has no name")
-        require(count == 1, path, f"{tag} {name!r} appears {count} times")
-    return {element.get("name", ""): element for element in elements}
+        require(len(same) == 1, path, f"{tag} {name!r} appears {len(same)} times")
+    return {name: same[0] for name, same in named.items()}
 
 
 def _end(joint: Element, end: str) -> str:
@@ -147,46 +163,49 @@ def _body(model: RobotModel, joint: Element, link: Element) -> RobotBody:
     name = joint.get("name", "")
     kind = joint.get("type", "")
     where = f"{model.path}: joint {joint.get('name')!r} needs"
-    mimic, limit, axis = (joint.find(tag) for tag in ("mimic", "limit", "axis"))
+    mimic = joint.find("mimic")
     if mimic is not None:
-        factor, offset = (
-            float(numbers(mimic.get(key, default), 1, f"{where} a mimic {key}")[0])
-            for key, default in (("multiplier", "1"), ("offset", "0"))
-        )
+        factor = _attribute(mimic, "multiplier", "1", f"{where} a mimic")
+        offset = _attribute(mimic, "offset", "0", f"{where} a mimic")
         model.followers[name] = Follower(mimic.get("joint", ""), factor, offset)
     parent = _end(joint, "parent")
     child = link.get("name", "")
     placement = _origin(joint, where)
     inertia = _inertia(model.path, link)
     if not KINDS[kind]:
-        moving_above = any(model.bodies[above].joints for above in model.line(parent))
-        if kind == "planar" and moving_above:
+        blocked = ""
+        if kind == "planar" and any(model.bodies[above].joints for above in model.line(parent)):
             blocked = "planar"
-        else:
-            blocked = ""
         return RobotBody(child, parent, placement, blocked=blocked, inertia=inertia, welds=(name,))
+
+    limit = joint.find("limit")
     fault = f"joint {name!r} is {kind} and has no <limit>; use the type 'continuous' for joints without limits"
     require(limit is not None or kind == "continuous", model.path, fault)
-    low, high, speed, effort = (
-        float(
-            numbers(
-                "0" if limit is None else limit.get(key, "0"), 1, f"{where} a limit {key}", np.inf
-            )[0]
-        )
-        for key in ("lower", "upper", "velocity", "effort")
-    )
+    low = _attribute(limit, "lower", "0", f"{where} a limit", np.inf)
+    high = _attribute(limit, "upper", "0", f"{where} a limit", np.inf)
+    speed = _attribute(limit, "velocity", "0", f"{where} a limit", np.inf)
+    effort = _attribute(limit, "effort", "0", f"{where} a limit", np.inf)
+    bounds = (low, high)
     if kind == "continuous":
         bounds = (-np.inf, np.inf)
-    else:
-        bounds = (low, high)
     if bounds[0] == bounds[1] != 0.0 and mimic is None:
         model.followers[name] = Follower(None, 0.0, bounds[0])
     bounds = _soft_bounds(model, joint, bounds)
-    direction = numbers(
-        "1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, f"{where} an axis"
-    )
+    axis = joint.find("axis")
+    text = "1 0 0"
+    if axis is not None:
+        text = axis.get("xyz", "1 0 0")
+    direction = numbers(text, 3, f"{where} an axis")
     moving = model.joint(name, KINDS[kind], direction, placement, bounds, speed, effort)
     return RobotBody(child, parent, np.eye(4), (moving,), inertia=inertia)
+
+
+def _attribute(
+    element: Element | None, key: str, default: str, where: str, most: float = LARGEST
+) -> float:
+    """Return the number of an attribute, the default where there is no such element or attribute."""
+    text = default if element is None else element.get(key, default)
+    return float(numbers(text, 1, f"{where} {key}", most)[0])
 
 
 def _soft_bounds(
@@ -258,10 +277,8 @@ def _inertia(path: Path, link: Element) -> Array:
     where = f"{path}: link {link.get('name')!r}"
     if inertial is None:
         return np.zeros((6, 6))
-    mass, inertia = (
-        Element(tag) if (part := inertial.find(tag)) is None else part
-        for tag in ("mass", "inertia")
-    )
+    mass = _child(inertial, "mass")
+    inertia = _child(inertial, "inertia")
     moments = []
     for axes in ("xx", "yy", "zz", "xy", "xz", "yz"):
         moments.append(
@@ -269,6 +286,14 @@ def _inertia(path: Path, link: Element) -> Array:
         )
     weight = float(numbers(mass.get("value"), 1, f"{where} needs a mass", least=0.0)[0])
     return body_inertia(where, weight, moments, _origin(inertial, f"{where} needs"))
+
+
+def _child(element: Element, tag: str) -> Element:
+    """Return the first child with a tag, or one without attributes."""
+    child = element.find(tag)
+    if child is None:
+        return Element(tag)
+    return child
 
 
 def shapes(
@@ -279,23 +304,23 @@ def shapes(
     count = cache(partial(_count_missing, paths, owners))
     declared = []
     for link in owners:
-        for part in (*link.iterfind("visual"), *link.iterfind("collision")):
-            names = _mesh_names([part])
+        for element in (*link.iterfind("visual"), *link.iterfind("collision")):
+            names = _mesh_names([element])
             shape = Declared(
                 link.get("name", ""),
-                part.tag == "collision",
-                partial(_shape, paths, link, part, count),
+                element.tag == "collision",
+                partial(_shape, paths, link, element, count),
                 partial(_all_available, paths, names),
             )
             declared.append(shape)
     return declared, None
 
 
-def _mesh_names(parts: Iterable[Element]) -> list[str]:
+def _mesh_names(elements: Iterable[Element]) -> list[str]:
     """Names of the mesh files of <visual> or <collision> elements."""
     names = []
-    for part in parts:
-        for mesh in part.iterfind("geometry/mesh"):
+    for element in elements:
+        for mesh in element.iterfind("geometry/mesh"):
             names.append(mesh.get("filename", ""))
     return [name for name in names if name]
 
@@ -306,11 +331,10 @@ def _all_available(paths: MeshPaths, names: Sequence[str]) -> bool:
 
 def _count_missing(paths: MeshPaths, owners: Sequence[Element], tag: str) -> str:
     """Count the missing meshes of all <visual> or <collision> elements."""
-    parts = []
+    elements = list[Element]()
     for owner in owners:
-        for part in owner.iterfind(tag):
-            parts.append(part)
-    names = dict.fromkeys(_mesh_names(parts))
+        elements += owner.iterfind(tag)
+    names = dict.fromkeys(_mesh_names(elements))
     count = sum(not paths.available(name) for name in names)
     return f"{count} of {len(names)} meshes are"
 

@@ -52,13 +52,14 @@ class Geometry:
         for link, mesh in self.shapes.items():
             meshes.setdefault(self.chain.frames[link].joint, []).append(mesh)
         total = sum(len(triangles) for _, triangles in self.shapes.values())
-        whole = {joint: joined(parts) for joint, parts in sorted(meshes.items())}
-        if total > 15_000:
-            whole = {
-                joint: reduced(mesh, 200 + 15_000 * len(mesh[1]) // total)
-                for joint, mesh in whole.items()
-            }
-        return tuple(Surface(joint, *mesh) for joint, mesh in whole.items() if len(mesh[1]))
+        surfaces = []
+        for joint, of_links in sorted(meshes.items()):
+            mesh = joined(of_links)
+            if total > 15_000:
+                mesh = reduced(mesh, 200 + 15_000 * len(mesh[1]) // total)
+            if len(mesh[1]):
+                surfaces.append(Surface(joint, *mesh))
+        return tuple(surfaces)
 
     @cached_property
     def shapes(self) -> dict[str, Mesh]:
@@ -103,12 +104,14 @@ def _by_link(shapes: Iterable[Shape]) -> dict[str, Mesh]:
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Concatenate meshes."""
-    starts = np.cumsum([0, *(len(points) for points, _ in meshes)])[:-1]
-    points = np.concatenate([points for points, _ in meshes])
-    triangles = np.concatenate(
-        [rows + start for (_, rows), start in zip(meshes, starts, strict=True)]
-    )
-    return points, triangles.astype(np.int32)
+    points = []
+    triangles = []
+    start = 0
+    for mesh_points, mesh_triangles in meshes:
+        points.append(mesh_points)
+        triangles.append(mesh_triangles + start)
+        start += len(mesh_points)
+    return np.concatenate(points), np.concatenate(triangles).astype(np.int32)
 
 
 def moved_points(points: Array, pose: Array) -> Array:
@@ -150,7 +153,7 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
 
 def reduced(mesh: Mesh, most: int) -> Mesh:
     """Reduce a mesh to at most `most` triangles by merging close points."""
-    a, b, c = (mesh[0][column] for column in mesh[1].T)
+    a, b, c = mesh[0][mesh[1].T]
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     edge = np.sqrt(area / max(most, 1))
     if len(mesh[1]) > 3 * most:

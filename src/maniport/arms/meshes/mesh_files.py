@@ -17,6 +17,7 @@ from urllib.parse import unquote
 from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.chain import Mesh
@@ -36,9 +37,9 @@ from maniport.util.validation import Array
 def scaled(mesh: Mesh, scale: Array) -> Mesh:
     """Scale a mesh; a negative scale mirrors it, and reversed triangles keep their outside."""
     points, triangles = mesh
-    return points * scale, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(
-        scale
-    ) < 0 else triangles
+    if np.prod(scale) < 0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    return points * scale, triangles
 
 
 def require_no_pointer(path: Path, content: bytes) -> None:
@@ -72,19 +73,19 @@ def load_mesh(path: Path) -> Mesh:
     return points, triangles
 
 
-def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
+def _checked(path: Path, points: ArrayLike, triangles: ArrayLike) -> Mesh:
     """Require valid indices and finite points."""
-    points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    triangles = np.asarray(triangles).reshape(-1, 3)
-    require_at_most(max(points.size, triangles.size) // 3, TRIANGLES, "points or triangles", path)
-    if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(points)):
-        invalid = triangles[(triangles < 0) | (triangles >= len(points))][0]
+    positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    corners = np.asarray(triangles).reshape(-1, 3)
+    require_at_most(max(positions.size, corners.size) // 3, TRIANGLES, "points or triangles", path)
+    if corners.size and not (corners.min() >= 0 and corners.max() < len(positions)):
+        invalid = corners[(corners < 0) | (corners >= len(positions))][0]
         raise FileFormatError(
-            f"{path}: has a triangle with point number {invalid}; there are {len(points)}"
+            f"{path}: has a triangle with point number {invalid}; there are {len(positions)}"
         )
-    if not np.all(np.isfinite(points)):
+    if not np.all(np.isfinite(positions)):
         raise FileFormatError(f"{path}: has points that are not finite")
-    return points, triangles.astype(np.int32)
+    return positions, corners.astype(np.int32)
 
 
 def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
@@ -112,7 +113,9 @@ def _obj_faces(content: bytes) -> bytes:
     trimesh takes time quadratic in the number of groups.
     """
     lines = re.findall(rb"^[ \t]*([vf][ \t].*)", content.replace(b"\\\n", b" "), re.MULTILINE)
-    lines = [re.sub(rb"/\S*", b"", line) if line[:1] == b"f" else line for line in lines]
+    for i, line in enumerate(lines):
+        if line.startswith(b"f"):
+            lines[i] = re.sub(rb"/\S*", b"", line)
     return b"\n".join(lines) + b"\n"
 
 
@@ -159,7 +162,9 @@ def _read_gltf(path: Path, content: bytes) -> Iterator[Mesh]:
     if scenes:
         roots = scenes[header.get("scene", 0)].get("nodes", [])
     else:
-        children = {child for node in nodes for child in node.get("children", ())}
+        children = set[int]()
+        for node in nodes:
+            children.update(node.get("children", ()))
         roots = [i for i in range(len(nodes)) if i not in children]
 
     waiting = [(root, np.eye(4)) for root in reversed(roots)]
@@ -314,37 +319,44 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
     ]
     parts: dict[int, Mesh | None] = {}  # of each geometry
     positions: dict[str, Array] = {}  # of each list of points
-    nodes = triangles = 0
+    nodes = 0
+    triangles = 0
     while waiting:  # nodes may instantiate nodes, exponentially many
         node, pose = waiting.pop()
         nodes += 1
         require_at_most(nodes, NODES, "nodes, counted for each instance", path)
-        below = []
-        for child in node:
-            if child.tag == "node":
-                below.append((child, pose))
-            elif child.tag.startswith("instance_") and child.get("url", "") in things:
-                below.append((things[child.get("url", "")], pose))
-            elif child.tag == "skin":
-                bind = child.find("bind_shape_matrix")
-                shape = pose if bind is None else pose @ _numbers(bind).reshape(4, 4)
-                below.append((things.get(child.get("source", ""), child), shape))
-            elif node.tag == "node":
-                pose = pose @ _step(child)
+        below, pose = _children(node, pose, things)
         waiting += reversed(below)
-        if node.tag == "geometry":
-            if id(node) not in parts:
-                lists = list(_polygons(path, node, things, positions))
-                if lists:
-                    parts[id(node)] = joined(lists)
-                else:
-                    parts[id(node)] = None
-            mesh = parts[id(node)]
-            if mesh is not None:
-                points, rows = mesh
-                triangles += len(rows)
-                require_at_most(triangles, TRIANGLES, "triangles", path)
-                yield points @ pose[:3, :3].T + pose[:3, 3], rows
+        if node.tag != "geometry":
+            continue
+        if id(node) not in parts:
+            lists = list(_polygons(path, node, things, positions))
+            parts[id(node)] = joined(lists) if lists else None
+        mesh = parts[id(node)]
+        if mesh is not None:
+            points, rows = mesh
+            triangles += len(rows)
+            require_at_most(triangles, TRIANGLES, "triangles", path)
+            yield points @ pose[:3, :3].T + pose[:3, 3], rows
+
+
+def _children(
+    node: Element, pose: Array, things: dict[str, Element]
+) -> tuple[list[tuple[Element, Array]], Array]:
+    """Return the nodes, skins and instances in a node with their poses, and the pose after all of its steps."""
+    children = []
+    for child in node:
+        if child.tag == "node":
+            children.append((child, pose))
+        elif child.tag.startswith("instance_") and child.get("url", "") in things:
+            children.append((things[child.get("url", "")], pose))
+        elif child.tag == "skin":
+            bind = child.find("bind_shape_matrix")
+            shape = pose if bind is None else pose @ _numbers(bind).reshape(4, 4)
+            children.append((things.get(child.get("source", ""), child), shape))
+        elif node.tag == "node":
+            pose = pose @ _step(child)
+    return children, pose
 
 
 def _step(element: Element) -> Array:
@@ -378,29 +390,7 @@ def _polygons(
             raise ValueError(f"it holds <{shape.tag}>, which are not supported; write triangles")
         if shape.tag not in ("triangles", "polylist", "polygons") or "VERTEX" not in inputs:
             continue
-        width = max(int(entry.get("offset", "0")) for entry in shape.findall("input")) + 1
-        column = int(inputs["VERTEX"].get("offset", "0"))
-        corner_lists = []
-        for p in shape.findall("p"):
-            corner_lists.append(_numbers(p, np.int64).reshape(-1, width)[:, column])
-        corners = np.concatenate([np.empty(0, dtype=np.int64), *corner_lists])
-        if shape.tag == "triangles":
-            rows = corners.reshape(-1, 3)
-        else:
-            rows = corners
-        if shape.tag != "triangles":  # triangulate each polygon as a fan
-            counts = np.array([len(polygon) for polygon in corner_lists])
-            if shape.tag == "polylist":
-                counts = _numbers(shape.find("vcount"), np.int64)
-            total = counts.sum(dtype=np.float64)
-            if total != len(corners) or counts.min(initial=0) < 0:
-                raise ValueError(
-                    f"its polygons announce {total:.0f} corners; there are {len(corners)}"
-                )
-            sizes = np.maximum(counts - 2, 0)
-            first = np.repeat(np.cumsum(counts) - counts, sizes)
-            second = first + 1 + np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-            rows = corners[np.stack([first, second, second + 1], axis=1)]
+        rows = _corners(shape, int(inputs["VERTEX"].get("offset", "0")))
         if len(rows):
             kept, rows = np.unique(rows, return_inverse=True)
             if kept[0] < 0:
@@ -412,6 +402,31 @@ def _polygons(
             yield points[kept], rows.reshape(-1, 3).astype(np.int32)
 
 
+def _corners(shape: Element, column: int) -> NDArray[np.int64]:
+    """Return numbers of the corners (n, 3) of the triangles in a list of polygons; `column` is that of the points."""
+    width = max(int(entry.get("offset", "0")) for entry in shape.findall("input")) + 1
+    polygons = [np.empty(0, dtype=np.int64)]
+    for p in shape.findall("p"):
+        polygons.append(_numbers(p, np.int64).reshape(-1, width)[:, column])
+    corners = np.concatenate(polygons)
+    if shape.tag == "triangles":
+        return corners.reshape(-1, 3)
+
+    # triangulate each polygon as a fan
+    counts = np.array([len(polygon) for polygon in polygons[1:]])
+    if shape.tag == "polylist":
+        counts = _numbers(shape.find("vcount"), np.int64)
+    total = counts.sum(dtype=np.float64)
+    if total != len(corners) or counts.min(initial=0) < 0:
+        raise ValueError(f"its polygons announce {total:.0f} corners; there are {len(corners)}")
+    sizes = np.maximum(counts - 2, 0)
+    first = np.repeat(np.cumsum(counts) - counts, sizes)
+    before = np.repeat(np.cumsum(sizes) - sizes, sizes)
+    second = first + 1 + np.arange(sizes.sum()) - before
+    triangles = np.stack([first, second, second + 1], axis=1)
+    return np.asarray(corners[triangles])
+
+
 def _positions(vertices: Element, things: dict[str, Element]) -> Array:
     """Points of a mesh, shape (n, 3)."""
     position = next(
@@ -421,7 +436,9 @@ def _positions(vertices: Element, things: dict[str, Element]) -> Array:
     if accessor is None:
         raise ValueError("its points have no accessor")
     numbers = _numbers(things[accessor.get("source", "")])
-    count, stride, offset = (int(accessor.get(name, "0")) for name in ("count", "stride", "offset"))
+    count = int(accessor.get("count", "0"))
+    stride = int(accessor.get("stride", "0"))
+    offset = int(accessor.get("offset", "0"))
     if count < 0 or stride < 3 or offset < 0:
         raise ValueError(f"{count} points of {stride} numbers are announced, from {offset}")
     return np.asarray(numbers[offset : offset + count * stride].reshape(count, stride)[:, :3])
