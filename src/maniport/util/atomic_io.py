@@ -8,23 +8,21 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 from maniport.errors import OutputError, argument
 from maniport.util.input_limits import as_path
 
-EARLIER = (
-    ".earlier"  # suffix of the former target where two folders cannot be exchanged in one operation
-)
+EARLIER = ".earlier"
+"""Suffix of the former target where two folders cannot be exchanged in one operation."""
 
 _targets: dict[Path, Path] = {}  # targets that this process is writing, by temporary path
-_written: dict[
-    Path, str
-] = {}  # targets that this process has written, without what is in them; text before the name
+
+_written: dict[Path, str] = {}
+"""Text before the name of each target that this process has written, without what is in the target."""
 
 
 @contextmanager
@@ -54,13 +52,14 @@ def folder_written_whole(
         _require_own(path, own, overwrite)
         with temporary_sibling(target, folder=True) as staging:
             yield staging
-            _require_own(
-                path, own, overwrite
-            )  # files that others wrote there in the meantime stay as well
+            # files that others wrote there in the meantime stay as well
+            _require_own(path, own, overwrite)
             place(staging, target)
 
 
-def claim(folder: Path, marker: str, content: dict[str, Any], same: Collection[str] = ()) -> None:
+def claim(
+    folder: Path, marker: str, content: Mapping[str, object], same: Collection[str] = ()
+) -> None:
     """Write a marker to a new folder; raise `OutputError` for another one, or where its marker differs in `same`."""
     file = folder / marker
     try:
@@ -176,11 +175,8 @@ def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
         return
     if not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
-    entries = (
-        entry for entry in folder.rglob("*") if not (entry.is_dir() and any(entry.iterdir()))
-    )
-    others = (entry.relative_to(folder).as_posix() for entry in entries if entry.name not in own)
-    if names := ", ".join(map(repr, islice(others, 5))):
+    names = ", ".join(map(repr, islice(_other_entries(folder, own), 5)))
+    if names:
         raise OutputError(
             f"{str(folder)!r} holds other things ({names}); give a new folder with {argument('output')}"
         )
@@ -189,6 +185,15 @@ def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
         raise OutputError(f"{str(folder)!r} holds an earlier result; {advice}")
     if not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write {str(folder)!r}: permission denied")
+
+
+def _other_entries(folder: Path, own: Collection[str]) -> Iterator[str]:
+    """Give the files and empty folders below a folder that have other names."""
+    for entry in folder.rglob("*"):
+        if entry.is_dir() and any(entry.iterdir()):
+            continue
+        if entry.name not in own:
+            yield entry.relative_to(folder).as_posix()
 
 
 def _remove(path: Path, target: Path) -> None:

@@ -20,10 +20,19 @@ MARGIN = 0.02  # share of a joint's range that is kept free at either end
 RATE = 1000.0  # sampling rate of a planned motion [Hz]
 
 RECORDINGS = {
-    ".bvh": "bvh", ".c3d": "c3d", ".trc": "table", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",
-    ".npz": "npz", ".npy": "npz", ".csv": "table", ".tsv": "table", ".json": "keypoints",
+    ".bvh": "bvh",
+    ".c3d": "c3d",
+    ".trc": "table",
+    ".mot": "mot",
+    ".sto": "mot",
+    ".mvnx": "mvnx",
+    ".npz": "npz",
+    ".npy": "npz",
+    ".csv": "table",
+    ".tsv": "table",
+    ".json": "keypoints",
     ".zip": "archive",
-}  # fmt: skip
+}
 """Suffixes of recordings, and the module of `maniport.mocap.readers` that reads each."""
 
 SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}

@@ -4,14 +4,14 @@ import math
 import os
 import re
 import zipfile
-from collections.abc import Collection, Hashable, Iterator, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, ClassVar
 
 import numpy as np
 import yaml
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import FileFormatError, nearest_first, shown, some_of
 from maniport.util.atomic_io import written_whole
@@ -24,6 +24,7 @@ from maniport.util.input_limits import (
 )
 from maniport.util.validation import (
     Array,
+    Shape,
     as_finite,
     as_positive_semidefinite,
     as_times,
@@ -31,7 +32,7 @@ from maniport.util.validation import (
 )
 
 
-def spreadsheet_cell(value: Any) -> Any:
+def spreadsheet_cell(value: object) -> object:
     """Return a value for CSV, where many readers take each line for a row.
 
     In a text, `` | `` replaces line breaks, and an apostrophe precedes what spreadsheets would evaluate as a formula.
@@ -45,21 +46,24 @@ def spreadsheet_cell(value: Any) -> Any:
 
 
 def save_arrays(
-    path: str | os.PathLike[str], arrays: dict[str, Any], compress: bool = True
+    path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike], compress: bool = True
 ) -> None:
     """Write named arrays to an ``.npz`` file, whole or not at all."""
+    write: Callable[..., None] = np.savez
+    if compress:
+        write = np.savez_compressed
     with written_whole(path) as temporary, open(temporary, "wb") as stream:
-        (np.savez_compressed if compress else np.savez)(stream, **arrays)
+        write(stream, **arrays)
 
 
 def load_arrays(
     path: str | os.PathLike[str], what: str, names: Collection[str] | None = None
-) -> dict[str, Any]:
+) -> dict[str, NDArray[np.generic]]:
     """Read arrays of an ``.npz`` file."""
     with _archive(path, what) as archive:
-        chosen = {
-            name: info for name, info in _members(archive).items() if names is None or name in names
-        }
+        chosen = _members(archive)
+        if names is not None:
+            chosen = {name: info for name, info in chosen.items() if name in names}
         unpacked = sum(info.file_size for info in chosen.values())
         if unpacked > ARRAYS_BYTES:
             raise FileFormatError(
@@ -100,7 +104,7 @@ def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
     return {info.filename.removesuffix(".npy"): info for info in infos}
 
 
-def read_npy(stream: IO[bytes], size: int) -> Any:
+def read_npy(stream: IO[bytes], size: int) -> NDArray[np.generic]:
     """Read an array from a stream of `size` bytes in NumPy's format; may raise errors of any type."""
     version = np.lib.format.read_magic(stream)
     if version == (1, 0):
@@ -111,7 +115,7 @@ def read_npy(stream: IO[bytes], size: int) -> Any:
     if math.prod(shape) * max(dtype.itemsize, 1) > size:
         raise ValueError(f"its header declares the shape {shape} of {dtype}, more than there is")
     stream.seek(0)
-    array = np.lib.format.read_array(stream, allow_pickle=False)
+    array = np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
     if array.dtype.kind in "UV":
         array.tolist()  # raises an error where characters are no Unicode, which is not checked in reading
     return array
@@ -153,19 +157,19 @@ def _save(path: str | os.PathLike[str], name: str, points: Array, time: ArrayLik
 
 
 def _load(
-    path: str | os.PathLike[str], what: str, name: str, shape: tuple[Any, ...]
+    path: str | os.PathLike[str], what: str, name: str, shape: Shape
 ) -> tuple[Array, Array | None]:
     """Return the array of that name, and its times where there are any."""
     arrays = load_arrays(path, what, (name, "time"))
     where = f"in {str(path)!r}"
     if name not in arrays:
-        held = some_of(array_names(path, what))
-        raise FileFormatError(f"{what} {str(path)!r} has no array {name!r}; it holds {held}")
+        names = some_of(array_names(path, what))
+        raise FileFormatError(f"{what} {str(path)!r} has no array {name!r}; it holds {names}")
     points = as_finite(arrays[name], f"{name} {where}")
     require_shape(points, f"{name} {where}", shape)
-    return points, as_times(
-        arrays["time"], f"time {where}", len(points)
-    ) if "time" in arrays else None
+    if "time" not in arrays:
+        return points, None
+    return points, as_times(arrays["time"], f"time {where}", len(points))
 
 
 def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
@@ -183,7 +187,7 @@ def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[s
     return require_mapping(content, keys, str(file))
 
 
-def settings_text(content: Mapping[str, Any]) -> str:
+def settings_text(content: Mapping[str, object]) -> str:
     """Write a mapping as YAML that `read_settings` and readers of YAML 1.1 read alike."""
     text = yaml.dump(content, Dumper=_CarefulDumper, sort_keys=False, allow_unicode=True, width=110)
     return str(text)
@@ -194,19 +198,21 @@ def line_of(path: str | os.PathLike[str], *keys: str) -> str:
     node = yaml.compose(read_whole(path, (), SETTINGS_BYTES))
     line = ""
     for key in filter(None, keys):
-        parent = {entry.value: (entry.start_mark.line + 1, value) for entry, value in node.value}
-        if key not in parent:
+        entries = {name.value: (name, value) for name, value in node.value}
+        if key not in entries:
             return ""
-        number, node = parent[key]
-        line = f", line {number}"
+        name, node = entries[key]
+        line = f", line {name.start_mark.line + 1}"
     return line
 
 
-def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str, Any]:
+def require_mapping(content: object, keys: Collection[str], where: str) -> dict[str, Any]:
     """Require a mapping that has no keys but some; `where` names it, such as ``"limits.yaml: joints"``."""
     allowed = ", ".join(keys)
     if not isinstance(content, dict):
-        kind = "nothing" if content is None else type(content).__name__
+        kind = type(content).__name__
+        if content is None:
+            kind = "nothing"
         raise FileFormatError(f"{where} must be a mapping with the keys {allowed}; found {kind}")
     for key in content:
         if key not in keys:
@@ -237,20 +243,21 @@ def _tag(name: str) -> str:
     return f"tag:yaml.org,2002:{name}"
 
 
-class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
+class _StrictLoader(yaml.SafeLoader):
     """Reads the core schema of YAML 1.2, where PyYAML reads YAML 1.1 with ``1:30`` as 90 and ``no`` as false.
 
     Refuses aliases, which make a small file grow without bounds, duplicate keys, and tags of other types.
     """
 
     yaml_implicit_resolvers: ClassVar[dict[str, list[tuple[str, re.Pattern[str]]]]] = {}
-    yaml_constructors: ClassVar[dict[str | None, Any]] = {
-        tag: construct
-        for tag, construct in yaml.SafeLoader.yaml_constructors.items()
-        if tag is None or tag in (_tag("str"), _tag("seq"), _tag("map"))
+    yaml_constructors: ClassVar[dict[str | None, Callable[..., object]]] = {
+        tag: yaml.SafeLoader.yaml_constructors[tag]
+        for tag in (None, _tag("str"), _tag("seq"), _tag("map"))
     }
 
-    def compose_node(self, parent: Any, index: Any) -> Any:
+    def compose_node(
+        self, parent: yaml.Node | None, index: int | yaml.Node | None
+    ) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
             event = self.peek_event()
             raise yaml.composer.ComposerError(
@@ -258,7 +265,9 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
             )
         return super().compose_node(parent, index)
 
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+    def construct_mapping(
+        self, node: yaml.MappingNode, deep: bool = False
+    ) -> dict[Hashable, object]:
         seen: set[Hashable] = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
@@ -267,13 +276,13 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
                 raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
             if isinstance(key, Hashable):
                 seen.add(key)
-        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        mapping: dict[Hashable, object] = super().construct_mapping(node, deep)
         return mapping
 
-    def flatten_mapping(self, node: Any) -> None:
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
         """Leave ``<<`` a key like others: YAML 1.2 merges no mappings."""
 
-    def construct_core(self, node: Any) -> bool | int | float | None:
+    def construct_core(self, node: yaml.ScalarNode) -> bool | int | float | None:
         """Convert a scalar of `CORE_SCHEMA`; an error where a tag such as ``!!int`` does not fit its text."""
         kind = node.tag.rpartition(":")[2]
         text = str(self.construct_scalar(node))
@@ -287,7 +296,7 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
             return float(re.sub(r"\.(?=[iInN])", "", text))
         return self._integer(node, text)
 
-    def _integer(self, node: Any, text: str) -> int:
+    def _integer(self, node: yaml.ScalarNode, text: str) -> int:
         base = {"0o": 8, "0x": 16}.get(text[:2], 10)
         if base == 10:
             digits = text.lstrip("+-0")
@@ -305,11 +314,11 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
             )
         return value
 
-    def _fault(self, node: Any, problem: str) -> yaml.MarkedYAMLError:
+    def _fault(self, node: yaml.Node, problem: str) -> yaml.MarkedYAMLError:
         return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
-class _CarefulDumper(yaml.SafeDumper):  # type: ignore[misc]
+class _CarefulDumper(yaml.SafeDumper):
     """Quotes texts that YAML 1.1 or YAML 1.2 would read as another type."""
 
 

@@ -7,7 +7,6 @@ import os
 import stat
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 
@@ -52,7 +51,7 @@ def require_at_most(
         raise InvalidInputError(text) if path is None else FileFormatError(f"{path}: {text}")
 
 
-def as_path(value: Any, name: str = "path", other: str = "") -> Path:
+def as_path(value: object, name: str = "path", other: str = "") -> Path:
     """Require a path as text or `Path`; `other` names alternatives."""
     if not isinstance(value, (str, os.PathLike)) or isinstance(os.fspath(value), bytes):
         raise InvalidInputError(f"{name} must be a path{other}; found {type(value).__name__}")

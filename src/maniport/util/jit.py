@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numba
 from numba.core import event
@@ -18,10 +18,15 @@ from numba.core.caching import FunctionCache
 
 from maniport.util.compiling import announce
 
+if TYPE_CHECKING:
+    from numba.core.compiler import CompileResult
+    from numba.core.cpu import CPUContext
+    from numba.core.types import Type
+
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def kernel(function: Callable[..., Any] | None = None, *, fastmath: bool = False) -> Any:
+def kernel(function: Callable[..., object] | None = None, *, fastmath: bool = False) -> Any:
     """Compile a function on its first call with other types of arguments, or load it from the cache."""
     if function is None:
         return partial(kernel, fastmath=fastmath)
@@ -32,24 +37,24 @@ def kernel(function: Callable[..., Any] | None = None, *, fastmath: bool = False
     return compiled
 
 
-def part(function: Callable[..., Any] | None = None, *, fastmath: bool = False) -> Any:
+def part(function: Callable[..., object] | None = None, *, fastmath: bool = False) -> Any:
     """Compile a function that only kernels call."""
     if function is None:
         return partial(part, fastmath=fastmath)
     return numba.njit(fastmath=fastmath, no_cpython_wrapper=True, **OPTIONS)(function)
 
 
-class _Announcer(event.Listener):  # type: ignore[misc]  # Numba is untyped
+class _Announcer(event.Listener):
     """Announces that Numba compiles a function, with those that it calls."""
 
     _depth = 0  # Numba compiles one function at a time, and within it those that it calls
 
-    def on_start(self, event: Any) -> None:
+    def on_start(self, event: event.Event) -> None:
         self._depth += 1
         if self._depth == 1:
             announce(True)
 
-    def on_end(self, event: Any) -> None:
+    def on_end(self, event: event.Event) -> None:
         self._depth -= 1
         if self._depth == 0:
             announce(False)
@@ -58,10 +63,12 @@ class _Announcer(event.Listener):  # type: ignore[misc]  # Numba is untyped
 event.register("numba:compile", _Announcer())
 
 
-class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
+class _Cache(FunctionCache):
     """Numba's cache of one function; where a file cannot be used, the function is compiled again."""
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
+    def load_overload(
+        self, sig: "tuple[Type, ...]", target_context: "CPUContext"
+    ) -> "CompileResult | None":
         try:
             # Numba's own stamp covers one file; here all called functions are known, which they are not earlier
             self._cache_file._source_stamp = _digest(self._py_func)
@@ -74,26 +81,25 @@ class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
             return overload
         return None
 
-    def save_overload(self, sig: Any, data: Any) -> None:
+    def save_overload(self, sig: "tuple[Type, ...]", data: "CompileResult") -> None:
         self._ignoring_errors(super().save_overload, sig, data)
 
-    def _ignoring_errors(self, action: Callable[..., None], *arguments: Any) -> None:
+    def _ignoring_errors(self, action: Callable[..., None], *arguments: object) -> None:
         try:
             action(*arguments)
         except OSError:  # read-only or full
             self.disable()
 
 
-def _digest(function: Callable[..., Any]) -> str:
+def _digest(function: Callable[..., object]) -> str:
     """Digest of the files of a function and of the compiled functions that it calls."""
     files = set[str]()
     waiting = [function]
     while waiting:
         function = waiting.pop()
         files.add(inspect.getfile(function))
-        called = (
-            getattr(function.__globals__.get(name), "py_func", None)
-            for name in function.__code__.co_names
-        )
-        waiting += [other for other in called if other not in (None, function)]
+        for name in function.__code__.co_names:
+            called = getattr(function.__globals__.get(name), "py_func", None)
+            if called not in (None, function):
+                waiting.append(called)
     return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(files))).hexdigest()

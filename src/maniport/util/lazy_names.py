@@ -5,10 +5,9 @@ import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 
-def names_of_stub(package: str, file: str) -> tuple[list[str], Callable[[str], Any]]:
+def names_of_stub(package: str, file: str) -> tuple[list[str], Callable[[str], object]]:
     """Return `__all__` and `__getattr__` of a package, which load the names that its stub imports on first use."""
     stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
     imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
@@ -18,7 +17,7 @@ def names_of_stub(package: str, file: str) -> tuple[list[str], Callable[[str], A
             if alias.asname:
                 modules[alias.name] = node.module
 
-    def load(name: str) -> Any:
+    def load(name: str) -> object:
         if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         is_module = modules[name] == package

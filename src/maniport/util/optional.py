@@ -2,7 +2,7 @@
 
 import importlib
 from functools import partial
-from typing import Any
+from types import ModuleType
 
 from maniport.errors import MissingPackageError
 
@@ -12,7 +12,7 @@ def how_to_install(extra: str) -> str:
     return f'in the clone: pip install ".[{extra}]"'
 
 
-def optional_package(name: str, extra: str, what: str) -> Any:
+def optional_package(name: str, extra: str, what: str) -> ModuleType:
     """Import a package that may not be installed."""
     try:
         return importlib.import_module(name)

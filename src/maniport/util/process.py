@@ -8,10 +8,14 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
-from typing import Any
+from types import FrameType
+from typing import TypeVar, TypeVarTuple
 
 from maniport.errors import InvalidInputError
 from maniport.util.validation import as_count
+
+Result = TypeVar("Result")
+Arguments = TypeVarTuple("Arguments")
 
 LOOPBACK = "127.0.0.1"
 LOOPBACK_NAMES = (
@@ -49,7 +53,7 @@ def bound(host: str, port: int, kind: socket.SocketKind, name: str = "port") -> 
 
 
 @contextmanager
-def ending_in_order(end: Callable[[], Any] | None = None) -> Iterator[None]:
+def ending_in_order(end: Callable[[], object] | None = None) -> Iterator[None]:
     """Call `end`, or raise `KeyboardInterrupt`, at the first Ctrl-C or termination signal; a second one ends at once.
 
     In the main thread only.
@@ -60,7 +64,7 @@ def ending_in_order(end: Callable[[], Any] | None = None) -> Iterator[None]:
         for number, handler in before.items():
             signal.signal(number, handler)
 
-    def ended(number: int, frame: Any) -> None:
+    def ended(number: int, frame: FrameType | None) -> None:
         restore()
         if end is None:
             raise KeyboardInterrupt
@@ -87,7 +91,9 @@ def end_with_parent(parent: int) -> None:
         threading.Thread(target=watch, daemon=True).start()
 
 
-def settled(future: "Future[Any]", work: Callable[..., Any], *args: Any) -> "Future[Any]":
+def settled(
+    future: Future[Result], work: Callable[[*Arguments], Result], *args: *Arguments
+) -> Future[Result]:
     """Call a function and put its result or its error into a future."""
     try:
         future.set_result(work(*args))
@@ -96,8 +102,8 @@ def settled(future: "Future[Any]", work: Callable[..., Any], *args: Any) -> "Fut
     return future
 
 
-def in_background(work: Callable[..., Any], *args: Any) -> "Future[Any]":
+def in_background(work: Callable[[*Arguments], Result], *args: *Arguments) -> Future[Result]:
     """Call a function in a thread for which nothing waits when the program ends."""
-    future: Future[Any] = Future()
+    future: Future[Result] = Future()
     threading.Thread(target=settled, args=(future, work, *args), daemon=True).start()
     return future

@@ -51,7 +51,9 @@ def between(part: Part, start: float, stop: float) -> Part:
 
 def pieces(part: Part, *efforts: float) -> list[Part]:
     """Return the progress of consecutive pieces, whose durations are proportional to `efforts`."""
-    ends = [sum(efforts[:i]) / sum(efforts) for i in range(len(efforts) + 1)]
+    ends = []
+    for i in range(len(efforts) + 1):
+        ends.append(sum(efforts[:i]) / sum(efforts))
     return [between(part, start, stop) for start, stop in pairwise(ends)]
 
 

@@ -3,7 +3,8 @@
 import math
 import operator
 from collections.abc import Iterable
-from typing import Any, TypedDict, Unpack
+from types import EllipsisType
+from typing import SupportsIndex, TypedDict, TypeGuard, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ Array = NDArray[np.float64]
 RandomState = (
     int | np.random.Generator | None
 )  # Seed or generator; None draws other numbers each time
+Shape = tuple[int | str | EllipsisType, ...]  # Sizes, names of any size, and at the front any axes
 Rows = slice | NDArray[np.intp] | NDArray[np.bool_]  # Selection of rows of an array
 
 MIN_DIMENSION = 2
@@ -40,7 +42,15 @@ class Bounds(TypedDict, total=False):
     below: float
 
 
-def inside(values: Any, bounds: Bounds) -> Any:
+@overload
+def inside(values: float, bounds: Bounds) -> bool: ...
+
+
+@overload
+def inside(values: Array, bounds: Bounds) -> NDArray[np.bool_]: ...
+
+
+def inside(values: float | Array, bounds: Bounds) -> bool | NDArray[np.bool_]:
     """Return which numbers lie in a range."""
     low = bounds.get("minimum", -np.inf)
     above = bounds.get("above", -np.inf)
@@ -69,7 +79,7 @@ def _in_words(bounds: Bounds) -> str:
     return "".join(f" {words[key]} {value:.12g}" for key, value in bounds.items())
 
 
-def _first(mask: Any) -> tuple[int, ...]:
+def _first(mask: NDArray[np.bool_]) -> tuple[int, ...]:
     """Return the index of the first true entry."""
     return tuple(int(i) for i in np.argwhere(mask)[0])
 
@@ -88,17 +98,19 @@ def _behind(index: tuple[int, ...]) -> str:
     return ""
 
 
-def as_finite(value: ArrayLike, name: str) -> Array:
+def _is_plain(value: object) -> TypeGuard[Array]:
+    """Whether a value is a float64 array, of no derived class such as that of masked arrays."""
+    return type(value) is np.ndarray and value.dtype == np.float64
+
+
+def as_finite(value: object, name: str) -> Array:
     """Convert to a float64 array without nan or infinity."""
-    if (
-        type(value) is np.ndarray
-        and value.dtype == np.float64
-        and math.isfinite(np.vdot(value, value))
-    ):
+    if _is_plain(value) and math.isfinite(np.vdot(value, value)):
         return value  # control steps call this often
     rule = f"{name} must be an array of numbers"
     if value is None or np.ma.is_masked(value):
-        raise InvalidInputError(f"{rule}; found {'None' if value is None else 'masked entries'}")
+        found = "None" if value is None else "masked entries"
+        raise InvalidInputError(f"{rule}; found {found}")
     try:
         array = np.asarray(value)
         if np.iscomplexobj(array):  # NumPy would drop the imaginary part with a mere warning
@@ -119,20 +131,26 @@ def as_finite(value: ArrayLike, name: str) -> Array:
     return array
 
 
-def require_shape(array: NDArray[Any], name: str, shape: tuple[Any, ...], note: str = "") -> None:
+def require_shape(array: NDArray[np.generic], name: str, shape: Shape, note: str = "") -> None:
     """Raise unless an array has a shape of numbers and names (any size ≥ 1); a leading ``...`` means any axes."""
-    axes = shape[1:] if shape[0] is ... else shape
-    sizes = array.shape if axes is shape else array.shape[-len(axes) :]
-    pairs = list(zip(sizes, axes, strict=False))
-    if len(sizes) != len(axes) or any(
-        n < 1 if isinstance(axis, str) else n != axis for n, axis in pairs
-    ):
-        words = ", ".join("..." if axis is ... else str(axis) for axis in shape) + (
-            "," if len(shape) == 1 else ""
-        )
-        raise InvalidInputError(
-            f"{name} must have shape ({words}){note}; found shape {array.shape}"
-        )
+    axes = shape
+    sizes = array.shape
+    if shape[0] is ...:
+        axes = shape[1:]
+        sizes = array.shape[-len(axes) :]
+    fits = len(sizes) == len(axes)
+    for size, axis in zip(sizes, axes, strict=False):
+        if isinstance(axis, str):
+            fits = fits and size >= 1
+        else:
+            fits = fits and size == axis
+    if fits:
+        return
+    words = ["..." if axis is ... else str(axis) for axis in shape]
+    text = ", ".join(words)
+    if len(shape) == 1:
+        text += ","
+    raise InvalidInputError(f"{name} must have shape ({text}){note}; found shape {array.shape}")
 
 
 def as_square(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
@@ -226,7 +244,7 @@ def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Ar
     return np.asarray(left @ right)
 
 
-def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None) -> int:
+def as_count(value: object, name: str, minimum: int = 1, maximum: int | None = None) -> int:
     """Convert to an integer from `minimum` to `maximum`."""
     if maximum is None:
         bounds = Bounds(minimum=minimum)
@@ -234,6 +252,8 @@ def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None
         bounds = Bounds(minimum=minimum, maximum=maximum)
     rule = f"{name} must be a whole number{_in_words(bounds)}"
     try:
+        if not isinstance(value, SupportsIndex):
+            raise TypeError
         count = operator.index(value)
     except TypeError:
         raise InvalidInputError(f"{rule}; found {shown(value)}") from None
@@ -242,7 +262,7 @@ def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None
     return count
 
 
-def as_number(value: Any, name: str, **bounds: Unpack[Bounds]) -> float:
+def as_number(value: object, name: str, **bounds: Unpack[Bounds]) -> float:
     """Convert to one finite number within `bounds`."""
     try:
         number = value if type(value) is float else float(as_finite(value, name)[()])
@@ -261,19 +281,17 @@ def as_numbers(
     **bounds: Unpack[Bounds],
 ) -> Array:
     """Convert to `count` numbers (or any) within `bounds`, shape (count,); `broadcast` also accepts one number."""
+    single = ""
     if broadcast and count != 1:
         single = "one number or "
-    else:
-        single = ""
     rule = f"{name} must be {single}{count or 'a sequence of'} number{'s' * (count != 1)}{_in_words(bounds)}"
     array = as_finite(value, name)
-    if isinstance(value, list | tuple):
-        parts = value
-    else:
-        parts = [value]
-    if any(isinstance(part, bool | str) for part in parts):
+    entries = value if isinstance(value, list | tuple) else [value]
+    if any(isinstance(entry, bool | str) for entry in entries):
         raise InvalidInputError(f"{rule}; found {shown(value)}")
-    if not ((array.ndim == 1 and count in (None, len(array))) or (broadcast and array.ndim == 0)):
+    is_single = broadcast and array.ndim == 0
+    is_sequence = array.ndim == 1 and count in (None, len(array))
+    if not (is_single or is_sequence):
         raise InvalidInputError(f"{rule}; found shape {array.shape}")
     wrong = ~inside(array, bounds)
     if wrong.any():
@@ -313,7 +331,7 @@ def as_metres(value: ArrayLike, name: str) -> Array:
     return positions
 
 
-def as_choice(value: Any, name: str, choices: Iterable[str]) -> str:
+def as_choice(value: object, name: str, choices: Iterable[str]) -> str:
     """Require one of a few words; raises `UnknownNameError`."""
     names = tuple(choices)
     if not isinstance(value, str) or value not in names:
@@ -321,14 +339,18 @@ def as_choice(value: Any, name: str, choices: Iterable[str]) -> str:
     return value
 
 
-def as_flag(value: Any, name: str) -> bool:
+def as_flag(value: object, name: str) -> bool:
     """Require True or False; NumPy's and the numbers 1 and 0 count as such."""
-    if isinstance(value, str | list | tuple | dict) or np.ndim(value) or value not in (True, False):
+    if (
+        isinstance(value, str | list | tuple | dict)
+        or np.asarray(value).ndim
+        or value not in (True, False)
+    ):
         raise InvalidInputError(f"{name} must be True or False; found {shown(value)}")
     return bool(value)
 
 
-def as_generator(random_state: Any, name: str = "random_state") -> np.random.Generator:
+def as_generator(random_state: RandomState, name: str = "random_state") -> np.random.Generator:
     """Make a random generator from None, a whole number or a `numpy.random.Generator`."""
     if random_state is None or isinstance(random_state, np.random.Generator):
         return np.random.default_rng(random_state)
@@ -341,22 +363,13 @@ def vouched(
     value: ArrayLike, dimension: int | None, fraction: float | None, copy: bool = True
 ) -> Array | None:
     """Return the symmetric parts of matrices that one compiled pass proves valid; None if it does not."""
-    if (
-        type(value) is not np.ndarray
-        or value.dtype != np.float64
-        or value.ndim < 2
-        or not value.size
-    ):
-        return None
-    d = value.shape[-1]
-    fits = MIN_DIMENSION <= d <= MAX_DIMENSION if dimension is None else d == dimension
-    if value.shape[-2] != d or not fits:
+    if not _is_plain(value) or not _holds_matrices(value, dimension):
         return None
     from maniport.util.spd_check import vouch  # here, since Numba takes its time to import
 
+    d = value.shape[-1]
     flat = np.ascontiguousarray(value).reshape(-1, d, d)
-    # else Numba would compile again
-    if not (flat.flags.writeable and flat.flags.aligned):
+    if not (flat.flags.writeable and flat.flags.aligned):  # else Numba would compile again
         flat = flat.copy()
     limits = fraction or 0.0, SYMMETRY_TOLERANCE, MIN_MAGNITUDE, MAX_MAGNITUDE, fraction is not None
     if not copy and vouch(flat, np.empty((0, d, d)), *limits):
@@ -365,6 +378,18 @@ def vouched(
     if vouch(flat, results, *limits):
         return results.reshape(value.shape)
     return None
+
+
+def _holds_matrices(array: Array, dimension: int | None) -> bool:
+    """Whether an array has matrices of an allowed size, shape (..., d, d)."""
+    if array.ndim < 2 or not array.size:
+        return False
+    d: int = array.shape[-1]
+    if array.shape[-2] != d:
+        return False
+    if dimension is not None:
+        return d == dimension
+    return MIN_DIMENSION <= d <= MAX_DIMENSION
 
 
 def _symmetric(
@@ -381,9 +406,11 @@ def _symmetric(
         return plain
     array = as_square(value, name, dimension)
     transposed = np.swapaxes(array, -1, -2)
-    gap, scale = (np.abs(values).max(axis=(-1, -2)) for values in (array - transposed, array))
-    if np.any(bad := gap > SYMMETRY_TOLERANCE * scale):
-        index = _first(bad)
+    gap = np.abs(array - transposed).max(axis=(-1, -2))
+    scale = np.abs(array).max(axis=(-1, -2))
+    asymmetric = gap > SYMMETRY_TOLERANCE * scale
+    if np.any(asymmetric):
+        index = _first(asymmetric)
         raise NotSPDError(
             f"{name}{_at(index)} is not symmetric: |A - Aᵀ| reaches {gap[index]:.3g}; "
             f"allowed is {SYMMETRY_TOLERANCE:g} of its largest entry, {scale[index]:.3g}"
