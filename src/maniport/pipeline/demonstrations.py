@@ -5,12 +5,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from maniport.arms import Arm
+from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.chain import SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, argument
@@ -34,6 +34,11 @@ MIN_FRAMES = 10  # Fewest frames of a demonstration
 RATE = 30.0
 MAX_ELLIPSOIDS = 1500
 CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
+
+Interval = tuple[float, float]  # Start and end of a demonstration [s]
+Segments = (
+    str | Sequence[Sequence[float]] | None
+)  # Of a recording: `AUTO`, text or numbers, None: the whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,35 +111,40 @@ class LearnedProfile(SavedResult):
     @property
     def reference(self) -> Demonstration:
         """The demonstration that gives the times, with the learned arms and its joint angles."""
-        own = self.demonstrations[self.alignment.reference]
+        reference = self.demonstrations[self.alignment.reference]
         source = f"{len(self.demonstrations)} demonstrations"
-        note = f"ellipsoids and the hand's path are learned from {source}; the configurations are those of {own.name}"
-        recording = replace(own.recording, source=source, notes=(*own.recording.notes, note))
-        fits = tuple(
-            replace(fit, arm=arm) for fit, arm in zip(own.motion.arms, self.arms, strict=True)
-        )
-        return replace(own, recording=recording, motion=HumanMotion(fits, self.bases))
+        note = f"ellipsoids and the hand's path are learned from {source}; the configurations are those of "
+        notes = (*reference.recording.notes, note + reference.name)
+        recording = replace(reference.recording, source=source, notes=notes)
+        fits = []
+        for fit, arm in zip(reference.motion.arms, self.arms, strict=True):
+            fits.append(replace(fit, arm=arm))
+        motion = HumanMotion(tuple(fits), self.bases)
+        return replace(reference, recording=recording, motion=motion)
 
     def each_arm(self) -> "tuple[LearnedProfile, ...]":
         """Return the profile, covariance and path of each arm; model and agreement stay those of all arms."""
         d = self.profile.shape[-1] // len(self.arms)
-        parts = []
+        units = from_vector(np.eye(d * (d + 1) // 2))
+        profiles = []
         for i, arm in enumerate(self.arms):
             rows = slice(i * d, (i + 1) * d)
             hand = slice(3 * i, 3 * i + 3)
             columns = np.eye(len(self.arms) * d)[:, rows]
-            vectors = to_vector(
-                columns @ from_vector(np.eye(d * (d + 1) // 2)) @ columns.T
-            )  # of the block's own
-            alignment = replace(
-                self.alignment, ellipsoids=self.alignment.ellipsoids[..., rows, rows]
-            )
-            parts.append(replace(
-                self, arms=(arm,), bases=self.bases[i : i + 1], alignment=alignment, paths=self.paths[..., hand],
-                profile=self.profile[:, rows, rows], covariance=vectors @ self.covariance @ vectors.T,
+            vectors = to_vector(columns @ units @ columns.T)  # of units of the block in all blocks
+            ellipsoids = self.alignment.ellipsoids[..., rows, rows]
+            profile = replace(
+                self,
+                arms=(arm,),
+                bases=self.bases[i : i + 1],
+                alignment=replace(self.alignment, ellipsoids=ellipsoids),
+                paths=self.paths[..., hand],
+                profile=self.profile[:, rows, rows],
+                covariance=vectors @ self.covariance @ vectors.T,
                 path=self.path[:, hand],
-            ))  # fmt: skip
-        return tuple(parts)
+            )
+            profiles.append(profile)
+        return tuple(profiles)
 
     def write_data(self, folder: Path) -> None:
         """Write the data files into an existing folder.
@@ -143,10 +153,10 @@ class LearnedProfile(SavedResult):
         ``model.npz`` has the attributes of `ProfileGMM`; ``demonstrations.npz`` has ``names``, ``time`` (m,),
         ``ellipsoids`` (k, m, a d, a d) and ``paths`` (k, m, 3 a).
         """
-        for part in self.each_arm():
-            side = f"-{part.arms[0].side}" if len(self.arms) > 1 else ""
-            save_ellipsoids(folder / f"profile{side}.npz", part.profile, self.time)
-            save_path(folder / f"path{side}.npz", part.path, self.time)
+        for learned in self.each_arm():
+            side = f"-{learned.arms[0].side}" if len(self.arms) > 1 else ""
+            save_ellipsoids(folder / f"profile{side}.npz", learned.profile, self.time)
+            save_path(folder / f"path{side}.npz", learned.path, self.time)
         names = "weights_", "input_means_", "means_", "covariances_"
         save_arrays(
             folder / "model.npz", {name.strip("_"): getattr(self.model, name) for name in names}
@@ -192,94 +202,137 @@ def learn(
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
     config = Config.of(config).changed(allowed=("human", "transfer", "learning"), **options)
-    demonstrations = _demonstrations(
-        recordings, _intervals(recordings, config.segments), config, progress
-    )
+    intervals = _intervals(recordings, config.segments)
+    demonstrations = _demonstrations(recordings, intervals, config, progress)
     files = tuple(os.fspath(source) for source in recordings if not isinstance(source, Recording))
-    config, spec = replace(config, recording=files, verb="learn"), config.spec
+    config = replace(config, recording=files, verb="learn")
     motions = [demonstration.motion for demonstration in demonstrations]
     arms = _mean_arms(config.person, motions)
     bases = np.mean([motion.bases for motion in motions], axis=0)
+
     times = []
     ellipsoids = []
     hands = []
     for motion in motions:
-        number = np.ceil(np.ptp(motion.time) * RATE) + 1
-        rows = evenly_spaced(len(motion), int(np.clip(number, MIN_FRAMES, MAX_ELLIPSOIDS)))
-        pairs = [(arm, fit.joint_angles[rows]) for arm, fit in zip(arms, motion.arms, strict=True)]
-        blocks = np.zeros((len(rows), len(arms), spec.size, len(arms), spec.size))
-        for i, (arm, q) in enumerate(pairs):
-            blocks[:, i, :, i] = arm.ellipsoids(q, spec)
-        times.append(motion.time[rows])
-        ellipsoids.append(blocks.reshape(len(rows), *[len(arms) * spec.size] * 2))
-        paths = [
-            arm.forward(q)[:, :3, 3] + base for (arm, q), base in zip(pairs, bases, strict=True)
-        ]
-        hands.append(np.concatenate(paths, axis=1))
+        sampled = _sampled(motion, arms, bases, config.spec)
+        times.append(sampled.time)
+        ellipsoids.append(sampled.ellipsoids)
+        hands.append(sampled.hands)
     regularization = Regularization(config.damping or None).fitted(np.concatenate(ellipsoids))
     profiles = []
-    for own in ellipsoids:
-        profiles.append(regularization.apply(own, "the ellipsoids of a demonstration"))
+    for blocks in ellipsoids:
+        profiles.append(regularization.apply(blocks, "the ellipsoids of a demonstration"))
+
     alignment = align(profiles, times, progress=progress)
     model = ProfileGMM(config.components).fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
     profile, covariance = model.predict(time, return_covariance=True)
-    warped = alignment.warp(hands)
-    # An alignment goes in steps, a hand does not: a spline with half the amplitude at `CUTOFF`.
-    strength = 1.0 / (float(np.median(np.diff(alignment.time))) * (2.0 * np.pi * CUTOFF) ** 4)
-    path = []
-    for axis in warped.mean(axis=0).T:
-        path.append(make_smoothing_spline(alignment.time, axis, lam=strength)(time))
+    paths = alignment.warp(hands)
     return LearnedProfile(
-        demonstrations, tuple(arms), bases, alignment, warped, model, time, np.asarray(profile), covariance,
-        np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config,
-    )  # fmt: skip
+        demonstrations=demonstrations,
+        arms=tuple(arms),
+        bases=bases,
+        alignment=alignment,
+        paths=paths,
+        model=model,
+        time=time,
+        profile=np.asarray(profile),
+        covariance=covariance,
+        path=_smoothed(paths.mean(axis=0), alignment.time, time),
+        agreement=agreement(profiles, alignment, model, progress),
+        config=config,
+    )
 
 
-def _pairs(part: Any) -> Any:
-    """Return start and end of segments as they are, or from text such as 2:4,4:5.6."""
-    if not isinstance(part, str):
-        return part
-    pairs = []
-    for text in part.split(","):
-        pairs.append([float(number) for number in text.split(":")])
-    return pairs
+class _Sampled(NamedTuple):
+    """A demonstration at m of its frames, with a arms."""
+
+    time: Array  # (m,) [s]
+    ellipsoids: Array  # (m, a d, a d), those of each arm are a block
+    hands: Array  # (m, 3 a), positions in the common frame [m]
+
+
+def _sampled(
+    motion: HumanMotion, arms: Sequence[Arm], bases: Array, spec: EllipsoidSpec
+) -> _Sampled:
+    """Take `RATE` frames a second of a motion, with ellipsoids and hands of arms of other lengths."""
+    number = np.ceil(np.ptp(motion.time) * RATE) + 1
+    rows = evenly_spaced(len(motion), int(np.clip(number, MIN_FRAMES, MAX_ELLIPSOIDS)))
+    blocks = np.zeros((len(rows), len(arms), spec.size, len(arms), spec.size))
+    hands = []
+    for i, (arm, fit) in enumerate(zip(arms, motion.arms, strict=True)):
+        q = fit.joint_angles[rows]
+        blocks[:, i, :, i] = arm.ellipsoids(q, spec)
+        hands.append(arm.forward(q)[:, :3, 3] + bases[i])
+    size = len(arms) * spec.size
+    ellipsoids = blocks.reshape(len(rows), size, size)
+    return _Sampled(motion.time[rows], ellipsoids, np.concatenate(hands, axis=1))
+
+
+def _smoothed(path: Array, aligned_time: Array, time: Array) -> Array:
+    """Return a path (m, 3 a) at times (n,) on a spline with half the amplitude at `CUTOFF`.
+
+    An alignment goes in steps, a hand does not.
+    """
+    strength = 1.0 / (float(np.median(np.diff(aligned_time))) * (2.0 * np.pi * CUTOFF) ** 4)
+    columns = []
+    for column in path.T:
+        columns.append(make_smoothing_spline(aligned_time, column, lam=strength)(time))
+    return np.stack(columns, axis=-1)
 
 
 def _intervals(
-    recordings: Sequence[Recording | str | Path], segments: tuple[Any, ...]
-) -> list[Any]:
+    recordings: Sequence[Recording | str | Path], segments: Sequence[Segments]
+) -> list[list[Interval | None] | str]:
     """Check the segments; return those of each recording, [None] for the whole, or "auto"."""
     if isinstance(recordings, str | Path | Recording) or not len(recordings):
         raise InvalidInputError("recordings must be a sequence of at least one recording")
-    parts: list[Any] = list(segments or (None,))
-    if parts in ([None], [AUTO]):
-        parts *= len(recordings)
-    if len(parts) != len(recordings):
+    stated = list(segments or (None,))
+    if stated in ([None], [AUTO]):
+        stated *= len(recordings)
+    if len(stated) != len(recordings):
         raise InvalidInputError(
             f"{argument('segments')} must be one list for each of the {len(recordings)} recordings; found {segments!r}"
         )
-    for index, part in enumerate(parts):
-        if part is None or part == AUTO:
-            parts[index] = part or [None]
-            continue
-        try:
-            pairs = _pairs(part)
-            parts[index] = [tuple(as_numbers(pair, "segment", 2).tolist()) for pair in pairs]
-        except ValueError:
-            rule = f"{argument('segments')} must be {AUTO} or times such as 2:4,4:5.6 [s]"
-            raise InvalidInputError(f"{rule}; found {part!r}") from None
-        times = []
-        for pair in sorted(parts[index]):
-            for time in pair:
-                times.append(time)
-        if times != sorted(times) or any(start == stop for start, stop in parts[index]):
+    intervals = [_checked_segments(of_recording) for of_recording in stated]
+    if AUTO not in intervals:
+        _require_two(sum(map(len, intervals)))
+    return intervals
+
+
+def _checked_segments(segments: Segments) -> list[Interval | None] | str:
+    """Return the intervals of a recording, [None] for the whole, or "auto"."""
+    if segments is None:
+        return [None]
+    if segments == AUTO:
+        return AUTO
+    intervals = list[Interval]()
+    try:
+        for pair in _pairs(segments):
+            start, stop = as_numbers(pair, "segment", 2).tolist()
+            intervals.append((start, stop))
+    except ValueError:
+        rule = f"{argument('segments')} must be {AUTO} or times such as 2:4,4:5.6 [s]"
+        raise InvalidInputError(f"{rule}; found {segments!r}") from None
+
+    end = -np.inf
+    for start, stop in sorted(intervals):
+        if start < end or stop <= start:
             raise InvalidInputError(
-                f"segments must begin before they end, and must not overlap; found {part!r}"
+                f"segments must begin before they end, and must not overlap; found {segments!r}"
             )
-    if AUTO not in parts:
-        _require_two(sum(map(len, parts)))
-    return parts
+        end = stop
+    return list(intervals)
+
+
+def _pairs(segments: str | Sequence[Sequence[float]]) -> Sequence[Sequence[float]]:
+    """Return start and end of segments as they are, or from text such as 2:4,4:5.6."""
+    if not isinstance(segments, str):
+        return segments
+    pairs = []
+    for text in segments.split(","):
+        pairs.append([float(number) for number in text.split(":")])
+    return pairs
 
 
 def _require_two(count: int) -> None:
@@ -290,46 +343,78 @@ def _require_two(count: int) -> None:
 
 def _demonstrations(
     recordings: Sequence[Recording | str | Path],
-    parts: list[Any],
+    intervals: Sequence[list[Interval | None] | str],
     config: Config,
     progress: Progress | None,
 ) -> tuple[Demonstration, ...]:
     """Fit the person's arms to each recording, and cut the fits."""
     demonstrations = list[Demonstration]()
     step = Step(progress, "Fit human arms")
-    for source, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
-        recording = read_part(source, config)
-        name = Path(recording.source).name or "a recording"
-        first = recording.time[0]
-        last = recording.time[-1]
-        for start, stop in [] if segments == AUTO else filter(None, segments):
-            if start < first - 1.0 / recording.rate or stop > last + 1.0 / recording.rate:
-                raise InvalidInputError(
-                    f"segments of {name} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
-                )
-        motion = fit_arms(recording, **fit_options(config))
-        texts = tuple(
-            f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings)
-        )
-        for segment in motion.repetitions() if segments == AUTO else segments:
-            start, stop = segment or (first, last)
-            kept = (motion.time >= start) & (motion.time <= stop)
-            if (frames := int(kept.sum())) < MIN_FRAMES:
-                raise InvalidInputError(
-                    f"{name} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is fully observed; "
-                    f"a demonstration needs at least {MIN_FRAMES}"
-                )
-            title = name if segment is None else f"{name} {start:.4g}–{stop:.4g} s"
-            demonstrations.append(Demonstration(title, recording, motion.only(kept), texts))
+    steps = counted(recordings, len(recordings), step)
+    for source, of_recording in zip(steps, intervals, strict=True):
+        demonstrations += _cut(read_part(source, config), of_recording, config)
     _require_two(len(demonstrations))
     step.end(
         f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}"
     )
-    names = Counter(own.name for own in demonstrations)
-    return tuple(
-        replace(own, name=f"{own.name} ({number})") if names[own.name] > 1 else own
-        for number, own in enumerate(demonstrations, 1)
-    )
+
+    names = Counter(demonstration.name for demonstration in demonstrations)
+    for i, demonstration in enumerate(demonstrations):
+        name = demonstration.name
+        if names[name] > 1:
+            demonstrations[i] = replace(demonstration, name=f"{name} ({i + 1})")
+    return tuple(demonstrations)
+
+
+def _cut(
+    recording: Recording, intervals: list[Interval | None] | str, config: Config
+) -> list[Demonstration]:
+    """Fit the person's arms to a recording; return each interval of it, for "auto" each repetition."""
+    name = Path(recording.source).name or "a recording"
+    if not isinstance(intervals, str):
+        _require_inside(intervals, recording, name)
+    motion = fit_arms(recording, **fit_options(config))
+    if isinstance(intervals, str):
+        intervals = list(motion.repetitions())
+    quality_warnings = []
+    for text in (*recording.quality_warnings, *motion.quality_warnings):
+        quality_warnings.append(f"{name}: {text}")
+
+    demonstrations = []
+    for interval in intervals:
+        start = recording.time[0]
+        stop = recording.time[-1]
+        title = name
+        if interval is not None:
+            start, stop = interval
+            title = f"{name} {start:.4g}–{stop:.4g} s"
+        frames = (motion.time >= start) & (motion.time <= stop)
+        count = int(frames.sum())
+        if count < MIN_FRAMES:
+            raise InvalidInputError(
+                f"{name} from {start:.2f} to {stop:.2f} s has {count} frames in which the arm is fully observed; "
+                f"a demonstration needs at least {MIN_FRAMES}"
+            )
+        demonstration = Demonstration(
+            title, recording, motion.only(frames), tuple(quality_warnings)
+        )
+        demonstrations.append(demonstration)
+    return demonstrations
+
+
+def _require_inside(intervals: Sequence[Interval | None], recording: Recording, name: str) -> None:
+    """Raise where an interval exceeds the times of a recording by more than a frame."""
+    first = recording.time[0]
+    last = recording.time[-1]
+    frame = 1.0 / recording.rate
+    for interval in intervals:
+        if interval is None:
+            continue
+        start, stop = interval
+        if start < first - frame or stop > last + frame:
+            raise InvalidInputError(
+                f"segments of {name} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
+            )
 
 
 def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
@@ -338,8 +423,10 @@ def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
     for fits in zip(*(motion.arms for motion in motions), strict=True):
         sides = Counter(fit.arm.side for fit in fits)
         lengths = dict[str, list[float]]()
-        for name, length in (pair for fit in fits for pair in fit.segment_lengths.items()):
-            lengths.setdefault(name, []).append(length)
+        for fit in fits:
+            for name, length in fit.segment_lengths.items():
+                lengths.setdefault(name, []).append(length)
         means = {name: float(np.mean(values)) for name, values in lengths.items()}
-        arms.append(human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means))
+        side = max(SIDES, key=sides.__getitem__)
+        arms.append(human_arm(person, side, lengths=means))
     return arms

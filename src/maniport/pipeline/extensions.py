@@ -54,13 +54,13 @@ def costs_of(costs: "Sequence[str | Cost]", robot: "Arm | ArmGroup") -> "tuple[C
             raise unknown_name(
                 "cost", cost, COSTS, f"(installed ones have the group {COSTS_GROUP})"
             )
-        one = COSTS[cost](robot)
-        if not isinstance(one, Cost):
+        term = COSTS[cost](robot)
+        if not isinstance(term, Cost):
             raise InvalidInputError(
                 f"costs: {cost!r} must make an object with the methods residual and jacobian; "
-                f"found {type(one).__name__}"
+                f"found {type(term).__name__}"
             )
-        made.append(one)
+        made.append(term)
     return tuple(made)
 
 

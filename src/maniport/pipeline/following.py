@@ -23,6 +23,8 @@ from maniport.motion import (
 )
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import plan_checked
+from maniport.motion.plan.planner import ArmPlanner
+from maniport.motion.robot_motion import ArmMotion
 from maniport.motion.targets import (
     TargetTrajectory,
     as_rotations,
@@ -226,27 +228,36 @@ def measure(
     for i, (name, arm, spec) in enumerate(zip(names, settings.arms, settings.specs, strict=True)):
         result = ArmResult(name=name, robot=arm, spec=spec)
         if motion is not None and planner is not None and settings.plan is not None:
-            own = planner.arms[i]
-            part = motion.arms[i]
-            budget = settings.plan.budget
-            rows = evenly_spaced(len(part.target), budget.gap_points)
-            nearest = nearest_feasible(
-                own.limits.arm, part.target[rows], bank=own.bank, spec=part.spec, damping=part.damping,
-                progress=settings.progress, n_starts=budget.gap_starts,
-            )  # fmt: skip
-            gap = np.interp(np.arange(len(part.target)), rows, nearest.distance)
-            if part.pointwise_best is not None:  # its configurations are feasible, too
-                gap = np.minimum(gap, part.pointwise_best)
-            placement = None if placements is None else placements[i]
+            planner_arm = planner.arms[i]
             result = replace(
                 result,
-                placement=placement,
-                motion=part,
-                gap=gap,
-                collisions=own.reachability_map.collisions,
+                placement=None if placements is None else placements[i],
+                motion=motion.arms[i],
+                gap=feasibility_gap(motion.arms[i], planner_arm, settings),
+                collisions=planner_arm.reachability_map.collisions,
             )
         results.append(result)
     return tuple(results)
+
+
+def feasibility_gap(motion: ArmMotion, planner: ArmPlanner, settings: Settings) -> Array:
+    """Return distances of the targets of an arm to its feasible set, shape (n,), with its share of the limits."""
+    assert settings.plan is not None
+    budget = settings.plan.budget
+    rows = evenly_spaced(len(motion.target), budget.gap_points)
+    nearest = nearest_feasible(
+        planner.limits.arm,
+        motion.target[rows],
+        bank=planner.bank,
+        spec=motion.spec,
+        damping=motion.damping,
+        progress=settings.progress,
+        n_starts=budget.gap_starts,
+    )
+    gap = np.interp(np.arange(len(motion.target)), rows, nearest.distance)
+    if motion.pointwise_best is not None:  # its configurations are feasible, too
+        gap = np.minimum(gap, motion.pointwise_best)
+    return gap
 
 
 def follow_profile(
@@ -296,10 +307,9 @@ def follow_profile(
     checked = targets_of_arms(robot, targets)
     if checked[0].damping.damping is not None:  # that of the options is not used
         config = config.changed(damping=checked[0].damping.damping)
-    has_paths = checked[0].positions is not None
-    for name in ("workspace", "scale", "yaw", "offset"):
-        if getattr(config, name) is not None and not (has_paths and config.place):
-            raise InvalidInputError(f"{argument(name)} is for a path that is placed; found none")
+    is_placed = config.place and checked[0].positions is not None
+    if not is_placed:
+        _require_no_placement(config)
     bounded = []
     for target, spec in zip(checked, settings.specs, strict=True):
         if target.spec != spec:
@@ -312,10 +322,17 @@ def follow_profile(
     if planner is None:
         planner = planner_of(settings, generator)
     sampled = SampledRobot(planner, (), generator)
-    motion, placements = move(tuple(bounded), sampled, settings, placed=config.place and has_paths)
+    motion, placements = move(tuple(bounded), sampled, settings, placed=is_placed)
     names = group.names if len(group) > 1 else (group.arms[0].name,)
     arms = measure(motion, placements, sampled.planner, names, settings)
     return MotionResult(robot=group, arms=arms, motion=motion, config=config)
+
+
+def _require_no_placement(config: Config) -> None:
+    """Raise where options of a placement are given."""
+    for name in ("workspace", "scale", "yaw", "offset"):
+        if getattr(config, name) is not None:
+            raise InvalidInputError(f"{argument(name)} is for a path that is placed; found none")
 
 
 def bounded_targets(target: TargetTrajectory, arm: Arm) -> TargetTrajectory:

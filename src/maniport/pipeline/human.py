@@ -1,9 +1,8 @@
 """The person's side: the part of a recording that is used, and the arms of the person in it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,12 +11,15 @@ from maniport.errors import InvalidInputError, RecordingError, collected_warning
 from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
+from maniport.pipeline.options import SECTIONS
 from maniport.pipeline.settings import Settings, fit_options, read_part
 from maniport.util.progress import Step
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 MIN_FRAMES = 3  # frames without which there is no motion
+
+Origin = Mapping[str, str | float | Path]  # options that read a recording again, by name
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,7 @@ class Human:
     motion: HumanMotion
     ellipsoids: tuple[Array, ...]
     hand_paths: tuple[Array, ...]
-    origin: Mapping[str, Any] = field(default_factory=dict)
+    origin: Origin = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def subsampled(self, rate: float) -> "Human":
@@ -63,10 +65,10 @@ class Human:
         """Return options that read the same recording, if they name none."""
         if config.recording:
             return config
-        return replace(config, **self.origin)
+        return config.changed(allowed=SECTIONS, **self.origin)
 
 
-def origin_of(recording: Recording | LearnedProfile | str | Path, config: Config) -> dict[str, Any]:
+def origin_of(recording: Recording | LearnedProfile | str | Path, config: Config) -> Origin:
     """Return options that read the part of a recording again; none where it has no file."""
     if isinstance(recording, LearnedProfile):
         return {}
@@ -74,7 +76,7 @@ def origin_of(recording: Recording | LearnedProfile | str | Path, config: Config
         return {"recording": recording}
     if not recording.source:
         return {}
-    origin: dict[str, Any] = {"recording": str(recording.source)}
+    origin: dict[str, str | float | Path] = {"recording": str(recording.source)}
     if config.start is None:
         origin["start"] = float(recording.time[0])
     if config.stop is None:

@@ -206,7 +206,10 @@ class Vector(Option):
         factors = self.factors
         if len(factors) == 1:
             factors = factors * len(numbers)
-        return tuple(number * factor for number, factor in zip(numbers, factors, strict=True))
+        values = []
+        for number, factor in zip(numbers, factors, strict=True):
+            values.append(number * factor)
+        return tuple(values)
 
 
 class Vectors(Vector):

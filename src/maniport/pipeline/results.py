@@ -29,15 +29,37 @@ from maniport.util.validation import Array
 if TYPE_CHECKING:
     from maniport.pipeline.transfer import FittedTransfer
 
-RESULT_FILES = frozenset({
-    "person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *PLACED_FILES,
-    *DATASET_FILES, "joints.csv", "joints.npz", *(exporter.file for exporter in FORMATS.values()),
-    "model.npz", "demonstrations.npz", *(f"{content}{side}.npz" for content in ("profile", "path")
-                                         for side in ("", "-left", "-right")),
-    "summary.md", "summary.json", "report.html", CONFIG,
-    *(f"{figure}.{ending}" for figure in ("arms", "ellipsoids", "curves", "motion", "learned")
-      for ending in ("png", "svg")),
-})  # fmt: skip
+
+def _result_files() -> frozenset[str]:
+    """Return the names of all files that a result can have."""
+    names = {
+        "person.csv",
+        "demonstrated_profile.npz",
+        "target_profile.npz",
+        "adapter.npz",
+        "joints.csv",
+        "joints.npz",
+        "model.npz",
+        "demonstrations.npz",
+        "summary.md",
+        "summary.json",
+        "report.html",
+        CONFIG,
+        *PLACED_FILES,
+        *DATASET_FILES,
+    }
+    for exporter in FORMATS.values():
+        names.add(exporter.file)
+    for content in ("profile", "path"):
+        for side in ("", "-left", "-right"):
+            names.add(f"{content}{side}.npz")
+    for figure in ("arms", "ellipsoids", "curves", "motion", "learned"):
+        for ending in ("png", "svg"):
+            names.add(f"{figure}.{ending}")
+    return frozenset(names)
+
+
+RESULT_FILES = _result_files()
 """Files of results, their reports and figures. A folder with other files is not replaced."""
 
 

@@ -99,11 +99,11 @@ def read_demonstration(
     FileFormatError, InvalidInputError
         When the file cannot be read, has no such motion, or units or columns are unknown.
     """
-    names = tuple(
-        name if name in teacher.joint_names else f"column {place}"
-        for place, name in enumerate(columns)
-    )
-    source = open_dataset(path, ReadOptions(joint_names=names))
+    names = list(columns)
+    for i, name in enumerate(names):
+        if name not in teacher.joint_names:
+            names[i] = f"column {i}"
+    source = open_dataset(path, ReadOptions(joint_names=tuple(names)))
     for number, motion in source.motions():
         if number != episode:
             continue

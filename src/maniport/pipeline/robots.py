@@ -1,7 +1,5 @@
 """The robot of a configuration; light, since commands on robots alone need no more."""
 
-from typing import Any
-
 from maniport.arms import Arm, ArmGroup, as_group, load_arm, load_arms
 from maniport.errors import InvalidInputError, argument
 from maniport.pipeline.options import RobotOptions, TransferOptions
@@ -45,23 +43,29 @@ def load_single_arm(config: TransferOptions, side: str = AUTO) -> Arm:
 def _loaded(config: RobotOptions, both: bool, side: str | None) -> Arm | ArmGroup:
     if not config.robot:
         raise InvalidInputError(f"{argument('robot')} is needed")
-    robot: Any = config.robot[0]
+    robot: str | Arm | ArmGroup = config.robot[0]
     if isinstance(robot, Arm | ArmGroup):
         if any(arm.chain.payload for arm in as_group(robot).arms):  # run.yaml would lose it
             raise InvalidInputError(
                 f"{argument('robot')} must have no payload of its own; use {argument('payload')}"
             )
         return robot
-    options: Any = {
-        "joints": config.joints or None,
-        "lock": config.lock,
-        "mesh_folders": config.mesh_folders,
-        "xacro_args": config.xacro_args,
-    }
-    if not (both or names_several(config)):
-        return load_arm(
-            robot, config.frame[0] if config.frame else None, base=config.base, side=side, **options
-        )
+    if both or names_several(config):
+        return _load_group(config)
+    return load_arm(
+        robot,
+        config.frame[0] if config.frame else None,
+        config.joints or None,
+        config.mesh_folders,
+        base=config.base,
+        lock=config.lock,
+        side=side,
+        xacro_args=config.xacro_args,
+    )
+
+
+def _load_group(config: RobotOptions) -> ArmGroup:
+    """Load several limbs of one robot, or several robots."""
     if config.base is not None:
         raise InvalidInputError(
             f"{argument('base')} is for one arm; the base of each robot is {argument('pose')}"
@@ -70,8 +74,15 @@ def _loaded(config: RobotOptions, both: bool, side: str | None) -> Arm | ArmGrou
         raise InvalidInputError(
             f"{argument('robot')} of several robots needs {argument('pose')} of each"
         )
-    robots = robot if len(config.robot) == 1 else config.robot
-    return load_arms(robots, config.frame or None, bases=config.pose or None, **options)
+    return load_arms(
+        config.robot[0] if len(config.robot) == 1 else config.robot,
+        config.frame or None,
+        bases=config.pose or None,
+        joints=config.joints or None,
+        lock=config.lock,
+        mesh_folders=config.mesh_folders,
+        xacro_args=config.xacro_args,
+    )
 
 
 def names_several(config: RobotOptions) -> bool:

@@ -20,6 +20,7 @@ from maniport.errors import (
 )
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.arm_ik import require_person
+from maniport.mocap.roles import Markers
 from maniport.motion import MotionLimits, PlanOptions
 from maniport.pipeline.config import Config
 from maniport.pipeline.extensions import costs_of, load_extensions
@@ -90,8 +91,12 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
 
 def adapter_of(config: TransferOptions) -> DomainAdapter:
     """Return the unfitted adapter of the method; ICP estimates a base rotation that is unknown."""
-    options: dict[str, Any] = {"random_state": config.seed, "base_rotation": config.known_rotation}
-    adapter = method_of(config.method, damping=config.damping or None, **options)
+    adapter = method_of(
+        config.method,
+        damping=config.damping or None,
+        random_state=config.seed,
+        base_rotation=config.known_rotation,
+    )
     if not isinstance(adapter, RiemannianICP):
         _ = config.rotation  # raises where it is unknown
     return adapter
@@ -125,7 +130,7 @@ def fit_options(config: HumanOptions) -> dict[str, Any]:
     }
 
 
-def marker_roles(config: HumanOptions) -> Mapping[str, Any] | None:
+def marker_roles(config: HumanOptions) -> Markers:
     """Return the names of points by role, from the file if there is one."""
     if config.markers is None or isinstance(config.markers, Mapping):
         return config.markers
@@ -157,7 +162,7 @@ class LimitedRobot(NamedTuple):
 
 def with_limits(robot: Arm | ArmGroup, config: MotionOptions) -> LimitedRobot:
     """Return an arm with the velocity and effort limits of the file for the motion."""
-    source: Any = config.limits
+    source: str | MotionLimits | None = config.limits
     if source is None or isinstance(source, MotionLimits) or not isinstance(robot, Arm):
         return LimitedRobot(robot)
     limits = MotionLimits.of(robot, source, config.joint_limit_margin)
@@ -181,10 +186,10 @@ def plan_options(
         raise InvalidInputError(
             "workspace bounds paths, which end effectors leave with hand_targets='relative'"
         )
-    source: Any = config.limits
+    source: str | MotionLimits | None = config.limits
     if isinstance(source, MotionLimits):
         limits = source
-    if limits is None:
+    elif limits is None:
         limits = MotionLimits.of(arm, source, config.joint_limit_margin)
     model: Collisions | bool = config.collisions
     if config.table is not None or config.obstacles is not None or config.srdf is not None:

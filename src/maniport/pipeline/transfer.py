@@ -413,9 +413,17 @@ def fit_map(
     if settings.adapter is None:
         assert profile is not None
         adapter, evaluation = select_method(
-            teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank, random_state=config.seed,
-            progress=settings.progress, base_rotation=config.rotation, damping=config.damping or None,
-        )  # fmt: skip
+            teacher,
+            student,
+            profile,
+            robot=settings.arms[arm],
+            spec=spec,
+            bank=bank,
+            random_state=config.seed,
+            progress=settings.progress,
+            base_rotation=config.rotation,
+            damping=config.damping or None,
+        )
         return FittedMap(adapter, teacher, evaluation)
     step = Step(settings.progress, "Fit transfer")
     adapter = with_feasible_set(
