@@ -104,18 +104,14 @@ def episode_of(result: MotionResult, report: Report) -> tuple[Episode, tuple[Fea
     ellipsoids = []
     errors = []
     prefixes = _prefixes(result)
-    for arm, prefix, own in zip(result.arms, prefixes, result.robot.split(positions), strict=True):
+    of_arms = zip(result.arms, prefixes, result.robot.split(positions), strict=True)
+    for arm, prefix, joint_positions in of_arms:
         assert arm.motion is not None
-        pose = arm.robot.forward(own)
-        targets.append(_target(arm, arm.motion, prefix, time, pose[:, :3, 3]))
-        vectors = Rotation.from_matrix(pose[:, :3, :3]).as_rotvec()
-        pose_names = tuple(f"{prefix}ee.{name}" for name in (*AXES, *TURNS))
-        pose_units = ("m",) * 3 + ("rad",) * 3
-        poses.append((pose_names, pose_units, np.column_stack([pose[:, :3, 3], vectors])))
-        achieved = arm.spec.of_bounded(arm.robot.ellipsoids(own, arm.spec.bounded))
-        upper = _upper(achieved)
-        upper_names = tuple(f"{prefix}ellipsoid.{name}" for name in _upper_names(arm.spec.size))
-        ellipsoids.append((upper_names, ("",) * len(upper_names), upper))
+        hand_poses = arm.robot.forward(joint_positions)
+        targets.append(_target(arm, arm.motion, prefix, time, hand_poses[:, :3, 3]))
+        poses.append(_poses(hand_poses, prefix))
+        bounded = arm.robot.ellipsoids(joint_positions, arm.spec.bounded)
+        ellipsoids.append(_ellipsoids(arm.spec.of_bounded(bounded), prefix))
         errors.append(_errors(arm.motion, prefix, time))
 
     columns.append(_joined(ENVIRONMENT, targets))
@@ -125,7 +121,7 @@ def episode_of(result: MotionResult, report: Report) -> tuple[Episode, tuple[Fea
     columns.append((Feature("velocity", velocity_names, velocity_units), velocities))
     if trajectory.control_torques is not None:
         torques = interpolated(trajectory.control_time, trajectory.control_torques, time)
-        torque_units = tuple({"rad": "N m", "m": "N"}[unit] for unit in units)
+        torque_units = tuple(EFFORT_UNITS[unit] for unit in units)
         torque_names = tuple(f"{name}.effort" for name in joints)
         columns.append((Feature("effort", torque_names, torque_units), torques))
     columns.append(_joined("manipulability", ellipsoids))
@@ -142,15 +138,20 @@ Column = tuple[tuple[str, ...], tuple[str, ...], Array]
 """Names, units and values (n, k)."""
 
 
-def _joined(key: str, parts: Sequence[Column]) -> tuple[Feature, Array]:
+EFFORT_UNITS = {"rad": "N m", "m": "N"}
+"""Units of efforts by those of joints."""
+
+
+def _joined(key: str, columns_of_arms: Sequence[Column]) -> tuple[Feature, Array]:
     """Return one feature of the columns of all arms."""
     names: list[str] = []
     units: list[str] = []
-    for part_names, part_units, _ in parts:
-        names += part_names
-        units += part_units
-    values = np.concatenate([array for _, _, array in parts], axis=1)
-    return Feature(key, tuple(names), tuple(units)), values
+    values = []
+    for arm_names, arm_units, arm_values in columns_of_arms:
+        names += arm_names
+        units += arm_units
+        values.append(arm_values)
+    return Feature(key, tuple(names), tuple(units)), np.concatenate(values, axis=1)
 
 
 def _prefixes(result: MotionResult) -> tuple[str, ...]:
@@ -167,6 +168,24 @@ def _name(result: MotionResult) -> str:
     return Path(result.config.profile or "profile").name
 
 
+def _poses(poses: Array, prefix: str) -> Column:
+    """Return positions and rotation vectors of poses (n, 4, 4)."""
+    names = []
+    for coordinate in (*AXES, *TURNS):
+        names.append(f"{prefix}ee.{coordinate}")
+    vectors = Rotation.from_matrix(poses[:, :3, :3]).as_rotvec()
+    values = np.column_stack([poses[:, :3, 3], vectors])
+    return tuple(names), ("m",) * 3 + ("rad",) * 3, values
+
+
+def _ellipsoids(ellipsoids: Array, prefix: str) -> Column:
+    """Return the entries of ellipsoids (n, d, d)."""
+    names = []
+    for entry in _upper_names(ellipsoids.shape[-1]):
+        names.append(f"{prefix}ellipsoid.{entry}")
+    return tuple(names), ("",) * len(names), _upper(ellipsoids)
+
+
 def _target(arm: ArmResult, motion: ArmMotion, prefix: str, time: Array, places: Array) -> Column:
     """Return target positions and logarithms of target ellipsoids at times (n,)."""
     positions = places
@@ -177,11 +196,13 @@ def _target(arm: ArmResult, motion: ArmMotion, prefix: str, time: Array, places:
     if arm.spec.kind == "force":  # the motion has the inverses
         logarithms = -logarithms
     flat = interpolated(motion.time, _upper(logarithms), time)
-    names = (
-        *(f"{prefix}target.{axis}" for axis in AXES),
-        *(f"{prefix}target.log_{name}" for name in _upper_names(arm.spec.size)),
-    )
-    return names, ("m",) * 3 + ("",) * flat.shape[1], np.column_stack([positions, flat])
+    names = []
+    for axis in AXES:
+        names.append(f"{prefix}target.{axis}")
+    for entry in _upper_names(arm.spec.size):
+        names.append(f"{prefix}target.log_{entry}")
+    units = ("m",) * 3 + ("",) * flat.shape[1]
+    return tuple(names), units, np.column_stack([positions, flat])
 
 
 def _errors(motion: ArmMotion, prefix: str, time: Array) -> Column:
@@ -207,6 +228,7 @@ def _upper_names(size: int) -> tuple[str, ...]:
     """Return the names of these entries, such as xx, xy, xz; of larger ones their indices."""
     labels = AXES if size == 3 else [*AXES, *TURNS]
     rows, columns = np.triu_indices(size)
-    return tuple(
-        f"{labels[row]}{labels[column]}" for row, column in zip(rows, columns, strict=True)
-    )
+    names = []
+    for row, column in zip(rows, columns, strict=True):
+        names.append(f"{labels[row]}{labels[column]}")
+    return tuple(names)

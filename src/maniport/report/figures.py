@@ -73,7 +73,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
         )
     targets = [target]
     if not target.suffix:
-        targets = [target.with_suffix(ending) for ending in ENDINGS]
+        targets = list(map(target.with_suffix, ENDINGS))
     for file in targets:
         stream = BytesIO()
         ending = file.suffix.lower()
@@ -314,8 +314,13 @@ def ellipsoids(
     """Draw ellipsoids sampled along time, one row for each profile, seen from above and from the front."""
     times = np.asarray(time)
     frames = evenly_spaced(len(times), 9)
-    rows = [profile[frames] for profile in profiles.values()]
-    reach = float(np.sqrt(max(np.diagonal(row, axis1=1, axis2=2).max() for row in rows)))
+    rows = []
+    reach = 0.0  # largest half width
+    for profile in profiles.values():
+        row = profile[frames]
+        rows.append(row)
+        squares = np.diagonal(row, axis1=1, axis2=2)
+        reach = max(reach, float(np.sqrt(squares.max())))
     opacities = np.linspace(0.45, 0.1, len(profiles)).tolist()  # rows differ in grey, too
     looks = []
     for color, opacity in zip(_colors(profiles, roles), opacities, strict=True):
@@ -373,8 +378,10 @@ def _draw_ellipses(plot: Axes, matrices: Array, pitch: float, height: float, loo
 def _draw_scale_bar(plot: Axes, reach: float, pitch: float, right: float, unit: str) -> None:
     """Draw a bar of round length above the right end of the first row."""
     power = 10.0 ** np.floor(np.log10(reach))
-    factors = [factor for factor in (1, 2, 5) if factor * power <= reach]
-    length = power * max(factors, default=1)
+    length = power
+    for factor in (2, 5):
+        if factor * power <= reach:
+            length = factor * power
     left = right - length
     height = 0.62 * pitch
     plot.plot(
@@ -417,10 +424,11 @@ def arms(
             _draw_arm(plots[titles[name]], line, shell, size, color, opacity)
 
     limits = []
+    reach = 0.0
     for plot in plots.values():
         ends = np.array([plot.get_xlim(), plot.get_ylim(), plot.get_zlim()])
         limits.append(ends)
-    reach = max(float(np.ptp(ends, axis=1).max()) / 2 for ends in limits)
+        reach = max(reach, float(np.ptp(ends, axis=1).max()) / 2)
     tick_count = 2
     if columns < 3:
         tick_count = 3

@@ -21,7 +21,7 @@ SUMMARIES = "summary.md", SUMMARY
 
 
 def write_results(
-    result: Any,
+    result: TransferResult | MotionResult | LearnedProfile,
     folder: str | os.PathLike[str],
     progress: Progress | None = None,
     exports: str | Iterable[str] = (),

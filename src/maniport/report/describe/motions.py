@@ -177,9 +177,13 @@ def _add_mean_distance(section: Section, motion: ArmMotion, result: ArmResult) -
     summands = dict(parts)
     if motion.path is None:
         summands["infeasible"] += summands.pop("path")
-    rounded = {name: round(part, 3) for name, part in summands.items()}
-    sum_text = " + ".join(f"{name} {part:.3f}" for name, part in rounded.items())
-    text = f"{sum(rounded.values()):.3f} = {sum_text}"
+    rounded = []
+    texts = []
+    for name, summand in summands.items():
+        number = round(summand, 3)
+        rounded.append(number)
+        texts.append(f"{name} {number:.3f}")
+    text = f"{sum(rounded):.3f} = {' + '.join(texts)}"
     about = "Infeasible: distance to the feasible set. Path: added by the path constraint. Motion: added by limits."
     value = {"mean": float(np.mean(motion.distance)), **parts}
     section.add("Mean distance", "mean_distance", value, text, about, main=True)
@@ -189,11 +193,14 @@ def _add_waypoints(section: Section, motion: ArmMotion) -> None:
     """Add how many waypoints are reached and why others are not."""
     status = Counter(motion.status)
     total = len(motion.status)
-    missed = {name: count for name, count in status.items() if name not in REACHED}
-    missed_count = sum(missed.values())
+    missed_count = 0
+    numbers = []
+    for name, count in status.items():
+        if name not in REACHED:
+            missed_count += count
+            numbers.append(f"{name.removesuffix(' missed')}: {count}")
     reasons = ""
-    if missed:
-        numbers = [f"{name.removesuffix(' missed')}: {count}" for name, count in missed.items()]
+    if numbers:
         reasons = f" ({listed(numbers)})"
     if missed_count > MISSED_SHARE * total:
         section.warn("targets-missed", f"{missed_count} of {total} waypoints are missed{reasons}")
@@ -274,8 +281,10 @@ def _warn_of_motion(section: Section, motion: ArmMotion) -> None:
         count = motion.held.sum()
         text = f"at {count} control steps not all limits were satisfied, or the robot braked before a collision"
         section.warn("held", text, severity="error")
-    limits = zip(motion.joint_names, motion.velocity_limits, strict=True)
-    unlimited = [name for name, limit in limits if np.isinf(limit)]
+    unlimited = []
+    for name, limit in zip(motion.joint_names, motion.velocity_limits, strict=True):
+        if np.isinf(limit):
+            unlimited.append(name)
     if unlimited:
         text = f"no velocity limit is available for {listed(unlimited)}"
         section.warn("unchecked-velocity-limits", text)
@@ -323,9 +332,14 @@ def _add_trajectory(
             limit_uses[name] = use
 
     about = "Largest value relative to the limit"
-    limit_sources = {name: text for name, text in sources.items() if name in DERIVATIVES}
+    limit_sources = {}
+    torque_sources = {}
+    for name, text in sources.items():
+        if name in DERIVATIVES:
+            limit_sources[name] = text
+        else:
+            torque_sources[name] = text
     _add_limit_uses(section, "limits", limit_uses, limit_sources, f"{about}.")
-    torque_sources = {name: text for name, text in sources.items() if name not in DERIVATIVES}
     _add_limit_uses(
         section, "torques", torque_uses, torque_sources, f"{about}, by inverse dynamics."
     )
@@ -356,14 +370,15 @@ def _add_limit_uses(
     """Add the use of limits, or of torques, by name, with an error where one is exceeded."""
     if not uses:
         return
-    exceeded = {name: use for name, use in uses.items() if use.exceeds}
-    if exceeded:
-        texts = []
-        for name, use in exceeded.items():
+    texts = []
+    times = []
+    for name, use in uses.items():
+        if use.exceeds:
             times_limit = f"{use.joint} at {use.share:.2f} times its {name} limit"
             texts.append(f"{times_limit} {at_time(use.time)}")
+            times.append(use.time)
+    if texts:
         text = f"the motion exceeds limits of the robot: {listed(texts)}"
-        times = [use.time for use in exceeded.values()]
         section.warn(f"{key}-exceeded", text, severity="error", times=times)
 
     used = {}

@@ -154,8 +154,11 @@ def warn_of_limits(section: Section, limits: MotionLimits) -> None:
             section.warn(f"assumed-{quantity}-limits", text)
     warn_of_description(section, arm)
 
-    efforts = zip(arm.joint_names, limits.effort, strict=True)
-    unknown = listed(name for name, effort in efforts if np.isinf(effort))
+    unlimited = []
+    for name, effort in zip(arm.joint_names, limits.effort, strict=True):
+        if np.isinf(effort):
+            unlimited.append(name)
+    unknown = listed(unlimited)
     if limits.dynamics is None:
         text = "torques are not checked: the robot's description has no masses"
         section.warn("unchecked-torques", text)
@@ -183,8 +186,13 @@ def warn_of_description(section: Section, arm: Arm | ArmGroup) -> None:
     """Warn of masses in a robot's description that are impossible, and note how its limits are read."""
     for member in as_group(arm).arms:
         chain = member.chain
-        moving = {name for name, frame in chain.frames.items() if frame.joint}
-        moving |= {name for name, body in (chain.others or {}).items() if body.joint}
+        moving = set[str]()
+        for name, frame in chain.frames.items():
+            if frame.joint:
+                moving.add(name)
+        for name, body in (chain.others or {}).items():
+            if body.joint:
+                moving.add(name)
         concerned = {
             SOFT_LIMITS: chain.coordinates,
             IGNORED_SOFT_LIMITS: chain.coordinates,
@@ -193,8 +201,8 @@ def warn_of_description(section: Section, arm: Arm | ArmGroup) -> None:
         for kind, (severity, text) in REMARKS.items():
             details = dict(chain.remarks.get(kind, {}))
             if kind in concerned:
-                names = [name for name in details if name in concerned[kind]]
-                details = {name: details[name] for name in names}
+                for name in set(details).difference(concerned[kind]):
+                    del details[name]
             if details:
                 section.warn(kind, text.format(_detailed(details)), severity=severity)
 

@@ -27,17 +27,7 @@ def adapter_section(adapter: DomainAdapter) -> Section:
         section.add("State", "", None, "not fitted; call fit(teacher, student)")
         return section
 
-    free_axes = getattr(adapter, "free_axes_", None)
-    if free_axes is not None:
-        turns = HalfTurns(np.empty((0, 3)), 0.0, np.empty(0))
-        distances = getattr(adapter, "half_turn_distances_", None)
-        if distances is not None:  # files of earlier versions have none
-            axes = getattr(adapter, "half_turns_", turns.axes)
-            turns = HalfTurns(axes, float(distances[0]), distances[1:])
-        text = describe_determined(free_axes, turns)
-        is_open = len(free_axes) > 0 or len(turns.axes) > 0
-        severity: Severity = "warning" if is_open else "note"
-        section.warn("identifiability", text, severity=severity, value=text)
+    _add_identifiability(section, adapter)
     _add_rotations(section, adapter)
 
     converged = bool(adapter.converged_)
@@ -56,6 +46,22 @@ def adapter_section(adapter: DomainAdapter) -> Section:
         samples = adapter.report_
         section.add("Held-out samples", "report", asdict(samples), samples.in_words())
     return section
+
+
+def _add_identifiability(section: Section, adapter: DomainAdapter) -> None:
+    """Add whether the domains determine the rotation, where the method asks for it."""
+    free_axes = getattr(adapter, "free_axes_", None)
+    if free_axes is None:
+        return
+    turns = HalfTurns(np.empty((0, 3)), 0.0, np.empty(0))
+    distances = getattr(adapter, "half_turn_distances_", None)
+    if distances is not None:  # files of earlier versions have none
+        axes = getattr(adapter, "half_turns_", turns.axes)
+        turns = HalfTurns(axes, float(distances[0]), distances[1:])
+    text = describe_determined(free_axes, turns)
+    is_open = len(free_axes) > 0 or len(turns.axes) > 0
+    severity: Severity = "warning" if is_open else "note"
+    section.warn("identifiability", text, severity=severity, value=text)
 
 
 def _add_rotations(section: Section, adapter: DomainAdapter) -> None:
@@ -192,8 +198,11 @@ def _comparison_table(evaluation: Evaluation) -> Table:
         metrics = asdict(row)
         del metrics["name"]
         value[row.name] = metrics
-    names = [column.name for column in columns]
-    meanings = [sentence(f"{column.name}: {column.meaning}") for column in columns]
+    names = []
+    meanings = []
+    for column in columns:
+        names.append(column.name)
+        meanings.append(sentence(f"{column.name}: {column.meaning}"))
     return Table(("", *names), tuple(lines), " ".join(meanings), "rows", value)
 
 

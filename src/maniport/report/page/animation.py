@@ -103,11 +103,14 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
 
 def _animation_of_learned(result: LearnedProfile) -> Animation:
     """Return the curves of a learned profile; nothing moves."""
-    parts = [_panels_of_learned(part) for part in result.each_arm()]
+    topics: dict[str, list[Sequence[Panel]]] = {}
+    for learned in result.each_arm():
+        for topic, panels in _panels_of_learned(learned).items():
+            topics.setdefault(topic, []).append(panels)
     sides = [str(arm.side) for arm in result.arms]
     curves = {}
-    for group in parts[0]:
-        curves[group] = _alternated([part[group] for part in parts], sides)
+    for topic, panels_of_arms in topics.items():
+        curves[topic] = _alternated(panels_of_arms, sides)
     return Animation(result.alignment.time, (), curves, unit=result.config.spec.unit)
 
 
@@ -145,8 +148,9 @@ def _curves(
 def _worst_states(motions: Sequence[ArmMotion]) -> tuple[str, ...]:
     """Return the worst state of all arms at each time."""
     order = list(STATES)
+    statuses = [motion.status for motion in motions]
     states = []
-    for of_arms in zip(*(motion.status for motion in motions), strict=True):
+    for of_arms in zip(*statuses, strict=True):
         states.append(max(of_arms, key=order.index))
     return tuple(states)
 
@@ -206,7 +210,10 @@ def _round_above(value: float) -> float:
     if value <= 0.0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
-    return float(next(factor * power for factor in (1, 2, 5, 10) if factor * power >= value))
+    for factor in (1, 2, 5):
+        if factor * power >= value:
+            return float(factor * power)
+    return float(10 * power)
 
 
 def _notes_of_arrows(
@@ -264,7 +271,9 @@ def _person(arm: ArmTransfer, spec: EllipsoidSpec, rotation: Array | None) -> Bo
     neck = np.array([0.0, middle_of(model), 0.0])
     skeleton = model.skeleton(arm.fit.joint_angles) - neck
     profiles = _profiles_of(arm, spec)
-    drawn = {role: profile for role, profile in profiles.items() if role == PERSON.name}
+    drawn = {}
+    if PERSON.name in profiles:
+        drawn[PERSON.name] = profiles[PERSON.name]
     return Body("Person", skeleton, drawn, arrows=_arrows_of_person(arm, rotation))
 
 
@@ -272,16 +281,16 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     """Return the arms of the robot; links that several arms share are drawn once."""
     bodies: list[Body] = []
     motions = [arm.motion for arm in result.arms if arm.motion is not None]
-    surfaces, reason = surfaces_of(
-        [arm.robot for arm in result.arms], [own.joint_positions[0] for own in motions]
-    )
+    robots = [arm.robot for arm in result.arms]
+    first = [motion.joint_positions[0] for motion in motions]
+    surfaces, reason = surfaces_of(robots, first)
     if reason:  # the page is useful without surfaces
         notes.append(f"{result.robot.name} is drawn as a skeleton: {reason}.")
-    for arm, motion, own in zip(result.arms, motions, surfaces, strict=True):
+    for arm, motion, surfaces_of_arm in zip(result.arms, motions, surfaces, strict=True):
         poses = arm.robot.link_poses(motion.joint_positions)
         skeleton = arm.robot.skeleton(motion.joint_positions)
         parts = []
-        for surface in own:
+        for surface in surfaces_of_arm:
             parts.append(Part(*_joined(surface), poses[:, surface.joint]))
         drawn = _profiles_of(arm, spec)
         drawn.pop(PERSON.name, None)
@@ -373,52 +382,62 @@ def panels_of(
     motion = arm.motion
     capabilities = _capabilities(arm)
     if capabilities:
-        yield "Force and speed", [capability_panel(each) for each in capabilities]
+        yield "Force and speed", list(map(capability_panel, capabilities))
     if motion is not None:
-        lines = [Line("achieved", motion.distance)]
-        best = motion.pointwise_best
-        if best is not None and not np.array_equal(best, motion.distance):
-            lines.append(Line("best pointwise distance found", best, REFERENCE.name, 1))
-        label, unit, meaning = STATISTICS["distance"]
-        panels = [Panel(label, unit, tuple(lines), meaning)]
-        if motion.position_error is not None:
-            # the axis is logarithmic
-            line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))
-            tolerance = np.full(len(motion.time), 1e3 * motion.position_tolerance)
-            lines = [line, Line("tolerance", tolerance, REFERENCE.name, 1)]
-            label, unit, meaning = STATISTICS["position_error"]
-            panels.append(Panel(label, unit, tuple(lines), meaning, logarithmic=True))
-        yield "Distance and position error", panels
-    if profiles := _profiles_of(arm, spec):
+        yield "Distance and position error", _error_panels(motion)
+    profiles = _profiles_of(arm, spec)
+    if profiles:
         panels = semi_axis_panels(profiles, spec.bounded.unit)
         if motion is not None:
-            angle = Line("longest axis", np.degrees(arm.major_axis_angle))
-            meaning = "Between target and achieved. The line breaks where two axes have one length."
-            if spec.kind == "force":
-                meaning += " The longest axes of force are the shortest ones of the drawn inverses."
-            panels.insert(
-                0,
-                Panel(STATISTICS["major_axis_angle"][0], "°", (angle,), meaning, span=(0.0, 90.0)),
-            )
+            panels.insert(0, _angle_panel(arm, spec))
         yield "Ellipsoids", panels
     if motion is not None:
         robot = result.robot
         names = [robot.joint_names[column] for column in robot.columns[result.arms.index(arm)]]
-        panels = _joints(arm.robot, motion.joint_positions, ACHIEVED.name, names)
+        shared = []
+        unshared = []
+        for panel in _joints(arm.robot, motion.joint_positions, ACHIEVED.name, names):
+            if panel.title in robot.shared:
+                shared.append(panel)
+            else:
+                unshared.append(panel)
         if robot.shared and arm is result.arms[0]:
-            yield (
-                f"Shared joints of {robot.name}",
-                [panel for panel in panels if panel.title in robot.shared],
-            )
-        yield (
-            f"Joints of {robot.name}",
-            [panel for panel in panels if panel.title not in robot.shared],
-        )
+            yield f"Shared joints of {robot.name}", shared
+        yield f"Joints of {robot.name}", unshared
     if isinstance(arm, ArmTransfer):
+        person = arm.fit.arm
         yield (
             HUMAN_JOINTS,
-            _joints(arm.fit.arm, arm.fit.joint_angles, PERSON.name, arm.fit.arm.joint_names),
+            _joints(person, arm.fit.joint_angles, PERSON.name, person.joint_names),
         )
+
+
+def _error_panels(motion: ArmMotion) -> list[Panel]:
+    """Return panels of the distance to the targets, and of the position error where there is a path."""
+    lines = [Line("achieved", motion.distance)]
+    best = motion.pointwise_best
+    if best is not None and not np.array_equal(best, motion.distance):
+        lines.append(Line("best pointwise distance found", best, REFERENCE.name, 1))
+    label, unit, meaning = STATISTICS["distance"]
+    panels = [Panel(label, unit, tuple(lines), meaning)]
+    if motion.position_error is not None:
+        # the axis is logarithmic
+        line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))
+        tolerance = np.full(len(motion.time), 1e3 * motion.position_tolerance)
+        lines = [line, Line("tolerance", tolerance, REFERENCE.name, 1)]
+        label, unit, meaning = STATISTICS["position_error"]
+        panels.append(Panel(label, unit, tuple(lines), meaning, logarithmic=True))
+    return panels
+
+
+def _angle_panel(arm: ArmResult, spec: EllipsoidSpec) -> Panel:
+    """Return a panel of the angle between the longest axes of target and achieved ellipsoids."""
+    angle = Line("longest axis", np.degrees(arm.major_axis_angle))
+    meaning = "Between target and achieved. The line breaks where two axes have one length."
+    if spec.kind == "force":
+        meaning += " The longest axes of force are the shortest ones of the drawn inverses."
+    title = STATISTICS["major_axis_angle"][0]
+    return Panel(title, "°", (angle,), meaning, span=(0.0, 90.0))
 
 
 def capability_panel(capability: Capability) -> Panel:
@@ -438,11 +457,13 @@ def _alternated(panels: Sequence[Sequence[Panel]], names: Sequence[str]) -> tupl
     """Alternate panels of arms and name the arm in titles."""
     if len(panels) == 1:
         return tuple(panels[0])
-    rows = zip_longest(*panels)
-    pairs = (pair for row in rows for pair in zip(names, row, strict=True) if pair[1] is not None)
-    return tuple(
-        replace(panel, title=f"{name.capitalize()}: {panel.title}") for name, panel in pairs
-    )
+    alternated = []
+    for row in zip_longest(*panels):
+        for name, panel in zip(names, row, strict=True):
+            if panel is not None:
+                title = f"{name.capitalize()}: {panel.title}"
+                alternated.append(replace(panel, title=title))
+    return tuple(alternated)
 
 
 def _joints(arm: Arm, positions: Array, role: str, names: Sequence[str]) -> list[Panel]:

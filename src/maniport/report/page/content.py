@@ -5,7 +5,8 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,9 @@ from maniport.util.atomic_io import written_whole
 from maniport.util.optional import rerun
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
+
+if TYPE_CHECKING:
+    from rerun import AsComponents, ComponentColumnList, RecordingStream, TimeColumn
 
 
 @dataclass(frozen=True)
@@ -349,20 +353,25 @@ def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
 
 
 def _log_arm(
-    package: Any, stream: Any, body: Body, home: str, clocks: list[Any], size: float
+    package: ModuleType,
+    stream: "RecordingStream",
+    body: Body,
+    home: str,
+    clocks: list["TimeColumn"],
+    size: float,
 ) -> None:
+    """Log the ellipsoids and links of an arm below a place of a Rerun recording."""
     grey = 190, 196, 204
 
-    def log(where: str, look: Any, columns: Any) -> None:
+    def log(where: str, look: "AsComponents", columns: "ComponentColumnList") -> None:
         stream.log(f"{home}/{where}", look, static=True)
         stream.send_columns(f"{home}/{where}", indexes=clocks, columns=columns)
 
     fill = package.components.FillMode
     for role, ellipsoids in body.ellipsoids.items():
         lengths, directions = axes(ellipsoids)
-        directions[..., 0] *= np.sign(np.linalg.det(directions))[
-            :, None
-        ]  # axes are lines; rotations are right-handed
+        # axes are lines; rotations are right-handed
+        directions[..., 0] *= np.sign(np.linalg.det(directions))[:, None]
         mode = fill.MajorWireframe if role == TARGET.name else fill.Solid
         look = package.Ellipsoids3D.from_fields(colors=[ROLES[role].rgb], fill_mode=mode)
         turns = Rotation.from_matrix(directions).as_quat()
