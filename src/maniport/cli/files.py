@@ -329,9 +329,9 @@ def _of_robot(what: str, config: Config) -> Report:
         raise UnknownNameError(
             f"{what!r} is no file, no result folder and no bundled recording ({', '.join(SHIPPED)}): {error}"
         ) from None
-    several = limbs and default is None and not config.frame and not config.joints
+    is_ambiguous = limbs and default is None and not config.frame and not config.joints
     arm = None
-    if not several:
+    if not is_ambiguous:
         arm = pipeline.load_single_arm(config.changed(robot=what), config.side)
     return robot_report(what, limbs, arm)
 

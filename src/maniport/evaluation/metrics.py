@@ -173,12 +173,12 @@ def domain_distance(mapped: ArrayLike, student: ArrayLike) -> float:
     float
     """
     images = subset_of_domain(as_points(mapped, "mapped", copy=False))
-    own = subset_of_domain(as_points(student, "student", images.shape[-1], copy=False))
-    whitening = roots(mean(own))[1]
+    points = subset_of_domain(as_points(student, "student", images.shape[-1], copy=False))
+    whitening = roots(mean(points))[1]
     image_vectors = to_vector(logarithm(congruence(whitening, images)))
-    own_vectors = to_vector(logarithm(congruence(whitening, own)))
-    between = cdist(image_vectors, own_vectors).mean()
-    within = cdist(image_vectors, image_vectors).mean() + cdist(own_vectors, own_vectors).mean()
+    vectors = to_vector(logarithm(congruence(whitening, points)))
+    between = cdist(image_vectors, vectors).mean()
+    within = cdist(image_vectors, image_vectors).mean() + cdist(vectors, vectors).mean()
     return float(2.0 * between - within)
 
 

@@ -250,18 +250,16 @@ class ViewState:
                 notes = (*notes, text)
 
         ends = np.cumsum([side.teacher.dof for side in self.sides])
-        parts = np.split(command.joints, ends[:-1])
+        joints_of_sides = np.split(command.joints, ends[:-1])
         targets = []
-        for i, (side, adapter, part) in enumerate(
-            zip(self.sides, fit.transfer.adapters, parts, strict=True)
-        ):
-            joints = np.clip(part, side.teacher.lower, side.teacher.upper)
+        for i, side in enumerate(self.sides):
+            joints = np.clip(joints_of_sides[i], side.teacher.lower, side.teacher.upper)
             demonstrated = side.teacher.manipulability(joints)
             position = None
             if places is not None:  # the path is turned as the ellipsoids are now
                 turned = replace(places[i], map_rotation=fit.rotation)
                 position = turned.apply(side.hand(joints[None])[0])
-            ellipsoid = adapter.transform(demonstrated)
+            ellipsoid = fit.transfer.adapters[i].transform(demonstrated)
             targets.append(Target(joints, demonstrated, ellipsoid, position, notes))
         return targets
 
