@@ -8,14 +8,21 @@ Any factor F of P = F Fᵀ whitens as P^½ does. The singular values of F⁻¹ K
 the points themselves, some eps (κ_P + κ_Q). Where that is a distance of more than 0.01, there is an error.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from maniport.errors import NotSPDError
-from maniport.spd.kernels import cholesky, compose, congruence, distances, eigh, factored, roots
+from maniport.spd.kernels import (
+    FactoredPair,
+    cholesky,
+    compose,
+    congruence,
+    distances,
+    eigh,
+    factored,
+    roots,
+)
 from maniport.spd.matrix_functions import apply, bounded, logarithm, to_vector
 from maniport.util.validation import (
     Array,
@@ -102,8 +109,8 @@ def log(base: ArrayLike, point: ArrayLike) -> Array:
     center = as_spd(base, "base")
     other = as_spd(point, "point", center.shape[-1])
     require_broadcast(base=center, point=other)
-    (factor, _), _, left, singular, _ = _factored(center, other)[0]
-    return congruence(factor, compose(2.0 * np.log(singular), left))
+    pair, _ = _factored(center, other)
+    return congruence(pair.start, compose(2.0 * np.log(pair.singular), pair.left))
 
 
 def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
@@ -159,12 +166,12 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     end = as_spd(b, "b", start.shape[-1])
     exponent = as_finite(t, "t")[..., None]
     require_broadcast(a=start, b=end, t=exponent[..., None])
-    ((factor, inverse), _, left, singular, _), moved = _factored(start, end)
-    logs = 2.0 * np.log(singular)
+    pair, moved = _factored(start, end)
+    logs = 2.0 * np.log(pair.singular)
     beyond = np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0]
     moved = moved * np.maximum(1.0, _growth(logs, beyond) / _growth(logs, 1.0))
     powers = bounded(lambda logs: np.exp(exponent * logs), "t")(logs)
-    return _point(factor, inverse, powers, left, moved)
+    return _point(pair.start, pair.start_inverse, powers, pair.left, moved)
 
 
 def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
@@ -191,9 +198,10 @@ def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     target = as_spd(end, "end", origin.shape[-1])
     vector = as_symmetric(tangent, "tangent", origin.shape[-1])
     require_broadcast(tangent=vector, start=origin, end=target)
-    (_, inverse), (factor, _), left, _, right = _factored(origin, target)[0]
+    pair, _ = _factored(origin, target)
     # (P₂ P₁⁻¹)^½ = K (V Uᵀ) F⁻¹ with P₁ = F Fᵀ, P₂ = K Kᵀ and F⁻¹ K = U σ Vᵀ: no root, and no product, of both points
-    return congruence(factor @ np.swapaxes(left @ right, -1, -2), congruence(inverse, vector))
+    turn = np.swapaxes(pair.left @ pair.right, -1, -2)
+    return congruence(pair.end @ turn, congruence(pair.start_inverse, vector))
 
 
 class NeighborIndex:
@@ -249,12 +257,12 @@ def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
     return values, vectors
 
 
-def _factored(start: Array, end: Array) -> tuple[Any, Array]:
+def _factored(start: Array, end: Array) -> tuple[FactoredPair, Array]:
     """Factor two points; also return how far rounding may move them, and raise where that is too far."""
-    factors = factored(start, end)
-    moved = _rounding(start, factors[0][1]) + _rounding(end, factors[1][1])
+    pair = factored(start, end)
+    moved = _rounding(start, pair.start_inverse) + _rounding(end, pair.end_inverse)
     _require_exact(moved)
-    return factors, moved
+    return pair, moved
 
 
 def _point(factor: Array, inverse: Array, values: Array, vectors: Array, moved: Array) -> Array:

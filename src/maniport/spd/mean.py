@@ -180,7 +180,9 @@ def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Ar
 
 
 @kernel
-def _add_hessians(values, logs, vectors, weights, hessian):  # type: ignore[no-untyped-def]
+def _add_hessians(
+    values: Array, logs: Array, vectors: Array, weights: Array, hessian: Array
+) -> None:
     """Sum the Hessians of half the squared distance to I, in the Mandel basis (m, m), over weighted Y = V diag Vᵀ."""
     count, n = values.shape
     tangent = np.empty(len(hessian))

@@ -7,7 +7,7 @@ number of threads.
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numba import config
@@ -32,7 +32,21 @@ ROUNDED = (
     0.1 * SPD_TOLERANCE
 )  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 
+Options = tuple[float, ...]  # Numbers that a loop takes after its matrices
+
 ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
+
+
+class FactoredPair(NamedTuple):
+    """Factors of SPD matrices A = F Fᵀ and B = K Kᵀ, and F⁻¹ K = U diag(σ) Vᵀ; σ² are the eigenvalues of A⁻¹ B."""
+
+    start: Array  # F, shape (..., d, d)
+    start_inverse: Array  # F⁻¹
+    end: Array  # K
+    end_inverse: Array  # K⁻¹
+    left: Array  # U
+    singular: Array  # σ, shape (..., d), descending
+    right: Array  # Vᵀ
 
 
 def eigh(matrices: Array) -> tuple[Array, Array]:
@@ -63,12 +77,11 @@ def distances(a: Array, b: Array) -> Array:
     results = _run(_distance_loop, (a, b), (0,))[0]
     if math.isnan(np.vdot(results, results)):  # faster than isnan and any
         rough = np.isnan(results)
-        pair = (
-            np.broadcast_to(points, (*results.shape, *points.shape[-2:]))[rough]
-            for points in (a, b)
-        )
+        all_a = np.broadcast_to(a, (*results.shape, *a.shape[-2:]))
+        all_b = np.broadcast_to(b, (*results.shape, *b.shape[-2:]))
         try:
-            results[rough] = 2.0 * np.linalg.norm(np.log(factored(*pair)[3]), axis=-1)
+            singular = factored(all_a[rough], all_b[rough]).singular
+            results[rough] = 2.0 * np.linalg.norm(np.log(singular), axis=-1)
         except np.linalg.LinAlgError:
             raise NotSPDError(ILL_CONDITIONED) from None
     return results
@@ -78,8 +91,16 @@ def power_congruence(left: Array, points: Array, exponent: float, right: Array) 
     """Build R (L X Lᵀ)^s Rᵀ for matrices X (..., d, d), exactly symmetric: recenter, dilate, rotate and move."""
     invalid = list[float]()
 
-    def loop(*arguments: Any) -> None:
-        value = _power_congruence_loop(*arguments)
+    def loop(
+        left: Array,
+        matrices: Array,
+        right: Array,
+        exponent: float,
+        low: float,
+        high: float,
+        results: Array,
+    ) -> None:
+        value = _power_congruence_loop(left, matrices, right, exponent, low, high, results)
         if not np.isnan(value):
             invalid.append(value)
 
@@ -113,17 +134,12 @@ def require_in_range(eigenvalues: Array, name: str) -> None:
         )
 
 
-def factored(
-    a: Array, b: Array
-) -> tuple[tuple[Array, Array], tuple[Array, Array], Array, Array, Array]:
-    """Factor SPD matrices A = F Fᵀ and B = K Kᵀ, shapes (..., d, d): F and F⁻¹; K and K⁻¹; U, σ, Vᵀ of F⁻¹ K.
-
-    The eigenvalues of A⁻¹ B are σ².
-    """
-    start = cholesky(a)
-    end = cholesky(b)
-    left, singular, right = np.linalg.svd(start[1] @ end[0])
-    return start, end, left, singular, right
+def factored(a: Array, b: Array) -> FactoredPair:
+    """Factor SPD matrices A and B, shapes (..., d, d)."""
+    start, start_inverse = cholesky(a)
+    end, end_inverse = cholesky(b)
+    left, singular, right = np.linalg.svd(start_inverse @ end)
+    return FactoredPair(start, start_inverse, end, end_inverse, left, singular, right)
 
 
 def cholesky(matrices: Array) -> tuple[Array, Array]:
@@ -197,7 +213,7 @@ def _run(
     loop: Callable[..., None],
     arrays: tuple[Array, ...],
     axes: tuple[int, ...] = (2,),
-    options: tuple[Any, ...] = (),
+    options: Options = (),
 ) -> list[Array]:
     """Call a loop on broadcast matrices (..., d, d), in threads if many; results have so many `axes` of length d."""
     batch = arrays[0].shape[:-2]
@@ -223,7 +239,7 @@ def _run(
 
 
 def _divide(
-    loop: Callable[..., None], arrays: list[Array], options: Any, results: list[Array], d: int
+    loop: Callable[..., None], arrays: list[Array], options: Options, results: list[Array], d: int
 ) -> None:
     """Call a loop on parts of a batch of matrices (d, d), by several threads where that pays."""
     count = len(results[0])
@@ -232,9 +248,15 @@ def _divide(
 
     def work(number: int) -> None:
         for first in range(number * size, count, threads * size):
-            part = slice(first, first + size)
-            rows = (array if len(array) == 1 else array[part] for array in arrays)
-            loop(*rows, *options, *(result[part] for result in results))
+            rows = slice(first, first + size)
+            inputs = []
+            for array in arrays:
+                if len(array) == 1:  # one matrix serves all
+                    inputs.append(array)
+                else:
+                    inputs.append(array[rows])
+            outputs = [result[rows] for result in results]
+            loop(*inputs, *options, *outputs)
 
     if threads == 1:
         work(0)
