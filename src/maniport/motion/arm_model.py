@@ -111,7 +111,8 @@ def _add_masses(model: pin.Model, group: ArmGroup, arm: int, places: Sequence[Pl
             inertia[fork] -= carried_inertia(theirs, fork)
     for k in range(shared + 1 if shared else 1, len(inertia)):  # the base does not move
         joint, place = places[k]
-        if (mass := inertia[k, 0, 0]) > 1e-9:
+        mass = inertia[k, 0, 0]
+        if mass > 1e-9:
             center = inertia[k, [5, 3, 4], [1, 2, 0]] / mass
             about_center = inertia[k, 3:, 3:] + mass * pin.skewSquare(center, center)
             model.appendBodyToJoint(joint, pin.Inertia(mass, center, about_center), place)
@@ -191,17 +192,18 @@ def require_compatible(
     what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec]
 ) -> None:
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
-    there, here = (
-        {
-            "joints": arm.joint_names, "end effector": arm.frame, "base": arm.base, "held joints": dict(arm.locked),
-            "ellipsoids": spec,
-        }
-        for arm, spec in zip(arms, specs, strict=True)
-    )  # fmt: skip
+    there, here = arms
+    properties = {
+        "joints": (there.joint_names, here.joint_names),
+        "end effector": (there.frame, here.frame),
+        "base": (there.base, here.base),
+        "held joints": (dict(there.locked), dict(here.locked)),
+        "ellipsoids": specs,
+    }
     different = []
-    for name, value in there.items():
-        if value != here[name]:
-            different.append(f"{name}: {value!r} there, {here[name]!r} here")
+    for name, (value, found) in properties.items():
+        if value != found:
+            different.append(f"{name}: {value!r} there, {found!r} here")
     if different:
         raise InvalidInputError(
             f"{what} {arms[0].name!r}; it does not fit {arms[1].name!r}: {'; '.join(different)}"

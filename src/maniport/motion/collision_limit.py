@@ -76,7 +76,11 @@ class CollisionLimit:
 
     def inequalities(self, q: Array, dt: float) -> tuple[Array, Array]:
         """Return G and h of G Δq ≤ h, shapes (k, dof) and (k,), for the k pairs within reach."""
-        if self._q is None or np.vdot(moved := q - self._q, moved) > self.linear_range**2:
+        renew = True
+        if self._q is not None:
+            moved = q - self._q
+            renew = bool(np.vdot(moved, moved) > self.linear_range**2)
+        if renew:
             self._q = q.copy()
             moved = np.zeros(len(q))
             _, self._distance, slope = self._collisions.gradient(q[None], self.reach, scaled=True)

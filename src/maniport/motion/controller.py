@@ -23,10 +23,10 @@ position limit, at rest, moves inward only.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import daqp
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.collisions import Collisions
@@ -36,6 +36,9 @@ from maniport.motion.costs.cost import Cost
 from maniport.motion.problem import ArmProblem
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
+
+Block = tuple[slice | NDArray[np.intp], slice | NDArray[np.intp]]
+"""Rows and columns of the joints of an arm in a Hessian of its group."""
 
 LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
 
@@ -97,8 +100,8 @@ class Controller:
     ):
         group = as_group(arm)
         self._robot = arm
-        self.columns: Sequence[Any] = group.columns
-        self._blocks: list[Any] = [(columns[:, None], columns) for columns in group.columns]
+        self.columns: Sequence[slice | NDArray[np.intp]] = group.columns
+        self._blocks: list[Block] = [(columns[:, None], columns) for columns in group.columns]
         if len(group.arms) == 1:  # indexing by arrays is slow
             self.columns = [slice(None)]
             self._blocks = [(slice(None), slice(None))]
@@ -220,7 +223,9 @@ class Controller:
 
 
 @kernel
-def _velocity_bounds(q, velocity, limits, last_dt, dt, speed_share):  # type: ignore[no-untyped-def]
+def _velocity_bounds(
+    q: Array, velocity: Array, limits: Array, last_dt: float, dt: float, speed_share: float
+) -> Array:
     """Return the smallest and the largest velocities of the next step, shape (2, dof)."""
     bounds = np.empty((2, len(q)))
     for i in range(len(q)):
@@ -237,17 +242,19 @@ def _velocity_bounds(q, velocity, limits, last_dt, dt, speed_share):  # type: ig
 
 
 @part
-def _braking_speed(distance, a, dt):  # type: ignore[no-untyped-def]
+def _braking_speed(distance: float, a: float, dt: float) -> float:
     distance = max(distance, 0.0)
     half = 0.5 * a * dt
-    fast = np.sqrt(2.0 * a * distance) - half  # nan without a limit of acceleration
+    fast: float = np.sqrt(2.0 * a * distance) - half  # nan without a limit of acceleration
     if fast > half:
         return fast
     return distance / dt
 
 
 @kernel
-def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
+def _moved(
+    q: Array, velocity: Array, bounds: Array, limits: Array, dt: float
+) -> tuple[Array, Array]:
     """Return the velocity within bounds, and two configurations (2, dof): after the step, and after braking."""
     achieved = np.empty(len(q))
     configurations = np.empty((2, len(q)))
@@ -265,9 +272,18 @@ def _moved(q, velocity, bounds, limits, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _program(  # type: ignore[no-untyped-def]
-    hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed, multipliers
-):
+def _program(
+    hessian: Array,
+    gradients: Array,
+    durations: Array,
+    bounds: Array,
+    limits: Array,
+    speed_share: float,
+    rows: Array,
+    allowed: Array,
+    relaxed: bool,
+    multipliers: Array,
+) -> tuple[Array, Array, Array, Array, Array, NDArray[np.int32]]:
     """Return the arguments of `daqp.solve` for the velocities in m intervals, times the first duration.
 
     The cost is the mean over the durations (m,) of costs at the ends of the intervals, with one Hessian (dof, dof), and

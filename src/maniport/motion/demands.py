@@ -4,9 +4,6 @@ With joint limits V of velocity or acceleration, the ellipsoid of J V² Jᵀ con
 joints within their limits. A demanded vector v uses the share √(vᵀ (J V² Jᵀ)⁻¹ v) of it.
 """
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
@@ -31,7 +28,7 @@ def demands_of(
     limits: MotionLimits,
     time: Array,
     path: Array,
-    rows: NDArray[Any],
+    rows: NDArray[np.intp],
     smoothing: float = 0.03,
     percentile: float = 99.0,
 ) -> tuple[Demand, Demand]:
@@ -40,9 +37,8 @@ def demands_of(
     The path is smoothed (Gaussian, standard deviation in seconds) between gaps. Larger values than the percentile are
     jumps of the recording, and are shortened to it.
     """
-    windows: Sequence[NDArray[Any]] = np.split(
-        np.arange(len(time)), (rows[1:] + rows[:-1] + 1) // 2
-    )
+    middles = (rows[1:] + rows[:-1] + 1) // 2
+    windows = np.split(np.arange(len(time)), middles)
     demands = []
     derivatives = _derivatives(time, path, smoothing)
     for limit, values in zip((limits.velocity, limits.acceleration), derivatives, strict=True):

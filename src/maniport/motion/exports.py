@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import yaml
@@ -176,16 +176,18 @@ def _write_parquet(path: Path, motion: Trajectory, robot: Arm | ArmGroup | None)
     parquet.write_table(table, path, compression="zstd")
 
 
+def _nothing() -> None:
+    """Require no package."""
+
+
 class Format(NamedTuple):
     """A file format of motions."""
 
     file: str  # name among a run's results
-    write: (
-        Callable[[Path, Trajectory, Arm | ArmGroup | None], None] | None
-    )  # None where it has a complete result
-    package: Callable[[], Any] = lambda: (
-        None
-    )  # imports the package that it requires, or raises `MissingPackageError`
+    # None where a complete result is needed
+    write: Callable[[Path, Trajectory, Arm | ArmGroup | None], None] | None
+    # imports the required package, or raises `MissingPackageError`
+    package: Callable[[], object] = _nothing
 
 
 FORMATS = {

@@ -1,7 +1,7 @@
 """The feasible ellipsoids nearest to targets: searches over joint positions within their limits."""
 
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,7 +48,7 @@ def nearest_feasible(
     positions: ArrayLike | None = None,
     n_starts: int = 48,
     bank: SeedBank | None = None,
-    random_state: Any = 0,
+    random_state: int | np.random.Generator | None = 0,
     progress: Progress | None = None,
 ) -> FeasibleEllipsoids:
     """Find the joint positions within limits whose ellipsoid is nearest: min_q d(A + ε I, M(q) + ε I).
@@ -134,7 +134,7 @@ class FeasibleProjector:
         spec: EllipsoidSpec = VELOCITY,
         damping: Damping = DAMPING,
         bank: SeedBank | None = None,
-        random_state: Any = 0,
+        random_state: int | np.random.Generator | None = 0,
     ):
         self.arm = arm
         self.spec = spec
@@ -178,7 +178,7 @@ class FeasibleProjector:
         epsilon = Regularization(epsilon=as_number(damping, "damping", above=0.0))
         return FeasibleSearch(self.arm, self.spec, epsilon, self.bank)
 
-    def __deepcopy__(self, memo: Any) -> "FeasibleProjector":
+    def __deepcopy__(self, memo: dict[int, object]) -> "FeasibleProjector":
         return self  # immutable; scikit-learn copies the parameters of estimators that it clones
 
     def __repr__(self) -> str:

@@ -1,12 +1,22 @@
 """Compiled normal equations of searches, and their step within limits."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.util.jit import kernel, part
+from maniport.util.validation import Array
 
 
 @kernel
-def add_log_residual(values, vectors, whitening, changes, square, gradient, hessian):  # type: ignore[no-untyped-def]
+def add_log_residual(
+    values: Array,
+    vectors: Array,
+    whitening: Array,
+    changes: Array,
+    square: Array,
+    gradient: Array,
+    hessian: Array,
+) -> None:
     """Add r², Jᵀr and JᵀJ of r = vec(log X), X = U Λ Uᵀ, to (n,), (n, dof) and (n, dof, dof).
 
     `changes` are the derivatives of M, and X is W (M + ε I) Wᵀ with the whitening W.
@@ -51,7 +61,9 @@ def add_log_residual(values, vectors, whitening, changes, square, gradient, hess
 
 
 @kernel
-def add_residual(residuals, rows, square, gradient, hessian):  # type: ignore[no-untyped-def]
+def add_residual(
+    residuals: Array, rows: Array, square: Array, gradient: Array, hessian: Array
+) -> None:
     """Add r², Jᵀr and JᵀJ of residuals r (n, m) and their derivatives J (n, m, dof) as `add_log_residual` does."""
     for n in range(len(residuals)):
         for i in range(len(residuals[n])):
@@ -60,15 +72,16 @@ def add_residual(residuals, rows, square, gradient, hessian):  # type: ignore[no
 
 
 @part
-def _divided_difference(a, b):  # type: ignore[no-untyped-def]
+def _divided_difference(a: float, b: float) -> float:
     ratio = a / b - 1.0
     if abs(ratio) < 1e-8:
         return (1.0 - 0.5 * ratio) / b
-    return np.log1p(ratio) / ratio / b
+    quotient: float = np.log1p(ratio) / ratio / b
+    return quotient
 
 
 @part
-def _accumulate(rows, residual, gradient, hessian):  # type: ignore[no-untyped-def]
+def _accumulate(rows: Array, residual: Array, gradient: Array, hessian: Array) -> None:
     """Add Jᵀr and JᵀJ; residuals beyond those given are zero."""
     dof = len(gradient)
     for k in range(dof):
@@ -84,7 +97,16 @@ def _accumulate(rows, residual, gradient, hessian):  # type: ignore[no-untyped-d
 
 
 @kernel
-def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expected):  # type: ignore[no-untyped-def]
+def step_within_limits(
+    q: Array,
+    gradient: Array,
+    hessian: Array,
+    damping: Array,
+    lower: Array,
+    upper: Array,
+    trial: Array,
+    expected: Array,
+) -> None:
     """Fill `trial` (n, dof) with q + s, s minimizing gᵀs + ½ sᵀ(H + damping I)s within the limits, nearly."""
     dof = q.shape[1]
     factor = np.empty((dof, dof + 1))
@@ -126,7 +148,15 @@ def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expec
 
 
 @part
-def _solve_moving(gradient, hessian, damping, moving, free, factor, step):  # type: ignore[no-untyped-def]
+def _solve_moving(
+    gradient: Array,
+    hessian: Array,
+    damping: float,
+    moving: NDArray[np.int64],
+    free: NDArray[np.bool_],
+    factor: Array,
+    step: Array,
+) -> None:
     """Solve for the steps of the moving joints, those of the others given; Cholesky."""
     count = len(moving)
     for a in range(count):

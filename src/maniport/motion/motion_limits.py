@@ -1,10 +1,10 @@
 """How far, how fast and how abruptly the joints of a robot may move, and what share of that a motion uses."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,7 +65,7 @@ class MotionLimits:
     def of(
         cls,
         arm: Arm | ArmGroup,
-        source: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        source: str | os.PathLike[str] | Mapping[str, object] | None = None,
         joint_limit_margin: float = MARGIN,
     ) -> "MotionLimits":
         """Take limits from the argument, else from the maker, else from the arm's description, else from defaults.
@@ -88,69 +88,39 @@ class MotionLimits:
             When a file, or a mapping, names unknown joints or keys, or a value is not allowed.
         """
         share = as_number(joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
-        is_file = isinstance(source, str | os.PathLike)
-        if is_file:
-            where = str(source)
-        else:
-            where = "limits"
-        try:
-            content: Any = {} if source is None else source
-            if is_file:
-                content = read_settings(content, ("joints", "default"))
-            joints, default = _checked(content, arm, where)
-        except (InvalidInputError, FileFormatError) as error:
-            raise (FileFormatError if is_file else InvalidInputError)(str(error)) from None
-        # in the descriptions of the robots
-        own_names = list(arm.joint_names)
-        unlimited = set[str]()
-        for member, columns in zip(as_group(arm).arms, as_group(arm).columns, strict=True):
-            unlimited |= set(member.chain.unlimited)
-            for column, name in zip(columns, member.joint_names, strict=True):
-                own_names[column] = name
+        given = _given_limits(source, arm)
+        joints = _described_joints(arm)
+
         inside = share * (arm.upper - arm.lower)
-        ends = np.stack([arm.lower + inside, arm.upper - inside])
-        pairs = [
-            (name, joints.get(name, {}), own)
-            for name, own in zip(arm.joint_names, own_names, strict=True)
-        ]
-        for i, (_, numbers, _) in enumerate(pairs):
-            ends[:, i] = numbers.get("lower", ends[0, i]), numbers.get("upper", ends[1, i])
-        free = (
-            name
-            for name, numbers, own in pairs
-            if own in unlimited and not {"lower", "upper"} <= numbers.keys()
-        )
+        lower = arm.lower + inside
+        upper = arm.upper - inside
+        free = []
+        for i, joint in enumerate(joints):
+            numbers = given.joints.get(joint.name, {})
+            lower[i] = numbers.get("lower", lower[i])
+            upper[i] = numbers.get("upper", upper[i])
+            if joint.is_unlimited and not {"lower", "upper"} <= numbers.keys():
+                free.append(joint.name)
+
         limits = dict[str, Array]()
         sources = dict[str, str]()
         assumed = {"position": tuple(free)}
-        described = {"velocity": arm.velocity_limits, "effort": arm.effort_limits}
         for quantity in LIMITS:
             values = np.empty(arm.dof)
-            chosen = [""] * arm.dof
-            nominal = described.get(quantity)
-            for i, (_, numbers, own) in enumerate(pairs):
-                candidates = [
-                    (numbers.get(quantity), where),
-                    (default.get(quantity), f"{where} (default)"),
-                    (PANDA.get(own, {}).get(quantity), "Franka's limits of the Panda (FER)"),
-                    (
-                        None if nominal is None or np.isinf(nominal[i]) else nominal[i],
-                        "the robot's description",
-                    ),
-                ]
-                if quantity in DERIVATIVES:
-                    lower = {key: magnitudes[i] for key, magnitudes in limits.items()}
-                    candidates.append(_assumed(quantity, arm.joint_units[i], lower))
-                values[i], chosen[i] = next(
-                    (pair for pair in candidates if pair[0] is not None), (np.inf, "")
-                )
+            origins = []
+            for i, joint in enumerate(joints):
+                value, origin = given.limit(quantity, joint)
+                if not origin and quantity in DERIVATIVES:
+                    found = {key: magnitudes[i] for key, magnitudes in limits.items()}
+                    value, origin = _assumed(quantity, arm.joint_units[i], found)
+                values[i] = value
+                origins.append(origin)
             limits[quantity] = values
             if quantity in DERIVATIVES:
-                named = zip(arm.joint_names, chosen, strict=True)
-                assumed[quantity] = tuple(name for name, text in named if text.startswith(ASSUMED))
-            if any(chosen):
-                sources[quantity] = "; ".join(filter(None, dict.fromkeys(chosen)))
-        return cls(arm.narrowed(*ends), sources=sources, assumed=assumed, **limits)
+                assumed[quantity] = _assumed_joints(arm.joint_names, origins)
+            if any(origins):
+                sources[quantity] = "; ".join(filter(None, dict.fromkeys(origins)))
+        return cls(arm.narrowed(lower, upper), sources=sources, assumed=assumed, **limits)
 
     def of_joints(self, arm: Arm, columns: NDArray[np.integer]) -> "MotionLimits":
         """Return the limits of one arm of a group; `columns` are its joints in the group."""
@@ -233,11 +203,9 @@ class MotionLimits:
                 np.abs(torques) / self.effort,
                 np.abs(np.diff(torques, axis=0)) / step / self.effort_rate,
             )
-            shares |= {
-                name: own
-                for name, own in zip(TORQUES, series, strict=True)
-                if own.max(initial=0.0) > 0.0
-            }
+            for name, torque_shares in zip(TORQUES, series, strict=True):
+                if torque_shares.max(initial=0.0) > 0.0:
+                    shares[name] = torque_shares
         result = {}
         for quantity, share in shares.items():
             if len(share):
@@ -248,40 +216,124 @@ class MotionLimits:
         return result
 
 
-def _checked(
-    content: Any, arm: Arm | ArmGroup, where: str
-) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
-    """Numbers for joints by name, and for those that are not named."""
+class DescribedJoint(NamedTuple):
+    """A joint of an arm or a group, as its robot's description has it."""
 
-    def numbers(content: Any, keys: tuple[str, ...], name: str) -> dict[str, float]:
-        return {
-            key: as_number(value, f"{name}: {key}", **({"above": 0.0} if key in LIMITS else {}))
-            for key, value in require_mapping(content, keys, name).items()
-        }
+    name: str  # in the arm or group
+    own_name: str  # in the description
+    is_unlimited: bool  # whether the description has no limits of its position
+    velocity: float  # limit [rad/s or m/s], infinite where there is none
+    effort: float  # limit [N m or N]
 
+
+def _described_joints(arm: Arm | ArmGroup) -> list[DescribedJoint]:
+    group = as_group(arm)
+    own_names = list(arm.joint_names)
+    unlimited = set[str]()
+    for member, columns in zip(group.arms, group.columns, strict=True):
+        unlimited |= set(member.chain.unlimited)
+        for column, name in zip(columns, member.joint_names, strict=True):
+            own_names[column] = name
+
+    joints = []
+    for i, own_name in enumerate(own_names):
+        joint = DescribedJoint(
+            arm.joint_names[i],
+            own_name,
+            own_name in unlimited,
+            np.inf if arm.velocity_limits is None else arm.velocity_limits[i],
+            np.inf if arm.effort_limits is None else arm.effort_limits[i],
+        )
+        joints.append(joint)
+    return joints
+
+
+class GivenLimits(NamedTuple):
+    """Limits that a file or a mapping gives, by the names of joints and of quantities."""
+
+    joints: Mapping[str, Mapping[str, float]]
+    default: Mapping[str, float]  # of other joints
+    where: str  # name of the source
+
+    def limit(self, quantity: str, joint: DescribedJoint) -> tuple[float, str]:
+        """Return the limit of a joint from here, its maker or its description, and the source; ∞ and "" for none."""
+        numbers = self.joints.get(joint.name, {})
+        if quantity in numbers:
+            return numbers[quantity], self.where
+        if quantity in self.default:
+            return self.default[quantity], f"{self.where} (default)"
+        by_maker = PANDA.get(joint.own_name, {})
+        if quantity in by_maker:
+            return by_maker[quantity], "Franka's limits of the Panda (FER)"
+        described = {"velocity": joint.velocity, "effort": joint.effort}
+        if np.isfinite(described.get(quantity, np.inf)):
+            return described[quantity], "the robot's description"
+        return np.inf, ""
+
+
+def _given_limits(
+    source: str | os.PathLike[str] | Mapping[str, object] | None, arm: Arm | ArmGroup
+) -> GivenLimits:
+    """Read and check limits; errors are `FileFormatError` in a file, and else `InvalidInputError`."""
+    if isinstance(source, str | os.PathLike):
+        try:
+            content = read_settings(source, ("joints", "default"))
+            return _checked(content, arm, str(source))
+        except (InvalidInputError, FileFormatError) as error:
+            raise FileFormatError(str(error)) from None
+    try:
+        return _checked({} if source is None else source, arm, "limits")
+    except (InvalidInputError, FileFormatError) as error:
+        raise InvalidInputError(str(error)) from None
+
+
+def _checked_numbers(content: object, keys: tuple[str, ...], name: str) -> dict[str, float]:
+    """Require a mapping of some keys to numbers; limits are positive."""
+    numbers = {}
+    for key, value in require_mapping(content, keys, name).items():
+        if key in LIMITS:
+            numbers[key] = as_number(value, f"{name}: {key}", above=0.0)
+        else:
+            numbers[key] = as_number(value, f"{name}: {key}")
+    return numbers
+
+
+def _checked(content: object, arm: Arm | ArmGroup, where: str) -> GivenLimits:
+    """Require limits for joints by name, and for those that are not named."""
     if isinstance(content, Mapping):
         content = dict(content)
     content = require_mapping(content, ("joints", "default"), where)
-    default = numbers(content.get("default", {}), LIMITS, f"{where}: default")
+    default = _checked_numbers(content.get("default", {}), LIMITS, f"{where}: default")
     entries = require_mapping(
         content.get("joints", {}), arm.joint_names, f"{where}: joints of {arm.name!r}"
     )
     joints = {}
     for name, entry in entries.items():
-        own = f"{where}: joints: {name}"
+        label = f"{where}: joints: {name}"
+        numbers = _checked_numbers(entry, (*LIMITS, "lower", "upper"), label)
         i = arm.joint_names.index(name)
-        joints[name] = numbers(entry, (*LIMITS, "lower", "upper"), own)
-        bounds = {"lower": float(arm.lower[i]), "upper": float(arm.upper[i])}
-        for key in bounds.keys() & joints[name].keys():
-            as_number(
-                joints[name][key], f"{own}: {key}", minimum=bounds["lower"], maximum=bounds["upper"]
-            )
-        lower, upper = (joints[name].get(key, bound) for key, bound in bounds.items())
+        least = float(arm.lower[i])
+        largest = float(arm.upper[i])
+        for key in ("lower", "upper"):
+            if key in numbers:
+                as_number(numbers[key], f"{label}: {key}", minimum=least, maximum=largest)
+        lower = numbers.get("lower", least)
+        upper = numbers.get("upper", largest)
         if lower >= upper:
             raise InvalidInputError(
-                f"{own}: lower must be below upper; found {lower:g} and {upper:g}"
+                f"{label}: lower must be below upper; found {lower:g} and {upper:g}"
             )
-    return joints, default
+        joints[name] = numbers
+    return GivenLimits(joints, default, where)
+
+
+def _assumed_joints(names: Sequence[str], origins: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the joints whose limits are assumed."""
+    assumed = []
+    for name, origin in zip(names, origins, strict=True):
+        if origin.startswith(ASSUMED):
+            assumed.append(name)
+    return tuple(assumed)
 
 
 def _assumed(quantity: str, unit: str, lower: Mapping[str, float]) -> tuple[float, str]:

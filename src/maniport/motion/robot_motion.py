@@ -3,7 +3,6 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,9 +123,13 @@ class ArmMotion(Trajectory, Plottable):
         velocity_limits: Array,
         held: NDArray[np.bool_] | None = None,
         position_tolerance: float = ENOUGH_METRES,
-        **plan: Any,
+        demonstrated_time: Array | None = None,
+        clearance: Clearance | None = None,
     ) -> "ArmMotion":
-        """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
+        """Compare the trajectory of an arm with its targets.
+
+        `demonstrated_time` and `clearance` are attributes of a planned motion.
+        """
         arm = problem.arm
         target = problem.target
         q = trajectory.joint_positions
@@ -146,7 +149,10 @@ class ArmMotion(Trajectory, Plottable):
         judged = distance
         if target.directions:
             judged = np.zeros(len(distance))
-        steps = stopped, np.asarray(ends.any(axis=1)), np.append(False, fast.any(axis=1))
+        if clearance is None:
+            clearance = Clearance()
+        at_limit = np.asarray(ends.any(axis=1))
+        at_speed = np.append(False, fast.any(axis=1))
         return cls(
             **{item.name: getattr(trajectory, item.name) for item in fields(Trajectory)},
             arm=arm.name,
@@ -161,11 +167,14 @@ class ArmMotion(Trajectory, Plottable):
             position_error=error,
             orientation_error=problem.orientation_error(q),
             position_tolerance=position_tolerance,
-            status=statuses_of(trajectory.time, judged, off_path, time, *steps),
+            status=statuses_of(
+                trajectory.time, judged, off_path, time, stopped, at_limit, at_speed
+            ),
             held=stopped,
             velocity_limits=velocity_limits,
             directed=bool(target.directions),
-            **plan,
+            demonstrated_time=demonstrated_time,
+            clearance=clearance,
         )
 
     def __repr__(self) -> str:
@@ -276,25 +285,29 @@ class RobotMotion(NotebookDisplay, Plottable):
         held: NDArray[np.bool_] | None = None,
         position_tolerance: float = ENOUGH_METRES,
         pointwise_bests: Sequence[Array] | None = None,
-        **relative: Any,
+        coupled: bool = False,
     ) -> "RobotMotion":
         """Compare the trajectory of a group with the targets of its arms."""
         clearance = Clearance.of(collisions, trajectory)
         arms = []
         for i, (problem, columns) in enumerate(zip(problems, group.columns, strict=True)):
-            plan = {
-                "clearance": clearance,
-                "demonstrated_time": None if trajectory.limits is None else problem.target.time,
-            }
-            own = trajectory.of_arm(problem.arm, columns)
+            demonstrated_time = None
+            if trajectory.limits is not None:
+                demonstrated_time = problem.target.time
             motion = ArmMotion.of(
-                problem, own, velocity_limits[columns], held, position_tolerance, **plan
+                problem,
+                trajectory.of_arm(problem.arm, columns),
+                velocity_limits[columns],
+                held,
+                position_tolerance,
+                demonstrated_time,
+                clearance,
             )
             if pointwise_bests is not None:  # the achieved configuration is a candidate
                 best = np.minimum(pointwise_bests[i], motion.distance)
                 motion = replace(motion, pointwise_best=best)
             arms.append(motion)
-        return cls(group, trajectory, tuple(arms), **relative)
+        return cls(group, trajectory, tuple(arms), coupled=coupled)
 
     def __repr__(self) -> str:
         return f"RobotMotion({', '.join(map(repr, self.arms))})"

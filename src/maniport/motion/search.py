@@ -6,7 +6,6 @@ follows Madsen, Nielsen & Tingleff, Methods for Non-Linear Least Squares Problem
 """
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +55,11 @@ class SeedBank:
     """
 
     def __init__(
-        self, arm: Arm, n: int = 16_384, random_state: Any = 0, spec: EllipsoidSpec = VELOCITY
+        self,
+        arm: Arm,
+        n: int = 16_384,
+        random_state: int | np.random.Generator | None = 0,
+        spec: EllipsoidSpec = VELOCITY,
     ):
         self.arm = arm
         self.spec = spec
@@ -101,7 +104,12 @@ class SeedBank:
         return to_vector(apply(congruence(self._whitening, ellipsoids + self._shift), np.log))
 
 
-def bank_for(arm: Arm, spec: EllipsoidSpec, bank: SeedBank | None, random_state: Any) -> SeedBank:
+def bank_for(
+    arm: Arm,
+    spec: EllipsoidSpec,
+    bank: SeedBank | None,
+    random_state: int | np.random.Generator | None,
+) -> SeedBank:
     """Return a bank after checking that it is of the arm, whatever its limits, or build one where there is none."""
     if bank is None:
         return SeedBank(arm, random_state=random_state, spec=spec)

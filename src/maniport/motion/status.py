@@ -1,6 +1,6 @@
 """Status of each waypoint of a motion, from good to bad."""
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,9 +8,14 @@ from numpy.typing import NDArray
 from maniport.util.validation import Array
 
 Status = Literal[
-    "followed", "nearly followed", "ellipsoid missed", "position missed", "joint limit", "velocity limit",
+    "followed",
+    "nearly followed",
+    "ellipsoid missed",
+    "position missed",
+    "joint limit",
+    "velocity limit",
     "QP failed; last safe configuration held",
-]  # fmt: skip
+]
 """All statuses, from good to bad.
 
 A point is followed when d ≤ 0.1, and nearly followed when d ≤ 0.4; with a path, the position error must also be within
@@ -35,17 +40,18 @@ def statuses_of(
     distance: Array,
     off_path: NDArray[np.bool_],
     control_time: Array,
-    *steps: NDArray[Any],
+    held_steps: NDArray[np.bool_],
+    stopped_steps: NDArray[np.bool_],
+    fast_steps: NDArray[np.bool_],
 ) -> tuple[Status, ...]:
-    """Status at each time (n,); `steps` (m,) are control steps that were held, at a joint limit or a velocity limit."""
+    """Status at each time (n,), by control steps (m,) that were held, at a joint limit or at a velocity limit."""
     ends = np.searchsorted(
         control_time, time + 1e-9 * (control_time[-1] - control_time[0]), side="right"
     )
     ends[-1] = len(control_time)
-    held, at_stop, at_speed = (  # since the time before
-        np.diff(np.concatenate([[0], np.cumsum(happened)])[ends], prepend=0) > 0
-        for happened in steps
-    )
+    held = _since_before(held_steps, ends)
+    at_stop = _since_before(stopped_steps, ends)
+    at_speed = _since_before(fast_steps, ends)
     missed = (distance > NEAR_DISTANCE) | off_path
     words = np.full(len(time), "followed", dtype=object)
     words[distance > ENOUGH_DISTANCE] = "nearly followed"
@@ -55,3 +61,9 @@ def statuses_of(
     words[missed & at_speed] = "velocity limit"
     words[held] = "QP failed; last safe configuration held"
     return tuple(words)
+
+
+def _since_before(steps: NDArray[np.bool_], ends: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return whether any step (m,) of each interval is true; intervals (n,) end before the step `ends`."""
+    counts = np.concatenate([[0], np.cumsum(steps)])
+    return np.asarray(np.diff(counts[ends], prepend=0) > 0)

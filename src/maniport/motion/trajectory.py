@@ -4,7 +4,6 @@ import csv
 import os
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,12 +73,19 @@ class Trajectory(NotebookDisplay):
 
     def of_arm(self, arm: Arm, columns: NDArray[np.integer]) -> "Trajectory":
         """Return the trajectory of one arm of a group, whose joints are some columns."""
-        parts: dict[str, Any] = {}
-        for name in ("joint_positions", *_CONTROL):
-            parts[name] = getattr(self, name)[:, columns]
+        limits = None
         if self.limits is not None:
-            parts["limits"] = self.limits.of_joints(arm, columns)
-        return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)
+            limits = self.limits.of_joints(arm, columns)
+        return replace(
+            self,
+            joint_names=arm.joint_names,
+            joint_units=arm.joint_units,
+            joint_positions=self.joint_positions[:, columns],
+            control_positions=self.control_positions[:, columns],
+            control_velocities=self.control_velocities[:, columns],
+            control_accelerations=self.control_accelerations[:, columns],
+            limits=limits,
+        )
 
     @cached_property
     def limit_use(self) -> dict[str, tuple[str, float, float]] | None:
@@ -159,7 +165,9 @@ class Trajectory(NotebookDisplay):
 _CONTROL = ("control_positions", "control_velocities", "control_accelerations")
 
 
-def interpolated(time: NDArray[Any], values: Array, at: NDArray[Any]) -> Array:
+def interpolated(
+    time: NDArray[np.floating | np.integer], values: Array, at: NDArray[np.floating | np.integer]
+) -> Array:
     """Interpolate values (n, k) at times (n,) linearly, at other times (m,)."""
     return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -63,7 +62,7 @@ class Planner:
         limits: MotionLimits,
         spec: EllipsoidSpec,
         collisions: Collisions | bool = True,
-        random_state: Any = 0,
+        random_state: int | np.random.Generator | None = 0,
     ) -> "Planner":
         """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions."""
         group = as_group(limits.arm)
@@ -100,7 +99,7 @@ class Planner:
         self,
         problem: MotionProblem,
         options: PlanOptions,
-        random_state: Any = 0,
+        random_state: int | np.random.Generator | None = 0,
         progress: Part = ignore_fraction,
         separate: Sequence[ArmProblem] | None = None,
     ) -> tuple[Trajectory, bool]:
@@ -145,20 +144,9 @@ class Planner:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact."""
         group = self.group
         collisions = problem.collisions
-        values = np.full((len(parts), len(parts[0]), group.dof), np.nan)
-        for part, columns, own in zip(parts, group.columns, values, strict=True):
-            own[:, columns] = part
-        mean = np.nanmean(
-            values, axis=0
-        )  # shared joints are the mean of all arms, or those of one arm
-        if group.shared:
-            starts = [mean, *(np.where(np.isnan(own), mean, own) for own in values)]
-        else:
-            starts = [mean]
-        near = collisions is not None and collisions.between.checked
-        near = near and bool(np.any(collisions.between.clearance(mean) < CLEARANCE))  # type: ignore[union-attr]
-        if not (group.shared or problem.costs or near):
-            return as_early_as_possible(problem, mean, options), False
+        starts = _joint_starts(group, parts)
+        if not (group.shared or problem.costs or _are_near(collisions, starts[0])):
+            return as_early_as_possible(problem, starts[0], options), False
         time, terms, _ = coarse_terms(problem, options)
         optimized = list[Array]()
         cost = TrajectoryCost(problem.robot, problem, time, terms)
@@ -174,7 +162,8 @@ class Planner:
 
         for factor, more in attempts():
             tolerance = factor * options.position_tolerance
-            optimized += [optimize(problem, time, q, terms, POSITION_WEIGHTS[0]) for q in more]
+            for q in more:
+                optimized.append(optimize(problem, time, q, terms, POSITION_WEIGHTS[0]))
             best = min(optimized, key=lambda q: cost.evaluate(q)[0])
             q = optimize_to_tolerance(problem, time, best, terms, tolerance)
             timed = time_parameterized(problem, q, options, tolerance)[1]
@@ -218,6 +207,29 @@ class Planner:
                 own[i] = interpolated(time[rows], nodes.q[path], time)
             motions.append(group.joined(*own))
         return motions
+
+
+def _joint_starts(group: ArmGroup, motions: Sequence[Array]) -> list[Array]:
+    """Return motions (n, dof) of a group, from those (n, dof of the arm) of its arms.
+
+    In the first one, shared joints are the mean of all arms; in the others, if any, those of one arm.
+    """
+    values = np.full((len(motions), len(motions[0]), group.dof), np.nan)
+    for motion, columns, of_group in zip(motions, group.columns, values, strict=True):
+        of_group[:, columns] = motion
+    mean = np.nanmean(values, axis=0)
+    starts = [mean]
+    if group.shared:
+        for of_group in values:
+            starts.append(np.where(np.isnan(of_group), mean, of_group))
+    return starts
+
+
+def _are_near(collisions: Collisions | None, q: Array) -> bool:
+    """Return whether arms come nearer to each other than the clearance at any q (n, dof)."""
+    if collisions is None or not collisions.between.checked:
+        return False
+    return bool(np.any(collisions.between.clearance(q) < CLEARANCE))
 
 
 def _copies(generator: np.random.Generator, count: int) -> list[np.random.Generator]:

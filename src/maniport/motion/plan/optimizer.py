@@ -12,7 +12,7 @@ Levenberg and Marquardt; joints that a step would drive beyond a position limit 
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from scipy.ndimage import maximum_filter1d
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
+from maniport.motion.costs.cost import NormalEquations
 from maniport.motion.costs.smoothness import SmoothnessCost
 from maniport.motion.problem import MotionProblem
 from maniport.motion.search import LARGEST_DAMPING, LEAST_GAIN, WaypointProblem
@@ -126,20 +127,31 @@ def time_weights(time: Array) -> Array:
     return np.asarray(np.append(halves, 0.0) + np.append(0.0, halves))
 
 
-def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int = 60) -> Any:
-    """Descend until a step lowers the cost by less than its share `rel_tol`.
+State = TypeVar("State")
+Slopes = TypeVar("Slopes")
 
-    ``problem.evaluate(state)`` returns cost and slopes; ``problem.trial(state, slopes, damping)`` the state after a
-    damped step, and the expected decrease of the cost.
-    """
+
+class DescentProblem(Protocol[State, Slopes]):
+    """A cost of states that `levenberg_marquardt` lowers."""
+
+    def evaluate(self, state: State, /) -> tuple[float, Slopes]:
+        """Return the cost and its slopes."""
+
+    def trial(self, state: State, slopes: Slopes, damping: float, /) -> tuple[State, float]:
+        """Return the state after a damped step, and the expected decrease of the cost."""
+
+
+def levenberg_marquardt(
+    problem: DescentProblem[State, Slopes], state: State, rel_tol: float, max_iter: int = 60
+) -> State:
+    """Descend until a step lowers the cost by less than its share `rel_tol`."""
     cost, slopes = problem.evaluate(state)
     damping = 1e-3
     growth = 2.0
     for _ in range(max_iter):
         trial, expected = problem.trial(state, slopes, damping)
-        trial_cost, trial_slopes = problem.evaluate(
-            trial
-        )  # most steps are taken: the cost alone first takes longer
+        # most steps are taken: to evaluate the cost alone first takes longer
+        trial_cost, trial_slopes = problem.evaluate(trial)
         gained = cost - trial_cost
         if gained > LEAST_GAIN * expected > 0.0:
             state = trial
@@ -157,10 +169,27 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
     return state
 
 
-class TrajectoryCost:
-    """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `normal_equations` of a problem."""
+class Waypoints(Protocol):
+    """The costs of single waypoints, such as a `MotionProblem`."""
 
-    def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
+    def normal_equations(self, q: Array, /) -> NormalEquations:
+        """Return the costs and their derivatives at q (n, dof)."""
+
+
+class TrajectorySlopes(NamedTuple):
+    """Derivatives of the cost of a trajectory of n waypoints."""
+
+    gradient: Array  # half of it, (n, dof)
+    hessian: Array  # Gauss-Newton blocks of the waypoints, (n, dof, dof)
+    band: Array  # lower diagonals of each joint, (m, n, dof)
+
+
+class TrajectoryCost:
+    """Cost of a trajectory, its gradient and its banded Hessian."""
+
+    def __init__(
+        self, arm: Arm | ArmGroup, waypoints: Waypoints, time: Array, terms: TrajectoryTerms
+    ):
         self.arm = arm
         self.waypoints = waypoints
         self.terms = terms
@@ -170,8 +199,8 @@ class TrajectoryCost:
         limits = (terms.velocity, terms.acceleration)
         self.smoothness = SmoothnessCost(time, factors, limits)
 
-    def evaluate(self, q: Array) -> tuple[float, Any]:
-        """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
+    def evaluate(self, q: Array) -> tuple[float, TrajectorySlopes]:
+        """Return cost and derivatives at q (n, dof)."""
         equations = self.waypoints.normal_equations(q)
         square = equations.distance**2
         gradient = equations.gradient
@@ -182,9 +211,10 @@ class TrajectoryCost:
         gradient = self.weights[:, None] * gradient
         band = np.zeros((min(4, len(q)), *q.shape))  # lower diagonals of each joint
         cost = float(self.smoothness.add(q, cost, gradient, band))
-        return cost, (gradient, self.weights[:, None, None] * hessian, band)
+        hessian = self.weights[:, None, None] * hessian
+        return cost, TrajectorySlopes(gradient, hessian, band)
 
-    def trial(self, q: Array, slopes: Any, damping: float) -> tuple[Array, float]:
+    def trial(self, q: Array, slopes: TrajectorySlopes, damping: float) -> tuple[Array, float]:
         """Joint positions after a damped step, within the limits, and the expected decrease of the cost."""
         gradient, hessian, band = slopes
         damped = damping * (np.einsum("nii->ni", hessian) + band[0])

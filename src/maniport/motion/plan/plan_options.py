@@ -114,7 +114,7 @@ class PlanOptions:
     speed_scale: float = 1.0
     real_time: bool = False
     rate: float = RATE
-    motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
+    motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, object] | None = None
     joint_limit_margin: float = MARGIN
     collisions: Collisions | bool = True
     orientation_axes: str = "pointing"

@@ -9,7 +9,7 @@ in the middle of their range.
 from collections.abc import Sequence
 from copy import deepcopy
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,8 +65,8 @@ class ReachabilityMap:
         arm: Arm,
         spec: EllipsoidSpec,
         n: int | None = None,
-        random_state: Any = 0,
-        collisions: Any = None,
+        random_state: int | np.random.Generator | None = 0,
+        collisions: Collisions | bool | None = None,
     ):
         self.arm = arm
         self.spec = spec

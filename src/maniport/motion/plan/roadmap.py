@@ -1,7 +1,6 @@
 """Roadmap of a path: many configurations at each of its stages, and the best sequence of them by graph search."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +75,17 @@ def shortest_path(
 
 
 @kernel
-def _fill_stage(q, order, begin, end, weight, largest, value, before, jump_penalty=1000.0):  # type: ignore[no-untyped-def]
+def _fill_stage(
+    q: Array,
+    order: NDArray[np.intp],
+    begin: int,
+    end: int,
+    weight: float,
+    largest: Array,
+    value: Array,
+    before: NDArray[np.intp],
+    jump_penalty: float = 1000.0,
+) -> None:
     """Fill the least cost of a path to each node from `begin` to `end`, its own left out, and the node before it."""
     for k in range(begin, end):
         best = np.inf
@@ -135,7 +144,7 @@ def turned_to_rotations(problem: ArmProblem, q: Array) -> Array:
     return q
 
 
-def _stepped(arm: Arm, q: Array, change: Any, longest: float = 0.3) -> Array:
+def _stepped(arm: Arm, q: Array, change: NDArray[np.floating], longest: float = 0.3) -> Array:
     """Change no joint by more than `longest`, within the limits."""
     size = np.maximum(np.abs(change).max(axis=1, keepdims=True), 1e-12)
     return np.asarray(np.clip(q + change * np.minimum(1.0, longest / size), arm.lower, arm.upper))

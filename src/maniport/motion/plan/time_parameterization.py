@@ -11,7 +11,7 @@ Robotics, 2018).
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -151,12 +151,25 @@ def _within(
         slopes = np.where(wrong, flat, slopes)
 
 
-Rows = tuple[
-    Array, Array, Array, Array
-]  # a, b, low and high of constraints low ≤ a u + b x ≤ high, (k, m) each
+class Constraints(NamedTuple):
+    """Constraints low ≤ a u + b x ≤ high, arrays of shape (k, m)."""
+
+    a: Array
+    b: Array
+    low: Array
+    high: Array
+
+    def joined(self, other: "Constraints") -> "Constraints":
+        """Return these constraints and others of the same rows."""
+        return Constraints(
+            np.hstack([self.a, other.a]),
+            np.hstack([self.b, other.b]),
+            np.hstack([self.low, other.low]),
+            np.hstack([self.high, other.high]),
+        )
 
 
-def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, list[Rows]]:
+def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, list[Constraints]]:
     """Constraints of accelerations and torques at the grid points and between them; torque limits leave gravity 5 %."""
     # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
     allowed = np.minimum(limits.acceleration, 0.1 * limits.jerk)
@@ -165,27 +178,33 @@ def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, l
         (path.grid, path.first, path.second),
         (middles, path.spline(middles, 1), path.spline(middles, 2)),
     ]
-    rows: list[Any] = [
-        (a / allowed, b / allowed, -np.ones(a.shape), np.ones(a.shape)) for _, a, b in points
-    ]
+    rows = []
+    for _, first, second in points:
+        ones = np.ones(first.shape)
+        rows.append(Constraints(first / allowed, second / allowed, -ones, ones))
     if limits.dynamics is None or not np.isfinite(limits.effort).any():
         return limits, rows
     terms = [limits.dynamics.along(path.spline(at), first, second) for at, first, second in points]
-    held = np.abs(np.concatenate([gravity for *_, gravity in terms]))
-    if np.any(held >= limits.effort):
-        most = held.max(axis=0)
+    gravity_efforts = np.abs(np.concatenate([gravity for *_, gravity in terms]))
+    if np.any(gravity_efforts >= limits.effort):
+        most = gravity_efforts.max(axis=0)
         limits = replace(limits, effort=np.where(most >= limits.effort, 1.05 * most, limits.effort))
     finite = np.isfinite(limits.effort)
     effort = limits.effort[finite]
     change = RISE_TIME * limits.effort_rate[finite] / effort
-    for i, parts in enumerate(terms):
-        a, b, gravity = (term[:, finite] / effort for term in parts)
-        torques = a, b, np.maximum(-1.0 - gravity, -change), np.minimum(1.0 - gravity, change)
-        rows[i] = tuple(np.hstack(pair) for pair in zip(rows[i], torques, strict=True))
+    for i, (a, b, gravity) in enumerate(terms):
+        share = gravity[:, finite] / effort
+        torques = Constraints(
+            a[:, finite] / effort,
+            b[:, finite] / effort,
+            np.maximum(-1.0 - share, -change),
+            np.minimum(1.0 - share, change),
+        )
+        rows[i] = rows[i].joined(torques)
     return limits, rows
 
 
-def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows]) -> Array:
+def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Constraints]) -> Array:
     """Parameter speeds at the grid, shape (k,): at most 1."""
     steps = np.diff(path.grid)
     middles = path.grid[:-1] + 0.5 * steps
@@ -289,7 +308,9 @@ def _largest_shares(limits: MotionLimits, samples: Array, rate: float) -> Array:
 
 
 @kernel
-def fill_speeds(a, b, low, high, steps, limits, speeds):  # type: ignore[no-untyped-def]
+def fill_speeds(
+    a: Array, b: Array, low: Array, high: Array, steps: Array, limits: Array, speeds: Array
+) -> None:
     """Fill the fastest speeds (k,) from rest to rest with low ≤ a u + b x ≤ high, x ≤ limits (k,); zero where none is.
 
     `a`, `b`, `low` and `high`, shape (k - 1, m), are the constraints of each piece, of length `steps` (k - 1,).
@@ -307,7 +328,9 @@ def fill_speeds(a, b, low, high, steps, limits, speeds):  # type: ignore[no-unty
 
 
 @part
-def _largest_start(a, b, low, high, step, limit, end):  # type: ignore[no-untyped-def]
+def _largest_start(
+    a: Array, b: Array, low: Array, high: Array, step: float, limit: float, end: float
+) -> float:
     """Find the largest x up to a limit from which a piece can be passed and left with at most `end`."""
     x = limit
     for m in range(len(a)):
@@ -316,9 +339,8 @@ def _largest_start(a, b, low, high, step, limit, end):  # type: ignore[no-untype
                 x = high[m] / b[m]
             elif b[m] * x < low[m]:
                 x = low[m] / b[m]
-    for _ in range(
-        2 * len(a) + 4
-    ):  # Newton's method on a convex function: each iteration leaves a line for good
+    # Newton's method on a convex function: each iteration leaves a line for good
+    for _ in range(2 * len(a) + 4):
         lower, lower_slope, upper, upper_slope = _accelerations(a, b, low, high, step, x, end)
         gap = lower - upper
         if gap <= 1e-12 * (abs(lower) + abs(upper)):
@@ -330,7 +352,9 @@ def _largest_start(a, b, low, high, step, limit, end):  # type: ignore[no-untype
 
 
 @part
-def _accelerations(a, b, low, high, step, x, end):  # type: ignore[no-untyped-def]
+def _accelerations(
+    a: Array, b: Array, low: Array, high: Array, step: float, x: float, end: float
+) -> tuple[float, float, float, float]:
     """Return the largest lower and the smallest upper bound of u at x, both followed by their slopes."""
     lower = -0.5 * x / step
     lower_slope = -0.5 / step
