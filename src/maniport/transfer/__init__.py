@@ -28,12 +28,17 @@ from maniport.transfer.rigid_adapter import MeanTransport, ParallelTransport, Sc
 from maniport.util import defaults
 from maniport.util.validation import as_choice
 
-METHODS: dict[str, type[DomainAdapter]] = {
-    name: getattr(import_module(f"{__name__}.{module}"), kind)
-    for name, (module, kind) in (
-        (name, place.split(":")) for name, place in defaults.METHODS.items()
-    )
-}
+
+def _methods() -> dict[str, type[DomainAdapter]]:
+    """Import the classes of the methods that `maniport.util.defaults` lists."""
+    methods = {}
+    for name, place in defaults.METHODS.items():
+        module, kind = place.split(":")
+        methods[name] = getattr(import_module(f"{__name__}.{module}"), kind)
+    return methods
+
+
+METHODS = _methods()
 """The methods by the names that the command line uses, cheapest first."""
 
 
@@ -95,19 +100,21 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     return clone(method)
 
 
-def _same_base_rotation(shared: ArrayLike, own: ArrayLike | None) -> bool:
-    rotations = (
-        np.asarray(np.eye(3) if rotation is None else rotation) for rotation in (shared, own)
-    )
-    first, other = (rotation[:3, :3] for rotation in rotations)
-    return first.shape == other.shape and np.allclose(first, other, atol=1e-9)
+def _same_base_rotation(rotation: ArrayLike, other: ArrayLike | None) -> bool:
+    """Return whether two rotations of vectors are the same; None is the identity."""
+    first = np.asarray(rotation)[:3, :3]
+    second = np.eye(3)
+    if other is not None:
+        second = np.asarray(other)[:3, :3]
+    return first.shape == second.shape and np.allclose(first, second, atol=1e-9)
 
 
 def name_of(adapter: DomainAdapter) -> str:
     """Return the name of an adapter's method in `METHODS`, or its class where it has none."""
-    return next(
-        (name for name, kind in METHODS.items() if type(adapter) is kind), type(adapter).__name__
-    )
+    for name, kind in METHODS.items():
+        if type(adapter) is kind:
+            return name
+    return type(adapter).__name__
 
 
 __all__ = [

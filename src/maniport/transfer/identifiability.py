@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from maniport.spd.kernels import roots
@@ -265,9 +266,8 @@ def subsample(vectors: Array, limit: int) -> Array:
 
 def _combined(terms: Sequence[tuple[float, Distances]]) -> Gain:
     """Mean of a linear combination of distances, and its standard error over draws of both clouds."""
-    rows, columns = (
-        np.sum([factor * means[side] for factor, means in terms], axis=0) for side in (0, 1)
-    )
+    rows = np.sum([factor * means[0] for factor, means in terms], axis=0)
+    columns = np.sum([factor * means[1] for factor, means in terms], axis=0)
     variance = np.var(rows, ddof=1) / len(rows) + np.var(columns, ddof=1) / len(columns)
     return Gain(float(np.mean(rows)), float(np.sqrt(variance)))
 
@@ -290,15 +290,21 @@ def _distances(vectors: Array, others: Array) -> tuple[Array, Array, Array]:
     rows = np.empty(len(vectors))
     columns = np.zeros(len(others))
     least = np.empty(len(vectors))
-    single = (
-        np.ascontiguousarray(array, np.float32) for array in (vectors, others.T)
-    )  # twice as fast, exact enough
-    _fill_distances(*single, rows, columns, least)
+    # single precision is twice as fast, and exact enough
+    single = np.ascontiguousarray(vectors, np.float32)
+    single_others = np.ascontiguousarray(others.T, np.float32)
+    _fill_distances(single, single_others, rows, columns, least)
     return rows / len(columns), columns / len(rows), least
 
 
 @kernel(fastmath=True)
-def _fill_distances(vectors, others, sums, columns, least):  # type: ignore[no-untyped-def]
+def _fill_distances(
+    vectors: NDArray[np.float32],
+    others: NDArray[np.float32],
+    sums: Array,
+    columns: Array,
+    least: Array,
+) -> None:
     """Fill sums and minima of |v_i − w_j| over j, shapes (n,), and sums over i, shape (m,); `others` is (k, m)."""
     squares = np.empty(len(columns), np.float32)
     for i in range(len(vectors)):

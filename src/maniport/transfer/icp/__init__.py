@@ -158,30 +158,38 @@ class RiemannianICP(RigidAdapter):
         self.overlap_: float | None = None
 
         robust = robust and best.cost > EXACT  # matches of exact copies need no more
+        consensus = None
         if robust and d <= LARGEST_ROBUST and is_moderate(clouds[0]) and is_moderate(clouds[1]):
-            plain = RigidMap(
-                self.teacher_mean_, self.student_mean_, best.rotation, float(self.dispersion_ratio_)
+            consensus = self._consensus(teacher, student, best.rotation)
+        if consensus is not None:
+            self._take_pairs(consensus, start, min(len(teacher), len(student)))
+            pair = CloudPair(
+                recenter(teacher, self.teacher_mean_, self.dispersion_ratio_),
+                recenter(student, self.student_mean_),
             )
-            others = congruent_starts(teacher, student)
-            consensus = find_consensus(teacher, student, Factors(*plain.factors), others)
-            if consensus is not None:
-                self._take_pairs(consensus, start, min(len(teacher), len(student)))
-                clouds = (
-                    recenter(teacher, self.teacher_mean_, self.dispersion_ratio_),
-                    recenter(student, self.student_mean_),
-                )
-
-        pair = CloudPair(*clouds)
-        if self.criterion_ == "correspondence":
-            enough = min(len(teacher), len(student)) >= LEAST_CLOUD
-            if robust and enough and self.base_rotation is None and self.n_starts > 0:
-                pair = self._take_energy(clouds, pair, [start, best], selective)
-            else:
-                self._take_matches(pair, start, best, selective)
+        elif robust and self._may_use_energy(clouds):
+            pair = self._take_energy(clouds, CloudPair(*clouds), [start, best], selective)
+        else:
+            pair = CloudPair(*clouds)
+            self._take_matches(pair, start, best, selective)
         if self.base_rotation is None and d == 3:
             if self.overlap_ is not None and self.overlap_ < CERTAIN_SHARE:
                 pair = CloudPair(*whole)  # symmetric domains have pairs that agree by chance
             self._report_free_rotations(pair)
+
+    def _consensus(self, teacher: Array, student: Array, rotation: Array) -> Consensus | None:
+        """Find pairs of ellipsoids that agree on a map, from the map with a rotation and others."""
+        plain = RigidMap(
+            self.teacher_mean_, self.student_mean_, rotation, float(self.dispersion_ratio_)
+        )
+        others = congruent_starts(teacher, student)
+        return find_consensus(teacher, student, Factors(*plain.factors), others)
+
+    def _may_use_energy(self, clouds: tuple[Array, Array]) -> bool:
+        """Return whether clouds are large enough for the energy distance, and other rotations are searched."""
+        if min(len(clouds[0]), len(clouds[1])) < LEAST_CLOUD:
+            return False
+        return self.base_rotation is None and self.n_starts > 0
 
     def _report_free_rotations(self, pair: CloudPair) -> None:
         """Set the axes of free rotations and of half turns, and warn of them."""

@@ -135,10 +135,8 @@ def rotations_by_voting(
     count = min(voters, len(teacher), 4096 // (len(signs) * candidates))
     if count < 3:
         return []
-    (value_t, frame_t), (value_s, frame_s) = (
-        eigh(teacher[evenly_spaced(len(teacher), count)]),
-        eigh(student),
-    )
+    value_t, frame_t = eigh(teacher[evenly_spaced(len(teacher), count)])
+    value_s, frame_s = eigh(student)
     for frame in (frame_t, frame_s):
         frame[:, :, 0] *= np.sign(np.linalg.det(frame))[:, None]
     _, similar = cKDTree(np.log(value_s)).query(

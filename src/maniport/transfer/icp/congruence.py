@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import congruence, eigh, power_congruence, roots
@@ -146,7 +147,12 @@ def geometric_median(points: Array, tol: float = 1e-3, max_iter: int = 50) -> Ar
 
 
 @kernel(fastmath=True)
-def _fill_coincident(queries, spectra, width, coincident):  # type: ignore[no-untyped-def]
+def _fill_coincident(
+    queries: NDArray[np.float32],
+    spectra: NDArray[np.float32],
+    width: float,
+    coincident: Array,
+) -> None:
     """Fill Σ max(0, 1 − (r / width)²), r from each query to the nearest spectrum; (a, q, d), (m, d, k), (a, m)."""
     anchors, count, size = queries.shape
     squares = np.empty(spectra.shape[2], np.float32)

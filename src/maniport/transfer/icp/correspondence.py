@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import Indices, NeighborIndex
@@ -171,7 +172,16 @@ def _features(points: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, indices, scores):  # type: ignore[no-untyped-def]
+def _search(
+    directions_t: Array,
+    shapes_t: Array,
+    positions: NDArray[np.intp],
+    directions_s: Array,
+    shapes_s: Array,
+    order: NDArray[np.intp],
+    indices: NDArray[np.intp],
+    scores: Array,
+) -> None:
     """Fill `indices` and `scores`, going outward from the student ellipsoid of the nearest condition number."""
     count = len(order)
     d = directions_t.shape[2]

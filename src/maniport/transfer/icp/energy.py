@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
@@ -172,7 +173,9 @@ def _mean_distance_within(vectors: Array) -> float:
 
 
 @kernel(fastmath=True)
-def _add_distances(vectors, others, pulls):  # type: ignore[no-untyped-def]
+def _add_distances(
+    vectors: NDArray[np.float32], others: NDArray[np.float32], pulls: NDArray[np.float32]
+) -> float:
     """Return Σ |v_i − w_j|, and add Σ_i (v_i − w_j) / |v_i − w_j| to `pulls`; (n, k), (k, m), (k, m)."""
     size = len(others)
     squares = np.empty(others.shape[1], np.float32)

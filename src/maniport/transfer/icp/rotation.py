@@ -7,6 +7,7 @@ Hessian; `docs/method/icp.md` has the equations, (13) to (15).
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.spd.kernels import congruence, eigh
 from maniport.spd.kernels.single import multiply
@@ -105,14 +106,23 @@ def _saddle_free_direction(gradient: Array, hessian: Array, max_step: float = 1.
 
 
 @kernel
-def _add_derivatives(  # type: ignore[no-untyped-def]
-    values, vectors, factor, inverse, weights, planes, gradient, hessian
-):
+def _add_derivatives(
+    values: Array,
+    vectors: Array,
+    factor: Array,
+    inverse: Array,
+    weights: Array,
+    planes: NDArray[np.intp],
+    gradient: Array,
+    hessian: Array,
+) -> float:
     """Return the cost, and add to gradient and Hessian.
 
     With L⁻¹ R T Rᵀ L⁻ᵀ = V diag(λ) Vᵀ, the basis element Ω_a moves the pair by Vᵀ L⁻¹ Ω_a L V.
     """
-    (count, d), m, cost = values.shape, len(planes), 0.0
+    count, d = values.shape
+    m = len(planes)
+    cost = 0.0
     logs = np.log(values)
     rates = logs / values
     for pair in range(count):
@@ -142,9 +152,8 @@ def _add_derivatives(  # type: ignore[no-untyped-def]
                 log_high = logs[pair, y]
                 gap = low - high
                 middle = 0.5 * (low + high)
-                if (
-                    abs(gap) < NEAR * middle
-                ):  # there the logarithm of the middle is the middle of the logarithms
+                # near each other, the logarithm of the middle is the middle of the logarithms
+                if abs(gap) < NEAR * middle:
                     slope = 2.0 * (2.0 - (log_low + log_high)) / (middle * middle)
                 else:
                     slope = 4.0 * (rates[pair, x] - rates[pair, y]) / gap

@@ -1,6 +1,6 @@
 """The length field: rescale eigenvalues toward the student's feasible set and keep the teacher's axes."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from maniport.transfer.length_field.fit import (
     TIE,
     FieldReport,
     NearestSamples,
+    Projector,
     Samples,
     centers_among,
     fitted,
@@ -28,7 +29,7 @@ from maniport.util.validation import Array, as_count, as_finite, as_flag, as_num
 HELD_OUT = 400  # Most samples that are held out of the fit
 
 
-def _as_unit_vector_or_empty(value: Any, name: str) -> None:
+def _as_unit_vector_or_empty(value: ArrayLike, name: str) -> None:
     if np.size(value) and (
         np.size(value) != 3 or abs(np.linalg.norm(as_finite(value, name)) - 1.0) > 1e-9
     ):
@@ -90,7 +91,7 @@ class LengthField(DomainAdapter):
         self,
         damping: float | None = None,
         base_rotation: ArrayLike | None = None,
-        projector: Any = None,
+        projector: Projector | None = None,
         n_samples: int = 2048,
         n_centers: int | None = None,
         width: float = 0.8,
@@ -107,8 +108,11 @@ class LengthField(DomainAdapter):
 
     _lengths_map: LengthsMap
 
-    @threadpool_limits.wrap(limits=1)  # type: ignore[untyped-decorator]  # more threads take longer
     def _fit(self, teacher: Array, student: Array) -> None:
+        with threadpool_limits(limits=1):  # more threads take longer
+            self._fit_lengths(teacher, student)
+
+    def _fit_lengths(self, teacher: Array, student: Array) -> None:
         most = as_count(self.n_samples, "n_samples", minimum=2)
         width = as_number(self.width, "width", above=0.0)
         ridge = as_number(self.ridge, "ridge", above=0.0)
@@ -129,9 +133,8 @@ class LengthField(DomainAdapter):
             raise InvalidInputError(
                 f"LengthField needs damping with the projector {self.projector!r}"
             )
-        if self.projector is None:
-            projector = NearestSamples(student)
-        else:
+        projector: Projector = NearestSamples(student)
+        if self.projector is not None:
             projector = self.projector
         if not callable(projector) and not hasattr(projector, "search"):
             text = "projector must be callable, such as maniport.FeasibleProjector(arm)"
@@ -171,7 +174,8 @@ class LengthField(DomainAdapter):
         )
 
     def _settle(self) -> None:
-        if not isinstance(report := getattr(self, "report_", {}), FieldReport):  # read from a file
+        report = getattr(self, "report_", {})
+        if not isinstance(report, FieldReport):  # it was read from a file
             self.report_ = FieldReport(**report)
             self.report_.in_words()  # raises where a value is no number
         self._lengths_map = self._field()
@@ -180,10 +184,8 @@ class LengthField(DomainAdapter):
         """Return the fitted map."""
         d = len(self.teacher_mean_)
         s = float(self.dispersion_ratio_)
-        teacher, student = (
-            float(np.linalg.slogdet(mean)[1]) / d
-            for mean in (self.teacher_mean_, self.student_mean_)
-        )
+        teacher = float(np.linalg.slogdet(self.teacher_mean_)[1]) / d
+        student = float(np.linalg.slogdet(self.student_mean_)[1]) / d
         # log k makes the determinants of the means agree; less ℓ̄ it is −s log det(T̄) / d
         return LengthsMap(
             s, -s * teacher, student, float(self.width_), self.centers_, self.lengths_, self.axis_
@@ -194,7 +196,8 @@ class LengthField(DomainAdapter):
 
     def _map_back(self, points: Array) -> Array:
         field = self._lengths_map
-        if (folded := field.folded_centers) > MAX_NEAR_SINGULAR:
+        folded = field.folded_centers
+        if folded > MAX_NEAR_SINGULAR:
             raise NotInvertibleError(
                 f"the map has no inverse: its derivative is nearly singular at {100 * folded:.0f} % of centers (limit "
                 f"{100 * MAX_NEAR_SINGULAR:.0f} %)"
@@ -213,9 +216,8 @@ def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:
     """Split ellipsoids (n, d, d) into at most `most` to fit to, and a held-out eighth; the same in any order."""
     values, vectors = base.base(teacher)
     keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
-    order = np.lexsort(
-        np.round(keys / TIE).T[::-1]
-    )  # the axes decide between samples of equal eigenvalues
+    # the axes decide between samples of equal eigenvalues
+    order = np.lexsort(np.round(keys / TIE).T[::-1])
     count = min(HELD_OUT, len(order) // 8)
     if count >= 16:
         apart = evenly_spaced(len(order), count)

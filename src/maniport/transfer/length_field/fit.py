@@ -5,10 +5,9 @@ The fit repeats: find the nearest feasible ellipsoids to the images, rescale tow
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
@@ -27,7 +26,7 @@ from maniport.transfer.length_field.field import (
 from maniport.util.sampling import rank_correlation
 from maniport.util.validation import Array, as_finite, as_points, require_shape
 
-Projector = Callable[[Array], Any]
+Projector = Callable[[Array], ArrayLike]
 """Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest feasible ones with it.
 
 An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be turned. An
@@ -59,7 +58,12 @@ class Samples:
     """The teacher's samples (n, d, d) that a field is fitted to or measured at."""
 
     def __init__(
-        self, field: LengthsMap, points: Array, projector: Any, damping: float, neighbors: int = 3
+        self,
+        field: LengthsMap,
+        points: Array,
+        projector: Projector,
+        damping: float,
+        neighbors: int = 3,
     ):
         self.points = points
         self.values, self.vectors = field.base(points)
@@ -76,10 +80,10 @@ class Samples:
 
     def projected(self, images: Array) -> tuple[Array, Array | None]:
         """Return the ellipsoids (n, d, d) nearest to the images, and derivatives (n, k, d, d) or None."""
-        result: Any
+        result: ArrayLike
+        changes: Array | None = None
         if self._search is None:
             result = self._projector(images.copy())
-            changes = None
         else:
             name = "the second of projector.search(damping).nearest(points)"
             result, changes = self._search.nearest(images, self._neighbors)
@@ -202,14 +206,12 @@ MIN_RANK_CORRELATION = 0.8
 class FieldReport:
     """Effect of a length field on the teacher's samples that were held out of the fit."""
 
-    held_out: (
-        int  # number of samples held out; zero where the values are those at samples of the fit
-    )
+    # number of samples held out; zero where the values are those at samples of the fit
+    held_out: int
     gap: float  # distance from their images to the nearest feasible ellipsoids, mean
     gap_p95: float  # and 95th percentile
-    rank_correlation: (
-        float  # rank correlation of all distances between images and between the samples
-    )
+    # rank correlation of all distances between images and between the samples
+    rank_correlation: float
     near_singular: float  # fraction of the samples where the map folds, or nearly so
     moved_axes: float  # fraction whose longest axis is more than 10° from the image's; 0 where none is distinct
     reversing: float  # fraction where the determinant of the map's derivative is negative
@@ -251,19 +253,19 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
         nearest, _ = samples.projected(images)
     gaps = distance_unchecked(images, nearest)
     first, other = np.triu_indices(len(points), 1)
-    apart, own = (distance_unchecked(x[first], x[other]) for x in (images, points))
-    varied = min(np.ptp(apart), np.ptp(own)) > 0.0
+    between_images = distance_unchecked(images[first], images[other])
+    between_samples = distance_unchecked(points[first], points[other])
+    varied = min(np.ptp(between_images), np.ptp(between_samples)) > 0.0
     slopes = field.slopes(samples.values, samples.vectors)
     singular = least_singular(slopes)
     moved = axis_angles(images, points, -1)
-    along = to_vector(
-        np.einsum("nik,njk->nkij", samples.vectors, samples.vectors)
-    )  # (n, d, D): vec v vᵀ for axes v
+    # vec v vᵀ for axes v, (n, d, D)
+    along = to_vector(np.einsum("nik,njk->nkij", samples.vectors, samples.vectors))
     return FieldReport(
         held_out=held_out,
         gap=float(gaps.mean()),
         gap_p95=float(np.percentile(gaps, 95)),
-        rank_correlation=rank_correlation(apart, own) if varied else 1.0,
+        rank_correlation=rank_correlation(between_images, between_samples) if varied else 1.0,
         near_singular=float(np.mean(singular <= NEAR_SINGULAR)),
         moved_axes=float(np.mean(moved > AXIS_MOVED)) if len(moved) else 0.0,
         reversing=float(np.mean(singular < 0.0)),
