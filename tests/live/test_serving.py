@@ -159,7 +159,7 @@ def test_a_line_without_end_takes_no_memory(ends, guest):
     for _ in range(20):
         ends.write(b"x" * 60_000)
         assert ends.transport.receive() == []
-        assert len(ends.transport._rest) <= FRAME_BYTES
+        assert len(ends.transport._begun) <= FRAME_BYTES
     ends.write("", frame(0.0))
     assert [line.text for line in ends.transport.receive()] == [None, frame(0.0).encode()]
     with contextlib.closing(Datagrams(0)) as transport:

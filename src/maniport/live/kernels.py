@@ -1,14 +1,24 @@
 """Compiled steps of the estimate of a person's arm in one frame."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms.kernels import place_links, place_points
 from maniport.motion.kernels import step_within_limits
 from maniport.util.jit import kernel, part
+from maniport.util.validation import Array
+
+Indices = NDArray[np.int64]
+Body = tuple[Array, Array, Array, Array, Array, Indices, Array, int]
+"""Kinematics of an arm, as `maniport.arms.kinematics` gives them: offset, placements, axes, slides and coupling of the
+joints; joints and vectors of the points, and their number."""
+
+JointPriors = tuple[Array, Array, Array, Array]
+"""Lower and upper limits, squared pulls p² and neutral angles q₀ of the joints, shape (dof,) each."""
 
 
 @kernel
-def unit_vectors(linear, positions, shortest):  # type: ignore[no-untyped-def]
+def unit_vectors(linear: Array, positions: Array, shortest: float) -> Array:
     """Return unit vectors (k, 3) along combinations (k, n) of points (n, 3); nan where not seen, or not longer."""
     vectors = np.zeros((len(linear), 3))
     for v in range(len(linear)):
@@ -20,7 +30,7 @@ def unit_vectors(linear, positions, shortest):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def trunk_directions(vectors, forward, required):  # type: ignore[no-untyped-def]
+def trunk_directions(vectors: Array, forward: bool, required: int) -> tuple[Array, bool]:
     """Return directions (k, 3) in the frame of the trunk, and whether the first ones, so many as required, are seen.
 
     The last two of the vectors (k + 2, 3) are those of the trunk: upward, and forward or else to the left.
@@ -53,7 +63,7 @@ def trunk_directions(vectors, forward, required):  # type: ignore[no-untyped-def
 
 
 @kernel
-def turned(before, after, least):  # type: ignore[no-untyped-def]
+def turned(before: Array, after: Array, least: Array) -> bool:
     """Return whether the angle between the first unit vectors (k, 3), not nan, exceeds `least` (n,) [rad] anywhere."""
     for n in range(len(least)):
         square = np.sum((after[n] - before[n]) ** 2)
@@ -63,14 +73,25 @@ def turned(before, after, least):  # type: ignore[no-untyped-def]
 
 
 @part
-def _normalize(vector, shortest):  # type: ignore[no-untyped-def]
+def _normalize(vector: Array, shortest: float) -> None:
     """Scale a vector (3,) to length one; nan where it is no longer than `shortest`."""
     length = np.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
     vector /= length if length > shortest else np.nan
 
 
 @kernel
-def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, hessian):  # type: ignore[no-untyped-def]
+def evaluate(
+    q: Array,
+    targets: Array,
+    weights: Array,
+    body: Body,
+    pull: Array,
+    neutral: Array,
+    mean: Array,
+    prior: Array,
+    gradient: Array,
+    hessian: Array,
+) -> tuple[float, float]:
     """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
     offset, placements, axes, slides, coupling, joints, vectors, points = body
     gradient[:] = 0.0
@@ -123,13 +144,25 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
 
 
 @kernel
-def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, hessian):  # type: ignore[no-untyped-def]
+def search(
+    q: Array,
+    targets: Array,
+    weights: Array,
+    body: Body,
+    priors: JointPriors,
+    mean: Array,
+    prior: Array,
+    max_iterations: int,
+    gain: float,
+    hessian: Array,
+) -> float:
     """Move q (dof,) to where |r(q)|² + |p (q − q₀)|² + (q − mean)ᵀ prior (q − mean) is least within the limits.
 
     Levenberg's method: little damping as long as each step lowers the cost. A step that moves no joint by 1e-7 rad is
     the last.
     """
-    (lower, upper, pull, neutral), dof = held, len(q)
+    lower, upper, pull, neutral = priors
+    dof = len(q)
     gradient = np.empty((1, dof))
     whole = np.empty((1, dof, dof))
     expected = np.empty(1)
@@ -138,6 +171,7 @@ def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, h
     slopes = np.empty(dof)
     curves = np.empty((dof, dof))
     here = np.empty((1, dof))
+    square: float
     cost, square = evaluate(
         q, targets, weights, body, pull, neutral, mean, prior, gradient[0], hessian
     )
@@ -167,26 +201,47 @@ def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, h
 
 
 @kernel
-def search_all(q, targets, weights, body, held, no_prior, max_iterations, gain, hessians):  # type: ignore[no-untyped-def]
+def search_all(
+    q: Array,
+    targets: Array,
+    weights: Array,
+    body: Body,
+    priors: JointPriors,
+    no_prior: Array,
+    max_iterations: int,
+    gain: float,
+    hessians: Array,
+) -> Array:
     """Move each q (n, dof) as `search` does without a mean; return all |r|²."""
     squares = np.empty(len(q))
     for n in range(len(q)):
         squares[n] = search(
-            q[n], targets, weights, body, held, q[n], no_prior, max_iterations, gain, hessians[n]
+            q[n], targets, weights, body, priors, q[n], no_prior, max_iterations, gain, hessians[n]
         )
     return squares
 
 
 @kernel
-def follow(  # type: ignore[no-untyped-def]
-    q, velocity, covariance, targets, dt, decay, noise, weights, body, held, information, gain
-):
+def follow(
+    q: Array,
+    velocity: Array,
+    covariance: Array,
+    targets: Array,
+    dt: float,
+    decay: float,
+    noise: Array,
+    weights: Array,
+    body: Body,
+    priors: JointPriors,
+    information: float,
+    gain: float,
+) -> tuple[Array, Array, Array, float, float]:
     """Predict angles, velocities and covariance after dt, search with the frame, and update.
 
     Also return |r|² and the largest change of an angle. Velocities decay by a factor; `noise` (dof,) is the variance of
     the accelerations, `information` that on each joint without any measurement.
     """
-    lower, upper, _, _ = held
+    lower, upper, _, _ = priors
     n = len(q)
     predicted = np.empty((2 * n, 2 * n))
     for i in range(n):
@@ -210,7 +265,7 @@ def follow(  # type: ignore[no-untyped-def]
     used = np.where(np.isnan(targets[:, 0]), 0.0, weights)
     posterior = mean.copy()
     measured = np.empty((n, n))
-    square = search(posterior, targets, used, body, held, mean, prior, 6, gain, measured)
+    square = search(posterior, targets, used, body, priors, mean, prior, 6, gain, measured)
     change = decay * velocity + np.ascontiguousarray(predicted[n:, :n]) @ (
         prior @ (posterior - mean)
     )
@@ -229,7 +284,7 @@ def follow(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
+def updated(covariance: Array, measured: Array, information: float) -> Array:
     """Covariance (2n, 2n) after a measured information (n, n) on the first n, and one on each of them."""
     n = len(measured)
     rows = covariance[:n].copy()
@@ -240,7 +295,7 @@ def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def averaged(times, rows, start, later, longest):  # type: ignore[no-untyped-def]
+def averaged(times: Array, rows: Array, start: float, later: Array, longest: float) -> Array:
     """Average a path around times (k,) after a start: rows (n, m) of increasing times (n,), linear in between.
 
     The interval reaches as far to both sides, at most `longest` and to the last row; before the first one is the first.
@@ -266,7 +321,7 @@ def averaged(times, rows, start, later, longest):  # type: ignore[no-untyped-def
 
 
 @kernel
-def queued(times, rows, row, now, delay):  # type: ignore[no-untyped-def]
+def queued(times: Array, rows: Array, row: Array, now: float, delay: float) -> tuple[Array, Array]:
     """Append a time and a row to those (n,) and (n, m) that are followed after a delay; drop old ones.
 
     Where the last row is already followed, the way to the new one begins now.
@@ -277,7 +332,7 @@ def queued(times, rows, row, now, delay):  # type: ignore[no-untyped-def]
     if ended:
         first = count - 1
     else:
-        first = max(np.searchsorted(times, late - delay) - 1, 0)
+        first = max(int(np.searchsorted(times, late - delay)) - 1, 0)
     kept = np.empty(count - first + 1)
     kept_rows = np.empty((count - first + 1, len(row)))
     for i in range(first, count):

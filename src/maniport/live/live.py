@@ -5,7 +5,8 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import monotonic
-from typing import Any
+from types import UnionType
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +30,7 @@ from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanOptions
 from maniport.motion.costs.cost import as_costs
 from maniport.motion.plan.plan_options import require_free
+from maniport.motion.targets import Damping
 from maniport.pipeline import TransferResult
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
@@ -103,7 +105,7 @@ class Live:
         *,
         path: Placement | Sequence[Placement] | None = None,
         spec: EllipsoidSpec = VELOCITY,
-        motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, object] | None = None,
         collisions: Collisions | bool = True,
         start: ArrayLike,
         reference: ArrayLike | None = None,
@@ -114,67 +116,65 @@ class Live:
         limits: Sequence[Limit] = (),
         progress: Progress | None = None,
     ):
-        (robot,) = _of_each("robot", (robot,), Arm | ArmGroup, 1)
-        (spec,), count = _of_each("spec", (spec,), EllipsoidSpec, 1), len(as_group(robot))
-        fits = _of_each(
-            "person", person.arms if isinstance(person, HumanMotion) else person, ArmFit, count
-        )
-        adapters = _of_each("adapter", adapter, DomainAdapter, count)
-        if path is None:
-            paths = (None,) * count
-        else:
-            paths = _of_each("path", path, Placement, count)
+        _require_each("robot", (robot,), Arm | ArmGroup, 1)
+        _require_each("spec", (spec,), EllipsoidSpec, 1)
+        count = len(as_group(robot))
         if isinstance(person, HumanMotion):
+            fits = person.arms
             bases = person.bases
         else:
+            fits = _as_tuple(person)
             bases = np.zeros((1, 3))
+        _require_each("person", fits, ArmFit, count)
+        adapters = _as_tuple(adapter)
+        _require_each("adapter", adapters, DomainAdapter, count)
+        paths: tuple[Placement | None, ...] = (None,) * count
+        if path is not None:
+            paths = _as_tuple(path)
+            _require_each("path", paths, Placement, count)
         self._delay = as_delay(delay)
         auto_engage = as_flag(auto_engage, "auto_engage")
-        own_clock = MotionClock(clock)
+        motion_clock = MotionClock(clock)
         preparation = Step(progress, "Prepare live control")
+
         persons = [Person(fit) for fit in fits]
-        self.points = tuple(dict.fromkeys(name for own in persons for name in own.points))
-        self._arms = [
-            LedArm(
-                own, [self.points.index(name) for name in own.points], map_, base, placement, spec
-            )
-            for own, map_, base, placement in zip(persons, adapters, bases, paths, strict=True)
-        ]
+        points = dict[str, None]()
+        for arm_of_person in persons:
+            points |= dict.fromkeys(arm_of_person.points)
+        self.points = tuple(points)
+        self._arms = []
+        for arm_of_person, fitted, base, placement in zip(
+            persons, adapters, bases, paths, strict=True
+        ):
+            rows = [self.points.index(name) for name in arm_of_person.points]
+            self._arms.append(LedArm(arm_of_person, rows, fitted, base, placement, spec))
+
         control = PlanOptions(motion_limits=motion_limits, collisions=collisions).resolved(robot)
         bounds = control.motion_limits
         assert isinstance(bounds, MotionLimits)
         self.robot = bounds.arm
-        own_collisions = control.collisions or None
-        assert not isinstance(own_collisions, bool)
+        collision_model = control.collisions or None
+        assert not isinstance(collision_model, bool)
         self._own_limits = replace(bounds, arm=robot)  # without the margin
-        self._collisions = own_collisions
-        strongest = max(
-            (own.student_regularization for own in adapters), key=lambda own: own.epsilon
-        )
-        if strongest.epsilon > 0.0 and spec.kind != "force":
-            damping = strongest
-        else:
-            damping = DAMPING
-        q = require_free(start, "start", self._own_limits, own_collisions)
+        self._collisions = collision_model
+        q = require_free(start, "start", self._own_limits, collision_model)
         q = np.clip(q, robot.lower, robot.upper)
-        if reference is None:
-            near = None
-        else:
-            near = bounds.arm.require_within_limits(reference, "reference")
-        if near is not None:
-            require_shape(near, "reference", ("n", bounds.arm.dof), " with n ≥ 1")
+        references = None
+        if reference is not None:
+            references = bounds.arm.require_within_limits(reference, "reference")
+            require_shape(references, "reference", ("n", bounds.arm.dof), " with n ≥ 1")
         self._robot = Robot(
             bounds,
-            own_collisions,
+            collision_model,
             spec.bounded,
-            damping,
+            _strongest_damping(adapters, spec),
             q,
-            near,
+            references,
             as_costs(costs, robot, np.zeros(2)),
             limits,
         )
         self._warm_up(preparation)
-        self._reset(own_clock, auto_engage)
+        self._reset(motion_clock, auto_engage)
         self._robot.rest(q)
         preparation.end()
 
@@ -214,7 +214,7 @@ class Live:
         **options
             As of `Live`, instead of those of the result.
         """
-        _of_each("result", (result,), TransferResult, 1)
+        _require_each("result", (result,), TransferResult, 1)
         person = HumanMotion(
             tuple(arm.fit for arm in result.arms),
             np.stack([arm.person_base for arm in result.arms]),
@@ -284,22 +284,14 @@ class Live:
         if joints is not None:
             measured = as_joints(joints, self.robot.joint_names)
             self._own_limits.arm.require_within_limits(measured, "joints", single=True)
-        if time is not None:
-            time = as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
-        elif positions is not None:
-            time = self._clock.read()
-        if self._time is not None and time is not None and not time > self._time:
-            raise InvalidInputError(
-                f"time must be later than {self._time!r} s, the last frame's; found {time!r}"
-            )
+        time = self._time_of_frame(time, positions is not None)
         elapsed = self._clock.begin_step(time)
         now = self._clock.now
         rested = self._robot.resting
-        self._time = self._time if time is None else time
+        if time is not None:
+            self._time = time
 
-        displaced = measured is not None and self._compare(measured, now)
-        if self._machine.state == "displaced" and measured is None:
-            displaced = True
+        displaced = self._is_displaced(measured, now)
         seen = self._update_targets(positions, time)
         moves = self._machine.moves
         self._machine.begin_step(now, elapsed, seen, displaced)
@@ -330,6 +322,24 @@ class Live:
     def hold(self) -> None:
         """Let the robot brake in the following steps, until the person is visible and `engage` is called."""
         self._machine.hold()
+
+    def _time_of_frame(self, time: float | None, has_points: bool) -> float | None:
+        """Return the time of a frame [s], by the clock where it is not given; None for no frame without a time."""
+        if time is not None:
+            time = as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
+        elif has_points:
+            time = self._clock.read()
+        if self._time is not None and time is not None and not time > self._time:
+            raise InvalidInputError(
+                f"time must be later than {self._time!r} s, the last frame's; found {time!r}"
+            )
+        return time
+
+    def _is_displaced(self, measured: Array | None, now: float) -> bool:
+        """Return whether the robot is displaced, by measured joints (dof,) or, without any, as before."""
+        if measured is None:
+            return self._machine.state == "displaced"
+        return self._compare(measured, now)
 
     def _compare(self, measured: Array, now: float) -> bool:
         """Compare measured joints (dof,) with the command at a time [s], and let them replace it where they should.
@@ -407,19 +417,33 @@ def as_delay(delay: float) -> float:
     return as_number(delay, "delay [s]", minimum=0.0, maximum=0.5)
 
 
-def _of_each(name: str, value: Any, kind: Any, count: int) -> tuple[Any, ...]:
-    """Require a value of a type for each arm; one that is no sequence is that of the only arm."""
+def _strongest_damping(adapters: Sequence[DomainAdapter], spec: EllipsoidSpec) -> Damping:
+    """Return the largest damping of the images of adapters, or the default where none has any."""
+    dampings = [adapter.student_regularization for adapter in adapters]
+    strongest = max(dampings, key=lambda damping: damping.epsilon)
+    if strongest.epsilon > 0.0 and spec.kind != "force":
+        return strongest
+    return DAMPING
+
+
+T = TypeVar("T")
+
+
+def _as_tuple(value: T | Sequence[T]) -> tuple[T, ...]:
+    """Return the values of all arms; one that is no sequence is that of the only arm."""
     if isinstance(value, Sequence) and not isinstance(value, str):
-        values = tuple(value)
-    else:
-        values = (value,)
-    if len(values) != count or not all(isinstance(item, kind) for item in values):
-        if count == 1:
-            number = ""
-        else:
-            number = f", {count} of them, one for each arm of the robot"
-        kinds = ", ".join(type(item).__name__ for item in values)
-        raise InvalidInputError(
-            f"{name} must be of type {getattr(kind, '__name__', kind)}{number}; found {kinds}"
-        )
-    return values
+        return tuple(value)
+    return (value,)
+
+
+def _require_each(name: str, values: Sequence[object], kind: type | UnionType, count: int) -> None:
+    """Raise InvalidInputError unless there is a value of a type for each arm."""
+    if len(values) == count and all(isinstance(value, kind) for value in values):
+        return
+    number = ""
+    if count != 1:
+        number = f", {count} of them, one for each arm of the robot"
+    kinds = ", ".join(type(value).__name__ for value in values)
+    raise InvalidInputError(
+        f"{name} must be of type {getattr(kind, '__name__', kind)}{number}; found {kinds}"
+    )

@@ -45,9 +45,8 @@ from maniport.transfer import DomainAdapter
 from maniport.util.validation import Array
 
 MAX_SPEED = math.radians(FASTEST_JOINT)  # Of a person's joints [rad/s]
-PRIOR_INFORMATION = (
-    MEASUREMENT_ERROR / PRIOR
-) ** 2  # Information on each joint that is there without any measurement
+# Information on each joint that is there without any measurement
+PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2
 
 
 class ArmEstimate(NamedTuple):
@@ -55,9 +54,8 @@ class ArmEstimate(NamedTuple):
 
     q: Array  # (dof,) [rad]
     velocity: Array  # (dof,) [rad/s]
-    covariance: (
-        Array  # (2 dof, 2 dof), of both, in units of the squared error of a direction of weight one
-    )
+    # (2 dof, 2 dof), of both, in units of the squared error of a direction of weight one
+    covariance: Array
     directions: Array  # (k, 3), of the frame
     since_search: float = 0.0  # Time since the whole joint range was searched [s]
 
@@ -106,9 +104,8 @@ class Person:
         roles = fit.roles
         self.is_noisy = fit.smoothed
         self.points = tuple(points_of(roles))
-        identity = np.eye(len(self.points))[
-            ..., None
-        ]  # a recording of it gives coefficients of the points
+        # a recording of the identity gives coefficients of the points
+        identity = np.eye(len(self.points))[..., None]
         basis = Recording(
             self.points, np.repeat(identity, 3, axis=2), np.arange(float(len(identity)))
         )
@@ -122,14 +119,14 @@ class Person:
         self._body = directions.kinematics.arrays()
         self._weights = directions.weights
         self._samples, self._sampled_directions = sample_directions(directions)
-        held = joint_priors(self.arm, roles)
-        self._held = held.lower, held.upper, held.pull**2, held.neutral
-        noise = (2 * np.pi * held.cutoff) ** 4
+        priors = joint_priors(self.arm, roles)
+        self._priors = (priors.lower, priors.upper, priors.pull**2, priors.neutral)
+        noise = (2 * np.pi * priors.cutoff) ** 4
         self._constants = (
             noise,
             self._weights,
             self._body,
-            self._held,
+            self._priors,
             PRIOR_INFORMATION,
             LEAST_GAIN,
         )
@@ -160,7 +157,7 @@ class Person:
         starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
         starts = starts if near is None else np.concatenate([near[None], starts])
         information = np.empty((len(starts), n, n))
-        fixed = (weights, self._body, self._held, np.zeros((n, n)))
+        fixed = (weights, self._body, self._priors, np.zeros((n, n)))
         costs = search_all(starts, targets, *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
@@ -201,9 +198,8 @@ class HiddenPoints:
     """
 
     def __init__(self, linear: Array, together: float = 2.0, alone: float = 0.1):
-        signs = np.sign(linear) * (
-            np.abs(linear) < 1.0
-        )  # the mean of a role has smaller coefficients
+        # coefficients are smaller than one in the mean of the points of a role
+        signs = np.sign(linear) * (np.abs(linear) < 1.0)
         self._together = (signs[:, :, None] * signs[:, None] > 0.0).any(axis=0)
         self._longest = (alone, together)
         self._points = np.full((linear.shape[1], 3), np.nan)
@@ -256,13 +252,13 @@ class LedArm:
         self._spec = spec
         self._path = path
         self._rows = np.array(rows)  # indexing by a list is slow
-        if (size := len(adapter.teacher_mean_)) != spec.size:
+        size = len(adapter.teacher_mean_)
+        if size != spec.size:
             raise InvalidInputError(
                 f"adapter must map {spec.size}×{spec.size} ellipsoids; found {size}×{size}"
             )
-        if (
-            path is not None
-        ):  # an affine map is determined by its images of the origin and of the axes
+        # an affine map is determined by its images of the origin and of the axes
+        if path is not None:
             self._turn = spec.rotation(path.rotation)
             self._origin = path.apply(base)
             self._axes = path.apply(base + np.eye(3)) - self._origin
@@ -301,25 +297,32 @@ class LedArm:
             if directions is None:
                 return False
         if before is None or anew or dt > longest_gap:
-            estimate = self.person.begin(directions, None if before is None else before.q)
-        elif (following := self.person.follow(before, directions, dt)) is not None:
-            estimate = following
+            estimate: ArmEstimate | None = self.person.begin(
+                directions, None if before is None else before.q
+            )
         else:
+            estimate = self.person.follow(before, directions, dt)
+        if estimate is None:
             return False
         try:
-            pose, demonstrated = self.person.arm.posed_ellipsoids(estimate.q, self._spec)
-            target = self._map(demonstrated)
-            position = None
+            demonstrated, target = self._transferred(estimate.q)
         except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
             return False
-        if self._spec.kind == "force":
-            target = np.asarray(np.linalg.inv(target))
-        if self._path is not None:
-            target = congruence(self._turn, target)
-            position = pose[:3, 3] @ self._axes + self._origin
         self.demonstrated = demonstrated
-        self.target = Target(target, position)
+        self.target = target
         self.estimate = estimate
         self._last_seen = now
         self._hidden.remember(points, filled, now)
         return True
+
+    def _transferred(self, q: Array) -> tuple[Array, Target]:
+        """Return the ellipsoid (d, d) of the person at joint angles q (dof,), and the target of the robot."""
+        pose, demonstrated = self.person.arm.posed_ellipsoids(q, self._spec)
+        ellipsoid = self._map(demonstrated)
+        position = None
+        if self._spec.kind == "force":
+            ellipsoid = np.asarray(np.linalg.inv(ellipsoid))
+        if self._path is not None:
+            ellipsoid = congruence(self._turn, ellipsoid)
+            position = pose[:3, 3] @ self._axes + self._origin
+        return demonstrated, Target(ellipsoid, position)

@@ -6,7 +6,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,16 +20,19 @@ from maniport.live.transport import (
     Line,
     Order,
     Pipe,
+    Source,
     encoded,
     read_frame,
 )
 from maniport.util.validation import Array
 from maniport.version import __version__
 
+if TYPE_CHECKING:
+    from maniport.live.live import Live
+
 BRAKING_STEP = 0.01  # Between two steps of a robot without frames [s]
-LONGEST_WAIT = (
-    0.1  # The robot goes on after this time without a frame, or twice the last interval [s]
-)
+LONGEST_WAIT = 0.1
+"""The robot goes on after this time without a frame, or twice the last interval [s]."""
 CLOCK_JUMP = 0.1
 """A sender's clock that gains more than this on the clock here jumps; its next frame counts as measured now [s]."""
 MOST_JUNK = 10  # Of a sender that is not admitted; more invalid lines in a second are not read
@@ -81,9 +84,9 @@ class Server:
 
     def __init__(
         self,
-        live: Any,
+        live: "Live",
         transport: Pipe | Datagrams,
-        stop: Any,
+        stop: Source,
         every: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ):
@@ -146,7 +149,7 @@ class Server:
                 pause = None
             else:
                 pause = max(due - self._clock(), 0.0)
-            sources: list[Any] = [self._stop]
+            sources: list[Source] = [self._stop]
             if not self._lines and self._next is None:
                 sources += self._transport.sources()
             ready, free, _ = select.select(sources, self._transport.blocked(), [], pause)
@@ -180,18 +183,22 @@ class Server:
             now = self._clock()
             waits = self._every and self._next is not None
             late = self._late <= now
-            if (
-                self._next is not None
-                and (self._every or late or not self._lines)
-                and self._due <= now
-            ):
-                frame, line = self._next
+            due = self._due_frame(now, late)
+            if due is not None:
                 self._next = None
-                self._answer(frame, line, now)
+                self._answer(*due, now)
             elif late:
                 self._answer(None, Line(b"", self._sender), now)
             elif waits or not self._lines:
                 return
+
+    def _due_frame(self, now: float, late: bool) -> tuple[Frame, Line] | None:
+        """Return the next frame and its line where it is answered now: in time, and by no newer one."""
+        if self._next is None or self._due > now:
+            return None
+        if self._every or late or not self._lines:
+            return self._next
+        return None
 
     def _read(self, line: Line) -> None:
         """Read a line; its frame is the next one, instead of one that was not processed yet."""
@@ -332,7 +339,7 @@ class Server:
             skipped=skipped,
         )
 
-    def _greet(self, receiver: Any = None) -> None:
+    def _greet(self, receiver: Address | None = None) -> None:
         """Send the first line, which is also the answer to the empty object."""
         arm = self._live.robot
         self._send(
@@ -350,11 +357,12 @@ class Server:
             self._junk[line.sender] += 1
         self._send(line.sender, error=" ".join(str(error).split()), line=self._count)
 
-    def _send(self, receiver: Any, **content: Any) -> None:
+    def _send(self, receiver: Address | None, **content: object) -> None:
         """Send an answer; where every frame is answered, wait until it is taken or the loop is stopped."""
         self._open = self._transport.send(encoded(**content), receiver) and self._open
-        while self._every and self._open and (blocked := self._transport.blocked()):
-            if select.select([self._stop], blocked, [])[0]:
+        while self._every and self._open:
+            blocked = self._transport.blocked()
+            if not blocked or select.select([self._stop], blocked, [])[0]:
                 break
             self._open = self._transport.flush()
         self.summary.lost = self._transport.lost

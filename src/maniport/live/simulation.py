@@ -80,9 +80,12 @@ def model_spec(arm: Arm | ArmGroup) -> Any:
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # massless links between two joints
     bodies = [spec.worldbody]
     for joint, parent, place, link in zip(
-        list(robot.joints)[1:], list(robot.parents)[1:], list(robot.jointPlacements)[1:], list(robot.inertias)[1:],
+        list(robot.joints)[1:],
+        list(robot.parents)[1:],
+        list(robot.jointPlacements)[1:],
+        list(robot.inertias)[1:],
         strict=True,
-    ):  # fmt: skip
+    ):
         quaternion = np.empty(4)
         package.mju_mat2Quat(quaternion, place.rotation.ravel())
         body = bodies[parent].add_body(pos=place.translation, quat=quaternion)

@@ -8,7 +8,7 @@ import socket
 import time
 from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,6 +21,17 @@ from maniport.util.validation import LATEST, Array, as_count, require_shape
 SILENCE = 2.0  # Of a sender, after which others are admitted [s]
 Address = tuple[str | int, ...]  # of a socket
 EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
+
+
+class HasDescriptor(Protocol):
+    """What has a file descriptor, such as a socket."""
+
+    def fileno(self) -> int:
+        """Return the file descriptor."""
+
+
+Source = int | HasDescriptor
+"""What `select.select` waits for."""
 
 
 class Order(NamedTuple):
@@ -38,7 +49,7 @@ class Frame(NamedTuple):
     order: Order = Order()
 
 
-def as_frame(points: Any, names: Sequence[str]) -> Array | None:
+def as_frame(points: object, names: Sequence[str]) -> Array | None:
     """Copy to positions (n, 3) in the order of the names, nan where a coordinate is; None stays None."""
     if points is None:
         return None
@@ -67,7 +78,7 @@ def as_frame(points: Any, names: Sequence[str]) -> Array | None:
     return positions
 
 
-def as_joints(joints: Any, names: Sequence[str]) -> Array:
+def as_joints(joints: object, names: Sequence[str]) -> Array:
     """Copy to finite joint positions (dof,) in the order of the names."""
     if isinstance(joints, Mapping):
         for name in joints:
@@ -86,7 +97,7 @@ def as_joints(joints: Any, names: Sequence[str]) -> Array:
     return q
 
 
-def _as_numbers(value: Any, name: str) -> Array:
+def _as_numbers(value: object, name: str) -> Array:
     """Convert to numbers; nan may be among them, and replaces masked entries."""
     try:
         if isinstance(value, np.ma.MaskedArray):
@@ -159,7 +170,7 @@ def _read_order(content: dict[str, object], joint_names: Sequence[str]) -> Order
     return Order(engage, joints)
 
 
-def encoded(**content: Any) -> bytes:
+def encoded(**content: object) -> bytes:
     """Encode an answer as a line of JSON."""
     return json.dumps(content, allow_nan=False).encode() + b"\n"
 
@@ -177,11 +188,11 @@ class Pipe:
     def __init__(self, source: int, sink: int):
         self._source = source
         self._sink = sink
-        self._rest = b""
-        self._too_long = False
+        self._begun = b""  # of a line whose end has not arrived
+        self._too_long = False  # whether this line is too long to be kept
         self._waiting = b""
         self.lost = 0
-        self.about: dict[str, Any] = {}
+        self.about: dict[str, object] = {}
 
     def sources(self) -> list[int]:
         """File descriptors to wait for."""
@@ -200,23 +211,21 @@ class Pipe:
     def receive(self, size: int = 1 << 16) -> list[Line] | None:
         """Lines that have arrived, without empty ones; None when there will be no more."""
         data = os.read(self._source, size)
-        if not data and not self._rest and not self._too_long:
+        if not data and not self._begun and not self._too_long:
             return None
-        *lines, rest = (self._rest + (data or b"\n")).split(b"\n")
-        received = []
-        for line in lines:
-            received.append(Line(line if len(line) <= FRAME_BYTES else None))
-        if lines and self._too_long:
-            received[0] = Line(None)
+        *texts, begun = (self._begun + (data or b"\n")).split(b"\n")
+        lines = []
+        for text in texts:
+            if self._too_long or len(text) > FRAME_BYTES:
+                lines.append(Line(None))
+            elif text.strip():
+                lines.append(Line(text))
             self._too_long = False
-        self._too_long = self._too_long or len(rest) > FRAME_BYTES
-        if self._too_long:
-            self._rest = b""
-        else:
-            self._rest = rest
-        return [line for line in received if line.text is None or line.text.strip()]
+        self._too_long = self._too_long or len(begun) > FRAME_BYTES
+        self._begun = b"" if self._too_long else begun
+        return lines
 
-    def send(self, text: bytes, receiver: Any = None) -> bool:
+    def send(self, text: bytes, receiver: Address | None = None) -> bool:
         """Write a line; False when the reader left. Raises OutputError where a disk is full, or the like."""
         if self._waiting:
             self.lost += 1
@@ -268,7 +277,7 @@ class Datagrams:
         self._sink = sink
         address = self._socket.getsockname()
         self._receiver = None if send is None else (address[0], send, *address[2:])
-        self.about = {"host": address[0], "udp": address[1]}
+        self.about: dict[str, object] = {"host": address[0], "udp": address[1]}
         self._admitted: Address | None = None
         self._session = self._socket  # of the sender who is admitted
         self._turned_away_at = -math.inf  # [s]
