@@ -3,7 +3,6 @@
 from collections import Counter
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from maniport.arms import Arm
 from maniport.mocap.recording import Bools
+from maniport.mocap.roles import Roles
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.plotting import Plottable
 from maniport.util.sampling import statistics
@@ -68,7 +68,7 @@ class ArmFit(NotebookDisplay, Plottable):
     segment_lengths: dict[str, float]
     at_limit: Array
     beyond_limit: Array
-    roles: dict[str, Any]
+    roles: Roles
     notes: tuple[str, ...]
     quality_warnings: tuple[str, ...] = ()
     model_warnings: tuple[str, ...] = ()
@@ -86,7 +86,7 @@ class ArmFit(NotebookDisplay, Plottable):
     def __repr__(self) -> str:
         return f"ArmFit({self.arm.name!r}, {self.summary})"
 
-    def only(self, keep: NDArray[Any]) -> "ArmFit":
+    def only(self, keep: Bools | NDArray[np.intp]) -> "ArmFit":
         """Keep some of the frames, by a mask or by their indices; statistics stay those of all frames."""
         residuals = {name: values[keep] for name, values in self.residuals.items()}
         per_frame = {}
@@ -132,9 +132,8 @@ class ArmFit(NotebookDisplay, Plottable):
         hand = gaussian_filter1d(
             hand, 0.1 / float(np.median(np.diff(self.time))), axis=0, mode="nearest"
         )
-        offsets = hand - np.median(
-            hand, axis=0
-        )  # on their principal direction, the longer side positive
+        offsets = hand - np.median(hand, axis=0)
+        # on their principal direction, the longer side positive
         path = offsets @ np.linalg.svd(offsets - offsets.mean(axis=0), full_matrices=False)[2][0]
         if not (path.max() >= -path.min()):
             path = -path
@@ -146,11 +145,10 @@ class ArmFit(NotebookDisplay, Plottable):
         prominences = tuple(values[high] for values in properties.values())
         _, _, left, right = peak_widths(path, peaks, 0.9, prominences)
         valleys = [int(a + np.argmin(path[a:b])) for a, b in pairwise(peaks)]
-        first = np.maximum(np.ceil(left).astype(int), [0, *(valley + 1 for valley in valleys)])
+        after_valleys = [valley + 1 for valley in valleys]
+        first = np.maximum(np.ceil(left).astype(int), [0, *after_valleys])
         last = np.minimum(np.floor(right).astype(int), [*valleys, len(path) - 1])
-        return [
-            (float(self.time[a]), float(self.time[b])) for a, b in zip(first, last, strict=True)
-        ]
+        return list(zip(self.time[first].tolist(), self.time[last].tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,11 +191,13 @@ class HumanMotion(NotebookDisplay):
             for text in fit.quality_warnings:
                 texts.append((side, text))
         counts = Counter(text for _, text in texts)
-        return tuple(
-            dict.fromkeys(
-                text if counts[text] > 1 else f"{side} arm: {text}" for side, text in texts
-            )
-        )
+        warnings = []
+        for side, text in texts:
+            if counts[text] > 1:
+                warnings.append(text)
+            else:
+                warnings.append(f"{side} arm: {text}")
+        return tuple(dict.fromkeys(warnings))
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -211,6 +211,6 @@ class HumanMotion(NotebookDisplay):
         lengths = np.linalg.norm(np.diff(self.hands, axis=1), axis=-1).sum(axis=1)
         return self.arms[int(np.argmax(lengths))].repetitions()
 
-    def only(self, keep: NDArray[Any]) -> "HumanMotion":
+    def only(self, keep: Bools | NDArray[np.intp]) -> "HumanMotion":
         """Keep some of the frames of all arms, by a mask or by their indices; see `ArmFit.only`."""
         return replace(self, arms=tuple(fit.only(keep) for fit in self.arms))

@@ -155,11 +155,12 @@ def fit_arms(
 
 def _markers_by_side(recording: Recording, markers: Markers) -> dict[str, Roles]:
     """Return the markers of each arm, with one trunk for all."""
-    own = {} if markers is None else markers
-    if not isinstance(own, Mapping) or not set(own) <= set(GROUP):
-        text = f"{spoken('markers')} of both arms must be {{'left': {{...}}, 'right': {{...}}}}; found {own!r}"
+    if markers is None:
+        markers = {}
+    if not isinstance(markers, Mapping) or not set(markers) <= set(GROUP):
+        text = f"{spoken('markers')} of both arms must be {{'left': {{...}}, 'right': {{...}}}}; found {markers!r}"
         raise InvalidInputError(text)
-    roles, errors = roles_by_side(recording, own)
+    roles, errors = roles_by_side(recording, markers)
     if roles and errors:
         ((other, error),) = errors.items()
         raise RecordingError(
@@ -168,13 +169,18 @@ def _markers_by_side(recording: Recording, markers: Markers) -> dict[str, Roles]
         )
     if errors:
         raise errors[RIGHT]
-    if same := [role for role in ARM if roles[LEFT][role] == roles[RIGHT][role]]:
+    same = [role for role in ARM if roles[LEFT][role] == roles[RIGHT][role]]
+    if same:
         raise RecordingError(
             f"{', '.join(same)} of both arms are the same points: {', '.join(roles[LEFT][same[0]])}; "
             f"{recording.source!r} shows one arm, or the names of its points have no side"
         )
-    trunk = {role: roles[RIGHT].get(role) for role in TRUNK}
-    return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
+    by_side = {}
+    for side in GROUP:
+        by_side[side] = dict(markers.get(side) or {})
+        for role in TRUNK:
+            by_side[side][role] = roles[RIGHT].get(role)
+    return by_side
 
 
 def _fit(

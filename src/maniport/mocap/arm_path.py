@@ -84,14 +84,14 @@ def solve_arm(directions: Directions, time: Array, roles: Collection[str], step:
     joined = steps < 1.5 * usual
     q = np.clip(_initial_path(directions, time, usual, joined), priors.lower, priors.upper)
     step(0.4)
-    smoothing = np.zeros_like(
-        q
-    )  # κ/Δt² of each joint's acceleration in each frame; zero at the ends and at gaps
+    # κ/Δt² of each joint's acceleration in each frame; zero at the ends and at gaps
+    smoothing = np.zeros_like(q)
     smoothing[1:-1][joined[1:] & joined[:-1]] = 1 / (2 * np.pi * priors.cutoff * usual) ** 2
     blocks = np.array_split(np.arange(len(q)), -(-len(q) // BLOCK))
-    parts = [(part, 0) for part in blocks] + [
-        (np.arange(part[0] - AROUND, part[0] + AROUND), 2) for part in blocks[1:]
-    ]
+    parts = [(block, 0) for block in blocks]
+    for block in blocks[1:]:
+        seam = np.arange(block[0] - AROUND, block[0] + AROUND)
+        parts.append((seam, 2))
     for done, (part, fixed) in enumerate(parts, start=1):
         q[part] = solve_path(
             directions.take(part).residual, q[part], priors, smoothing[part], fixed
@@ -109,9 +109,8 @@ def sample_directions(directions: Directions) -> tuple[Array, Array]:
 def nearest_samples(targets: Array, samples: Array, count: int = 6) -> NDArray[np.intp]:
     """Return indices (n, count) of the samples, unordered, with the nearest directions to targets (n, k, 3)."""
     flat = np.where(np.isnan(targets), 0.0, targets).reshape(len(targets), -1)
-    similarity = (
-        flat @ samples.reshape(len(samples), -1).T
-    )  # of unit vectors: the larger, the smaller their distances
+    # the larger the products of unit vectors, the smaller their distances
+    similarity = flat @ samples.reshape(len(samples), -1).T
     return np.argpartition(-similarity, count, axis=1)[:, :count]
 
 
@@ -126,8 +125,14 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
     )
     samples, modeled = sample_directions(directions)
     parts = np.array_split(keys, -(-len(keys) // 512))  # which bounds the memory
-    solutions = [local_solutions(directions.take(part), samples, modeled) for part in parts]
-    candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
+    solutions = []
+    costs = []
+    for part in parts:
+        of_part, costs_of_part = local_solutions(directions.take(part), samples, modeled)
+        solutions.append(of_part)
+        costs.append(costs_of_part)
+    candidates = np.concatenate(solutions)
+    cost = np.concatenate(costs)
     total = cost[0] / RESIDUAL_SCALE**2
     origins = []
     for t in range(1, len(keys)):
@@ -174,17 +179,22 @@ def local_solutions(directions: Directions, samples: Array, modeled: Array) -> t
     return q.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
+def _smoothing_bands(stiffness: Array, n: int) -> Array:
+    """Return second derivatives of the smoothing term, (3, n, dof): of each frame, with the next two."""
+    bands = np.zeros((3, n, stiffness.shape[1]))
+    for offset, row in enumerate(([1.0, 4.0, 1.0], [-2.0, -2.0], [1.0])):
+        for frame, factor in enumerate(row):
+            bands[offset, frame : max(n - 2, 0) + frame] += factor * stiffness
+    return bands
+
+
 def solve_path(
     residual: Residual, start: Array, priors: JointPriors, smoothing: Array, fixed: int = 0
 ) -> Array:
     """Fit all frames together; `fixed` frames at either end stay. `smoothing` is κ/Δt² (n, dof)."""
-    (n, dof), stiffness = start.shape, smoothing[1:-1] ** 2
-    smooth = np.zeros(
-        (3, n, dof)
-    )  # second derivatives of the smoothing term: of each frame, with the next two
-    for offset, row in enumerate(([1.0, 4.0, 1.0], [-2.0, -2.0], [1.0])):
-        for frame, factor in enumerate(row):
-            smooth[offset, frame : max(n - 2, 0) + frame] += factor * stiffness
+    n, dof = start.shape
+    stiffness = smoothing[1:-1] ** 2
+    smooth = _smoothing_bands(stiffness, n)
     q = start
     trial = start
     cost = np.inf
@@ -208,9 +218,7 @@ def solve_path(
                 gradient[shift : max(n - 2, 0) + shift] += factor * stiffness * bending
             held = _held(q, gradient, priors.lower, priors.upper)
             held[:fixed] = held[n - fixed :] = True
-            bands = np.zeros(
-                (2 * dof + 1, n, dof)
-            )  # of the lower half of the matrix of second derivatives
+            bands = np.zeros((2 * dof + 1, n, dof))  # of the lower half of the second derivatives
             hessian = np.swapaxes(slopes, 1, 2) @ slopes + np.diag(priors.pull**2)
             for offset in range(dof):
                 bands[offset, :, : dof - offset] = np.diagonal(hessian, -offset, axis1=1, axis2=2)

@@ -151,14 +151,15 @@ def _named_frame(points: _Points, arms: Mapping[str, Roles]) -> _Frame | None:
     trunk = next((arm for arm in arms.values() if "trunk_up" in arm), None)
     if trunk is None:
         return None
-    low, high = (points.mean(group) for group in trunk["trunk_up"])
-    shoulders = {
-        side: points.mean(arm["shoulder"]) for side, arm in arms.items() if "shoulder" in arm
-    }
+    low, high = map(points.mean, trunk["trunk_up"])
+    shoulders = {}
+    for side, arm in arms.items():
+        if "shoulder" in arm:
+            shoulders[side] = points.mean(arm["shoulder"])
     if len(shoulders) == 2:
         left = shoulders[LEFT] - shoulders[RIGHT]
     elif "trunk_left" in trunk:
-        start, end = (points.mean(group) for group in trunk["trunk_left"])
+        start, end = map(points.mean, trunk["trunk_left"])
         left = end - start
     elif shoulders:
         ((side, shoulder),) = shoulders.items()
@@ -223,7 +224,9 @@ def _bend(
 def _elbows(points: _Points, arm: Roles, frame: _Frame, side: str) -> float:
     if not set(ARM) <= arm.keys():
         return float("nan")
-    shoulder, elbow, wrist = (points.mean(arm[role]) for role in ARM)
+    shoulder = points.mean(arm["shoulder"])
+    elbow = points.mean(arm["elbow"])
+    wrist = points.mean(arm["wrist"])
     left = np.cross(frame.up, frame.front)
     if side == RIGHT:
         inward = left
@@ -239,7 +242,9 @@ def _elbows(points: _Points, arm: Roles, frame: _Frame, side: str) -> float:
 def _knees(points: _Points, parts: Mapping[str, Group], frame: _Frame) -> float:
     if not {"hip", "knee", "ankle"} <= parts.keys():
         return float("nan")
-    hip, knee, ankle = (points.mean(parts[part]) for part in ("hip", "knee", "ankle"))
+    hip = points.mean(parts["hip"])
+    knee = points.mean(parts["knee"])
+    ankle = points.mean(parts["ankle"])
     left = np.cross(frame.up, frame.front)
     is_sideward = np.abs(np.sum(unit(ankle - knee) * left, axis=-1)) > SIDEWARD
     return -_bend(knee - hip, ankle - knee, frame, LEAST_BEND, is_sideward)

@@ -1,9 +1,8 @@
 """Points that may play a role that no marker set assigns: by anatomical words in their names, and by geometry."""
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from difflib import SequenceMatcher
-from typing import Any
 
 import numpy as np
 
@@ -64,6 +63,8 @@ BONES = {
 }
 """Roles at the ends of each bone, and its usual lengths in lengths of the upper arm."""
 
+POINT_ROLES = ("shoulder", "elbow", "wrist", "hand")
+
 LARGEST_CHANGE = 0.15  # Relative standard deviation of the length of a bone, with noise
 
 NO_WORD = 9  # Rank of a name without an anatomical word
@@ -73,7 +74,7 @@ OTHER_WORD = 10  # Rank of a name with a word of another role
 def candidates(
     recording: Recording,
     role: str,
-    roles: Mapping[str, Any],
+    roles: Mapping[str, Sequence[str]],
     side: str,
     taken: Collection[str] = (),
     usual: str = "",
@@ -115,25 +116,28 @@ def candidates(
 
 def _of_direction(recording: Recording, role: str, side: str, most: int) -> list[str]:
     """Return points for both ends of a direction, by words in their names."""
-    found: list[str] = []
-    for part, end_side in zip(ENDS[role], (RIGHT, LEFT), strict=True):
+    found = dict[str, None]()
+    for end, side_of_end in zip(ENDS[role], (RIGHT, LEFT), strict=True):
         ranked = []
         for place, name in enumerate(recording.observed):
-            key = key_of(name)
-            rank = _rank(key, WORDS[part])
+            rank = _rank(key_of(name), WORDS[end])
             if rank == NO_WORD or name.startswith(END):
                 continue
-            if role == "trunk_left" and side_of(name) != end_side:
+            if role == "trunk_left" and side_of(name) != side_of_end:
                 continue
-            joint = _OF_JOINTS.get(role)
-            if joint is not None and (side_of(name) == _other(side) or not re.search(joint, key)):
+            if role in _OF_JOINTS and not _is_of_joint(name, role, side):
                 continue
             ranked.append((rank, place, name))
-        if not ranked and role == "trunk_up":  # no words: points of the middle are the trunk's
-            middle = [name for name in recording.observed if not side_of(name)]
-            ranked = [(NO_WORD, place, name) for place, name in enumerate(middle)]
-        found += [entry[-1] for entry in sorted(ranked)][:most]
-    return list(dict.fromkeys(found))
+        names = [name for _, _, name in sorted(ranked)]
+        if not names and role == "trunk_up":  # no words: points of the middle are the trunk's
+            names = [name for name in recording.observed if not side_of(name)]
+        found |= dict.fromkeys(names[:most])
+    return list(found)
+
+
+def _is_of_joint(name: str, role: str, side: str) -> bool:
+    """Whether a point may be of the joint of an axis, and not of the other arm."""
+    return side_of(name) != _other(side) and re.search(_OF_JOINTS[role], key_of(name)) is not None
 
 
 def _other(side: str) -> str:
@@ -149,30 +153,38 @@ def _rank(key: str, patterns: tuple[str, ...]) -> int:
     return NO_WORD
 
 
-def _is_bone(recording: Recording, name: str, role: str, roles: Mapping[str, Any]) -> bool:
+def _is_bone(
+    recording: Recording, name: str, role: str, roles: Mapping[str, Sequence[str]]
+) -> bool:
     """Whether a point in a role makes bones with its neighbors in the arm; not where none is assigned."""
     places = {role: recording.point(name)}
-    for neighbor in {end for bone in BONES for end in bone} - {role}:
-        if roles.get(neighbor):
-            places[neighbor] = np.mean([recording.point(part) for part in roles[neighbor]], axis=0)
+    for neighbor in POINT_ROLES:
+        if neighbor != role and roles.get(neighbor):
+            points = [recording.point(point) for point in roles[neighbor]]
+            places[neighbor] = np.mean(points, axis=0)
     upper_arm = _median_length(places, "shoulder", "elbow")
 
     is_bone = False
-    for (start, end), (low, high) in BONES.items():
+    for (start, end), limits in BONES.items():
         if role not in (start, end) or not {start, end} <= places.keys():
             continue
-        lengths = np.linalg.norm(places[end] - places[start], axis=-1)
-        lengths = lengths[np.isfinite(lengths)]
-        if len(lengths):
-            median = float(np.median(lengths))
-        else:
-            median = 0.0
-        if median <= 0 or np.std(lengths) > LARGEST_CHANGE * median:
-            return False
-        if upper_arm > 0 and not low <= median / upper_arm <= high:
+        if not _has_bone_length(places[end] - places[start], upper_arm, limits):
             return False
         is_bone = True
     return is_bone
+
+
+def _has_bone_length(vectors: Array, upper_arm: float, limits: tuple[float, float]) -> bool:
+    """Whether vectors (n, 3) have one length, and it is within limits in lengths of the upper arm, if that is known."""
+    lengths = np.linalg.norm(vectors, axis=-1)
+    lengths = lengths[np.isfinite(lengths)]
+    if not len(lengths):
+        return False
+    median = float(np.median(lengths))
+    if median <= 0 or np.std(lengths) > LARGEST_CHANGE * median:
+        return False
+    low, high = limits
+    return not upper_arm > 0 or low <= median / upper_arm <= high
 
 
 def _median_length(places: Mapping[str, Array], start: str, end: str) -> float:

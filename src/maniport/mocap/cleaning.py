@@ -227,10 +227,13 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
     """
     positions = recording.positions.copy()
     texts = []
-    pairs = {tuple(sorted((name, other_side(name)))) for name in points}
-    for pair in sorted(
-        pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)
-    ):
+    recorded = set(recording.names)
+    pairs = set[tuple[str, str]]()
+    for name in points:
+        other = other_side(name)
+        if name != other and {name, other} <= recorded:
+            pairs.add((min(name, other), max(name, other)))
+    for pair in sorted(pairs):
         columns = [recording.names.index(name) for name in pair]
         tracks = positions[:, columns]
         swapped = np.zeros(len(recording), dtype=np.bool_)
@@ -240,9 +243,8 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
         ):
             before = tracks[part[:-1]]
             after = tracks[part[1:]]
-            kept, crossed = (
-                np.linalg.norm(to - before, axis=-1).sum(axis=1) for to in (after, after[:, ::-1])
-            )
+            kept = np.linalg.norm(after - before, axis=-1).sum(axis=1)
+            crossed = np.linalg.norm(after[:, ::-1] - before, axis=-1).sum(axis=1)
             exchanges = (kept > 2 * least_step) & (crossed < 0.3 * kept)
             if exchanges.any():
                 odd = np.concatenate([[False], np.cumsum(exchanges) % 2 == 1])

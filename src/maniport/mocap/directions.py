@@ -7,7 +7,6 @@ its length is the angle between them [rad] as long as that is small.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +21,7 @@ from maniport.mocap.recording import Bools, Recording, runs_of
 from maniport.mocap.rigid_bodies import with_hidden_points
 from maniport.mocap.roles import (
     POINTS,
+    Markers,
     Roles,
     direction,
     find_side,
@@ -62,9 +62,11 @@ decide what upper arm and forearm leave open, and do not pull those two aside wh
 HALF_WIDTH = 0.03  # Distance of the markers of elbow and wrist from the center of the joint [m]
 
 TRUNK = {
-    "trunk_low": (0.0, 0.0, -0.3), "trunk_high": (0.0, 0.0, 0.1),
-    "trunk_back": (-0.1, 0.0, 0.0), "trunk_front": (0.1, 0.0, 0.0),
-}  # fmt: skip
+    "trunk_low": (0.0, 0.0, -0.3),
+    "trunk_high": (0.0, 0.0, 0.1),
+    "trunk_back": (-0.1, 0.0, 0.0),
+    "trunk_front": (0.1, 0.0, 0.0),
+}
 """Points of a trunk at rest [m], from the middle of the neck."""
 
 
@@ -177,7 +179,7 @@ class Observation:
         )
 
 
-def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Observation:
+def observe(recording: Recording, markers: Markers, side: str, smooth: bool) -> Observation:
     """Choose the arm, clean its points and find the frames in which it is fully observed."""
     chosen, reason, roles = find_side(recording, markers, side)
     names = points_of(roles)
@@ -186,9 +188,8 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
     repaired = with_hidden_points(filled, whole, segments_of(roles))
     used = smoothed(repaired, smooth)
     notes = list(used.notes)
-    if "hand" in roles and "hand" not in (
-        markers or {}
-    ):  # ends of chains may coincide with the wrist
+    # ends of chains may coincide with the wrist
+    if "hand" in roles and "hand" not in (markers or {}):
         length = np.linalg.norm(direction(used, (roles["wrist"], roles["hand"])), axis=-1)
         if np.nanmedian(length) < SHORTEST_SEGMENT:
             notes.append(
@@ -202,11 +203,13 @@ def observe(recording: Recording, markers: Any, side: str, smooth: bool) -> Obse
     lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
     out = np.any(list(lost.values()), axis=0)
     if out.all():
-        worst = ", ".join(
-            f"{role} in {100 * gone.mean():.0f} %" for role, gone in lost.items() if gone.any()
-        )
+        shares = []
+        for role, gone in lost.items():
+            if gone.any():
+                shares.append(f"{role} in {100 * gone.mean():.0f} %")
         raise RecordingError(
-            f"no frame of {used.source!r} has all required points; missing are: {worst} of the frames"
+            f"no frame of {used.source!r} has all required points; missing are: {', '.join(shares)} "
+            "of the frames"
         )
     for start, stop in runs_of(out):
         missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
@@ -273,9 +276,8 @@ def synthetic_recording(
         zip(POINTS, np.moveaxis(arm.point_positions(q, POINTS), 1, 0), strict=True)
     )
     straight = q.copy()
-    straight[:, TURN + 1 : FLEXION] = (
-        0.0  # markers of the wrist are on the forearm: deviation does not move them
-    )
+    # markers of the wrist are on the forearm: deviation does not move them
+    straight[:, TURN + 1 : FLEXION] = 0.0
     for joints, index, middle, low, high in (
         (q, ELBOW, "elbow", "elbow_medial", "elbow_lateral"),
         (straight, FLEXION, "wrist", "wrist_ulnar", "wrist_radial"),
@@ -285,7 +287,9 @@ def synthetic_recording(
             * HALF_WIDTH
             * arm.axis_direction(joints, arm.joint_names[index])
         )
-        points[low], points[high] = points[middle] - axis, points[middle] + axis
+        points[low] = points[middle] - axis
+        points[high] = points[middle] + axis
     neck = np.array([0.0, middle_of(arm), 0.0])
-    points |= {name: np.tile(neck + point, (len(q), 1)) for name, point in TRUNK.items()}
+    for name, point in TRUNK.items():
+        points[name] = np.tile(neck + point, (len(q), 1))
     return Recording(tuple(points), np.stack(list(points.values()), axis=1), times, source)

@@ -95,12 +95,19 @@ def _persons(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, list
     most = max(map(len, points.values()), default=0)
     if most < 4:  # as many as an arm and a trunk have at least
         return {}
-    common = set().union(*(own for own in points.values() if len(own) == most))
-    persons = [person for person, own in points.items() if len(own & common) > 0.5 * most]
-    count = sum(len(groups[person]) for person in persons)
+    common = set[str]()
+    for of_person in points.values():
+        if len(of_person) == most:
+            common |= of_person
+    persons = {}
+    count = 0
+    for person, of_person in points.items():
+        if len(of_person & common) > 0.5 * most:
+            persons[person] = groups[person]
+            count += len(groups[person])
     if len(persons) < 2 or count < MOST_SHARE * len(names):
         return {}
-    return {person: groups[person] for person in persons}
+    return persons
 
 
 def person_of(name: str, names: tuple[str, ...]) -> str:

@@ -165,10 +165,7 @@ class Recording(NotebookDisplay, Plottable):
         notes = list(self.notes)
         for i, name in enumerate(self.names):
             missing = np.isnan(positions[:, i, 0])
-            short = [
-                (start, stop) for start, stop in runs_of(missing) if 0 < start < stop < len(self)
-                and self.time[stop] - self.time[start - 1] <= LONGEST_GAP * (1 + 1e-9)
-            ]  # fmt: skip
+            short = self._short_gaps(missing)
             if short:
                 times = self.time[~missing]
                 values = positions[~missing, i]
@@ -184,6 +181,15 @@ class Recording(NotebookDisplay, Plottable):
                     f"{name}: gaps of up to {LONGEST_GAP:g} s interpolated ({counted(frames, 'frame')})"
                 )
         return replace(self, positions=positions, notes=tuple(notes))
+
+    def _short_gaps(self, missing: Bools) -> list[tuple[int, int]]:
+        """Return starts and stops of the gaps up to `LONGEST_GAP` in frames (n,) that miss a point."""
+        short = []
+        for start, stop in runs_of(missing):
+            is_inside = 0 < start < stop < len(self)
+            if is_inside and self.time[stop] - self.time[start - 1] <= LONGEST_GAP * (1 + 1e-9):
+                short.append((start, stop))
+        return short
 
 
 def interval_rows(time: Array, start: float | None, stop: float | None) -> slice:

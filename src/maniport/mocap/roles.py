@@ -33,8 +33,9 @@ from maniport.util.defaults import AUTO
 from maniport.util.validation import Array, as_choice
 
 Group = tuple[str, ...]  # Names of points that are averaged
+Choice = Group | tuple[Group, ...]  # Points of a role: a group, of a direction two groups
 Roles = dict[str, Any]  # The group of each role, or the pair of groups
-Markers = Mapping[str, Any] | None  # Points that a user assigns to roles
+Markers = Mapping[str, Any] | None  # Points that a user assigns to roles, which are checked
 
 POINTS = ("shoulder", "elbow", "wrist", "hand")  # Roles of a point, or of the mean of several
 
@@ -57,8 +58,8 @@ COLLARBONES = (
 
 SHORTEST = 1e-4  # Shortest vector that has a direction [m]
 _NAMES = load_names("marker_sets.yaml")
-LANDMARKS: Mapping[str, Sequence[Any]] = _NAMES["landmarks"]
-MARKER_SETS: dict[str, Mapping[str, Sequence[Any]]] = _NAMES["marker_sets"]
+LANDMARKS: Mapping[str, Sequence[object]] = _NAMES["landmarks"]
+MARKER_SETS: dict[str, Mapping[str, Sequence[object]]] = _NAMES["marker_sets"]
 """For each marker set and role the alternatives; the first whose points are recorded counts.
 
 An alternative has the form of the argument ``markers`` of `fit_arm`, for the right arm: a name or names (their
@@ -81,14 +82,14 @@ def whole_bodies(names: Sequence[str], side: str, most: int = 20) -> dict[str, S
     if len(bodies) == 1:
         return bodies
     needed = {*ARM, "trunk_up"}
-    return {
-        body: own
-        for body, own in list(bodies.items())[:most]
-        if needed <= _roles_among(own, side)[1].keys()
-    }
+    whole = {}
+    for body, points in list(bodies.items())[:most]:
+        if needed <= _roles_among(points, side)[1].keys():
+            whole[body] = points
+    return whole
 
 
-def alternatives(marker_set: str, role: str, side: str) -> list[Any]:
+def alternatives(marker_set: str, role: str, side: str) -> list[Choice]:
     """Return the alternatives of a marker set for a role on one side: groups of names, or pairs of groups."""
     where = f"MARKER_SETS[{marker_set!r}][{role!r}]"
     choices = MARKER_SETS[marker_set].get(role, ())
@@ -98,58 +99,73 @@ def alternatives(marker_set: str, role: str, side: str) -> list[Any]:
     return [as_choice_of_names(role, choice, where, mirrored) for choice in choices]
 
 
-def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = False) -> Any:
+def as_choice_of_names(role: str, choice: object, where: str, mirrored: bool = False) -> Choice:
     """Check the points of a role; return a tuple of names, or for a direction a pair of these."""
-    if role in DIRECTIONS:
-        if isinstance(choice, str) or not isinstance(choice, Sequence) or len(choice) != 2:
-            raise InvalidInputError(
-                f"{where} must be a pair of points or of lists (from, to); found {choice!r}"
-            )
-        return tuple(as_choice_of_names("", group, where, mirrored) for group in choice)
+    if role not in DIRECTIONS:
+        return _as_group(choice, where, mirrored)
+    if isinstance(choice, str) or not isinstance(choice, Sequence) or len(choice) != 2:
+        raise InvalidInputError(
+            f"{where} must be a pair of points or of lists (from, to); found {choice!r}"
+        )
+    return _as_group(choice[0], where, mirrored), _as_group(choice[1], where, mirrored)
+
+
+def _as_group(choice: object, where: str, mirrored: bool) -> Group:
+    """Check one name or a list of names; `mirrored` returns those of the other side."""
+    names: tuple[object, ...] = ()
     if isinstance(choice, str):
-        names: tuple[str, ...] = (choice,)
+        names = (choice,)
     elif isinstance(choice, Sequence):
         names = tuple(choice)
-    else:
-        names = ()
-    if not names or not all(isinstance(name, str) for name in names):
+    group = tuple(name for name in names if isinstance(name, str))
+    if not names or len(group) < len(names):
         raise InvalidInputError(f"{where} must be one name or a list of names; found {choice!r}")
     if mirrored:
-        return tuple(map(other_side, names))
-    return names
+        return tuple(map(other_side, group))
+    return group
 
 
 def find_landmarks(names: Sequence[str], side: str = RIGHT, body: str = "") -> dict[str, Group]:
     """Return the points of the recorded parts of the body, those of `LANDMARKS`, of one side or of the middle."""
     bodies = whole_bodies(names, side)
-    own = bodies.get(body, next(iter(bodies.values()), names))
-    return _landmarks(_keys_of_best(own, side), side)
+    points = bodies.get(body, next(iter(bodies.values()), names))
+    return _landmarks(_keys_of_best(points, side), side)
 
 
 def _landmarks(by_key: Mapping[str, str], side: str) -> dict[str, Group]:
     found = {}
     for part, choices in LANDMARKS.items():
         for choice in choices:
-            names = as_choice_of_names("", choice, f"landmarks[{part!r}]", side == LEFT)
-            recorded = _recorded(names, by_key)
+            names = _as_group(choice, f"landmarks[{part!r}]", side == LEFT)
+            recorded = _recorded_group(names, by_key)
             if recorded:
                 found[part] = recorded
                 break
     return found
 
 
-def _recorded(choice: Any, by_key: Mapping[str, str]) -> Any:
-    """Return the recorded names of an alternative; empty where one of them is not recorded."""
-    own = []
-    for part in choice:
-        if isinstance(part, str):
-            found: Any = next((by_key[key] for key in spellings(part) if key in by_key), "")
-        else:
-            found = _recorded(part, by_key)
-        if not found:
+def _recorded_group(names: Iterable[str], by_key: Mapping[str, str]) -> Group:
+    """Return names as they are recorded; empty where one of them is not recorded."""
+    recorded = []
+    for name in names:
+        key = next((key for key in spellings(name) if key in by_key), None)
+        if key is None or not by_key[key]:
             return ()
-        own.append(found)
-    return tuple(own)
+        recorded.append(by_key[key])
+    return tuple(recorded)
+
+
+def _recorded(choice: Choice, by_key: Mapping[str, str]) -> Choice:
+    """Return the recorded names of an alternative; empty where one of them is not recorded."""
+    groups = []
+    for group in groups_of(choice):
+        recorded = _recorded_group(group, by_key)
+        if not recorded:
+            return ()
+        groups.append(recorded)
+    if isinstance(choice[0], str):
+        return groups[0]
+    return tuple(groups)
 
 
 def _roles_among(names: Sequence[str], side: str) -> tuple[str, Roles]:
@@ -178,25 +194,24 @@ def _roles_by_key(by_key: Mapping[str, str], side: str) -> tuple[str, Roles]:
         for role in MARKER_SETS[marker_set]:
             if role not in ROLES:
                 raise unknown_name("role", role, ROLES, f"in MARKER_SETS[{marker_set!r}]")
-            own = _first_recorded(marker_set, role, side, by_key)
-            if own:
-                sets[marker_set][role] = own
+            recorded = _first_recorded(marker_set, role, side, by_key)
+            if recorded:
+                sets[marker_set][role] = recorded
 
     def recognized(name: str) -> tuple[int, int]:
-        return sum(role in sets[name] for role in ARM), len(sets[name].keys() - TRUNK)
+        return len(sets[name].keys() & set(ARM)), len(sets[name].keys() - TRUNK)
 
     best = max(sets, key=recognized)
     roles: Roles = {}
     for marker_set in reversed(sets):
-        roles |= {role: names for role, names in sets[marker_set].items() if role in TRUNK}
+        for role in TRUNK:
+            if role in sets[marker_set]:
+                roles[role] = sets[marker_set][role]
     shoulders = _both_shoulders(best, by_key)
     if shoulders:
         roles["trunk_left"] = shoulders
     roles |= sets[best]
-
-    # In many skeletons this is the clavicle: it is the joint only where an elbow or a wrist is recorded with it.
-    joints = {by_key.get(key) for name in COLLARBONES for key in spellings(name)}
-    if not roles.keys() & set(ARM[1:]) and joints & set(roles.get("shoulder", ())):
+    if _is_collarbone(roles, by_key):
         del roles["shoulder"]
         roles.pop("trunk_left", None)
         shoulders = ()
@@ -204,19 +219,34 @@ def _roles_by_key(by_key: Mapping[str, str], side: str) -> tuple[str, Roles]:
     return best, {role: roles[role] for role in ROLES if role in roles}
 
 
-def _first_recorded(marker_set: str, role: str, side: str, by_key: Mapping[str, str]) -> Any:
+def _is_collarbone(roles: Roles, by_key: Mapping[str, str]) -> bool:
+    """Whether the point of the shoulder may be the clavicle, as in many skeletons.
+
+    It is the joint only where an elbow or a wrist is recorded with it.
+    """
+    if roles.keys() & set(ARM[1:]):
+        return False
+    collarbones = set[str | None]()
+    for name in COLLARBONES:
+        collarbones.update(map(by_key.get, spellings(name)))
+    return not collarbones.isdisjoint(roles.get("shoulder", ()))
+
+
+def _first_recorded(marker_set: str, role: str, side: str, by_key: Mapping[str, str]) -> Choice:
+    """Return the first alternative of a marker set whose points are recorded; empty where there is none."""
     for choice in alternatives(marker_set, role, side):
-        own = _recorded(choice, by_key)
-        if own:
-            return own
+        recorded = _recorded(choice, by_key)
+        if recorded:
+            return recorded
     return ()
 
 
 def _both_shoulders(marker_set: str, by_key: Mapping[str, str]) -> tuple[Group, ...]:
     """Return the right shoulder and the left one of a marker set; empty where one of them is not recorded."""
-    pair = [_first_recorded(marker_set, "shoulder", side, by_key) for side in (RIGHT, LEFT)]
-    if all(pair) and pair[0] != pair[1]:
-        return tuple(pair)
+    right = _first_recorded(marker_set, "shoulder", RIGHT, by_key)
+    left = _first_recorded(marker_set, "shoulder", LEFT, by_key)
+    if right and left and right != left:
+        return (*groups_of(right), *groups_of(left))
     return ()
 
 
@@ -240,23 +270,22 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
     """
     marker_set, roles = assigned_roles(recording, markers, side)
     other = SIDES[side == RIGHT]
-    own, theirs = (find_roles(recording.observed, name)[1] for name in (side, other))
+    roles_of_other = find_roles(recording.observed, other)[1]
     missing = missing_roles(roles)
     if missing:
+        where = ""
         if recording.source:
             where = f" in {recording.source!r}"
-        else:
-            where = ""
         advice = ""
-        if set(missing) & set(ARM) and set(ARM) <= theirs.keys():
+        if set(missing) & set(ARM) and set(ARM) <= roles_of_other.keys():
             advice = f" The {other} arm is available: use {argument('side', other)}."
         text = missing_text(recording, missing, roles, marker_set, side)
         raise RecordingError(f"missing{where}: {text}{advice}")
-    names_of_arm, names_of_other = (
-        {name for role in ARM for name in named.get(role, ())} for named in (own, theirs)
-    )
+    names_of_arm = _points_of_arm(find_roles(recording.observed, side)[1])
+    only_of_other = _points_of_arm(roles_of_other) - names_of_arm
     for role in ARM:
-        if wrong := [name for name in roles[role] if name in names_of_other - names_of_arm]:
+        wrong = [name for name in roles[role] if name in only_of_other]
+        if wrong:
             raise RecordingError(
                 f"{role} of the {side} arm: {', '.join(map(repr, wrong))} is a point of the {other} one; "
                 f"give {argument('side', other)} or other {argument('markers')}"
@@ -267,6 +296,14 @@ def assign_roles(recording: Recording, markers: Markers = None, side: str = RIGH
     return roles
 
 
+def _points_of_arm(roles: Roles) -> set[str]:
+    """Return the points of shoulder, elbow and wrist."""
+    names = set[str]()
+    for role in ARM:
+        names.update(roles.get(role, ()))
+    return names
+
+
 def _wrong_side(recording: Recording, roles: Roles, side: str) -> str:
     """Describe which point of an arm is on the other side of the trunk; empty where none is."""
     inward = trunk_rotation(recording, roles)[:, :, 1] * (1.0 if side == RIGHT else -1.0)
@@ -274,7 +311,8 @@ def _wrong_side(recording: Recording, roles: Roles, side: str) -> str:
         other = LEFT
     else:
         other = RIGHT
-    middle = [name for group in roles["trunk_up"] for name in group]
+    low, high = roles["trunk_up"]
+    middle = (*low, *high)
     # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
     # possible, brings the elbow 0.27 m inward.
     cases = ("shoulder", "trunk_up", middle, 0.05), ("elbow", "shoulder", roles["shoulder"], 0.3)
@@ -310,7 +348,7 @@ def assigned_roles(
         raise InvalidInputError(
             f"{spoken('markers')} must map roles to names of points; found {markers!r}"
         )
-    chosen: dict[str, Any] = {}
+    chosen: Roles = {}
     for role, choice in (markers or {}).items():
         if role not in ROLES:
             raise unknown_name("role", role, ROLES, "of a point")
@@ -318,23 +356,28 @@ def assigned_roles(
             chosen[role] = None
         else:
             chosen[role] = as_choice_of_names(role, choice, f"markers[{role!r}]")
-    names = points_of({role: choice for role, choice in chosen.items() if choice})
+    body = _body_of(points_of(chosen), recording)
+    marker_set, roles = find_roles(recording.observed, side, body)
+    roles |= chosen
+    if "trunk_left" in chosen and "trunk_front" not in chosen:
+        # otherwise a name of the marker set would overrule the user's choice
+        roles["trunk_front"] = None
+    return marker_set, {role: roles[role] for role in ROLES if roles.get(role)}
+
+
+def _body_of(names: Iterable[str], recording: Recording) -> str:
+    """Return the person to whom all points that a user assigns belong; empty where there are several or none."""
+    bodies = set()
     for name in names:
         recording.point(name)
         if name not in recording.observed:
             raise RecordingError(
                 f"markers: point {name!r} is missing in every frame of {recording.source!r}"
             )
-    bodies = {person_of(name, recording.observed) for name in names}
-    marker_set, roles = find_roles(
-        recording.observed, side, bodies.pop() if len(bodies) == 1 else ""
-    )
-    roles |= chosen
-    if "trunk_left" in chosen and "trunk_front" not in chosen:
-        roles["trunk_front"] = (
-            None  # otherwise a name of the marker set would overrule the user's choice
-        )
-    return marker_set, {role: roles[role] for role in ROLES if roles.get(role)}
+        bodies.add(person_of(name, recording.observed))
+    if len(bodies) == 1:
+        return bodies.pop()
+    return ""
 
 
 def find_side(
@@ -344,30 +387,17 @@ def find_side(
     if side != AUTO:
         return side, "selected by the user", assign_roles(recording, markers, side)
     roles, errors = roles_by_side(recording, dict.fromkeys(SIDES, markers))
-    if not roles:  # the error of the arm with more of its points
-        raise errors[
-            max(
-                SIDES,
-                key=lambda name: sum(
-                    role in assigned_roles(recording, side=name)[1] for role in ARM
-                ),
-            )
-        ]
+    if not roles:
+        right = assigned_roles(recording, side=RIGHT)[1].keys() & set(ARM)
+        left = assigned_roles(recording, side=LEFT)[1].keys() & set(ARM)
+        raise errors[LEFT if len(left) > len(right) else RIGHT]
     if errors:
-        ((only, own),) = roles.items()
-        return only, "the only one that is fully recorded", own
+        ((only, roles_of_arm),) = roles.items()
+        return only, "the only one that is fully recorded", roles_of_arm
     if all(roles[RIGHT][role] == roles[LEFT][role] for role in ARM):
         reason = f"the names of the points have no side; {argument('side', LEFT)} takes them for a left arm"
         return RIGHT, reason, roles[RIGHT]
-    paths = {}  # lengths of the wrists' paths relative to the trunk [m]; missing frames count as the mean
-    for name, own in roles.items():
-        wrist = direction(recording, (own["trunk_up"][0], own["wrist"]))
-        local = np.sum(trunk_rotation(recording, own) * wrist[:, :, None], axis=1)
-        steps = np.linalg.norm(np.diff(local, axis=0), axis=-1)
-        if np.isfinite(steps).any():
-            paths[name] = float(np.nanmean(steps) * len(steps))
-        else:
-            paths[name] = 0.0
+    paths = {name: _wrist_path(recording, roles[name]) for name in roles}
     similar = 1.1  # ratio of paths up to which the right arm is taken
     if paths[LEFT] > similar * paths[RIGHT]:
         moving = LEFT
@@ -386,8 +416,19 @@ def find_side(
     return moving, reason, roles[moving]
 
 
+def _wrist_path(recording: Recording, roles: Roles) -> float:
+    """Return the length of the wrist's path relative to the trunk [m]; steps in missing frames count as the mean."""
+    low, _ = roles["trunk_up"]
+    wrist = direction(recording, (low, roles["wrist"]))
+    local = np.sum(trunk_rotation(recording, roles) * wrist[:, :, None], axis=1)
+    steps = np.linalg.norm(np.diff(local, axis=0), axis=-1)
+    if not np.isfinite(steps).any():
+        return 0.0
+    return float(np.nanmean(steps) * len(steps))
+
+
 def roles_by_side(
-    recording: Recording, markers: Mapping[str, Any]
+    recording: Recording, markers: Mapping[str, Markers]
 ) -> tuple[Roles, dict[str, RecordingError]]:
     """Return the roles of each arm with its markers, and the errors of the arms that are not recorded."""
     roles = {}
@@ -405,12 +446,12 @@ def role_position(recording: Recording, names: Group) -> Array:
     return np.asarray(np.mean([recording.point(name) for name in names], axis=0))
 
 
-def direction(recording: Recording, pair: Any) -> Array:
+def direction(recording: Recording, pair: Sequence[Group]) -> Array:
     """Return the vector from one group of points to another [m]."""
     return role_position(recording, pair[1]) - role_position(recording, pair[0])
 
 
-def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
+def trunk_rotation(recording: Recording, roles: Roles) -> Array:
     """Return the rotation from the trunk frame to the axes of the recording, in every frame."""
     second = across_role(roles)
     points = recording.select(points_of({role: roles[role] for role in ("trunk_up", second)}))
@@ -420,10 +461,11 @@ def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
     z = unit(direction(recording, roles["trunk_up"]), SHORTEST)
     across = direction(recording, roles[second])
     across = unit(across - np.sum(across * z, axis=-1, keepdims=True) * z, SHORTEST)
-    front = second == "trunk_front"
-    rotation = np.stack(
-        [across, np.cross(z, across), z] if front else [np.cross(across, z), across, z], axis=-1
-    )
+    if second == "trunk_front":
+        axes = [across, np.cross(z, across), z]
+    else:
+        axes = [np.cross(across, z), across, z]
+    rotation = np.stack(axes, axis=-1)
     if np.isnan(rotation).any(axis=(1, 2)).all():
         raise RecordingError(
             f"no trunk frame in {recording.source!r}: in no frame are the points of trunk_up {roles['trunk_up']} and "
@@ -432,7 +474,7 @@ def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
     return rotation
 
 
-def across_role(roles: Mapping[str, Any]) -> str:
+def across_role(roles: Roles) -> str:
     """Return the role of the trunk's second direction."""
     if "trunk_front" in roles:
         return "trunk_front"
@@ -445,25 +487,33 @@ def unit(vectors: Array, shortest: float = 0.0) -> Array:
     return np.asarray(vectors / np.where(length > shortest, length, np.nan))
 
 
-def points_of(roles: Mapping[str, Any]) -> list[str]:
+def groups_of(choice: Choice) -> tuple[Group, ...]:
+    """Return the groups of points of a role: two of a direction, else one."""
+    names = tuple(item for item in choice if isinstance(item, str))
+    if names:
+        return (names,)
+    return tuple(item for item in choice if not isinstance(item, str))
+
+
+def points_of(roles: Roles) -> list[str]:
     """Return all points that are assigned to a role, without repetition."""
-    groups = []
-    for role, choice in roles.items():
-        for group in choice if role in DIRECTIONS else (choice,):
-            groups.append(group)
-    return list(dict.fromkeys(name for group in groups for name in group))
+    names = dict[str, None]()
+    for choice in roles.values():
+        for group in groups_of(choice or ()):
+            names |= dict.fromkeys(group)
+    return list(names)
 
 
-def segments_of(roles: Mapping[str, Any]) -> list[list[str]]:
+def segments_of(roles: Roles) -> list[list[str]]:
     """Return the points of the trunk, of the elbow, and of wrist and hand."""
     segments = []
     for members in SEGMENT_ROLES:
-        segment = {role: roles[role] for role in members if roles.get(role)}
+        segment = {role: roles[role] for role in members if role in roles}
         segments.append(points_of(segment))
     return segments
 
 
-def missing_roles(roles: Mapping[str, Any]) -> list[str]:
+def missing_roles(roles: Roles) -> list[str]:
     """Return the roles without points that an arm fit needs."""
     missing = [role for role in (*ARM, "trunk_up") if not roles.get(role)]
     if roles.get("trunk_front") or roles.get("trunk_left"):
@@ -491,29 +541,32 @@ def likely_points(
     recording: Recording, role: str, roles: Roles, marker_set: str, side: str
 ) -> list[str]:
     """Return the points of a recording that may play a missing role of an arm, likely ones first."""
-    theirs = find_roles(recording.observed, LEFT if side == RIGHT else RIGHT)[1]
-    taken = set(points_of({role: roles[role] for role in POINTS if roles.get(role)}))
-    taken.update(points_of({role: theirs[role] for role in POINTS if role in theirs}))
+    roles_of_other = find_roles(recording.observed, LEFT if side == RIGHT else RIGHT)[1]
+    taken = set[str]()
+    for point_role in POINTS:
+        taken.update(roles.get(point_role) or ())
+        taken.update(roles_of_other.get(point_role) or ())
     usual = usual_names(role, marker_set, side)
     return candidates(recording, role, roles, side, taken, usual)
 
 
-def example_markers(missing: Iterable[str]) -> dict[str, Any]:
+def example_markers(missing: Iterable[str]) -> dict[str, list[str] | list[list[str]]]:
     """Return a template of `markers` for some roles: a list of names, or two from one end to the other."""
-    return {
-        role: [[end.upper()] for end in DIRECTIONS[role].split(" to ")]
-        if role in DIRECTIONS
-        else ["NAME"]
-        for role in missing
-    }
+    template: dict[str, list[str] | list[list[str]]] = {}
+    for role in missing:
+        template[role] = ["NAME"]
+        if role in DIRECTIONS:
+            start, end = DIRECTIONS[role].upper().split(" TO ")
+            template[role] = [[start], [end]]
+    return template
 
 
 def usual_names(role: str, marker_set: str, side: str) -> str:
     """Return the usual names of a role, those of the recording's own marker set first."""
     sets = dict.fromkeys([marker_set, *reversed(MARKER_SETS)])
-    usual = [names for name in sets for names in alternatives(name, role, side)[:1]][:3]
-    if role in DIRECTIONS:
-        pairs = usual
-    else:
-        pairs = [(group,) for group in usual]
-    return " or ".join(" to ".join("+".join(map(repr, group)) for group in pair) for pair in pairs)
+    usual = []
+    for name in sets:
+        for choice in alternatives(name, role, side)[:1]:
+            ends = ["+".join(map(repr, group)) for group in groups_of(choice)]
+            usual.append(" to ".join(ends))
+    return " or ".join(usual[:3])

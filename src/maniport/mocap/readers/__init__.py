@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,10 +69,23 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.
 
 # Usual lengths of an upper arm [m], from a child of ten to the tallest adults: no two units, but for "dm", fit one.
 UPPER_ARM = (0.20, 0.42)
-POSSIBLE_UPPER_ARM = (
-    0.1,
-    0.6,
-)  # Lengths of an upper arm [m] outside of which a declared unit is wrong
+POSSIBLE_UPPER_ARM = (0.1, 0.6)  # [m]; a declared unit is wrong that makes other lengths
+
+
+STARTS = {
+    "PK": ".npz",
+    "\ufffdNUMPY": ".npy",
+    "{": ".json",
+    "[": ".json",
+    "PathFileType": ".trc",
+    "Format Version": ".csv",
+    "NO_OF_FRAMES": ".tsv",
+    "Trajectories": ".csv",
+}
+"""Endings of formats by the beginning of a file."""
+
+Coordinates = NDArray[np.floating | np.integer]
+"""Positions as a file has them, in any type of numbers."""
 
 
 @dataclass(frozen=True)
@@ -139,17 +152,11 @@ class ImportOptions:
         notes += _mark_missing(points, unique)
 
         faults = []
-        if time is None:
-            time = FileTimes()
-        elif not isinstance(time, FileTimes | FrameTimes):
-            time = FileTimes({"time": time})
-        timing = time
-        if isinstance(timing, FileTimes):
-            try:
-                timing = self.frame_times(timing, len(points))
-            except InvalidInputError as error:  # reported with missing roles
-                faults.append(str(error))
-                timing = FrameTimes(np.arange(len(points), dtype=np.float64))
+        try:
+            timing = self._timing(time, len(points))
+        except InvalidInputError as error:  # reported with missing roles
+            faults.append(str(error))
+            timing = FrameTimes(np.arange(len(points), dtype=np.float64))
         times, points, ordered = in_order(timing.time, points)
         points = freeze(points)  # which recordings share, instead of copies of each
         raw = Recording(tuple(unique), points, times, printable(file.name))
@@ -188,6 +195,16 @@ class ImportOptions:
             recording = replace(recording, quality_warnings=tuple(warnings))
         return recording
 
+    def _timing(self, time: ArrayLike | FileTimes | FrameTimes | None, count: int) -> FrameTimes:
+        """Return the times of frames from what `recording` is given."""
+        if isinstance(time, FrameTimes):
+            return time
+        if time is None:
+            time = FileTimes()
+        elif not isinstance(time, FileTimes):
+            time = FileTimes({"time": time})
+        return self.frame_times(time, count)
+
     def _scale(self, recording: Recording, declared: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
         arm = _recorded_arm(recording, self.markers)
@@ -202,30 +219,18 @@ class ImportOptions:
 
         if isinstance(unit, str):
             scale = UNITS[unit]
-        else:
-            scale = unit
-        low, high = POSSIBLE_UPPER_ARM
-        if arm.ends and not low <= arm.upper_arm * scale <= high:
-            if self.unit:
-                cause = argument("unit", unit)
-            else:
-                cause = f"the unit of the file, {unit},"
-            better = ""
-            for fit in _fitting_units(arm):
-                better += f"; {argument('unit', fit)} makes it {arm.upper_arm * UNITS[fit]:.3g} m"
-            if not better:
-                better = (
-                    f"; or give the height of the person in meters ({argument('height', 1.75)})"
-                )
-            raise InvalidInputError(
-                f"{cause} makes the upper arm ({arm.ends}) {arm.upper_arm * scale:.3g} m long; possible are {low} to "
-                f"{high} m{better}"
-            )
-        if isinstance(unit, str):
             name = unit
         else:
+            scale = unit
             name = f"of {unit:g} m"
-        return scale, f"unit {name}, {'set by the caller' if self.unit else 'of the file'}"
+        if self.unit:
+            cause = argument("unit", unit)
+            origin = "set by the caller"
+        else:
+            cause = f"the unit of the file, {unit},"
+            origin = "of the file"
+        _require_possible(arm, scale, cause)
+        return scale, f"unit {name}, {origin}"
 
     def _missing(self, recording: Recording) -> str:
         """List the missing roles of the wanted arm, or of the one with more points, and how to assign them."""
@@ -453,7 +458,7 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of points out of reach
-def arm_error(names: Sequence[str], positions: NDArray[Any]) -> float:
+def arm_error(names: Sequence[str], positions: Coordinates) -> float:
     """Measure how unlike arms the points (n, k, 3) with these names in order are; below 1 they are arms.
 
     Of arms the bones keep their lengths (standard deviation below 5 %) and differ by less than 15 % between the sides.
@@ -466,9 +471,13 @@ def arm_error(names: Sequence[str], positions: NDArray[Any]) -> float:
         lengths.append(bones[np.isfinite(bones).all(axis=1) & (bones > 0).all(axis=1)])
     if not all(map(len, lengths)):
         return np.inf
-    left, right = (np.median(bones, axis=0) for bones in lengths)
-    changes = [np.std(bones, axis=0) / np.median(bones, axis=0) / 0.05 for bones in lengths]
-    return float(np.max([*changes, np.abs(left - right) / np.maximum(left, right) / 0.15]))
+    left, right = lengths
+    median_left = np.median(left, axis=0)
+    median_right = np.median(right, axis=0)
+    change_left = np.std(left, axis=0) / median_left / 0.05
+    change_right = np.std(right, axis=0) / median_right / 0.05
+    difference = np.abs(median_left - median_right) / np.maximum(median_left, median_right) / 0.15
+    return float(np.max([change_left, change_right, difference]))
 
 
 def _format_of(file: Path) -> str:
@@ -478,7 +487,7 @@ def _format_of(file: Path) -> str:
     suffix = file.suffix.lower()
     kind = None
     hint = f"; bundled recordings: {', '.join(map(repr, SHIPPED))}"
-    # False of names that no file has; formats of the user go by their ending
+    # no file has a name that cannot exist; formats of the user go by their ending
     if os.path.exists(file) and isinstance(READERS.get(suffix, ""), str):
         existing_file(file, (), RECORDING_BYTES)
         with open(file, "rb") as stream:
@@ -486,13 +495,17 @@ def _format_of(file: Path) -> str:
         kind = _by_content(head)
         if kind == ".npz" and suffix not in (".npz", ".npy") and not _holds_arrays(file):
             kind = ".zip"
-        for name, foreign in load_names("foreign_formats.yaml").items():
-            starts = tuple(start.encode("latin-1") for start in foreign.get("starts", ()))
-            if head.startswith(starts) or (
-                suffix in foreign["endings"] and kind in (None, ".npz", ".json")
-            ):
-                raise FileFormatError(f"{file}: not supported ({name}): {foreign['advice']}")
+        _require_readable(file, head, suffix, kind)
     return kind or existing_file(file, tuple(READERS), RECORDING_BYTES, hint).suffix.lower()
+
+
+def _require_readable(file: Path, head: bytes, suffix: str, kind: str | None) -> None:
+    """Raise for a file of a format that is not read, by its first bytes, or by its ending where they decide nothing."""
+    is_undecided = kind in (None, ".npz", ".json")
+    for name, foreign in load_names("foreign_formats.yaml").items():
+        starts = tuple(start.encode("latin-1") for start in foreign.get("starts", ()))
+        if head.startswith(starts) or (is_undecided and suffix in foreign["endings"]):
+            raise FileFormatError(f"{file}: not supported ({name}): {foreign['advice']}")
 
 
 def _holds_arrays(file: Path) -> bool:
@@ -509,25 +522,27 @@ def _by_content(head: bytes) -> str | None:
     if len(head) > 1 and head[1] == 0x50 and 0 < head[0] < 9:  # 9 and more may begin a text
         return ".c3d"
     text = decoded(head).lstrip()
-    lines = [line.strip() for line in text.splitlines()]
-    if "HIERARCHY" in map(str.upper, lines[:20]):
+    lines = [line.strip().lower() for line in text.splitlines()]
+    if "hierarchy" in lines[:20]:
         return ".bvh"
-    if any(line.lower() == "endheader" or line.lower().startswith("indegrees") for line in lines):
-        return ".mot"
+    for line in lines:
+        if line == "endheader" or line.startswith("indegrees"):
+            return ".mot"
     if text.startswith("<"):
         if "<mvnx" in text:
             return ".mvnx"
         return None
-    starts = {
-        "PK": ".npz", "\ufffdNUMPY": ".npy", "{": ".json", "[": ".json", "PathFileType": ".trc",
-        "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv",
-    }  # fmt: skip
-    return next((ending for start, ending in starts.items() if text.startswith(start)), None)
+    for start, ending in STARTS.items():
+        if text.startswith(start):
+            return ending
+    return None
 
 
 def _bodies_warning(recording: Recording) -> list[str]:
     """Report which of several bodies is used."""
-    bodies = max((whole_bodies(recording.observed, side) for side in SIDES), key=len)
+    right = whole_bodies(recording.observed, RIGHT)
+    left = whole_bodies(recording.observed, LEFT)
+    bodies = left if len(left) > len(right) else right
     advice = f"the first is used; a point of another one in {argument('markers')} selects that one"
     if len(bodies) > 1:
         return [f"the points are those of several bodies: {', '.join(bodies)}; {advice}"]
@@ -579,6 +594,22 @@ def _fitting_units(arm: _Arm) -> list[str]:
     """Return the units in which the upper arm has a usual length."""
     low, high = UPPER_ARM
     return [name for name in UNITS if name != "dm" and low <= arm.upper_arm * UNITS[name] <= high]
+
+
+def _require_possible(arm: _Arm, scale: float, cause: str) -> None:
+    """Raise where the meters per unit make an impossible upper arm."""
+    low, high = POSSIBLE_UPPER_ARM
+    if not arm.ends or low <= arm.upper_arm * scale <= high:
+        return
+    better = ""
+    for fit in _fitting_units(arm):
+        better += f"; {argument('unit', fit)} makes it {arm.upper_arm * UNITS[fit]:.3g} m"
+    if not better:
+        better = f"; or give the height of the person in meters ({argument('height', 1.75)})"
+    raise InvalidInputError(
+        f"{cause} makes the upper arm ({arm.ends}) {arm.upper_arm * scale:.3g} m long; possible are {low} to "
+        f"{high} m{better}"
+    )
 
 
 def _recognized_scale(arm: _Arm) -> tuple[float, str]:

@@ -52,18 +52,21 @@ def _frames(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
     """Return the JSON files of single frames in order, whose names differ in numbers only; empty where it is else."""
     require_at_most(len(members), MEMBERS, "files in the archive")
     recordings = [member for member in _files(members) if _ending(member) in READERS]
-    patterns = {re.sub(r"\d+", "0", member.filename) for member in recordings}
+    patterns = set()
+    size = 0
+    for member in recordings:
+        patterns.add(re.sub(r"\d+", "0", member.filename))
+        size += member.file_size
     is_frames = len(recordings) > 1 and len(patterns) == 1
     if not is_frames or _ending(recordings[0]) != ".json":
         return []
-    size = sum(member.file_size for member in recordings)
     require_at_most(size, KEYPOINTS_BYTES, "bytes in its JSON files")
     return sorted(recordings, key=_numbers_in)
 
 
 def _numbers_in(member: zipfile.ZipInfo) -> list[int]:
     """Return the numbers in a name, by which frames are in order."""
-    return [int(number) for number in re.findall(r"\d+", member.filename)]
+    return list(map(int, re.findall(r"\d+", member.filename)))
 
 
 def _files(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
@@ -81,8 +84,8 @@ def _only_recording(members: list[zipfile.ZipInfo]) -> zipfile.ZipInfo:
     """Return the one member that is a recording, by its ending, or the only file."""
     require_at_most(len(members), MEMBERS, "files in the archive")
     files = _files(members)
-    recordings = [member for member in files if _ending(member) in READERS]
-    recordings = [member for member in recordings if _ending(member) != ".zip"]
+    endings = [ending for ending in READERS if ending != ".zip"]
+    recordings = [member for member in files if _ending(member) in endings]
     candidates = recordings or files
     if len(candidates) == 1 and _ending(candidates[0]) != ".zip":
         return candidates[0]
@@ -92,8 +95,7 @@ def _only_recording(members: list[zipfile.ZipInfo]) -> zipfile.ZipInfo:
             f"the archive holds {len(recordings)} recordings; unpack it and give one of them: {found}"
         )
     raise ValueError(
-        f"the archive holds no recording ({', '.join(ending for ending in READERS if ending != '.zip')}); "
-        f"found: {found or 'no file'}"
+        f"the archive holds no recording ({', '.join(endings)}); found: {found or 'no file'}"
     )
 
 

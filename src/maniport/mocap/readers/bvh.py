@@ -64,22 +64,7 @@ class _Motion(NamedTuple):
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a BVH file; see `maniport.mocap.readers.read_recording`."""
     lines = lines_of(file)
-    hierarchy: list[Row] = []
-    for number, line in lines:
-        if _is_word(line, "MOTION"):
-            break
-        hierarchy.append((number, line))
-        if number == 20 and not _begins(hierarchy):
-            break
-        require_at_most(len(hierarchy), 40 * POINTS, "lines in its hierarchy")
-    else:
-        number = 0
-    if not _begins(hierarchy):
-        raise ValueError("this is no BVH file: it does not begin with HIERARCHY")
-    if number == 0:
-        raise ValueError(
-            f"the file is cut off in its hierarchy, at line {len(hierarchy)}: there is no MOTION"
-        )
+    hierarchy, number = _hierarchy_lines(lines)
     nodes = _hierarchy(hierarchy)
     require_at_most(len(nodes), POINTS, "joints and end sites")
     motion = _motion(lines, number, options)
@@ -121,6 +106,27 @@ def read(file: Path, options: ImportOptions) -> Recording:
         notes=[*notes, *position_notes],
         quality_warnings=motion.warnings,
     )
+
+
+def _hierarchy_lines(lines: Iterator[Row]) -> tuple[list[Row], int]:
+    """Return the lines before MOTION, and the number of its line."""
+    hierarchy: list[Row] = []
+    motion = 0
+    for number, line in lines:
+        if _is_word(line, "MOTION"):
+            motion = number
+            break
+        hierarchy.append((number, line))
+        if number == 20 and not _begins(hierarchy):
+            break
+        require_at_most(len(hierarchy), 40 * POINTS, "lines in its hierarchy")
+    if not _begins(hierarchy):
+        raise ValueError("this is no BVH file: it does not begin with HIERARCHY")
+    if motion == 0:
+        raise ValueError(
+            f"the file is cut off in its hierarchy, at line {len(hierarchy)}: there is no MOTION"
+        )
+    return hierarchy, motion
 
 
 def _begins(hierarchy: Sequence[Row]) -> bool:
@@ -184,16 +190,20 @@ def _rest_frames(
 
 def _hierarchy(lines: Sequence[Row]) -> list[_Node]:
     """Return the joints and end sites, parents before children."""
-    opened, closed = (sum(line.count(brace) for _, line in lines) for brace in "{}")
+    opened = 0
+    closed = 0
+    for _, line in lines:
+        opened += line.count("{")
+        closed += line.count("}")
     if opened != closed:
         raise ValueError(f"the hierarchy has {opened} opening and {closed} closing braces")
     nodes: list[_Node] = []
     path: list[int] = []  # the nodes with open braces
     for number, line in lines:
         for statement in filter(None, _STATEMENT.split(line)):
-            word, *rest = statement.split() or [""]
+            word, *values = statement.split() or [""]
             try:
-                _read_statement(word, rest, nodes, path)
+                _read_statement(word, values, nodes, path)
             except (ValueError, IndexError) as error:
                 raise ValueError(
                     f"not readable as BVH: line {number}, {line.strip()!r}: {error}"
@@ -203,32 +213,44 @@ def _hierarchy(lines: Sequence[Row]) -> list[_Node]:
     return nodes
 
 
-def _read_statement(word: str, rest: list[str], nodes: list[_Node], path: list[int]) -> None:
-    """Read one statement of the hierarchy into the nodes."""
+def _read_statement(word: str, values: list[str], nodes: list[_Node], path: list[int]) -> None:
+    """Read one statement of the hierarchy, a word and its values, into the nodes."""
     word = word.upper()
     if word in ("ROOT", "JOINT", "END"):
-        if (word == "ROOT") != (not nodes) or (nodes and not path):
-            raise ValueError("there must be one ROOT that contains all else")
-        if word == "END":
-            name = f"{END}{nodes[path[-1]].name}"
-        else:
-            name = " ".join(rest)
-        nodes.append(_Node(name, path[-1] if path else -1))
-        path.append(len(nodes) - 1)
+        _add_node(word, values, nodes, path)
     elif word == "}":
         path.pop()
     elif word == "OFFSET":
-        x, y, z = map(as_float, rest)
+        x, y, z = map(as_float, values)
         nodes[path[-1]].offset = np.array([x, y, z])
     elif word == "CHANNELS":
         if nodes[path[-1]].channels:
             raise ValueError("the channels of this joint occur twice")
-        channels = [(channel[1:].lower(), channel[0].lower()) for channel in rest[1:]]
-        if rest[:1] != [str(len(channels))] or not set(channels) <= CHANNELS:
-            raise ValueError(
-                "the number of channels differs from the declared one, or a channel is unknown"
-            )
-        nodes[path[-1]].channels = channels
+        nodes[path[-1]].channels = _channels(values)
+
+
+def _add_node(word: str, values: list[str], nodes: list[_Node], path: list[int]) -> None:
+    """Append a joint, or an end site with the name of its parent."""
+    if (word == "ROOT") != (not nodes) or (nodes and not path):
+        raise ValueError("there must be one ROOT that contains all else")
+    if word == "END":
+        name = f"{END}{nodes[path[-1]].name}"
+    else:
+        name = " ".join(values)
+    nodes.append(_Node(name, path[-1] if path else -1))
+    path.append(len(nodes) - 1)
+
+
+def _channels(values: list[str]) -> list[tuple[str, str]]:
+    """Return the channels of a joint, position or rotation and axis, from their number and names."""
+    channels = []
+    for value in values[1:]:
+        channels.append((value[1:].lower(), value[0].lower()))
+    if values[:1] != [str(len(channels))] or not set(channels) <= CHANNELS:
+        raise ValueError(
+            "the number of channels differs from the declared one, or a channel is unknown"
+        )
+    return channels
 
 
 def _motion(lines: Iterator[Row], motion: int, options: ImportOptions) -> _Motion:
@@ -298,12 +320,14 @@ def _translations(nodes: list[_Node], table: Array) -> tuple[set[int], list[str]
 
     Channels that are zero, or no more than rounding, keep the offset, and those that equal it are not needed.
     """
-    lengths = [float(np.linalg.norm(node.offset)) for node in nodes[1:]]
-    bones = [length for length in lengths if length > 0]
+    bones = []
+    for node in nodes[1:]:
+        length = float(np.linalg.norm(node.offset))
+        if length > 0:
+            bones.append(length)
+    tolerance = 0.0
     if bones:
         tolerance = 1e-3 * float(np.median(bones))
-    else:
-        tolerance = 0.0
     used = set()
     largest = 0.0
     text = ""
@@ -322,10 +346,11 @@ def _translations(nodes: list[_Node], table: Array) -> tuple[set[int], list[str]
         used.add(i)
         if differences.max() > largest:
             largest = float(differences.max())
-            own = np.median(np.linalg.norm(stated, axis=1))
-            offset = np.linalg.norm(node.offset)
+            by_channels = np.median(np.linalg.norm(stated, axis=1))
+            by_offset = np.linalg.norm(node.offset)
             text = (
-                f"{largest:.4g} units at {node.name} (offset {offset:.4g} long, channels {own:.4g})"
+                f"{largest:.4g} units at {node.name} (offset {by_offset:.4g} long, channels "
+                f"{by_channels:.4g})"
             )
     if not used:
         return used, []

@@ -7,8 +7,8 @@ skipped. Described at https://www.c3d.org.
 
 import math
 import struct
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +24,9 @@ DEC = 85
 MIPS = 86
 """Processors. DEC's numbers have the order of Intel's (84), but their own floats; those of MIPS are big-endian."""
 
+Parameter = Sequence[float | str]  # The numbers or the texts of a parameter
+QUOTES = " \"'"  # Signs around labels
+
 TEXT = -1
 SHORT = 2
 REAL = 4
@@ -34,23 +37,7 @@ ORDER = {84: "<", DEC: "<", MIPS: ">"}
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a C3D file; see `maniport.mocap.readers.read_recording`."""
     content = read_whole(file, (), RECORDING_BYTES)
-    if len(content) < BLOCK:
-        raise ValueError(f"the file is cut off in its header: {len(content)} of {BLOCK} bytes")
-    if content[1] != 0x50:
-        raise ValueError(
-            f"this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50"
-        )
-    start = BLOCK * (max(content[0], 1) - 1)
-    if start + 4 <= len(content):
-        section = content[start : start + BLOCK * content[start + 2]]
-    else:
-        section = b""
-    if len(section) < 4 or section[3] not in ORDER:
-        raise ValueError(f"its parameters are missing or damaged at byte {start}")
-    if len(section) < BLOCK * section[2]:
-        raise ValueError(
-            f"the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes"
-        )
+    section, start = _parameter_section(content)
     values = _parameters(section, start)
     positions = _points(content, section[3], values)
     rate = _number(values, "RATE")
@@ -59,24 +46,49 @@ def read(file: Path, options: ImportOptions) -> Recording:
             f"POINT:RATE must be a positive number; found {rate}; {argument('rate')} sets the frames per second"
         )
     stated = FileTimes(rates={"POINT:RATE": rate, "header": _header_rate(content, section[3])})
-    # Quotes, blanks and the subject's prefix are taken off the labels, as long as the names stay different.
-    keys = (
-        "LABELS",
-        *(f"LABELS{i}" for i in range(2, 100)),
-    )  # more than 255 labels continue in LABELS2, …
-    labels = []
-    for key in keys:
-        for label in values.get(f"POINT:{key}", []):
-            labels.append(str(label).strip(" \"'"))
-    labels += [""] * positions.shape[1]
-    labels = [label or f"point{i + 1}" for i, label in enumerate(labels[: positions.shape[1]])]
-    bare = [label.rpartition(":")[2].strip(" \"'") for label in labels]
-    if len(set(bare)) == len(bare):
-        names = bare
-    else:
-        names = labels
+    names = _names(values, positions.shape[1])
     unit = str((values.get("POINT:UNITS") or [""])[0])
     return options.recording(file, names, positions, stated, unit)
+
+
+def _parameter_section(content: bytes) -> tuple[bytes, int]:
+    """Return the section of the parameters, and the byte at which it begins."""
+    if len(content) < BLOCK:
+        raise ValueError(f"the file is cut off in its header: {len(content)} of {BLOCK} bytes")
+    if content[1] != 0x50:
+        raise ValueError(
+            f"this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50"
+        )
+    start = BLOCK * (max(content[0], 1) - 1)
+    section = b""
+    if start + 4 <= len(content):
+        section = content[start : start + BLOCK * content[start + 2]]
+    if len(section) < 4 or section[3] not in ORDER:
+        raise ValueError(f"its parameters are missing or damaged at byte {start}")
+    if len(section) < BLOCK * section[2]:
+        raise ValueError(
+            f"the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes"
+        )
+    return section, start
+
+
+def _names(values: Mapping[str, Parameter], count: int) -> list[str]:
+    """Return the names of points: labels without the subject's prefix, as long as all stay different."""
+    labels = []
+    for number in range(1, 100):  # more than 255 labels continue in LABELS2, …
+        key = "POINT:LABELS" if number == 1 else f"POINT:LABELS{number}"
+        for label in values.get(key, []):
+            labels.append(str(label).strip(QUOTES))
+    labels += [""] * count
+    names = []
+    bare = []
+    for i, label in enumerate(labels[:count]):
+        name = label or f"point{i + 1}"
+        names.append(name)
+        bare.append(name.rpartition(":")[2].strip(QUOTES))
+    if len(set(bare)) == len(bare):
+        return bare
+    return names
 
 
 def _header_rate(content: bytes, processor: int) -> float:
@@ -84,10 +96,10 @@ def _header_rate(content: bytes, processor: int) -> float:
     return float(_numbers(content[20:24], REAL, processor)[0])
 
 
-def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
+def _parameters(section: bytes, start: int) -> dict[str, Parameter]:
     """Return the parameters by ``GROUP:NAME``; each entry must lie inside the section and hold its own data."""
     groups: dict[int, str] = {}
-    parameters: list[tuple[int, str, list[Any]]] = []
+    parameters: list[tuple[int, str, Parameter]] = []
     at = 4
     end = -1
     while end != len(section) and at + 2 <= len(section) and section[at]:
@@ -106,12 +118,15 @@ def _parameters(section: bytes, start: int) -> dict[str, list[Any]]:
         else:
             parameters.append((group, name, _values(section[body + 2 : end], section[3], name)))
         at = end
-    if orphans := [name for group, name, _ in parameters if group not in groups]:
-        raise ValueError(f"its parameters are damaged: {orphans[0]} belongs to no group")
-    return {f"{groups[group]}:{name}": values for group, name, values in parameters}
+    values = {}
+    for group, name, of_name in parameters:
+        if group not in groups:
+            raise ValueError(f"its parameters are damaged: {name} belongs to no group")
+        values[f"{groups[group]}:{name}"] = of_name
+    return values
 
 
-def _values(data: bytes, processor: int, name: str) -> list[Any]:
+def _values(data: bytes, processor: int, name: str) -> Parameter:
     """Return the texts or numbers of a parameter."""
     kind, dimensions = struct.unpack_from("bB", data + bytes(2))
     extents = data[2 : 2 + dimensions]
@@ -135,13 +150,15 @@ def _text(data: bytes) -> str:
         return data.decode("latin-1").strip(" \0")
 
 
-def _number(values: dict[str, list[Any]], name: str) -> float:
+def _number(values: Mapping[str, Parameter], name: str) -> float:
+    """Return the first number of a parameter of points."""
     numbers = values.get(f"POINT:{name}") or [""]
-    if not isinstance(numbers[0], float):
+    number = numbers[0]
+    if not isinstance(number, float):
         raise ValueError(
             f"its parameters are damaged: POINT:{name} is missing or of the wrong type"
         )
-    return numbers[0]
+    return number
 
 
 def _numbers(data: bytes, kind: int, processor: int) -> Array:
@@ -154,10 +171,12 @@ def _numbers(data: bytes, kind: int, processor: int) -> Array:
         return np.frombuffer(data, ORDER[processor] + TYPES[kind]).astype(np.float64)
 
 
-def _points(content: bytes, processor: int, values: dict[str, list[Any]]) -> Array:
+def _points(content: bytes, processor: int, values: Mapping[str, Parameter]) -> Array:
     """Return the points (n_frames, n_points, 3) in the file's unit; nan where they are invalid."""
     _, analog, first, last = struct.unpack_from(f"{ORDER[processor]}HHHH", content, 2)
-    used, scale, begin = (_number(values, name) for name in ("USED", "SCALE", "DATA_START"))
+    used = _number(values, "USED")
+    scale = _number(values, "SCALE")
+    begin = _number(values, "DATA_START")
     count = int(used) % 2**16
     start = BLOCK * (int(begin) % 2**16 - 1)
     frames = _frame_count(last - first + 1, values)
@@ -194,19 +213,23 @@ def _points(content: bytes, processor: int, values: dict[str, list[Any]]) -> Arr
     return points
 
 
-def _frame_count(header: int, values: dict[str, list[Any]]) -> int:
+def _frame_count(header: int, values: Mapping[str, Parameter]) -> int:
     """Return the number of frames; what exceeds two bytes is in TRIAL or in POINT:LONG_FRAMES."""
     if 0 < header < 65_535:
         return header
-    ends = [values.get(f"TRIAL:ACTUAL_{end}_FIELD", []) for end in ("START", "END")]
-    if all(len(end) == 2 for end in ends):
-        first, last = (int(end[0]) % 2**16 + 2**16 * (int(end[1]) % 2**16) for end in ends)
-        return last - first + 1
-    counts = []
+    start = values.get("TRIAL:ACTUAL_START_FIELD", [])
+    end = values.get("TRIAL:ACTUAL_END_FIELD", [])
+    if len(start) == len(end) == 2:
+        first = _wide_number(start)
+        return _wide_number(end) - first + 1
     for name in ("LONG_FRAMES", "FRAMES"):
         for count in values.get(f"POINT:{name}", [])[:1]:
-            counts.append(count)
-    return next(
-        (int(count) for count in counts if isinstance(count, float) and header < count < np.inf),
-        header,
-    )
+            if isinstance(count, float) and header < count < np.inf:
+                return int(count)
+    return header
+
+
+def _wide_number(words: Parameter) -> int:
+    """Return a number of four bytes from two numbers of two bytes, the lower one first."""
+    low, high = words
+    return int(low) % 2**16 + 2**16 * (int(high) % 2**16)

@@ -1,7 +1,7 @@
 """Names of the columns of tables: the point and the axis, frame numbers, times, and times as text."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from contextlib import suppress
 from datetime import UTC, datetime
 from typing import NamedTuple
@@ -86,7 +86,7 @@ def coordinates_of(columns: Sequence[str]) -> dict[int, Coordinate]:
     """
     found = {}
     joined: dict[str, dict[int, Coordinate]] = {}
-    translated = set()
+    rotated = set()
     for i, column in enumerate(columns):
         if len(column) > NAME:
             continue
@@ -100,29 +100,40 @@ def coordinates_of(columns: Sequence[str]) -> dict[int, Coordinate]:
         groups = match.groupdict()
         point = groups["point"] or groups.get("inside") or ""
         if groups.get("t"):
-            translated.add(point)
+            rotated.add(f"{point}R")  # NameTx, NameRx
         coordinate = Coordinate(point, match["axis"].lower(), _unit_of(match))
         joined.setdefault(point, {})[i] = coordinate
     for of_point in joined.values():
         if sorted(coordinate.axis for coordinate in of_point.values()) == ["x", "y", "z"]:
             found |= of_point
 
-    points = {coordinate.point for coordinate in found.values()}
-    rotated = {f"{point}R" for point in translated}  # NameTx, NameRx
+    rotated |= _other_quantities({coordinate.point for coordinate in found.values()})
+    positions = {}
+    for i in sorted(found):
+        if found[i].point not in rotated:
+            positions[i] = found[i]
+    return positions
+
+
+def _other_quantities(points: Set[str]) -> set[str]:
+    """Return the names of rotations, velocities and accelerations of points among some names."""
+    others = set()
     for point in points:
-        other = _OTHER_QUANTITY.fullmatch(point)
-        if other is not None and other["point"] in points:
-            rotated.add(point)
-    kept = {i: coordinate for i, coordinate in found.items() if coordinate.point not in rotated}
-    return dict(sorted(kept.items()))
+        match = _OTHER_QUANTITY.fullmatch(point)
+        if match is not None and match["point"] in points:
+            others.add(point)
+    return others
 
 
 def has_points(columns: Sequence[str]) -> bool:
     """Whether the columns hold all three coordinates of a point."""
     axes: dict[str, set[str]] = {}
     for coordinate in coordinates_of(columns).values():
-        axes.setdefault(coordinate.point, set()).add(coordinate.axis)
-    return any(len(own) == 3 for own in axes.values())
+        of_point = axes.setdefault(coordinate.point, set())
+        of_point.add(coordinate.axis)
+        if len(of_point) == 3:
+            return True
+    return False
 
 
 def axis_of(cell: str) -> str:

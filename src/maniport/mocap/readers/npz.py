@@ -45,27 +45,43 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 raise ValueError(f"not a readable .npy file: {error}") from None
             return _points(file, options, {"positions": np.asarray(positions)})
     names = array_names(file, "recording")
-    keys: dict[str, list[str]] = load_names("file_keys.yaml")["arrays"]
-    chosen = {}
-    for what, own in keys.items():
-        chosen[what] = next((key for key in own if key in names), None)
-    rates = [key for key in keys["rate"] if key in names]
-    loaded = load_arrays(file, "recording", [*rates, *(key for key in chosen.values() if key)])
-    arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}
-    arrays.pop("rate", None)
-    arrays |= {f"{RATE}{key}": np.atleast_1d(np.asarray(loaded[key])) for key in rates}
-    poses = [arrays[key] for key in ("poses", "root", "body") if key in arrays][
-        : 1 if "poses" in arrays else 2
-    ]
-    if ("poses" in arrays or len(poses) == 2) and not {"names", "positions"} <= arrays.keys():
+    arrays = _loaded(file, names)
+    poses = _poses(arrays)
+    if poses and not {"names", "positions"} <= arrays.keys():
         return _posed(file, options, arrays, poses)
     if "positions" not in arrays:
+        missing = [key for key in ("names", "positions") if key not in arrays]
         raise ValueError(
             f"a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
-            f"missing: {', '.join(what for what in ('names', 'positions') if what not in arrays)}; "
-            f"found: {some_of(names)}"
+            f"missing: {', '.join(missing)}; found: {some_of(names)}"
         )
     return _points(file, options, arrays)
+
+
+def _loaded(file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Return the arrays that are used, by what they hold; all rates of a file by their own names."""
+    keys: dict[str, list[str]] = load_names("file_keys.yaml")["arrays"]
+    rates = [key for key in keys["rate"] if key in names]
+    chosen = {f"{RATE}{key}": key for key in rates}
+    for content, spellings in keys.items():
+        key = next((key for key in spellings if key in names), None)
+        if key is not None and content != "rate":
+            chosen[content] = key
+
+    loaded = load_arrays(file, "recording", list(chosen.values()))
+    arrays = {}
+    for content, key in chosen.items():
+        arrays[content] = np.atleast_1d(np.asarray(loaded[key]))
+    return arrays
+
+
+def _poses(arrays: Mapping[str, NDArray[Any]]) -> list[NDArray[Any]]:
+    """Return pose parameters, in one array or in those of root and body; empty where one of them is missing."""
+    if "poses" in arrays:
+        return [arrays["poses"]]
+    if {"root", "body"} <= arrays.keys():
+        return [arrays["root"], arrays["body"]]
+    return []
 
 
 def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any]]) -> Recording:
@@ -80,32 +96,37 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, NDArray[Any
     names_file = file.with_suffix(".names.txt")
     unit = next(map(str, arrays.get("unit", np.array("")).flat), "")
     notes: list[str] = []
-    if "names" in arrays:
-        names = arrays["names"].tolist()
-    else:
-        names = None
-    if names is None and names_file.exists():
-        names = list(
-            filter(
-                None,
-                map(str.strip, decoded(read_whole(names_file, (), SETTINGS_BYTES)).splitlines()),
-            )
-        )
     warnings: list[str] = []
-    if names is None:
+    names: list[object]
+    if "names" in arrays:
+        names = [_as_text(name) for name in arrays["names"].tolist()]
+    elif names_file.exists():
+        text = decoded(read_whole(names_file, (), SETTINGS_BYTES))
+        names = [line.strip() for line in text.splitlines() if line.strip()]
+    else:
         order = recognized_order(load_names("joint_orders.yaml")["skeletons"], positions)
         if not order.names:
             advice = f"write one name per line into '{names_file.name}' next to it"
             raise ValueError(f"{count} joints without names; {advice} ({order.text})")
         names = list(order.names)
-        (warnings if order.is_assumed else notes).append(order.text)
-    names = [name.decode("utf-8", "replace") if isinstance(name, bytes) else name for name in names]
-    if len(names) != count or not all(isinstance(name, str) for name in names):
+        if order.is_assumed:
+            warnings.append(order.text)
+        else:
+            notes.append(order.text)
+    texts = [name for name in names if isinstance(name, str)]
+    if len(names) != count or len(texts) != count:
         raise ValueError(
             f"names must be {count} texts, one for each point; found {len(names)}: {str(names)[:80]}"
         )
     times = _times(arrays, len(positions), options)
-    return options.recording(file, names, positions, times, unit, notes, warnings)
+    return options.recording(file, texts, positions, times, unit, notes, warnings)
+
+
+def _as_text(name: object) -> object:
+    """Decode a text in bytes; other values stay."""
+    if isinstance(name, bytes):
+        return name.decode("utf-8", "replace")
+    return name
 
 
 def _times(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOptions) -> FileTimes:

@@ -1,14 +1,13 @@
 """Arrays of joints without names: the skeleton in whose order they are, by its arms and by its sides."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.arms.chain import RIGHT
 from maniport.mocap.body_sides import MOST_FRAMES, BodySides, body_sides
-from maniport.mocap.readers import arm_error
+from maniport.mocap.readers import Coordinates, arm_error
 from maniport.mocap.recording import MAX_POSITION, Recording
 from maniport.mocap.roles import find_roles, other_side
 
@@ -21,37 +20,32 @@ class Order(NamedTuple):
     is_assumed: bool = False  # whether the text is a warning
 
 
-def recognized_order(skeletons: Mapping[str, Sequence[str]], positions: NDArray[Any]) -> Order:
+def recognized_order(skeletons: Mapping[str, Sequence[str]], positions: Coordinates) -> Order:
     """Recognize the order of joints (n, k, 3) among those of skeletons, in any unit of length.
 
     The arms must have constant lengths. Orders that are the same but for the sides are told apart by the body; where it
     shows nothing, the first is assumed. A body that contradicts the only order has its sides exchanged.
     """
-    count = positions.shape[1]
-    fits = {}
-    for name, joints in skeletons.items():
-        if len(joints) == count and arm_error(joints, positions) < 1.0:
-            fits[name] = tuple(joints)
+    fits = _fitting_orders(skeletons, positions)
     if not fits:
         listed = ", ".join(f"{len(joints)} ({name})" for name, joints in skeletons.items())
         return Order((), f"recognized by their number are {listed}")
 
     first, *others = fits
-    exchanged = tuple(other_side(joint) for joint in fits[first])
+    order = fits[first]
+    exchanged = tuple(map(other_side, order))
     mirrored = [name for name in others if fits[name] == exchanged]
     if len(others) > len(mirrored):
         return Order((), f"{' and '.join(fits)} both fit")
 
+    count = len(order)
     taken = f"{count} joints without names: taken as {first}"
-    sides = _sides(fits[first], positions)
+    sides = _sides(order, positions)
     if sides.agree or not (sides.contradict or mirrored):
-        return Order(fits[first], f"{taken}, in which their arms have constant lengths")
+        return Order(order, f"{taken}, in which their arms have constant lengths")
     if not sides.contradict:
-        return Order(
-            fits[first],
-            f"{taken}, not as {mirrored[0]}; the body does not show which side is left: check it",
-            is_assumed=True,
-        )
+        text = f"{taken}, not as {mirrored[0]}; the body does not show which side is left: check it"
+        return Order(order, text, is_assumed=True)
     if mirrored:
         cause = "of the two orders of this skeleton the body shows this one"
         return Order(exchanged, f"{count} joints without names: taken as {mirrored[0]}; {cause}")
@@ -59,7 +53,18 @@ def recognized_order(skeletons: Mapping[str, Sequence[str]], positions: NDArray[
     return Order(exchanged, f"{taken} with left and right exchanged, since {cause}", True)
 
 
-def _sides(names: Sequence[str], positions: NDArray[Any]) -> BodySides:
+def _fitting_orders(
+    skeletons: Mapping[str, Sequence[str]], positions: Coordinates
+) -> dict[str, tuple[str, ...]]:
+    """Return the orders in which joints (n, k, 3) have arms of constant lengths, by the names of skeletons."""
+    fits = {}
+    for name, joints in skeletons.items():
+        if len(joints) == positions.shape[1] and arm_error(joints, positions) < 1.0:
+            fits[name] = tuple(joints)
+    return fits
+
+
+def _sides(names: Sequence[str], positions: Coordinates) -> BodySides:
     """Compare the sides of an order of joints with the body."""
     every = -(-len(positions) // MOST_FRAMES)
     with np.errstate(over="ignore"):  # of wider floating-point types

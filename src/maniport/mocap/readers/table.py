@@ -6,8 +6,8 @@ section ``Trajectories`` of its ASCII export. Qualisys Track Manager: the TSV fi
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import islice, pairwise, takewhile
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -130,8 +130,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
         table = table._replace(unit=unit or table.unit)
         return _one_row_a_point(file, options, table, columns)
     _require_usable_names(table)
-    counter = next((columns.index(word) for word in COUNTERS[:-1] if word in columns), None)
-    table = table._replace(frame_column=counter)
+    table = table._replace(frame_column=_first_column(columns, COUNTERS[:-1]))
     if not coordinates_of(table.columns):
         table = _nexus(file) or _names_above_axes(head) or table
     return _one_row_a_frame(file, options, table)
@@ -139,42 +138,64 @@ def read(file: Path, options: ImportOptions) -> Recording:
 
 def _named_columns(head: Sequence[Row]) -> Table:
     """Return a table with one line of names, which may have lines of a title above it or be a comment."""
-    rows = [row for row in head if not row[1].lstrip().startswith("#")]
+    rows = []
     comments = []
     for number, line in head:
         if line.lstrip().startswith("#"):
             comments.append((number, line.lstrip(" \t#")))
+        else:
+            rows.append((number, line))
     if rows and rows[0][1].strip(' "').startswith("sep="):  # written by Excel
         rows = rows[1:]
     if not rows:
         raise ValueError("the file holds no lines")
 
     named = _row_of_names([*comments, *rows])
-    title = []
     if named is None:
         number, line = rows[0]
-    else:
-        number, line = named
-        title = [above for below, above in head if below < number]
+        separator = _separator_of(line)
+        return Table(
+            fields_of(line, separator), first=number + 1, separator=separator, comments=True
+        )
+    number, line = named
     separator = _separator_of(line)
-    stated = ""
-    below = next(((i, text_below) for i, text_below in rows if i > number), None)
-    if below is not None and named is not None:
-        units = _units_of(fields_of(below[1], separator))
-        if units is not None:
+    title = [above for row, above in head if row < number]
+    unit, rates = _stated_in_title("\n".join(title))
+    below = next((row for row in rows if row[0] > number), None)
+    if below is not None:
+        stated = _units_of(fields_of(below[1], separator))
+        if stated is not None:
             number = below[0]
-            stated = units
-    content = "\n".join(title)
-    rate = _STATED_RATE.search(content)
-    unit = _STATED_UNIT.search(content)
+            unit = stated or unit
     return Table(
         fields_of(line, separator),
         first=number + 1,
         separator=separator,
-        unit=stated or ("" if unit is None else known_unit(unit[1]) or ""),
-        rates={} if rate is None else _rates({"rate": rate[1]}, "rate"),
+        unit=unit,
+        rates=rates,
         comments=True,
     )
+
+
+def _stated_in_title(title: str) -> tuple[str, dict[str, float]]:
+    """Return the unit of length, empty where there is none, and the frame rates that lines above a table state."""
+    unit = ""
+    found = _STATED_UNIT.search(title)
+    if found is not None:
+        unit = known_unit(found[1]) or ""
+    rates = {}
+    found = _STATED_RATE.search(title)
+    if found is not None:
+        rates = _rates({"rate": found[1]}, "rate")
+    return unit, rates
+
+
+def _first_column(columns: Sequence[str], names: Iterable[str]) -> int | None:
+    """Return the column with the first of some names that there is."""
+    for name in names:
+        if name in columns:
+            return columns.index(name)
+    return None
 
 
 def _units_of(cells: Sequence[str]) -> str | None:
@@ -188,8 +209,13 @@ def _units_of(cells: Sequence[str]) -> str | None:
             return None
     if not units:
         return None
-    if len(units) == 1:
-        return units.pop()
+    return _only_one(units)
+
+
+def _only_one(texts: set[str]) -> str:
+    """Return the text where there is one; else an empty one."""
+    if len(texts) == 1:
+        return next(iter(texts))
     return ""
 
 
@@ -225,7 +251,7 @@ def _name_column(columns: Sequence[str]) -> int | None:
     for word in POINT_WORDS:
         for end in ("", "_name", " name", "name"):
             words.append(f"{word}{end}")
-    return next((columns.index(word) for word in words if word in columns), None)
+    return _first_column(columns, words)
 
 
 def _names_above_axes(head: Sequence[Row]) -> Table | None:
@@ -237,33 +263,42 @@ def _names_above_axes(head: Sequence[Row]) -> Table | None:
             continue
         if [axis_of(cell) for cell in axes].count("x") < 1 or is_numbers(axes):
             continue
-        names = _padded(line, separator, len(axes))
-        columns = []
-        point = ""
-        for cell, axis in zip(names, axes, strict=True):
-            own = cell or axis
-            if TIME.fullmatch(own) or own.lower() in COUNTERS:
-                columns.append(own)
-                continue
-            point = cell or point
-            columns.append(f"{point}_{axis_of(axis) or axis}" if point else "")
+        columns = _named_axes(_padded(line, separator, len(axes)), axes)
         if len(coordinates_of(columns)) < 3:
             continue
         small = [column.lower() for column in columns]
-        counter = next((small.index(word) for word in COUNTERS[:-1] if word in small), None)
+        counter = _first_column(small, COUNTERS[:-1])
         if counter is None and not any(map(TIME.fullmatch, columns)):
             counter = 0
-        units = {unit_of_axis(cell) for cell in axes} - {""}
+        units = set(map(unit_of_axis, axes))
         return Table(
             _first_of_each(columns),
             first=number + 1,
             separator=separator,
-            unit=units.pop() if len(units) == 1 else "",
+            unit=_only_one(units - {""}),
             frame_column=counter,
             comments=True,
             are_plain=True,
         )
     return None
+
+
+def _named_axes(names: Sequence[str], axes: Sequence[str]) -> list[str]:
+    """Return columns NAME_x, NAME_y, NAME_z, from names above the first axis of each point; others keep their names."""
+    columns = []
+    point = ""
+    for cell, axis in zip(names, axes, strict=True):
+        name = cell or axis
+        if TIME.fullmatch(name) or name.lower() in COUNTERS:
+            columns.append(name)
+            continue
+        point = cell or point
+        if point:
+            name = f"{point}_{axis_of(axis) or axis}"
+        else:
+            name = ""
+        columns.append(name)
+    return columns
 
 
 def _columns_of_places(names: Sequence[str]) -> tuple[list[str], str]:
@@ -285,7 +320,7 @@ def _columns_of_places(names: Sequence[str]) -> tuple[list[str], str]:
         return columns, ""
     for axis, i in places.items():
         columns[i] = axis
-    return columns, units.pop() if len(units) == 1 else ""
+    return columns, _only_one(units)
 
 
 def _blocks(file: Path, table: Table) -> Iterator[Block]:
@@ -326,34 +361,49 @@ def _points_of(table: Table) -> tuple[dict[str, dict[str, int]], str]:
         if axes.setdefault(coordinate.axis, i) != i:
             raise ValueError(f"the column {table.columns[i]!r} occurs twice")
         units.add(coordinate.unit)
-    missing = [
-        f"{name}_{axis}" for name, axes in points.items() for axis in "xyz" if axis not in axes
-    ]
-    if not points or missing:
+    fault = ""
+    if not points:
         fault = "the table holds no positions of points"
-        if missing:
-            fault = f"there is no column {missing[0]}"
+    for name, axes in points.items():
+        for axis in "xyz":
+            if axis not in axes and not fault:
+                fault = f"there is no column {name}_{axis}"
+    if fault:
         raise ValueError(
             f"{fault}; {table.advice}; found columns {', '.join(table.columns[:8])[:200]}"
         )
-    return points, units.pop() if len(units) == 1 else ""
+    return points, _only_one(units)
+
+
+def _confidence_columns(columns: Sequence[str], points: Collection[str]) -> dict[str, int]:
+    """Return the columns of the confidences of points."""
+    confidence = {}
+    for i, column in enumerate(columns):
+        match = _CONFIDENCE.fullmatch(column)
+        if match and match[1] in points:
+            confidence[match[1]] = i
+    return confidence
 
 
 def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Recording:
     points, unit = _points_of(table)
-    confidence: dict[str, int] = {}
-    for i, column in enumerate(table.columns):
-        match = _CONFIDENCE.fullmatch(column)
-        if match and match[1] in points:
-            confidence[match[1]] = i
+    confidence = _confidence_columns(table.columns, points)
     clock, per_second = _clock(table.columns)
-    axes = [columns[axis] for columns in points.values() for axis in "xyz"]
-    clocks = [column for column in (clock, table.frame_column) if column is not None]
+    axes = []
+    for columns in points.values():
+        axes += [columns["x"], columns["y"], columns["z"]]
+    clocks = []
+    if clock is not None:
+        clocks.append(clock)
+    if table.frame_column is not None:
+        clocks.append(table.frame_column)
 
     has_text = clock is not None and _is_text(file, table, clock)
     blocks = _blocks(file, table)
+    size = file.stat().st_size
     times: FrameTimes | None = None
     if options.crops:
+        size = 0  # of the part, which is not known
         numbers = _scanned(blocks, table, clocks)
         times = _times(options, table, numbers, clock, per_second)
         part = times.rows_between(options.start, options.stop)
@@ -368,10 +418,6 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     reader = text.NumberTable(
         len(table.columns), groups, table.separator, short=table.short, texts=texts
     )
-    if options.crops:
-        size = 0
-    else:
-        size = file.stat().st_size
     coordinates, confidences, numbers = reader.read(blocks, size)
     positions = coordinates.reshape(len(coordinates), -1, 3)
     if times is None:
@@ -384,9 +430,9 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     names = list(points)
     notes = []
     if confidence:
-        columns = [names.index(name) for name in confidence]
+        rows = [names.index(name) for name in confidence]
         trusted = np.ones(positions.shape[:2])
-        trusted[:, columns] = confidences
+        trusted[:, rows] = confidences
         notes = drop_untrusted(positions, trusted)
     warnings = list(table.warnings)
     if text.is_cut_off(table.declared_frames, count):
@@ -407,7 +453,7 @@ def _is_text(file: Path, table: Table, clock: int) -> bool:
 
 def _times_of(labels: text.Labels) -> Array:
     """Return the times [s] of rows from their texts."""
-    seconds = np.array([as_time(label) for label in labels.names])
+    seconds = np.array(list(map(as_time, labels.names)))
     return np.array(increasing(seconds[labels.indices()].tolist()))
 
 
@@ -446,17 +492,24 @@ def _one_row_a_point(
 ) -> Recording:
     """Read rows of points; those of one time, or of one frame number, make a frame."""
     clock, per_second = _clock(columns)
-    counters = [i for i, column in enumerate(columns) if column in COUNTERS]
-    if clock is None and not counters:
+    counter = clock
+    if counter is None:
+        counter = next((i for i, column in enumerate(columns) if column in COUNTERS), None)
+    if counter is None:
         raise ValueError(f"{LAYOUTS}; there is no column time")
-    counter = counters[0] if clock is None else clock
     has_text = clock is not None and _is_text(file, table, clock)
-    texts = [columns.index(word) for word in PERSON_WORDS if word in columns][:1]
+    texts = []
+    person = _first_column(columns, PERSON_WORDS)
+    if person is not None:
+        texts.append(person)
     texts.append(int(_name_column(columns) or 0))
+    numbers = []
     if has_text:
         texts.append(counter)
-    groups = ([columns.index(axis) for axis in "xyz"], [] if has_text else [counter])
-    reader = text.NumberTable(len(columns), groups, table.separator, texts=texts)
+    else:
+        numbers.append(counter)
+    axes = [columns.index(axis) for axis in "xyz"]
+    reader = text.NumberTable(len(columns), (axes, numbers), table.separator, texts=texts)
     places, counts = reader.read(_blocks(file, table), file.stat().st_size)
     if has_text:
         counts = _times_of(reader.labels.pop())[:, None]
@@ -492,9 +545,10 @@ def _named_points(labels: list[text.Labels]) -> tuple[list[str], NDArray[np.int6
     used, order, indices = np.unique(pairs, return_index=True, return_inverse=True)
     ranks = np.argsort(np.argsort(order))  # of the first row of each
     persons = list(labels[0].names)
-    both = [f"{persons[pair // len(names)]}:{names[pair % len(names)]}" for pair in used.tolist()]
-    by_rank = [both[i] for i in np.argsort(order).tolist()]
-    return by_rank, ranks[indices].astype(np.int64)
+    names_of_pairs = []
+    for pair in used[np.argsort(order)].tolist():
+        names_of_pairs.append(f"{persons[pair // len(names)]}:{names[pair % len(names)]}")
+    return names_of_pairs, ranks[indices].astype(np.int64)
 
 
 def _frames_of(counts: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -533,16 +587,9 @@ def _is_trc(head: Sequence[Row]) -> bool:
 
 def _trc(head: Sequence[Row]) -> Table:
     """Read the header: kind of file, keys, their values, names and axes; the names alone are indispensable."""
-    keys = next((i for i, (_, line) in enumerate(head[:4]) if line.split()[:1] == ["DataRate"]), 1)
-    named = next(
-        (i for i, (_, line) in enumerate(head[:12]) if line.lower().lstrip().startswith("frame#")),
-        keys + 2,
-    )
-    if len(head) <= named:  # kind of file, keys, their values, names, axes
-        if head:
-            last = head[-1][0]
-        else:
-            last = 0
+    keys, named = _trc_rows(head)
+    if len(head) <= named:
+        last = head[-1][0] if head else 0
         raise ValueError(f"the file is cut off in its header, at line {last}")
     header = {}
     if keys + 1 < named:
@@ -551,24 +598,21 @@ def _trc(head: Sequence[Row]) -> Table:
         header = dict(zip(filter(None, names_of_keys), values, strict=False))
 
     number, line = head[named]
-    if "\t" in line:
-        separator: str | None = "\t"
-    else:
+    separator: str | None = "\t"
+    if "\t" not in line:
         separator = _separator_of(line)
-    labels = [name for name in fields_of(line, separator)[2:] if name]
-    last = number
-    axes: list[str] = []
-    if named + 1 < len(head):
-        cells = fields_of(head[named + 1][1], separator)
-        if any(map(axis_of, cells)):
-            axes = [cell for cell in cells if cell]
-            last = head[named + 1][0]
-    if len(head) == named + 1 or (axes and len(head) == named + 2):
+    labels = list(filter(None, fields_of(line, separator)[2:]))
+    axes = _trc_axes(head[named + 1 :], separator)
+    last = named + (len(axes) > 0)
+    if len(head) == last + 1:
         raise ValueError(f"the file is cut off in its header, at line {head[-1][0]}")
     if not axes:
         axes = ["X", "Y", "Z"] * len(labels)
     names = _trc_names(labels, axes, header.get("NumMarkers", ""), number)
-    columns = ["", "time", *_columns([name for name in names for _ in "XYZ"], "XYZ" * len(names))]
+    points = []
+    for name in names:
+        points += [name, name, name]
+    columns = ["", "time", *_columns(points, "XYZ" * len(names))]
     warnings = []
     if separator != "\t":
         what = "blanks" if separator is None else repr(separator)
@@ -577,7 +621,7 @@ def _trc(head: Sequence[Row]) -> Table:
         )
     return Table(
         columns,
-        first=last + 1,
+        first=head[last][0] + 1,
         separator=separator,
         unit=header.get("Units", ""),
         rates=_rates(header, "DataRate"),
@@ -588,6 +632,29 @@ def _trc(head: Sequence[Row]) -> Table:
         declared_frames=header.get("NumFrames", ""),
         are_plain=True,
     )
+
+
+def _trc_rows(head: Sequence[Row]) -> tuple[int, int]:
+    """Return the indices of the rows of keys and of names in the header of a TRC file."""
+    keys = 1
+    for i, (_, line) in enumerate(head[:4]):
+        if line.split()[:1] == ["DataRate"]:
+            keys = i
+            break
+    for i, (_, line) in enumerate(head[:12]):
+        if line.lower().lstrip().startswith("frame#"):
+            return keys, i
+    return keys, keys + 2
+
+
+def _trc_axes(below: Sequence[Row], separator: str | None) -> list[str]:
+    """Return the names of the axes in the row below the names of points; empty where it has none."""
+    if not below:
+        return []
+    cells = fields_of(below[0][1], separator)
+    if any(map(axis_of, cells)):
+        return list(filter(None, cells))
+    return []
 
 
 def _tabbed_fields(line: str) -> list[str]:
@@ -606,10 +673,11 @@ def _trc_names(
     if len(labels) in (3 * count, len(axes)) and len(labels) % 3 == 0:
         names: list[str] = []
         for i in range(0, len(labels), 3):
-            own = set(labels[i : i + 3])
-            if len(own) > 1:
-                own = {_COLUMN_AXIS.sub("", label) for label in own}
-            names += own if len(own) == 1 else []
+            of_point = set(labels[i : i + 3])
+            if len(of_point) > 1:
+                of_point = {_COLUMN_AXIS.sub("", label) for label in of_point}
+            if len(of_point) == 1:
+                names += of_point
         if 3 * len(names) == len(labels):
             return names
     if len(labels) != count and len(axes) == 3 * count:
@@ -634,31 +702,27 @@ def _motive(rows: Sequence[Row]) -> Table:
     separator = separator_of(rows[0][1])
     cells = fields_of(rows[0][1], separator)
     header = dict(zip(cells[::2], cells[1::2], strict=False))
-    start = next(
-        (
-            i
-            for i, row in enumerate(rows)
-            if i > 3 and row[1].lower().lstrip('"').startswith("frame")
-        ),
-        None,
-    )
-    if start is None:
+    start = 4
+    while start < len(rows) and not rows[start][1].lower().lstrip('"').startswith("frame"):
+        start += 1
+    if start >= len(rows):
         raise ValueError("the header of Motive is cut off: there is no line that begins with Frame")
     axes = fields_of(rows[start][1], separator)
-    types, names, kinds = (_padded(rows[i][1], separator, len(axes)) for i in (1, 2, start - 1))
-    solved = (
-        "Rigid Body Marker",
-        "Bone Marker",
-    )  # expected positions of markers that are recorded, too
+    types = _padded(rows[1][1], separator, len(axes))
+    names = _padded(rows[2][1], separator, len(axes))
+    kinds = _padded(rows[start - 1][1], separator, len(axes))
+    # these are the expected positions of markers that are recorded, too
+    solved = ("Rigid Body Marker", "Bone Marker")
     measured = set()
     for name, type_ in zip(names, types, strict=True):
         if type_ not in solved:
             measured.add(name)
     points = []
     for type_, name, kind in zip(types, names, kinds, strict=True):
-        points.append(
-            name if kind == "Position" and (type_ not in solved or name not in measured) else ""
-        )
+        if kind == "Position" and (type_ not in solved or name not in measured):
+            points.append(name)
+        else:
+            points.append("")
     columns = _columns(points, axes)
     columns[1:2] = ["time"]
     rates = _rates(header, "Export Frame Rate") or _rates(header, "Capture Frame Rate")
@@ -676,26 +740,10 @@ def _motive(rows: Sequence[Row]) -> Table:
 
 def _nexus(file: Path) -> Table | None:
     """Find the section of markers of Nexus: title, rate, names, axes, units, numbers; None in other files."""
-    sections = []
     lines = text.lines_of(file)
-    before = ""
-    title = ""
-    start = 0  # number of the line of the title
-    for number, line in lines:
-        start = number
-        title = line.strip(',;\t "')
-        if title == "Trajectories":
-            break
-        if not before and title in NEXUS_SECTIONS and title not in sections:
-            sections.append(title)
-        before = title
-    if title != "Trajectories":
-        if not sections:
-            return None
-        raise ValueError(
-            "the table holds no positions of points: in Nexus export Trajectories; found the sections "
-            f"{', '.join(sections)}"
-        )
+    start = _start_of_trajectories(lines)
+    if start is None:
+        return None
     header = [line for _, line in islice(lines, 4)]
     if len(header) < 4:
         raise ValueError(f"the header of Nexus is cut off at line {start + len(header)}")
@@ -704,9 +752,11 @@ def _nexus(file: Path) -> Table | None:
     points = _padded(header[1], separator, len(axes))
     for i in range(1, len(points)):
         points[i] = points[i] or points[i - 1]  # a name is above the first of its columns
-    units = {
-        unit for cell in fields_of(header[3], separator) if (unit := known_unit(cell)) is not None
-    }
+    units = set()
+    for cell in fields_of(header[3], separator):
+        unit = known_unit(cell)
+        if unit is not None:
+            units.add(unit)
     rates = {}
     rate = positive_number(header[0].strip(separator + ' "'))
     if rate is not None:
@@ -715,7 +765,7 @@ def _nexus(file: Path) -> Table | None:
         _columns(points, axes),
         first=start + 5,
         separator=separator,
-        unit=units.pop() if len(units) == 1 else "",
+        unit=_only_one(units),
         rates=rates,
         advice="in Nexus export trajectories",
         frame_column=0 if axes[:1] == ["Frame"] else None,
@@ -724,23 +774,45 @@ def _nexus(file: Path) -> Table | None:
     )
 
 
-def _qualisys(rows: Sequence[Row]) -> Table:
-    # until the names of the columns, or the first numbers; keys of events repeat
-    head = list(
-        takewhile(lambda fields: fields[0].isupper(), (fields_of(line, "\t") for _, line in rows))
+def _start_of_trajectories(lines: Iterable[Row]) -> int | None:
+    """Advance to the title of the section of markers, and return its line; None where there is no section of Nexus."""
+    sections = []
+    before = ""
+    for number, line in lines:
+        title = line.strip(',;\t "')
+        if title == "Trajectories":
+            return number
+        if not before and title in NEXUS_SECTIONS and title not in sections:
+            sections.append(title)
+        before = title
+    if not sections:
+        return None
+    raise ValueError(
+        "the table holds no positions of points: in Nexus export Trajectories; found the sections "
+        f"{', '.join(sections)}"
     )
-    header = {key: list(filter(None, values)) for key, *values in head}
+
+
+def _qualisys(rows: Sequence[Row]) -> Table:
+    header: dict[str, list[str]] = {}
+    count = 0
+    # keys are in capitals, until the names of the columns or the first numbers; those of events repeat
+    for _, line in rows:
+        key, *values = fields_of(line, "\t")
+        if not key.isupper():
+            break
+        header[key] = list(filter(None, values))
+        count += 1
     content = " ".join(header.get("DATA_INCLUDED", ["3D"]))
     if content not in ("3D", "Position"):
         raise ValueError(
             f"it holds {content}, not positions of markers; export 3D data from Qualisys"
         )
-    last = rows[len(head) - 1][0]
-    rows = rows[len(head) :]
+    last = rows[count - 1][0]
+    rows = rows[count:]
+    first = []
     if rows:
         first = fields_of(rows[0][1], "\t")
-    else:
-        first = []
     columns = []
     for name in header.get("MARKER_NAMES", ()):
         for axis in "xyz":
@@ -775,11 +847,18 @@ def _columns(points: Sequence[str], axes: Sequence[str]) -> list[str]:
     """Name the columns of points; later ones of the same name, as of markers that two models claim, are not used."""
     columns = []
     for name, axis in zip(points, axes, strict=True):
-        columns.append(f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else "")
+        if name and axis in ("X", "Y", "Z"):
+            columns.append(f"{name}_{axis.lower()}")
+        else:
+            columns.append("")
     return _first_of_each(columns)
 
 
 def _first_of_each(columns: Sequence[str]) -> list[str]:
     """Return columns of which later ones of the same name are empty."""
-    first = {column: i for i, column in reversed([*enumerate(columns)])}
-    return [column if first[column] == i else "" for i, column in enumerate(columns)]
+    seen = set()
+    unique = []
+    for column in columns:
+        unique.append("" if column in seen else column)
+        seen.add(column)
+    return unique

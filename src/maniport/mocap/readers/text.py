@@ -110,7 +110,7 @@ def row_blocks(
             block = Block(numbers[before:], lines[before:])
             ends_here = False
             if end is not None:
-                last = next((i for i, line in enumerate(block.lines) if not line.strip(end)), None)
+                last = _first_of(block.lines, end)
                 ends_here = last is not None
                 block = Block(block.numbers[:last], block.lines[:last])
             if any(map(str.isspace, block.lines)):
@@ -121,6 +121,14 @@ def row_blocks(
                 yield block
             if ends_here:
                 return
+
+
+def _first_of(lines: Sequence[str], characters: str) -> int | None:
+    """Return the index of the first line that is made up of some characters; None where there is none."""
+    for i, line in enumerate(lines):
+        if not line.strip(characters):
+            return i
+    return None
 
 
 def sliced(blocks: Iterable[Block], rows: slice) -> Iterator[Block]:
@@ -154,10 +162,7 @@ def encoding_of(content: bytes) -> str:
             return encoding
     content = content[:HEAD]
     for encoding, (period, places) in WIDE.items():
-        letters = content[:256]
-        zeros = [letters[place::period] for place in places]
-        is_text = len(letters) >= 2 * period and letters[:period].strip(b"\0") != b""
-        if is_text and all(part.count(0) > 0.6 * len(part) for part in zeros):
+        if _is_wide(content[:256], period, places):
             return encoding
     if content.isascii() or _is_decodable(content, "utf-8"):
         return "utf-8-sig"
@@ -165,6 +170,17 @@ def encoding_of(content: bytes) -> str:
         if _is_decodable(content, encoding) and _is_japanese(content, encoding):
             return encoding
     return "utf-8-sig"
+
+
+def _is_wide(letters: bytes, period: int, places: Sequence[int]) -> bool:
+    """Whether letters of so many bytes have most zeros where those of ASCII have them."""
+    if len(letters) < 2 * period or letters[:period].strip(b"\0") == b"":
+        return False
+    for place in places:
+        zeros = letters[place::period]
+        if zeros.count(0) <= 0.6 * len(zeros):
+            return False
+    return True
 
 
 def _decoded_part(content: bytes, encoding: str) -> str:
@@ -182,12 +198,13 @@ def _is_decodable(content: bytes, encoding: str) -> bool:
 
 def _is_japanese(content: bytes, encoding: str) -> bool:
     """Whether letters beyond ASCII are those of Japanese, most of them kana or the words of sides and limbs."""
-    letters = [letter for letter in _decoded_part(content, encoding) if not letter.isascii()]
-    usual = []
-    for letter in letters:
-        if letter in COMMON_KANJI or "\u3040" <= letter <= "\u30ff":
-            usual.append(letter)
-    return len(usual) > 0.5 * len(letters)
+    count = 0
+    usual = 0
+    for letter in _decoded_part(content, encoding):
+        if not letter.isascii():
+            count += 1
+            usual += letter in COMMON_KANJI or "\u3040" <= letter <= "\u30ff"
+    return usual > 0.5 * count
 
 
 def _kept(block: Block, flags: Sequence[bool]) -> Block:
@@ -316,7 +333,7 @@ class NumberTable:
         self.used = [column for group in groups for column in group]
         self.count = 0
         self._has_gaps = False  # whether empty fields are to be expected
-        self.arrays = [np.empty((expected, len(group))) for group in groups]
+        self.arrays = self._empty_arrays(expected)
 
     def read(self, blocks: Iterable[Block], size: int = 0) -> list[Array]:
         """Return the arrays, each of shape (n_rows, len(group)); placeholders are nan.
@@ -351,7 +368,10 @@ class NumberTable:
         characters = sum(map(len, block.lines))
         rows = int(1.01 * size * len(block.lines) / max(characters, 1)) + 1
         rows = min(rows, 3 * PLACES // self.width)
-        self.arrays = [np.empty((rows, len(group))) for group in self.groups]
+        self.arrays = self._empty_arrays(rows)
+
+    def _empty_arrays(self, rows: int) -> list[Array]:
+        return [np.empty((rows, len(group))) for group in self.groups]
 
     def _append(self, block: Block, is_last: bool) -> None:
         end = self.count + len(block.lines)
@@ -379,8 +399,7 @@ class NumberTable:
         """Parse rows of numbers and labels at once; None where there are no labels or a row is unusual."""
         if not self.texts:
             return None
-        if self.separator != "," and "," in lines[0]:
-            lines = [line.replace(",", ".") for line in lines]
+        lines = self._with_points(lines)
         table = self._structured(lines)
         if table is None:
             return None
@@ -400,7 +419,10 @@ class NumberTable:
 
     def _longest(self, table: NDArray[np.void]) -> int:
         """Return the number of letters of the longest label."""
-        return max(int(np.char.str_len(table[f"f{column}"]).max()) for column in self.texts)
+        longest = 0
+        for column in self.texts:
+            longest = max(longest, int(np.char.str_len(table[f"f{column}"]).max()))
+        return longest
 
     def _structured(self, lines: list[str]) -> NDArray[np.void] | None:
         """Parse rows as numbers, labels and, in the other columns, the first letter; None where it fails."""
@@ -428,22 +450,12 @@ class NumberTable:
     def _parsed(self, lines: list[str]) -> Array | None:
         """Parse rows at once, shape (len(lines), columns in use); None where a row is unusual."""
         if self.separator is None:
-            if "," in lines[0]:
-                lines = [line.replace(",", ".") for line in lines]
-            numbers = _loaded(lines, None, None)
-            if numbers is None or numbers.shape[1] != self.width:
-                return None
-            if self.used == [*range(self.width)]:
-                return numbers
-            return numbers[:, self.used]
+            return self._whole_table(self._with_points(lines))
 
         if self._is_all_numbers and 2 * len(self.used) > self.width:
-            # without usecols `loadtxt` counts the fields itself
-            numbers = _loaded(lines, self.separator, None)
-            if numbers is not None and numbers.shape[1] == self.width:
-                if self.used == [*range(self.width)]:
-                    return numbers
-                return numbers[:, self.used]
+            numbers = self._whole_table(lines)
+            if numbers is not None:
+                return numbers
             self._is_all_numbers = False
 
         separators = self.width - 1
@@ -452,8 +464,7 @@ class NumberTable:
             if fitted is None:
                 return None
             lines = fitted
-        if self.separator != "," and "," in lines[0]:
-            lines = [line.replace(",", ".") for line in lines]
+        lines = self._with_points(lines)
         numbers = None
         if not self._has_gaps:
             numbers = _loaded(lines, self.separator, self.used)
@@ -461,6 +472,23 @@ class NumberTable:
             numbers = _loaded(self._with_nan(lines), self.separator, self.used)
             self._has_gaps = numbers is not None
         return numbers
+
+    def _with_points(self, lines: list[str]) -> list[str]:
+        """Return lines with points in place of decimal commas."""
+        if self.separator == "," or "," not in lines[0]:
+            return lines
+        return [line.replace(",", ".") for line in lines]
+
+    def _whole_table(self, lines: list[str]) -> Array | None:
+        """Parse all fields, and return the columns in use; None where a row is unusual."""
+        numbers = _loaded(
+            lines, self.separator, None
+        )  # without usecols `loadtxt` counts the fields
+        if numbers is None or numbers.shape[1] != self.width:
+            return None
+        if self.used == [*range(self.width)]:
+            return numbers
+        return numbers[:, self.used]
 
     def _fitted(self, lines: list[str]) -> list[str] | None:
         """Return lines with the right number of separators; None where fields are missing or too many."""

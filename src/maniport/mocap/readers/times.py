@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError, argument
 from maniport.mocap.recording import LONGEST_GAP
@@ -206,11 +206,7 @@ def _usable_clocks(
     """Return the clocks that can be used [s], without missing times, and add to the messages."""
     clocks: dict[str, Array] = {}
     for name, values in stated.clocks.items():
-        raw = np.asarray(values)
-        if raw.ndim != 1 or raw.dtype.kind not in "fiu" or len(raw) != count:
-            raise InvalidInputError(
-                f"time must be numbers [s], shape ({count},); found {raw.dtype}, shape {raw.shape}"
-            )
+        raw = _as_clock(values, count)
         times, unit = _in_seconds(raw.astype(np.float64), declared)
         known = np.isfinite(times)
         if not known.any():
@@ -239,6 +235,16 @@ def _usable_clocks(
             )
         clocks[name] = times
     return clocks
+
+
+def _as_clock(values: ArrayLike, count: int) -> NDArray[np.floating | np.integer]:
+    """Require a number for each frame, shape (count,)."""
+    raw = np.asarray(values)
+    if raw.ndim != 1 or raw.dtype.kind not in "fiu" or len(raw) != count:
+        raise InvalidInputError(
+            f"time must be numbers [s], shape ({count},); found {raw.dtype}, shape {raw.shape}"
+        )
+    return raw
 
 
 def _in_seconds(times: Array, declared: float | None) -> tuple[Array, str]:
