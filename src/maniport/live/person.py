@@ -197,11 +197,11 @@ class HiddenPoints:
     while the other is seen, with errors of directions of about 5°; other points for 0.1 s.
     """
 
-    def __init__(self, linear: Array, together: float = 2.0, alone: float = 0.1):
+    def __init__(self, linear: Array, longest_in_pair: float = 2.0, longest: float = 0.1):
         # coefficients are smaller than one in the mean of the points of a role
         signs = np.sign(linear) * (np.abs(linear) < 1.0)
         self._together = (signs[:, :, None] * signs[:, None] > 0.0).any(axis=0)
-        self._longest = (alone, together)
+        self._longest = (longest, longest_in_pair)  # times for which a point is filled [s]
         self._points = np.full((linear.shape[1], 3), np.nan)
         self._times = np.full(linear.shape[1], -np.inf)
 

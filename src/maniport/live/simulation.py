@@ -36,7 +36,7 @@ class SimulatedRobot:
 
     def __init__(self, robot: Arm | ArmGroup, start: Array):
         self.q = start.copy()
-        self.dynamic = all(own.chain.inertia is not None for own in as_group(robot).arms)
+        self.dynamic = all(arm.chain.inertia is not None for arm in as_group(robot).arms)
         self.largest_share = 0.0  # of the torque limits that was used
         efforts = robot.effort_limits
         self._efforts = np.full(len(start), np.inf) if efforts is None else efforts
@@ -114,9 +114,8 @@ class Simulation:
         self.robot = SimulatedRobot(live.robot, live.joint_positions)
         self._live = live
         self._time: float | None = None
-        self.errors: list[
-            float
-        ] = []  # position errors of the simulated robot while the person is followed [m]
+        # position errors of the simulated robot while the person is followed [m]
+        self.errors: list[float] = []
         self.lag = 0.0  # largest distance of a joint from its command [rad or m]
 
     def step(self, points: Array | None, time: float) -> LiveState:

@@ -377,8 +377,8 @@ def _connected(port: socket.socket, sender: Address) -> socket.socket:
     session = socket.socket(port.family, socket.SOCK_DGRAM)
     try:
         session.setblocking(False)
-        for own in (port, session):
-            own.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        session.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         session.bind(port.getsockname())
         session.connect(sender)
     except OSError:

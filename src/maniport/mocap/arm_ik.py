@@ -112,19 +112,17 @@ def fit_arms(
     chosen: dict[str, Markers] = {side: markers}
     if both:
         chosen = dict(_markers_by_side(recording, markers))
-    observations = [observe(recording, own, name, smooth == AUTO) for name, own in chosen.items()]
-    common = reduce(np.intersect1d, [observation.frames for observation in observations])
+    observed = []
+    for name, markers_of_arm in chosen.items():
+        observed.append(observe(recording, markers_of_arm, name, smooth == AUTO))
+    common = reduce(np.intersect1d, [observation.frames for observation in observed])
     if not len(common):
-        counts = ", ".join(
-            f"{len(observation.frames)} the {observation.side} one" for observation in observations
-        )
+        counts = [f"{len(arm.frames)} the {arm.side} one" for arm in observed]
         raise RecordingError(
-            f"no frame of {recording.source!r} has all arms; fully observed are {counts}"
+            f"no frame of {recording.source!r} has all arms; fully observed are {', '.join(counts)}"
         )
-    trunk = observations[-1].trunk
-    observations = [
-        replace(observation, frames=common, trunk=trunk) for observation in observations
-    ]
+    trunk = observed[-1].trunk
+    observations = [replace(arm, frames=common, trunk=trunk) for arm in observed]
     first = observations[0]
     exchanged = body_sides(recording, first.roles, first.side).warnings()
     fitting = Fitting(recording, chosen, person, smooth == AUTO, tuple(observations))

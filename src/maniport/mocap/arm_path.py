@@ -168,7 +168,7 @@ def local_solutions(directions: Directions, samples: Array, modeled: Array) -> t
         damping = np.maximum(damping * np.where(better, 0.2, 8.0), LEAST_DAMPING)
         gradient[better] = (values[better, None] @ slopes[better])[:, 0]
         hessian[better] = np.swapaxes(slopes[better], 1, 2) @ slopes[better]
-        free = ~_held(q, gradient, arm.lower, arm.upper)
+        free = ~_blocked(q, gradient, arm.lower, arm.upper)
         matrix = hessian * (free[:, :, None] & free[:, None, :])
         matrix[:, range(arm.dof), range(arm.dof)] += damping[:, None] + ~free
         trial = np.clip(
@@ -216,8 +216,9 @@ def solve_path(
             gradient = (values[:, None] @ slopes)[:, 0] + priors.pull * offsets
             for shift, factor in enumerate((1.0, -2.0, 1.0)):
                 gradient[shift : max(n - 2, 0) + shift] += factor * stiffness * bending
-            held = _held(q, gradient, priors.lower, priors.upper)
-            held[:fixed] = held[n - fixed :] = True
+            blocked = _blocked(q, gradient, priors.lower, priors.upper)
+            blocked[:fixed] = True
+            blocked[n - fixed :] = True
             bands = np.zeros((2 * dof + 1, n, dof))  # of the lower half of the second derivatives
             hessian = np.swapaxes(slopes, 1, 2) @ slopes + np.diag(priors.pull**2)
             for offset in range(dof):
@@ -227,28 +228,27 @@ def solve_path(
             damping *= 5.0
             if damping > 1e8 or np.abs(trial - q).max() < 1e-10:
                 break
-        step = _banded_step(bands.reshape(-1, n * dof), gradient, held, damping)
+        step = _banded_step(bands.reshape(-1, n * dof), gradient, blocked, damping)
         trial = np.clip(q + step, priors.lower, priors.upper)
     return q
 
 
-def _held(q: Array, gradient: Array, lower: Array, upper: Array) -> Bools:
+def _blocked(q: Array, gradient: Array, lower: Array, upper: Array) -> Bools:
     """Mark the joints that lie at a limit and would leave it downhill."""
     return np.asarray(((q <= lower) & (gradient > 0)) | ((q >= upper) & (gradient < 0)))
 
 
-def _banded_step(bands: Array, gradient: Array, held: Bools, damping: float) -> Array:
+def _banded_step(bands: Array, gradient: Array, blocked: Bools, damping: float) -> Array:
     """Return the Newton step of the free joints (n, dof), with more damping while the matrix is singular."""
     size = bands.shape[1]
-    fixed = held.ravel()
+    fixed = blocked.ravel()
     matrix = bands[:size].copy()  # a path of one or two frames is shorter than the bands are wide
     matrix[0] += damping
     for offset in range(len(matrix)):
         matrix[offset, : size - offset][fixed[: size - offset] | fixed[offset:]] = 0.0
     matrix[0, fixed] = 1.0
     try:
-        return np.asarray(
-            -solveh_banded(matrix, np.where(held, 0.0, gradient).ravel(), lower=True)
-        ).reshape(held.shape)
+        right = np.where(blocked, 0.0, gradient).ravel()
+        return np.asarray(-solveh_banded(matrix, right, lower=True)).reshape(blocked.shape)
     except LinAlgError:
-        return _banded_step(bands, gradient, held, 5.0 * damping)
+        return _banded_step(bands, gradient, blocked, 5.0 * damping)

@@ -79,7 +79,7 @@ def names_by_person(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
             if found:
                 groups = found
                 break
-    return {person: tuple(own) for person, own in groups.items()}
+    return {person: tuple(group) for person, group in groups.items()}
 
 
 def _persons(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, list[str]]:
@@ -112,8 +112,8 @@ def _persons(names: tuple[str, ...], pattern: re.Pattern[str]) -> dict[str, list
 
 def person_of(name: str, names: tuple[str, ...]) -> str:
     """Return the person of a name among all names; empty where they are those of one person."""
-    for person, own in names_by_person(names).items():
-        if name in own:
+    for person, names_of_person in names_by_person(names).items():
+        if name in names_of_person:
             return person
     return ""
 
@@ -166,21 +166,21 @@ def spellings(name: str) -> tuple[str, ...]:
     The side is a word or a letter, before or behind: ``RightForeArm``, ``forearm_r``. Abbreviations (``RSHO``) have it
     before only, since ``SHOR`` would be another name.
     """
-    own = key_of(name)
+    first = key_of(name)
     _, end, bare = parts_of(name)
     found = _side_mark(bare)
     if found is None:
-        return (own,)
+        return (first,)
 
     base = bare[: found.start()] + bare[found.end() :]
     key = _plain(unicodedata.normalize("NFKC", base))
     if not key:
-        return (own,)
+        return (first,)
     if side_of(name) == RIGHT:
         marks = ("r", "right")
     else:
         marks = ("l", "left")
-    keys = [own]
+    keys = [first]
     for mark in marks:
         keys.append(_plain(end) + mark + key)
         if not base.isupper():
@@ -228,13 +228,13 @@ def names_by_key(shown: Sequence[str], names: Sequence[str]) -> dict[str, str]:
 
 def _without(name: str, start: re.Pattern[str] | None, stop: re.Pattern[str] | None) -> str:
     """Take a start and an end off a name; what has nothing else keeps them."""
-    rest = name
-    found = None if start is None else start.match(rest)
+    shortened = name
+    found = None if start is None else start.match(name)
     if found is not None:
-        rest = rest[found.end() :]
+        shortened = name[found.end() :]
     if stop is not None:
-        rest = stop.sub("", rest, count=1)
-    return rest or name
+        shortened = stop.sub("", shortened, count=1)
+    return shortened or name
 
 
 def _shared_starts(names: Sequence[str]) -> list[str]:

@@ -161,9 +161,9 @@ def _other_arm(fitting: Fitting, before: Residuals) -> list[Trial]:
 def _trial(advice: str, before: list[Residuals], after: list[Residuals]) -> Trial:
     """Compare the residuals of arms, over the directions that both have."""
     squares = np.zeros(2)
-    for own, other in zip(before, after, strict=True):
-        names = own.keys() & other.keys()
-        squares += [_mean_square(own, names), _mean_square(other, names)]
+    for residuals, changed in zip(before, after, strict=True):
+        names = residuals.keys() & changed.keys()
+        squares += [_mean_square(residuals, names), _mean_square(changed, names)]
     root = np.degrees(np.sqrt(squares / len(before)))
     return Trial(advice, float(root[0]), float(root[1]))
 

@@ -237,16 +237,16 @@ def _poses(shape: Array, tracks: Array, visible: Bools) -> Poses:
     total = np.where(enough, count, np.nan)[:, None]
     points = np.where(visible[..., None], tracks, 0.0)
     center = points.sum(axis=1) / total
-    own_center = weights @ shape / total
+    shape_center = weights @ shape / total
 
-    own = (shape - own_center[:, None]) * weights[..., None]
+    modeled = (shape - shape_center[:, None]) * weights[..., None]
     measured = (points - center[:, None]) * weights[..., None]
-    covariance = np.einsum("nki,nkj->nij", np.nan_to_num(measured), np.nan_to_num(own))
+    covariance = np.einsum("nki,nkj->nij", np.nan_to_num(measured), np.nan_to_num(modeled))
     left, _, right = np.linalg.svd(covariance)
     left[..., 2] *= np.sign(np.linalg.det(left @ right))[:, None]
     rotation = left @ right
     rotation[~enough] = np.nan
-    translation = center - np.einsum("nij,nj->ni", rotation, own_center)
+    translation = center - np.einsum("nij,nj->ni", rotation, shape_center)
 
     places = np.einsum("nij,kj->nki", rotation, shape) + translation[:, None]
     distances = np.linalg.norm(tracks - places, axis=-1)

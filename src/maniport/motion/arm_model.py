@@ -102,13 +102,13 @@ def _add_masses(model: pin.Model, group: ArmGroup, arm: int, places: Sequence[Pl
     shared = int(group.common[arm, :arm].max(initial=0))
     for other in range(arm + 1, len(group)):  # has masses of its own beyond the common links
         fork = int(group.common[arm, other])
-        theirs = group.arms[other].chain
+        other_chain = group.arms[other].chain
         if (
             fork
-            and theirs.inertia is not None
+            and other_chain.inertia is not None
             and (group.common[other, arm + 1 : other] <= fork).all()
         ):
-            inertia[fork] -= carried_inertia(theirs, fork)
+            inertia[fork] -= carried_inertia(other_chain, fork)
     for k in range(shared + 1 if shared else 1, len(inertia)):  # the base does not move
         joint, place = places[k]
         mass = inertia[k, 0, 0]
@@ -133,8 +133,8 @@ def _own_coordinates(arm: Arm) -> Array:
             np.isin(np.abs(coupling), (0, 1)), axis=0
         )
         shared = []
-        for name, own in zip(arm.joint_names, follow_one, strict=True):
-            if not own:
+        for name, follows_one in zip(arm.joint_names, follow_one, strict=True):
+            if not follows_one:
                 shared.append(name)
         raise InvalidInputError(
             f"{arm.name!r} cannot be tracked: its joints are coupled ({', '.join(shared or arm.joint_names)}), while "

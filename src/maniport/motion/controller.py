@@ -114,10 +114,10 @@ class Controller:
         self._limits = as_own_limits(limits, group)
         if self._collisions is not None:
             self._limits = (*self._limits, CollisionLimit(self._collisions))
-        samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
-        self._reaches = [
-            float(np.linalg.norm(positions, axis=1).max()) for positions in samples
-        ]  # from the base [m]
+        self._reaches = []  # largest distances of the end effectors from the base [m]
+        for member in group.arms:
+            positions = member.forward(member.sample(64, 0))[:, :3, 3]
+            self._reaches.append(float(np.linalg.norm(positions, axis=1).max()))
 
     def step(
         self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0

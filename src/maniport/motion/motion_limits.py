@@ -125,12 +125,12 @@ class MotionLimits:
     def of_joints(self, arm: Arm, columns: NDArray[np.integer]) -> "MotionLimits":
         """Return the limits of one arm of a group; `columns` are its joints in the group."""
         names = [self.arm.joint_names[column] for column in columns]
-        own = dict(zip(names, arm.joint_names, strict=True))
+        names_in_arm = dict(zip(names, arm.joint_names, strict=True))
         assumed = {}
         for quantity, joints in self.assumed.items():
-            assumed[quantity] = tuple(own[n] for n in joints if n in own)
-        theirs = {name: getattr(self, name)[columns] for name in LIMITS}
-        return MotionLimits(arm, sources=self.sources, assumed=assumed, **theirs)
+            assumed[quantity] = tuple(names_in_arm[name] for name in joints if name in names_in_arm)
+        limits = {quantity: getattr(self, quantity)[columns] for quantity in LIMITS}
+        return MotionLimits(arm, sources=self.sources, assumed=assumed, **limits)
 
     @cached_property
     def dynamics(self) -> InverseDynamics | None:

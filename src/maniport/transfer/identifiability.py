@@ -121,9 +121,8 @@ class CloudPair:
 
         directions = np.eye(len(rotation) * (len(rotation) - 1) // 2)
         free = []
-        for _ in range(
-            2
-        ):  # oblique directions are off by up to 3°; measured again along these they are exact to 0.1°
+        # oblique directions are off by up to 3°; measured again along these they are exact to 0.1°
+        for _ in range(2):
             steps = 0.5 * turn * directions
             hessian = np.diag([difference(step).mean for step in steps])
             for a, first in enumerate(steps):
@@ -137,10 +136,11 @@ class CloudPair:
         for direction in directions:
             change = difference(turn * direction)
             if change.mean < least * turn**2 * middle[0].mean() or change.certainty < 2.0:
-                around = []
+                certainties = []
                 for side in sides(turn * direction):
-                    around.append(_coincidence(self.nearest(side), here).certainty)
-                free += [direction] if min(around) < 3.0 else []
+                    certainties.append(_coincidence(self.nearest(side), here).certainty)
+                if min(certainties) < 3.0:
+                    free.append(direction)
         return np.array(free).reshape(-1, len(directions))
 
 

@@ -31,8 +31,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
             frames = _frames(archive.infolist())
             if frames:
                 for i, frame in enumerate(frames):
-                    own = PurePosixPath(frame.filename).name
-                    _unpack(archive, frame, Path(folder) / f"{i:08}-{own}")
+                    file_name = PurePosixPath(frame.filename).name
+                    _unpack(archive, frame, Path(folder) / f"{i:08}-{file_name}")
                 name = PurePosixPath(frames[0].filename).parent.name or file.stem
                 return _read_unpacked(Path(folder), name, options)
             member = _only_recording(archive.infolist())

@@ -19,9 +19,10 @@ class SmoothnessCost:
     ):
         """Take λ_v [s²/rad²] and λ_j [s⁶/rad²], and limits (dof,) of |q̇| and |q̈|."""
         orders = ((factors[0], limits[0]), (0.0, limits[1]), (factors[1], np.inf))
-        self._derivatives = [
-            (Differences(time, k), *own) for k, own in enumerate(orders, 1) if len(time) > k
-        ]
+        self._derivatives = []
+        for order, (factor, limit) in enumerate(orders, start=1):
+            if len(time) > order:
+                self._derivatives.append((Differences(time, order), factor, limit))
 
     def add(self, q: Array, cost: float | Array, gradient: Array, band: Array) -> float | Array:
         """Add to costs, which are returned, half the gradient (n, ..., dof) and lower diagonals (4, n, ..., dof).

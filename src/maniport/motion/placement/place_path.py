@@ -7,7 +7,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maniport.arms import Arm, ArmGroup, as_group
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.demands import Demand, demands_of
 from maniport.motion.motion_limits import MotionLimits
@@ -117,13 +117,11 @@ def place_path(
         if target.positions is None:
             raise InvalidInputError("targets must have positions: they are the path that is placed")
     step = Step(progress, "Place path")
+    specs = [target.spec for target in demonstrated]
     if planner is None:
-        resolved = plan.resolved(robot)
-        assert isinstance(resolved.motion_limits, MotionLimits)
-        spec = group_spec(as_group(robot), [target.spec for target in demonstrated])
-        planner = Planner.of(resolved.motion_limits, spec, resolved.collisions, generator)
+        planner = _planner_of(robot, specs, plan, generator)
     else:
-        planner.require_fits(robot, [target.spec for target in demonstrated])
+        planner.require_fits(robot, specs)
 
     if plan.real_time:
         scales = REAL_TIME_SCALES
@@ -138,12 +136,15 @@ def place_path(
     planned_time, terms, joint_motion_weight = planning_terms(time[rows], plan)
     members = []
     for arm, target in zip(planner.arms, demonstrated, strict=True):
+        demanded: tuple[Demand, ...] = ()
+        if plan.real_time:
+            demanded = _demands(arm, target, rows, rotation)
         member = ArmPath(
             arm=arm.limits.arm,
             target=target[rows].centered(center, rotation),
             reachability_map=arm.reachability_map,
             velocity=SPEED_SHARE * arm.limits.velocity,
-            demanded=_demands(arm, target, rows, rotation) if plan.real_time else (),
+            demanded=demanded,
         )
         members.append(member)
     outline = np.concatenate([member.path for member in members])
@@ -156,11 +157,24 @@ def place_path(
     for result in results:
         placements.append(_placed(problem, result, demonstrated, rows, center, rotation))
     best = placements[0]
-    medians = ", ".join(f"{np.median(own.distance):.2f}" for own in best)
+    medians = ", ".join(f"{np.median(placement.distance):.2f}" for placement in best)
     step.end(f"scale {best[0].scale:.2f}, distance {medians}")
     if isinstance(robot, Arm):
-        return [own for (own,) in placements]
+        return [placement for (placement,) in placements]
     return placements
+
+
+def _planner_of(
+    robot: Arm | ArmGroup,
+    specs: Sequence[EllipsoidSpec],
+    plan: PlanOptions,
+    generator: np.random.Generator,
+) -> Planner:
+    """Make a planner of a robot and the ellipsoids of its arms, with the limits and collisions of options."""
+    resolved = plan.resolved(robot)
+    assert isinstance(resolved.motion_limits, MotionLimits)
+    spec = group_spec(as_group(robot), specs)
+    return Planner.of(resolved.motion_limits, spec, resolved.collisions, generator)
 
 
 def _demands(

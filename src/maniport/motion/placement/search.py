@@ -84,8 +84,9 @@ def best_placements(
     placed = []
     for i in np.argsort(motions.cost, kind="stable"):
         trajectories = tuple(q[i] for q in motions.q)
-        own = tuple(distance[i] for distance in distances)
-        placed.append(PlacedMotion(motions.places[i], trajectories, float(motions.cost[i]), own))
+        of_arms = tuple(distance[i] for distance in distances)
+        cost_of_motion = float(motions.cost[i])
+        placed.append(PlacedMotion(motions.places[i], trajectories, cost_of_motion, of_arms))
     return placed
 
 
@@ -128,8 +129,8 @@ def candidates(
 def separate(points: Array, most: int, distance: float) -> list[int]:
     """Return the first of the point sequences (k, n, 3) that are this far from one another in the mean [m]."""
     chosen: list[int] = []
-    for i, own in enumerate(points):
-        gaps = np.linalg.norm(points[chosen] - own, axis=2).mean(axis=1)
+    for i, sequence in enumerate(points):
+        gaps = np.linalg.norm(points[chosen] - sequence, axis=2).mean(axis=1)
         if np.all(gaps >= distance):
             chosen.append(i)
         if len(chosen) == most:

@@ -67,15 +67,17 @@ class Planner:
         """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions."""
         group = as_group(limits.arm)
         model = as_collisions(collisions, limits.arm)
-        alone = (None,) * len(group) if model is None else model.of_arms
+        models: Sequence[Collisions | None] = (None,) * len(group)
+        if model is not None:
+            models = model.of_arms
         generators = _copies(as_generator(random_state), len(group))
         arms = []
-        for arm, columns, own, around, random in zip(
-            group.arms, group.columns, group.specs(spec), alone, generators, strict=True
+        for arm, columns, arm_spec, arm_model, random in zip(
+            group.arms, group.columns, group.specs(spec), models, generators, strict=True
         ):
-            require_trackable(arm, own)
-            samples = ReachabilityMap(arm, own, random_state=random, collisions=around)
-            bank = SeedBank(arm, random_state=random, spec=own)
+            require_trackable(arm, arm_spec)
+            samples = ReachabilityMap(arm, arm_spec, random_state=random, collisions=arm_model)
+            bank = SeedBank(arm, random_state=random, spec=arm_spec)
             arms.append(ArmPlanner(limits.of_joints(arm, columns), samples, bank))
         return cls(limits, spec, tuple(arms), model)
 
@@ -91,9 +93,9 @@ class Planner:
             raise InvalidInputError(
                 f"the planner was made for {len(self.arms)} arms; found {len(arms)}"
             )
-        for own, arm, spec in zip(self.arms, arms, specs, strict=True):
-            pair = (own.limits.arm, arm)
-            require_compatible("the planner was made for", pair, (own.bank.spec, spec))
+        for planner, arm, spec in zip(self.arms, arms, specs, strict=True):
+            pair = (planner.limits.arm, arm)
+            require_compatible("the planner was made for", pair, (planner.bank.spec, spec))
 
     def solve(
         self,
@@ -109,42 +111,40 @@ class Planner:
         """
         count = len(self.arms)
         random = as_generator(random_state)
-        parts = []
-        shares = zip(
+        motions = []
+        for planner, arm_problem, columns, generator, arm_progress in zip(
             self.arms,
             separate or problem.arms,
             self.group.columns,
             _copies(random, count),
+            pieces(progress, *count * [1.0]),
             strict=True,
-        )
-        for (arm, of_arm, columns, own), part in zip(
-            shares, pieces(progress, *count * [1.0]), strict=True
         ):
-            alone = replace(
+            separate_problem = replace(
                 problem,
-                arms=(of_arm,),
-                limits=arm.limits,
-                collisions=arm.reachability_map.collisions,
+                arms=(arm_problem,),
+                limits=planner.limits,
+                collisions=planner.reachability_map.collisions,
                 costs=problem.costs if count == 1 else (),
                 start=None if problem.start is None else problem.start[:, columns],
             )
-            q, timed = arm.solve(alone, options, own, part)
-            parts.append(q)
+            q, timed = planner.solve(separate_problem, options, generator, arm_progress)
+            motions.append(q)
         if count == 1:
-            return (timed, False)
-        return self._joined(problem, parts, options, random)
+            return timed, False
+        return self._joined(problem, motions, options, random)
 
     def _joined(
         self,
         problem: MotionProblem,
-        parts: Sequence[Array],
+        motions: Sequence[Array],
         options: PlanOptions,
         random: np.random.Generator,
     ) -> tuple[Trajectory, bool]:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact."""
         group = self.group
         collisions = problem.collisions
-        starts = _joint_starts(group, parts)
+        starts = _joint_starts(group, motions)
         if not (group.shared or problem.costs or _are_near(collisions, starts[0])):
             return as_early_as_possible(problem, starts[0], options), False
         time, terms, _ = coarse_terms(problem, options)
@@ -156,7 +156,7 @@ class Planner:
             yield 1.0, starts
             has_paths = all(arm.position is not None for arm in problem.arms)
             if has_paths and not group.shared and collisions is not None:
-                yield 1.0, self._prioritized(problem, parts, options, random)
+                yield 1.0, self._prioritized(problem, motions, options, random)
             yield 3.0, []
             yield np.inf, []
 
@@ -174,7 +174,7 @@ class Planner:
     def _prioritized(
         self,
         problem: MotionProblem,
-        parts: Sequence[Array],
+        separate: Sequence[Array],
         options: PlanOptions,
         random: np.random.Generator,
     ) -> list[Array]:
@@ -185,27 +185,28 @@ class Planner:
         assert collisions is not None
         time, _, joint_motion_weight = coarse_terms(problem, options)
         rows = stages_of(time, options.budget.stage)
-        for first in reversed(range(len(parts))):
-            own = list(parts)
-            for i in (first, *(k for k in range(len(parts)) if k != first)):
+        for first in reversed(range(len(separate))):
+            of_arms = list(separate)
+            order = [first, *(k for k in range(len(separate)) if k != first)]
+            for i in order:
                 arm = self.arms[i]
-                alone = replace(
+                arm_problem = replace(
                     problem[rows],
                     arms=(problem.arms[i][rows],),
                     costs=(),
                     collisions=arm.reachability_map.collisions,
                 )
-                nodes = arm.roadmap(alone, 150, random)
+                nodes = arm.roadmap(arm_problem, 150, random)
                 q = np.empty((len(nodes.q), group.dof))
-                for part, columns in zip(own, group.columns, strict=True):
-                    q[:, columns] = np.repeat(part[rows], np.diff(nodes.first), axis=0)
+                for motion, columns in zip(of_arms, group.columns, strict=True):
+                    q[:, columns] = np.repeat(motion[rows], np.diff(nodes.first), axis=0)
                 q[:, group.columns[i]] = nodes.q
                 cost = nodes.cost.copy()  # more near the other arms, which keep their motions
                 near, distance, _ = collisions.between.gradient(q, CLEARANCE)
                 np.add.at(cost, near, (CLEARANCE_WEIGHT * (CLEARANCE - distance)) ** 2)
                 path = arm.search(replace(nodes, cost=cost), time[rows], joint_motion_weight)
-                own[i] = interpolated(time[rows], nodes.q[path], time)
-            motions.append(group.joined(*own))
+                of_arms[i] = interpolated(time[rows], nodes.q[path], time)
+            motions.append(group.joined(*of_arms))
         return motions
 
 
@@ -234,4 +235,5 @@ def _are_near(collisions: Collisions | None, q: Array) -> bool:
 
 def _copies(generator: np.random.Generator, count: int) -> list[np.random.Generator]:
     """Return a generator for each arm, all in the same state; the last is the original."""
-    return [*(deepcopy(generator) for _ in range(count - 1)), generator]
+    copies = [deepcopy(generator) for _ in range(count - 1)]
+    return [*copies, generator]

@@ -63,22 +63,20 @@ def optimize_to_tolerance(
     """Raise the position weight, then smooth less, until the 95th percentile of the error is within the tolerance."""
     less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
     needed = 0.0
-    for weight, own in (
-        *((weight, terms) for weight in POSITION_WEIGHTS),
-        (POSITION_WEIGHTS[-1], less),
-    ):
+    attempts = [(weight, terms) for weight in POSITION_WEIGHTS]
+    attempts.append((POSITION_WEIGHTS[-1], less))
+    for weight, chosen_terms in attempts:
         if weight < min(needed, POSITION_WEIGHTS[-1]):
             continue
-        q = optimize(problem, time, q, own, weight)
+        q = optimize(problem, time, q, chosen_terms, weight)
         errors = problem.position_errors(q)
         if errors is None:
             break
         reached = float(np.percentile(errors, 95.0, axis=0).max())
         if reached <= tolerance:
             break
-        needed = (
-            0.7 * weight * np.sqrt(reached / tolerance)
-        )  # the error falls with the square of the weight
+        # the error falls with the square of the weight
+        needed = 0.7 * weight * np.sqrt(reached / tolerance)
     return q
 
 

@@ -228,8 +228,8 @@ class ReachabilityMap:
         q, cost, _ = self._turned_samples(problem, nearest_samples)
         order = np.argsort(cost, axis=1, kind="stable")
         half = count // 2
-        rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
-        chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
+        drawn = random.permuted(order[:, half:], axis=1)[:, : count - half]
+        chosen = np.concatenate([order[:, :half], np.sort(drawn, axis=1)], axis=1)
         possible = np.isfinite(np.take_along_axis(cost, chosen, axis=1))
         q = np.take_along_axis(q, chosen[..., None], axis=1)[possible]
         owner = np.nonzero(possible)[0]

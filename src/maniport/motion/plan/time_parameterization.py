@@ -51,16 +51,15 @@ def retime(
         np.asarray(time), np.asarray(q, dtype=float), limits.arm.lower, limits.arm.upper
     )
     require_few(path.grid[-1] * rate)
-    own = limits
-    (limits, rows) = _constraints(limits, path)
-    speed = _fastest(limits, path, rows)
-    samples, rest, worst = _sampled(limits, path, speed, rate)
+    feasible, rows = _constraints(limits, path)
+    speed = _fastest(feasible, path, rows)
+    samples, at_rest, worst = _sampled(feasible, path, speed, rate)
     while worst.max() > 1.0:
         speed = speed / (1.0005 * (worst ** (1.0 / POWERS)).max())
-        samples, rest, worst = _sampled(limits, path, speed, rate)
-    waypoints = path.passed(speed)[path.knots] + rest / rate
+        samples, at_rest, worst = _sampled(feasible, path, speed, rate)
+    waypoints = path.passed(speed)[path.knots] + at_rest / rate
     clock = np.arange(len(samples)) / rate
-    return Trajectory.of_positions(own.arm, waypoints, clock, samples, own)
+    return Trajectory.of_positions(limits.arm, waypoints, clock, samples, limits)
 
 
 def with_approach(motion: Trajectory, limits: MotionLimits, home: Array) -> Trajectory:
@@ -76,10 +75,10 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: Array) -> Traj
             return np.repeat(first[None], REST + 1, axis=0)
         return retime(slow, [0.0, duration], np.stack([first, last]), rate=rate).control_positions
 
-    own = motion.control_positions
-    before = straight(home, own[0])
-    after = straight(own[-1], home)
-    positions = np.concatenate([before, own, after])
+    between = motion.control_positions
+    before = straight(home, between[0])
+    after = straight(between[-1], home)
+    positions = np.concatenate([before, between, after])
     time = np.arange(len(positions)) / rate
     return Trajectory.of_positions(
         limits.arm, motion.time + len(before) / rate, time, positions, limits
@@ -208,22 +207,21 @@ def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Constraints])
     """Parameter speeds at the grid, shape (k,): at most 1."""
     steps = np.diff(path.grid)
     middles = path.grid[:-1] + 0.5 * steps
-    used, between = (
-        (np.abs(slope) / limits.velocity).max(axis=1)
-        for slope in (path.first, path.spline(middles, 1))
-    )
+    used = (np.abs(path.first) / limits.velocity).max(axis=1)
+    between = (np.abs(path.spline(middles, 1)) / limits.velocity).max(axis=1)
     used = np.maximum(used, np.maximum(np.append(between, 0.0), np.append(0.0, between)))
-    most = np.minimum(
-        1.0, 0.999 / np.maximum(used, 0.999)
-    )  # a little less, since samples lie between grid points
+    # a little less, since samples lie between grid points
+    most = np.minimum(1.0, 0.999 / np.maximum(used, 0.999))
     # each constraint holds at the start, middle and end of a piece
-    (a, b, *bounds), (a_middle, b_middle, *middle_bounds) = rows
+    at_grid, at_middle = rows
+    a, b, grid_low, grid_high = at_grid
     ahead = steps[:, None]
     speed = np.empty(len(path.grid))
-    of_u = np.hstack([a[:-1], a_middle + ahead * b_middle, a[1:] + 2.0 * ahead * b[1:]])
-    of_x = np.hstack([b[:-1], b_middle, b[1:]])
-    pairs = zip(bounds, middle_bounds, strict=True)
-    low, high = (np.hstack([own[:-1], middle, own[1:]]) for own, middle in pairs)
+    a_middle = at_middle.a + ahead * at_middle.b
+    of_u = np.hstack([a[:-1], a_middle, a[1:] + 2.0 * ahead * b[1:]])
+    of_x = np.hstack([b[:-1], at_middle.b, b[1:]])
+    low = np.hstack([grid_low[:-1], at_middle.low, grid_low[1:]])
+    high = np.hstack([grid_high[:-1], at_middle.high, grid_high[1:]])
     fill_speeds(of_u, of_x, low, high, steps, most**2, speed)
     lost = speed[1:] + speed[:-1] <= 0.0
     if lost.any():
@@ -246,9 +244,8 @@ def _sampled(
     gain = 0.5 * np.diff(speed**2) / np.diff(path.grid)
     parameter = path.grid[cell] + since * (speed[cell] + 0.5 * gain[cell] * since)
     inside = np.clip(parameter, path.grid[cell], path.grid[cell + 1])
-    raw = np.ascontiguousarray(
-        path.spline(inside).T
-    )  # a joint a row: differences along rows are faster
+    # a joint a row: differences along rows are faster
+    raw = np.ascontiguousarray(path.spline(inside).T)
     abrupt = (
         2.0
         * rate**2
@@ -263,9 +260,9 @@ def _sampled(
         abrupt = max(abrupt, 2.2 * np.abs(moving).max())
     widest = max(0, int(np.ceil(0.5 * (abrupt * rate - 1.0))))
     require_few(len(clock) + 2.0 * widest)
-    held, held_torques = (
-        np.pad(own, ((0, 0), (widest + REST, widest + REST)), "edge") for own in (raw, torques)
-    )
+    at_rest = ((0, 0), (widest + REST, widest + REST))  # samples before and after the motion
+    padded = np.pad(raw, at_rest, "edge")
+    padded_torques = np.pad(torques, at_rest, "edge")
 
     def averaged(values: Array, half: int) -> Array:
         if len(values):
@@ -275,10 +272,10 @@ def _sampled(
         return np.asarray(average[:, widest - half : values.shape[1] - widest + half])
 
     def smoothed(half: int) -> Array:
-        return np.clip(averaged(held, half).T, limits.arm.lower, limits.arm.upper)
+        return np.clip(averaged(padded, half).T, limits.arm.lower, limits.arm.upper)
 
     def suffices(half: int) -> bool:
-        rates = np.abs(np.diff(averaged(held_torques, half))).max(initial=0.0) * rate
+        rates = np.abs(np.diff(averaged(padded_torques, half))).max(initial=0.0) * rate
         jerks = np.abs(np.diff(smoothed(half).T, 3)).max(axis=1) * rate**3
         return bool(np.all(jerks <= limits.jerk) and rates <= 0.98)
 
@@ -298,11 +295,12 @@ def _largest_shares(limits: MotionLimits, samples: Array, rate: float) -> Array:
         and (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any()
     ):
         torques = limits.torques(samples, rate)
-        held = limits.dynamics.gravity(samples)
+        gravity = limits.dynamics.gravity(samples)
+        moving = torques - gravity
         left = np.maximum(
-            limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6)
+            limits.effort - np.sign(moving) * gravity, 1e-3 * np.minimum(limits.effort, 1e6)
         )
-        shares[3] = (np.abs(torques - held) / left).max()
+        shares[3] = (np.abs(moving) / left).max()
         shares[4] = (np.abs(np.diff(torques, axis=0)) * (rate / limits.effort_rate)).max()
     return shares
 

@@ -60,11 +60,11 @@ def _between(partners: Callable[[Array], tuple[Indices, Array]], teacher_seeks: 
 
     def match(rotation: Array) -> Matches:
         partner, weight = partners(rotation if teacher_seeks else rotation.T)
-        own = np.arange(len(partner))
+        seekers = np.arange(len(partner))
         weight = weight / weight.sum()
         if teacher_seeks:
-            return Matches(own, partner, weight)
-        return Matches(partner, own, weight)
+            return Matches(seekers, partner, weight)
+        return Matches(partner, seekers, weight)
 
     return match
 

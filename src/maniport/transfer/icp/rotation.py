@@ -157,10 +157,10 @@ def _add_derivatives(
                     slope = 2.0 * (2.0 - (log_low + log_high)) / (middle * middle)
                 else:
                     slope = 4.0 * (rates[pair, x] - rates[pair, y]) / gap
-                own = weight * (slope * high * high + 4.0 * rates[pair, x] * high)
+                direct = weight * (slope * high * high + 4.0 * rates[pair, x] * high)
                 mixed = weight * (slope * low * high + 2.0 * (log_low + log_high))
                 for k in range(m):
-                    change = own * moves[k, x, y] + mixed * moves[k, y, x]
+                    change = direct * moves[k, x, y] + mixed * moves[k, y, x]
                     for j in range(m):
                         hessian[j, k] += moves[j, x, y] * change
     return cost

@@ -223,5 +223,5 @@ def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:
         apart = evenly_spaced(len(order), count)
     else:
         apart = evenly_spaced(0, 0)
-    rest = np.delete(order, apart)
-    return teacher[rest[evenly_spaced(len(rest), most)]], teacher[order[apart]]
+    others = np.delete(order, apart)
+    return teacher[others[evenly_spaced(len(others), most)]], teacher[order[apart]]

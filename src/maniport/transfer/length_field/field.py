@@ -148,10 +148,10 @@ def inverse(field: LengthsMap, points: Array) -> Array:
         u, singular, v = np.linalg.svd(field.slopes(*eigh(from_vector(x[rows]))))
         inner = (left[rows, None] @ u)[:, 0] / np.maximum(singular, 1e-3 * singular[:, :1])
         trial = x[rows] + share[rows, None] * (inner[:, None] @ v)[:, 0]
-        rest = off(trial, wanted[rows])
-        nearer = np.linalg.norm(rest, axis=1) < np.linalg.norm(left[rows], axis=1)
+        left_there = off(trial, wanted[rows])
+        nearer = np.linalg.norm(left_there, axis=1) < np.linalg.norm(left[rows], axis=1)
         x[rows[nearer]] = trial[nearer]
-        left[rows[nearer]] = rest[nearer]
+        left[rows[nearer]] = left_there[nearer]
         share[rows] = np.where(nearer, 1.0, 0.5 * share[rows])
     values, vectors = eigh(from_vector(x))
     solved = np.linalg.norm(left, axis=1) <= 1e-10 * scale
