@@ -155,10 +155,22 @@ class Person:
         n = self.arm.dof
         weights = np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
         starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
-        starts = starts if near is None else np.concatenate([near[None], starts])
+        if near is not None:
+            starts = np.concatenate([near[None], starts])
         information = np.empty((len(starts), n, n))
-        fixed = (weights, self._body, self._priors, np.zeros((n, n)))
-        costs = search_all(starts, targets, *fixed, 30, LEAST_GAIN, information) / RESIDUAL_SCALE**2
+        no_prior = np.zeros((n, n))
+        squares = search_all(
+            starts,
+            targets,
+            weights,
+            self._body,
+            self._priors,
+            no_prior,
+            30,
+            LEAST_GAIN,
+            information,
+        )
+        costs = squares / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
         best = int(np.argmin(costs))

@@ -105,9 +105,8 @@ def _as_numbers(value: object, name: str) -> Array:
         array = np.asarray(value)
         if array.dtype.kind not in "iufO":
             raise TypeError
-        return np.array(
-            array, dtype=np.float64, order="C"
-        )  # numba compiles anew for each order and read-only flag
+        # Numba compiles anew for each order and read-only flag
+        return np.array(array, dtype=np.float64, order="C")
     except (OverflowError, TypeError, ValueError):
         raise InvalidInputError(f"{name} must be numbers; found {value!r:.80}") from None
 
@@ -120,10 +119,8 @@ def read_frame(
         raise InvalidInputError(f"a line has at most {FRAME_BYTES} bytes; this one has more")
     try:
         content = json.loads(line.decode())
-    except (
-        ValueError,
-        RecursionError,
-    ) as error:  # also of numbers with thousands of digits, and of wrong UTF-8
+    # numbers with thousands of digits, and wrong UTF-8, raise ValueError, too
+    except (ValueError, RecursionError) as error:
         text = line[:80].decode(errors="replace")
         raise InvalidInputError(
             f"a line must be JSON such as {EXAMPLE}; found {text!r}: {error!s:.100}"
@@ -297,9 +294,8 @@ class Datagrams:
         if sender is None:
             return []
         self._admitted = sender
-        with suppress(
-            OSError, AttributeError
-        ):  # where a port cannot be shared, others are filtered
+        # where a port cannot be shared, the datagrams of others are filtered
+        with suppress(OSError, AttributeError):
             self._session = _connected(self._socket, sender)
         waiting = _received(self._socket, 256)
         return [line for line in waiting if line.sender == sender]
@@ -344,9 +340,8 @@ class Datagrams:
     def _send_to(self, text: bytes, receiver: Address | None) -> None:
         if receiver is None:
             return
-        with suppress(
-            OSError
-        ):  # buffers are full, or nobody can be reached: lost, as datagrams may be
+        # buffers may be full, or nobody can be reached: the datagram is lost, as datagrams may be
+        with suppress(OSError):
             self._socket.sendto(text, receiver)
 
     def blocked(self) -> list[int]:

@@ -29,9 +29,8 @@ from maniport.mocap.recording import Bools
 from maniport.util.progress import Step
 from maniport.util.validation import Array
 
-Residual = Callable[
-    [Array], tuple[Array, Array]
-]  # Values (n, k) at configurations (n, dof), and derivatives
+# Values (n, k) at configurations (n, dof), and their derivatives
+Residual = Callable[[Array], tuple[Array, Array]]
 KEY_RATE = 8.0  # Key frames per second
 RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …
 MOTION_SCALE = 0.25  # … as this joint motion from one key frame to the next [rad]

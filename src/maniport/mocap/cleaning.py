@@ -275,22 +275,21 @@ def _outliers(
     track: Array, step: float, longest: float = 0.1, acceleration: float = 100.0
 ) -> Bools:
     """Mark runs up to `longest` seconds that are far from the line between the frames around them, track (n, 3)."""
-    track, lost = track.copy(), np.zeros(len(track), dtype=np.bool_)
+    track = track.copy()
+    lost = np.zeros(len(track), dtype=np.bool_)
     for count in range(1, min(int(longest / step + 1e-9), 100, len(track) - 2) + 1):
         far = np.linalg.norm(np.diff(track, axis=0), axis=-1) > 0.49 * MIN_JUMP
-        first = np.flatnonzero(
-            far[: len(far) - count] & far[count:]
-        )  # by the rule below both steps are that large
+        # by the rule below both steps are that large
+        first = np.flatnonzero(far[: len(far) - count] & far[count:])
         before = track[first, None]
         after = track[first + count + 1, None]
         k = np.arange(1, count + 1)
-        offsets = track[first[:, None] + k] - (before + k[:, None] / (count + 1) * (after - before))
-        away = np.linalg.norm(offsets, axis=-1).min(axis=1)
-        least = max(
-            MIN_JUMP, acceleration * ((count + 1) * step) ** 2 / 8
-        )  # as far as throws move it away and back
+        line = before + k[:, None] / (count + 1) * (after - before)
+        away = np.linalg.norm(track[first[:, None] + k] - line, axis=-1).min(axis=1)
+        length = np.linalg.norm(after - before, axis=-1)[:, 0]
+        thrown = acceleration * ((count + 1) * step) ** 2 / 8  # as far as throws move it and back
         with np.errstate(invalid="ignore"):
-            first = first[(away > least) & (away > np.linalg.norm(after - before, axis=-1)[:, 0])]
+            first = first[(away > max(MIN_JUMP, thrown)) & (away > length)]
         rows = first[:, None] + k
         lost[rows] = True
         track[rows] = np.nan
@@ -387,9 +386,8 @@ def _robust_spline(track: Array, rate: float, cutoffs: Sequence[float]) -> tuple
     for _ in range(6):
         fits = []  # score, cutoff and smooth track
         for frequency in cutoffs:
-            strength = (
-                2 * np.sin(np.pi * min(frequency / rate, 0.5))
-            ) ** -6.0  # half the amplitude at the cutoff
+            # half the amplitude is left at the cutoff
+            strength = (2 * np.sin(np.pi * min(frequency / rate, 0.5))) ** -6.0
             bands = strength * penalty
             bands[0] += weight
             smooth = solveh_banded(bands, weight[:, None] * track, lower=True)

@@ -12,9 +12,8 @@ from maniport.mocap.directions import AXES, BLOCK, DEVIATION, FLEXION, TURN, Dir
 from maniport.mocap.recording import runs_of, when
 from maniport.util.validation import Array
 
-MEASUREMENT_ERROR = np.radians(
-    1.0
-)  # Of a direction of weight one [rad], assumed; less weight means more error
+# The error of a direction of weight one [rad] is assumed; less weight means more error.
+MEASUREMENT_ERROR = np.radians(1.0)
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
 AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
 
@@ -88,12 +87,10 @@ def observability(
 class Differences:
     """Differences of the model and the person."""
 
-    texts: tuple[
-        str, ...
-    ]  # one for each joint, segment or axis; empty where the model follows well
-    turned: dict[
-        str, str
-    ]  # of these, of each axis in `AXES` from whose markers a segment is rotated
+    # one text for each joint, segment or axis; empty where the model follows well
+    texts: tuple[str, ...]
+    # of these the texts of each axis in `AXES` from whose markers a segment is rotated
+    turned: dict[str, str]
     doubtful: bool  # whether they may be faults of the points
 
 

@@ -115,9 +115,9 @@ class Directions:
         length = np.linalg.norm(vectors, axis=-1)[..., None]
         values = vectors / length
         slopes = (slopes - values[..., None] * (values[..., None, :] @ slopes)) / length[..., None]
-        return np.concatenate([values, points[:, count + 1 :]], 1), np.concatenate(
-            [slopes, changes[:, count + 1 :]], 1
-        )
+        values = np.concatenate([values, points[:, count + 1 :]], 1)
+        slopes = np.concatenate([slopes, changes[:, count + 1 :]], 1)
+        return values, slopes
 
     def residual(self, q: Array) -> tuple[Array, Array]:
         """Return weighted residuals (n, 3k) and derivatives (n, 3k, dof); zero where targets are missing."""

@@ -51,10 +51,8 @@ ARM = POINTS[:3]  # Roles that make an arm
 TRUNK = ("trunk_up", "trunk_front", "trunk_left")
 SEGMENT_ROLES = ((*TRUNK, "shoulder"), ("elbow", "elbow_axis"), ("wrist", "wrist_axis", "hand"))
 """Roles of points that move nearly as one body; the wrist turns against the elbow where the forearm twists."""
-COLLARBONES = (
-    "RightShoulder",
-    "LeftShoulder",
-)  # In some skeletons the joint, in others the clavicle
+COLLARBONES = ("RightShoulder", "LeftShoulder")
+"""Points that are the joint in some skeletons, and the clavicle in others."""
 
 SHORTEST = 1e-4  # Shortest vector that has a direction [m]
 _NAMES = load_names("marker_sets.yaml")

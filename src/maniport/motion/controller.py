@@ -53,9 +53,8 @@ class ControlState:
     # False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were violated
     # as little as possible, or the arm braked if this would have led to a collision.
     solved: bool = True
-    multipliers: Array = field(
-        default_factory=lambda: np.empty(0)
-    )  # of its program, at which the next one begins
+    # multipliers of its program, at which the next one begins
+    multipliers: Array = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def at_rest(cls, q: Array) -> "ControlState":
@@ -73,9 +72,8 @@ class ControlProblem:
     time: float = 0.0  # of further costs [s]
     # (3,), target positions of each arm in the last step [m]; None for no damping by the position error
     previous_positions: tuple[Array | None, ...] | None = None
-    horizon: tuple[
-        float, ...
-    ] = ()  # durations of intervals after the step for which velocities are planned, too [s]
+    # durations of intervals after the step for which velocities are planned, too [s]
+    horizon: tuple[float, ...] = ()
     # present configuration of each arm, whose kinematics are known; None: to be computed
     configurations: tuple[Configurations, ...] | None = None
     # (1 + len(horizon), 3) of each arm: target positions at the ends of all intervals [m]; None: those of `arms`
@@ -155,9 +153,8 @@ class Controller:
         q = state.q
         none = np.empty(0)
         hessian, gradients = self._objective(problem, q)
-        if not math.isfinite(
-            np.vdot(hessian, hessian) + np.vdot(gradients, gradients)
-        ):  # an ellipsoid is singular
+        # an ellipsoid may be singular
+        if not math.isfinite(np.vdot(hessian, hessian) + np.vdot(gradients, gradients)):
             return None, False, none
         rows = np.empty((0, len(q)))
         allowed = np.empty(0)
@@ -207,9 +204,8 @@ class Controller:
                 previous = problem.previous_positions[i]
             if previous is not None:
                 distance = math.dist(at.poses[0, :3, 3], previous)
-                lag = (
-                    distance * distance / (distance + 1e-3)
-                )  # about 1 mm is no sign of a path out of reach
+                # about 1 mm is no sign of a path out of reach
+                lag = distance * distance / (distance + 1e-3)
                 amount += position_weight * self._reaches[i] * lag
             damping[columns] += amount
         at = Configurations(self._robot, q[None], np.array([problem.time]))

@@ -156,12 +156,15 @@ def _descend(problem: WaypointProblem, starts: Array, max_iter: int, halving: in
         """Those that have something left to gain, of waypoints that none has reached."""
         slope = gradient[rows]
         length_here = length[rows]
-        held = ((q[rows] <= lower) & (slope > 0)) | ((q[rows] >= upper) & (slope < 0))
+        below = (q[rows] <= lower) & (slope > 0)
+        above = (q[rows] >= upper) & (slope < 0)
         curvature = np.diagonal(hessian[rows], axis1=1, axis2=2)
         # flatter joints, such as one whose axis goes through the end effector, have only rounding in both
         flat = np.maximum(1e-9 * curvature.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
-        promise = np.where(held, 0.0, 0.5 * slope**2 / np.maximum(curvature, flat)).max(axis=1)
-        reached = (length.reshape(count, n_starts).min(axis=1) <= TOLERANCE)[owner[rows]]
+        gains = 0.5 * slope**2 / np.maximum(curvature, flat)
+        promise = np.where(below | above, 0.0, gains).max(axis=1)
+        waypoint_reached = length.reshape(count, n_starts).min(axis=1) <= TOLERANCE
+        reached = waypoint_reached[owner[rows]]
         promising = promise > TOLERANCE * length_here
         going_on = ~reached & promising & np.isfinite(length_here)
         return np.asarray(rows[going_on & (damping[rows] < LARGEST_DAMPING)])

@@ -24,10 +24,8 @@ joint has reached one since the point before; else what is missed, the position 
 Ellipsoid and position together have more constraints than a 7-joint arm has degrees of freedom: a missed ellipsoid may
 be feasible at another position. Where lines of force or speed are targets, the ellipsoid does not count.
 """
-REACHED: tuple[Status, ...] = (
-    "followed",
-    "nearly followed",
-)  # Statuses of points that are not missed
+REACHED: tuple[Status, ...] = ("followed", "nearly followed")
+"""Statuses of points that are not missed."""
 ENOUGH_DISTANCE = 0.1
 NEAR_DISTANCE = 0.4
 """Largest distance of a followed and of a nearly followed ellipsoid: one axis 5 % and 22 % too long."""

@@ -132,14 +132,12 @@ class Trajectory(NotebookDisplay):
         header = ["time_s"]
         for _, units in states.values():
             header += [f"{name}_{unit}" for name, unit in zip(names, units, strict=True)]
-        line = (
-            ",".join(["%.6f", *len(names) * ["%.12f"], *(len(states) - 1) * len(names) * ["%.6f"]])
-            + "\n"
-        )
-        columns = (
-            self.control_time - self.control_time[0],
-            *(values for values, _ in states.values()),
-        )
+        positions = len(names) * ["%.12f"]
+        others = (len(states) - 1) * len(names) * ["%.6f"]
+        line = ",".join(["%.6f", *positions, *others]) + "\n"
+        columns = [self.control_time - self.control_time[0]]
+        for values, _ in states.values():
+            columns.append(values)
         with (
             written_whole(path) as temporary,
             open(temporary, "w", encoding="utf-8", newline="") as stream,

@@ -52,9 +52,9 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     data = as_points(points, "points", minimum=1, copy=False)
     w = as_weights(weights, len(data))
     tol = as_number(tol, "tol", above=0.0)
-    state = _State.at(
-        apply(np.einsum("n,nij->ij", w, apply(data, np.log)), np.exp), data, w
-    )  # log-Euclidean mean
+    mean_logarithm = np.einsum("n,nij->ij", w, apply(data, np.log))
+    log_euclidean_mean = apply(mean_logarithm, np.exp)
+    state = _State.at(log_euclidean_mean, data, w)
     if state is None:
         raise NotSPDError(
             "points are too ill-conditioned for their mean: rounding makes them indefinite about it"
@@ -173,9 +173,8 @@ def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Ar
             f"{name} must be non-negative with a positive sum; found minimum {weights.min():.3g}, "
             f"maximum {weights.max():.3g}"
         )
-    shares = (
-        weights / weights.max()
-    )  # first: a sum of the largest numbers there are would be infinite
+    # a sum of the largest numbers there are would be infinite
+    shares = weights / weights.max()
     return np.asarray(shares / shares.sum())
 
 

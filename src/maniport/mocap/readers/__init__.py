@@ -347,13 +347,8 @@ def read_with(file: Path, options: ImportOptions) -> Recording:
         raise
     except ValueError as error:
         raise FileFormatError(f"{file}: {error}") from (None if isinstance(reader, str) else error)
-    except (
-        LookupError,
-        TypeError,
-        OverflowError,
-        RecursionError,
-        SyntaxError,
-    ) as error:  # also of XML and encodings
+    # XML and encodings raise some of these
+    except (LookupError, TypeError, OverflowError, RecursionError, SyntaxError) as error:
         raise FileFormatError(
             f"{file}: not readable as {kind}, perhaps cut off: {error}"
         ) from error

@@ -481,9 +481,8 @@ class NumberTable:
 
     def _whole_table(self, lines: list[str]) -> Array | None:
         """Parse all fields, and return the columns in use; None where a row is unusual."""
-        numbers = _loaded(
-            lines, self.separator, None
-        )  # without usecols `loadtxt` counts the fields
+        # without usecols `loadtxt` counts the fields
+        numbers = _loaded(lines, self.separator, None)
         if numbers is None or numbers.shape[1] != self.width:
             return None
         if self.used == [*range(self.width)]:

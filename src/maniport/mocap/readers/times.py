@@ -398,9 +398,8 @@ def _compared(
     measured = _rate_of(time)
     if measured is None:
         return time
-    mean = (len(time) - 1) / np.ptp(
-        time
-    )  # of irregular times, while the median is that of lost frames
+    # The mean suits irregular times, and the median times with lost frames.
+    mean = (len(time) - 1) / np.ptp(time)
     differs = _differ(measured, declared) and _differ(mean, declared)
     # Some programs add up a rounded step: 0.033 s for 30 Hz.
     adds_rounded = abs(1 / measured - 1 / declared) < min(1.01 * resolution, 0.1 / declared)

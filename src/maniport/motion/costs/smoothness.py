@@ -51,12 +51,16 @@ class Differences:
         at = np.stack([time[k : count + k] for k in range(order + 1)], axis=1)
         rows = np.tile(np.eye(order + 1), (count, 1, 1))
         for level in range(1, order + 1):
-            gap = at[:, level:] - at[:, : at.shape[1] - level]
-            rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
+            gaps = at[:, level:] - at[:, : at.shape[1] - level]
+            differences = rows[:, 1:] - rows[:, :-1]
+            rows = level * differences / gaps[..., None]
         self.rows = rows[:, 0]
         self.spans = (at[:, -1] - at[:, 0]) / order
         self.matrix = diags_array(
-            list(self.rows.T), offsets=range(order + 1), shape=(count, len(time)), format="csr"
+            list(self.rows.T),
+            offsets=range(order + 1),
+            shape=(count, len(time)),
+            format="csr",
         )
 
     @staticmethod

@@ -81,18 +81,16 @@ class ReachabilityMap:
         turns = np.abs(np.cross(jacobian[:, 3:, :, None], poses[:, :3, None, :3], axis=1)).max(
             axis=(0, 1)
         )
-        self._idle_turns = self.idle[:, None] & (
-            turns > negligible
-        )  # which idle joints turn which axes (dof, 3)
+        # which idle joints turn which axes, (dof, 3)
+        self._idle_turns = self.idle[:, None] & (turns > negligible)
         generator = as_generator(random_state)
         self._forms: dict[str, LineForms] = {}
         self._allowed = dict[EllipsoidSpec, Array]()
         self._first_limits = (arm.lower[0], arm.upper[0])
         self._count = SAMPLES if n is None else as_count(n, "n")
         self._generator = deepcopy(generator)
-        arm.sample(
-            1, generator
-        )  # samples are drawn on first use, from a copy; the caller's generator moves on
+        # samples are drawn on first use, from a copy; the caller's generator moves on
+        arm.sample(1, generator)
 
     @cached_property
     def _samples(self) -> Array:
@@ -289,7 +287,8 @@ class ReachabilityMap:
             return q, owner
         turned = np.repeat(q[:, None], 3, axis=1)
         turned[:, :, 0] += 2.0 * np.pi * np.array([0.0, 1.0, -1.0])
-        allowed = (turned[:, :, 0] >= self.arm.lower[0]) & (turned[:, :, 0] <= self.arm.upper[0])
+        first = turned[:, :, 0]
+        allowed = (first >= self.arm.lower[0]) & (first <= self.arm.upper[0])
         allowed[:, 0] = True
         return turned[allowed], np.repeat(owner, allowed.sum(axis=1))
 

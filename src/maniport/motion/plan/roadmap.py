@@ -28,9 +28,8 @@ class Roadmap:
 
     q: Array  # (n, dof)
     cost: Array  # (n,), by the objective
-    first: NDArray[
-        np.intp
-    ]  # (stages + 1,); nodes of stage s are first[s] to first[s + 1], at least one
+    # (stages + 1,); nodes of stage s are first[s] to first[s + 1], at least one
+    first: NDArray[np.intp]
 
     def without(self, bad: NDArray[np.bool_]) -> "Roadmap":
         """Drop bad nodes, except at stages that have no others."""

@@ -26,9 +26,8 @@ from maniport.util.defaults import RATE
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
-POWERS = np.array(
-    [1, 2, 3, 2, 3]
-)  # of the speed that shares grow with: derivatives, torque and torque rate
+# Powers of the speed with which shares grow: of derivatives, torque and torque rate
+POWERS = np.array([1, 2, 3, 2, 3])
 RISE_TIME = 0.03
 """Longest time in which a torque rises from that of gravity at its limit of rate [s]. With 0.02 s the ladder recording
 takes 52.2 s instead of 49.7 s; without a limit, it leaves its path by 3.5 mm instead of 2.3 mm."""
@@ -100,27 +99,24 @@ class JointPath:
         """Lay a cubic spline through waypoints (n, dof) at increasing times (n,), within limits."""
         since = times - times[0]
         spline = make_interp_spline(since, points, k=min(3, len(since) - 1))
-        overshoots = np.any(
-            (spline.c < lower - PATH_TOLERANCE) | (spline.c > upper + PATH_TOLERANCE)
-        )
+        below = spline.c < lower - PATH_TOLERANCE
+        above = spline.c > upper + PATH_TOLERANCE
+        overshoots = np.any(below | above)
         spline.c = np.clip(spline.c, lower, upper)  # a B-spline lies between its coefficients
         pieces = np.ones(len(since) - 1, np.int64)
         finer = 32
         if overshoots:
-            fine = np.interp(
-                np.arange(finer * (len(since) - 1) + 1) / finer, np.arange(len(since)), since
-            )
+            rows = np.arange(finer * (len(since) - 1) + 1) / finer
+            fine = np.interp(rows, np.arange(len(since)), since)
             plain = spline
-            spline = make_interp_spline(
-                fine, _within(since, points, fine, finer, lower, upper), k=3
-            )
+            path = _within(since, points, fine, finer, lower, upper)
+            spline = make_interp_spline(fine, path, k=3)
             spline.c = np.clip(spline.c, lower, upper)
             moved = np.abs(plain(fine) - spline(fine)).max(axis=1) > PATH_TOLERANCE
             pieces[np.minimum(np.flatnonzero(moved) // finer, len(since) - 2)] = finer
         count = np.clip(since[-1] / 15e-3, 1250, 2500)  # twice as many make a motion 0.4 % shorter
-        n_pieces = np.maximum(
-            pieces, np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64)
-        )
+        by_duration = np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64)
+        n_pieces = np.maximum(pieces, by_duration)
         knots = np.concatenate([[0], np.cumsum(n_pieces)])
         grid = np.interp(np.arange(knots[-1] + 1), knots, since)
         return cls(spline, grid, spline(grid, 1), spline(grid, 2), knots)
@@ -246,12 +242,8 @@ def _sampled(
     inside = np.clip(parameter, path.grid[cell], path.grid[cell + 1])
     # a joint a row: differences along rows are faster
     raw = np.ascontiguousarray(path.spline(inside).T)
-    abrupt = (
-        2.0
-        * rate**2
-        * np.abs(np.diff(np.pad(raw, ((0, 0), (1, 1)), "edge"), 2)).max(axis=1)
-        / limits.jerk
-    ).max()
+    bends = np.abs(np.diff(np.pad(raw, ((0, 0), (1, 1)), "edge"), 2)).max(axis=1)
+    abrupt = (2.0 * rate**2 * bends / limits.jerk).max()
     torques = np.zeros((0, raw.shape[1]))
     if np.isfinite(limits.effort_rate).any() and limits.dynamics is not None:
         # the torques of averaged positions are nearly the averaged torques

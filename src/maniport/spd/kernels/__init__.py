@@ -28,9 +28,8 @@ from maniport.util.validation import SPD_TOLERANCE, Array
 # Range of the eigenvalues that an exponential or power may produce
 MIN_EIGENVALUE = 1e-150
 MAX_EIGENVALUE = 1e150
-ROUNDED = (
-    0.1 * SPD_TOLERANCE
-)  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
+# Share of the trace up to which an eigenvalue may be a zero that was rounded up
+ROUNDED = 0.1 * SPD_TOLERANCE
 
 Options = tuple[float, ...]  # Numbers that a loop takes after its matrices
 

@@ -11,9 +11,8 @@ import numpy as np
 from maniport.util.jit import kernel, part
 
 WIDTH = 64  # Matrices of a block: 32 take 15 % longer, and of more, 6×6 matrices leave the fastest cache
-EPS2 = (
-    float(np.finfo(np.float64).eps) ** 2
-)  # Square of the relative size of off-diagonal entries that count as zero
+# Square of the relative size of off-diagonal entries that count as zero
+EPS2 = float(np.finfo(np.float64).eps) ** 2
 KAPPA = 1e-4  # κ: a transferred ellipsoid as flat as the damping keeps √κ of it, a round one loses all but κ of it
 APART = 1e-9  # Least ratio of the eigenvalues of A⁻¹B up to which a distance is computed from them
 

@@ -104,11 +104,14 @@ def best_registration(
     clouds = [icp.teacher, icp.student]
     smaller = int(len(icp.student) < len(icp.teacher))
     clouds[smaller] = clouds[smaller][evenly_spaced(len(clouds[smaller]), limit)]
-    part = ICP(clouds[0], clouds[1], icp.correspondence)
-    ahead = min((part.run(other, 2, 1e-3) for other in others), key=lambda run: run.cost)
+    thinned = ICP(clouds[0], clouds[1], icp.correspondence)
+    runs = [thinned.run(other, 2, 1e-3) for other in others]
+    ahead = min(runs, key=lambda run: run.cost)
     # a part of the cloud may mislead: the best has to beat the first rotation on all of it
     best = replace(icp.run(ahead.rotation, max_iter), start=ahead.start)
-    return start, best if best.cost < start.cost * (1.0 - margin) - 1e-6 else start
+    if best.cost < start.cost * (1.0 - margin) - 1e-6:
+        return start, best
+    return start, start
 
 
 def rotations_by_voting(
@@ -121,10 +124,8 @@ def rotations_by_voting(
     of the clouds' frames, as further starts, recover no more.
     """
     if len(teacher) > len(student):
-        return [
-            rotation.T
-            for rotation in rotations_by_voting(student, teacher, elected, voters, candidates)
-        ]
+        inverses = rotations_by_voting(student, teacher, elected, voters, candidates)
+        return [rotation.T for rotation in inverses]
     d = teacher.shape[-1]
     signs = np.array([turn for turn in product((1.0, -1.0), repeat=d) if np.prod(turn) > 0.0])
     # in even dimension −P does what P does
@@ -142,19 +143,16 @@ def rotations_by_voting(
     _, similar = cKDTree(np.log(value_s)).query(
         np.log(value_t), k=[*range(1, min(candidates, len(student)) + 1)]
     )
-    turns = (frame_s[similar][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[
-        :, None, None
-    ]
+    targets = frame_s[similar][:, :, None] * signs[:, None, :]
+    turns = targets @ np.swapaxes(frame_t, 1, 2)[:, None, None]
     proposals = turns.reshape(-1, d * d)
     centers = turns[:, 0].reshape(-1, d * d)
-    radius = (
-        2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)
-    )  # |R - R'| for 10° apart in one plane
+    # |R - R'| of rotations that are 10° apart in one plane
+    radius = 2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)
     tree = cKDTree(proposals)
+    votes = tree.query_ball_point(centers, radius, return_length=True)
     rotations = list[Array]()
-    for place in np.argsort(
-        -tree.query_ball_point(centers, radius, return_length=True), kind="stable"
-    ):
+    for place in np.argsort(-votes, kind="stable"):
         if len(rotations) == elected:
             break
         agreeing = tree.query_ball_point(centers[place], radius, return_sorted=True)

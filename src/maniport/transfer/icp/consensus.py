@@ -232,7 +232,8 @@ def weighting_of(distances: Array) -> Weighting:
 
 def spacing_of(points: Array, candidates: int = 6) -> Array:
     """Distances of SPD matrices (n, d, d) to the nearest other one, of those with the nearest logarithms; (n,)."""
-    _, whitening = roots(apply(apply(points, np.log).mean(axis=0), np.exp))
+    log_euclidean_mean = apply(apply(points, np.log).mean(axis=0), np.exp)
+    _, whitening = roots(log_euclidean_mean)
     centered = congruence(whitening, points)
     vectors = to_vector(apply(centered, np.log))
     count = min(candidates, len(points))

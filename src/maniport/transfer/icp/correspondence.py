@@ -113,12 +113,12 @@ class EllipsoidCorrespondence(Correspondence):
     def between(self, teacher: Array, student: Array) -> Matching:
         """Match by score."""
         seeking, sought = sorted((teacher, student), key=len)
-        (directions, shapes), (others, other_shapes) = map(_features, (seeking, sought))
-        order = np.argsort(other_shapes[:, 0], kind="stable")
-        positions = np.searchsorted(other_shapes[order, 0], shapes[:, 0])
-        others, other_shapes = (
-            np.ascontiguousarray(x[order].T) for x in (others.swapaxes(1, 2), other_shapes)
-        )
+        directions, shapes = _features(seeking)
+        directions_sought, shapes_sought = _features(sought)
+        order = np.argsort(shapes_sought[:, 0], kind="stable")
+        positions = np.searchsorted(shapes_sought[order, 0], shapes[:, 0])
+        others = np.ascontiguousarray(directions_sought.swapaxes(1, 2)[order].T)
+        other_shapes = np.ascontiguousarray(shapes_sought[order].T)
 
         def partners(rotation: Array) -> tuple[Indices, Array]:
             index = np.empty(len(shapes), np.intp)
@@ -134,7 +134,10 @@ class EllipsoidCorrespondence(Correspondence):
                 score,
             )
             best = score.max()
-            return index, (score / best) ** self.exponent if best > 0 else np.ones_like(score)
+            weight = np.ones_like(score)
+            if best > 0:
+                weight = (score / best) ** self.exponent
+            return index, weight
 
         return _between(partners, seeking is teacher)
 
@@ -160,11 +163,12 @@ def correspondence_of(value: str | Correspondence) -> Correspondence:
 def _features(points: Array) -> tuple[Array, Array]:
     """Return shortest and longest axes (n, 2, d), zero where undefined, and condition numbers and volumes (n, 2)."""
     values, vectors = eigh(points)
-    gaps = (
-        np.stack([values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]], axis=1)
-        / values[:, [1, -1]]
-    )
-    directions = np.stack([vectors[:, :, 0], vectors[:, :, -1]], axis=1)
+    gap_below = values[:, 1] - values[:, 0]
+    gap_above = values[:, -1] - values[:, -2]
+    gaps = np.stack([gap_below, gap_above], axis=1) / values[:, [1, -1]]
+    shortest = vectors[:, :, 0]
+    longest = vectors[:, :, -1]
+    directions = np.stack([shortest, longest], axis=1)
     directions *= (gaps > EQUAL_EIGENVALUES)[:, :, None]
     conditions = values[:, -1] / values[:, 0]
     volumes = unit_ball_volume(points.shape[-1]) * np.sqrt(np.prod(values, axis=-1))

@@ -43,9 +43,8 @@ class LengthsMap:
     def apply(self, points: Array) -> Array:
         """Map SPD matrices (n, d, d)."""
         results = np.empty(points.shape)
-        for first in range(
-            0, len(points), 512
-        ):  # kernel values of so many stay in the processor's cache
+        # kernel values of 512 ellipsoids stay in the processor's cache
+        for first in range(0, len(points), 512):
             part = slice(first, first + 512)
             eigenvalues, vectors = eigh(points[part])
             if not np.all(eigenvalues > ROUNDED * eigenvalues.sum(axis=1, keepdims=True)):
@@ -115,9 +114,8 @@ class LengthsMap:
         images = axiswise(field, t)
         ratios = (images[:, :, None] - images[:, None, :]) / np.where(apart, gaps, 1.0)
         stretch = 1.0 + np.where(apart, ratios, 0.5 * (rates[:, :, None] + rates[:, None, :]))
-        basis = congruence(
-            np.swapaxes(vectors, -1, -2)[:, None], mandel_basis(d)
-        )  # (n, D, d, d): Vᵀ E_k V
+        # Vᵀ E_k V, shape (n, D, d, d)
+        basis = congruence(np.swapaxes(vectors, -1, -2)[:, None], mandel_basis(d))
         turned = stretch[:, None] * basis
         turned[..., np.arange(d), np.arange(d)] += np.swapaxes(along, 1, 2)
         return np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
@@ -198,8 +196,11 @@ def harmonics(axis: Array) -> Array:
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     across /= np.linalg.norm(across)
     frame = np.stack([across, np.cross(axis, across), axis])
-    xx, yy, zz, xy, xz, yz = to_vector(congruence(frame, mandel_basis(3))).T
-    return np.stack([zz, (xx + yy) / np.sqrt(2.0), xz, yz, (xx - yy) / np.sqrt(2.0), xy])
+    turned_basis = congruence(frame, mandel_basis(3))
+    xx, yy, zz, xy, xz, yz = to_vector(turned_basis).T
+    mean = (xx + yy) / np.sqrt(2.0)
+    difference = (xx - yy) / np.sqrt(2.0)
+    return np.stack([zz, mean, xz, yz, difference, xy])
 
 
 def features(parts: Array, soft: float) -> Array:

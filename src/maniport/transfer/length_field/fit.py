@@ -118,12 +118,11 @@ def fitted(
         history.append(float(np.mean(distance_unchecked(images, nearest))))
         if number < rounds:
             whitening = apply(images, lambda values: 1.0 / np.sqrt(values))
-            error = congruence(
-                np.swapaxes(samples.vectors, -1, -2), logarithm(congruence(whitening, nearest))
-            )
-            lengths = _lengths(
-                field.lengths, samples, near, among, error, None if number == 0 else changes, ridge
-            )
+            difference = logarithm(congruence(whitening, nearest))
+            error = congruence(np.swapaxes(samples.vectors, -1, -2), difference)
+            if number == 0:
+                changes = None
+            lengths = _lengths(field.lengths, samples, near, among, error, changes, ridge)
             field = replace(field, lengths=lengths)
     return field, history
 
@@ -147,16 +146,14 @@ def _lengths(
     weights = np.broadcast_to(np.eye(d), (n, d, d))
     pull = wanted
     if changes is not None:
-        moves = np.swapaxes(
-            to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], changes)), 1, 2
-        )
+        frames = np.swapaxes(samples.vectors, -1, -2)
+        moves = np.swapaxes(to_vector(congruence(frames[:, None], changes)), 1, 2)
         residual = _unreachable(moves)
-        weights = residual[:, :d, :d] + 0.1 * np.eye(
-            d
-        )  # α, the cost of an error that motion of the joints removes
-        pull = (weights @ wanted[..., None])[..., 0] + (residual[:, :d, d:] @ vector[:, d:, None])[
-            ..., 0
-        ]
+        alpha = 0.1  # cost of an error that motion of the joints removes
+        weights = residual[:, :d, :d] + alpha * np.eye(d)
+        of_lengths = (weights @ wanted[..., None])[..., 0]
+        of_axes = (residual[:, :d, d:] @ vector[:, d:, None])[..., 0]
+        pull = of_lengths + of_axes
     mixed = np.swapaxes(t, 1, 2) @ weights @ t  # (n, 3, 3)
     normal = np.empty((rank, m, rank, m))
     for r in range(rank):
@@ -179,12 +176,19 @@ def _unreachable(moves: Array, gamma: float = 0.05) -> Array:
 
 def centers_among(x: Array, count: int) -> NDArray[np.intp]:
     """Return indices of `count` vectors (n, D): the nearest to the mean, then always the farthest."""
-    squares = np.sum((x - x.mean(axis=0)) ** 2, axis=1)
-    chosen = [int(np.argmax(squares <= squares.min() + TIE))]
-    apart = np.sum((x - x[chosen[0]]) ** 2, axis=1)
+
+    def squares(center: Array) -> Array:
+        """Squared distances from a vector (D,)."""
+        return np.asarray(np.sum((x - center) ** 2, axis=1))
+
+    from_mean = squares(x.mean(axis=0))
+    first = int(np.argmax(from_mean <= from_mean.min() + TIE))
+    chosen = [first]
+    from_centers = squares(x[first])
     while len(chosen) < count:
-        chosen.append(int(np.argmax(apart >= apart.max() - TIE)))
-        apart = np.minimum(apart, np.sum((x - x[chosen[-1]]) ** 2, axis=1))
+        farthest = int(np.argmax(from_centers >= from_centers.max() - TIE))
+        chosen.append(farthest)
+        from_centers = np.minimum(from_centers, squares(x[farthest]))
     return np.array(chosen, dtype=np.intp)
 
 
@@ -261,15 +265,17 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
     moved = axis_angles(images, points, -1)
     # vec v vᵀ for axes v, (n, d, D)
     along = to_vector(np.einsum("nik,njk->nkij", samples.vectors, samples.vectors))
+    growth = np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1)
+    correlation = 1.0
+    if varied:
+        correlation = rank_correlation(between_images, between_samples)
     return FieldReport(
         held_out=held_out,
         gap=float(gaps.mean()),
         gap_p95=float(np.percentile(gaps, 95)),
-        rank_correlation=rank_correlation(between_images, between_samples) if varied else 1.0,
+        rank_correlation=correlation,
         near_singular=float(np.mean(singular <= NEAR_SINGULAR)),
         moved_axes=float(np.mean(moved > AXIS_MOVED)) if len(moved) else 0.0,
         reversing=float(np.mean(singular < 0.0)),
-        nonmonotone=float(
-            np.mean(np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0)
-        ),
+        nonmonotone=float(np.mean(growth <= 0.0)),
     )
