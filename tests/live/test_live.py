@@ -129,7 +129,7 @@ def test_gaps_of_the_calibration_do_not_make_the_motion_small():
         for recording in (whole, replace(whole, positions=positions)):
             result = mp.transfer_recording(recording, **options)
             scales.append(result.arm.placement.scale)
-    assert scales[1] > 0.65 * scales[0]  # seeds differ by a third
+    assert scales[1] > 0.8 * scales[0]  # four seeds: 0.90 to 0.99
 
 
 def test_both_arms_lead_two_robots(two_arm_result):

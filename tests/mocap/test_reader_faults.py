@@ -130,8 +130,8 @@ def test_truncated_c3d_is_rejected(tmp_path, size):
 
 @pytest.mark.parametrize(("change", "words"), [
     ({"names": None}, "14 joints without names"), ({"positions": np.array([[["a"] * 3] * 14] * 40)}, "positions"),
-    ({"names": np.arange(14)}, "names"), ({"time": None}, "rate="), ({"time": None, "rate": -1}, "or rate"),
-    ({"time": None, "rate": 1e-320}, "or rate"), ({"time": np.zeros(40)}, "time"),
+    ({"names": np.arange(14)}, "names"), ({"time": None}, "rate="), ({"time": None, "rate": -1}, "rate is '-1'"),
+    ({"time": None, "rate": 1e-320}, "rate is '1e-320'"), ({"time": np.zeros(40)}, "time"),
 ])  # fmt: skip
 def test_faulty_arrays_are_rejected(markers, tmp_path, change, words):
     names, file = np.array(markers.names), tmp_path / "x.npz"

@@ -8,6 +8,7 @@ import ezc3d
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from dialect_files import POINTS, SKELETONS, mirrored, write_bvh
 from format_files import (
@@ -120,7 +121,7 @@ def test_separators_and_decimal_commas(tmp_path, markers, separator, comma):
 def test_placeholders_of_missing_numbers(tmp_path, markers):
     file = write_csv(tmp_path / "a.csv", markers)
     expected, text = read_recording(file).positions, file.read_text()
-    for word in ("NA", "n/a", "NULL", "None", "nan"):
+    for word in ("NA", "n/a", "NULL", "None", "nan", "1.#QNAN", "-1.#IND", "-nan(ind)", "inf"):
         file.write_text("sep=,\n" + text.replace(",,,", f",{word},{word},", 1))
         assert_allclose(read_recording(file).positions, expected)
     file.write_text(text.replace(",,,", ",,lost,", 1))
@@ -225,6 +226,39 @@ def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, mad
     assert noted(again, "without the body model")
     assert again.rate == pytest.approx(50)
     assert_allclose(angles(again), plain, atol=1e-4)
+
+
+@pytest.mark.parametrize("names", [("poses",), ("global_orient", "body_pose")])
+def test_poses_as_rotation_matrices(tmp_path, made, names):
+    arrays = amass(made)
+    np.savez(tmp_path / "vectors.npz", **arrays)
+    vectors = arrays.pop("poses").reshape(len(made.time), 52, 3)
+    matrices = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(-1, 52, 3, 3)
+    parts = [matrices] if len(names) == 1 else [matrices[:, 0], matrices[:, 1:22]]
+    np.savez(tmp_path / "matrices.npz", **arrays, **dict(zip(names, parts, strict=True)))
+    expected = read_recording(tmp_path / "vectors.npz").positions
+    found = read_recording(tmp_path / "matrices.npz").positions
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["degrees", "quaternions", "columns", "scaled matrices"])
+@pytest.mark.parametrize("is_flat", [False, True])
+def test_poses_that_are_no_rotation_vectors_are_rejected(tmp_path, made, kind, is_flat):
+    arrays = amass(made)
+    count = len(made.time)
+    rotations = Rotation.from_rotvec(arrays["poses"].reshape(-1, 3))
+    matrices = rotations.as_matrix()
+    poses = {
+        "degrees": np.degrees(arrays["poses"]).reshape(count, 52, 3),
+        "quaternions": rotations.as_quat().reshape(count, 52, 4),
+        "columns": matrices[:, :, :2].swapaxes(1, 2).reshape(count, 52, 6),
+        "scaled matrices": matrices.reshape(count, 52, 3, 3) * 1.1,
+    }[kind]
+    if is_flat and kind != "scaled matrices":
+        poses = poses.reshape(count, -1)
+    np.savez(tmp_path / "a.npz", **arrays | {"poses": poses})
+    with pytest.raises(FileFormatError, match="poses"):
+        read_recording(tmp_path / "a.npz")
 
 
 def test_keypoints_of_mediapipe_in_every_layout(tmp_path, made):

@@ -1,6 +1,7 @@
 """Times of frames: a clock in the file precedes a declared rate, and contradictions are reported with both values."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -231,6 +232,68 @@ def test_rates_of_amass_that_differ(tmp_path, made):
     assert reported(supported.quality_warnings, "120", "50")
     np.savez(file, **arrays, fps=50.0)
     assert read_recording(file).quality_warnings == ()
+
+
+def write_rate(file, recording, rate):
+    """Write points without times, in arrays or in JSON, with a value under ``fps``."""
+    positions = np.nan_to_num(recording.positions)
+    content = {"names": list(recording.names), "positions": positions.tolist(), "fps": rate}
+    if file.suffix == ".npz":
+        np.savez(file, **content)
+    else:
+        write_json(file, content)
+    return file
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+@pytest.mark.parametrize("rate", ["50", "50.0", "50 Hz", "50fps", " 50 frames per second "])
+def test_a_rate_as_text_is_read(tmp_path, markers, suffix, rate):
+    recording = read_recording(write_rate(tmp_path / f"a{suffix}", markers, rate), unit="m")
+    assert_allclose(recording.time, markers.time, atol=1e-12)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+@pytest.mark.parametrize(
+    "rate", ["fifty", "", "nan", "-50", "50 ms", "1/50", True, 0, -1, [50, 60], 1e300, 10**18]
+)
+def test_a_rate_that_is_none_is_named_and_can_be_replaced(tmp_path, markers, suffix, rate):
+    file = write_rate(tmp_path / f"a{suffix}", markers, rate)
+    with pytest.raises(FileFormatError, match=r"fps is .*rate="):
+        read_recording(file, unit="m")
+    recording = read_recording(file, unit="m", rate=50)
+    assert_allclose(recording.time, markers.time, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", ["1" * 400, [50, [60]], {"value": 50}, None])
+def test_odd_rates_of_json_are_named(tmp_path, markers, rate):
+    file = write_rate(tmp_path / "a.json", markers, rate)
+    with pytest.raises(FileFormatError, match=r"fps is .*rate="):
+        read_recording(file, unit="m")
+
+
+@pytest.mark.parametrize("rate", [b"50", "50", True, [50]])
+def test_a_rate_of_the_caller_is_a_number(rate):
+    with pytest.raises(InvalidInputError, match="rate"):
+        read_recording(CASES / "control.bvh", rate=rate)
+
+
+@pytest.mark.parametrize("step", ["0.05 s", "50 ms", "50ms", "20 Hz", "20 fps", "0.05 seconds"])
+def test_a_frame_time_with_a_unit(tmp_path, step):
+    text = (CASES / "control.bvh").read_text(encoding="utf-8")
+    file = tmp_path / "a.bvh"
+    file.write_text(re.sub("Frame Time: .*", f"Frame Time: {step}", text))
+    recording = read_recording(file)
+    assert recording.rate == pytest.approx(20.0)
+    assert recording.quality_warnings == ()
+
+
+@pytest.mark.parametrize("step", ["1.#IND", "fifty", "fifty ms"])
+def test_a_frame_time_that_is_none_needs_a_rate(tmp_path, step):
+    text = (CASES / "control.bvh").read_text(encoding="utf-8")
+    file = tmp_path / "a.bvh"
+    file.write_text(re.sub("Frame Time: .*", f"Frame Time: {step}", text))
+    with pytest.raises(FileFormatError, match="Frame Time"):
+        read_recording(file)
 
 
 def test_a_rate_in_the_header_of_opensim(tmp_path, made):

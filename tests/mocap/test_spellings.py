@@ -115,6 +115,15 @@ def test_separators_of_opensim_tables(tmp_path, made, separator, filled):
         read_recording(file)
 
 
+def test_capitals_in_the_columns_of_opensim(tmp_path, made):
+    file = write_mot(tmp_path / "a.mot", made.time, made.joint_angles, SAUL)
+    expected = read_recording(file)
+    text = file.read_text()
+    names = "\t".join(["time", *SAUL])
+    file.write_text(text.replace(names, names.upper()))
+    assert_allclose(read_recording(file).positions, expected.positions, atol=1e-9)
+
+
 def test_a_rate_replaces_one_that_is_zero(tmp_path, made, markers):
     writer = Writer()
     content = writer.content()

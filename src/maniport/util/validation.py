@@ -268,7 +268,9 @@ def as_number(value: object, name: str, **bounds: Unpack[Bounds]) -> float:
         number = value if type(value) is float else float(as_finite(value, name)[()])
     except (InvalidInputError, TypeError):
         number = np.nan
-    if isinstance(value, bool | str) or not (math.isfinite(number) and inside(number, bounds)):
+    if isinstance(value, bool | str | bytes) or not (
+        math.isfinite(number) and inside(number, bounds)
+    ):
         raise InvalidInputError(f"{name} must be a number{_in_words(bounds)}; found {shown(value)}")
     return number
 
@@ -287,7 +289,7 @@ def as_numbers(
     rule = f"{name} must be {single}{count or 'a sequence of'} number{'s' * (count != 1)}{_in_words(bounds)}"
     array = as_finite(value, name)
     entries = value if isinstance(value, list | tuple) else [value]
-    if any(isinstance(entry, bool | str) for entry in entries):
+    if any(isinstance(entry, bool | str | bytes) for entry in entries):
         raise InvalidInputError(f"{rule}; found {shown(value)}")
     is_single = broadcast and array.ndim == 0
     is_sequence = array.ndim == 1 and count in (None, len(array))

@@ -36,7 +36,9 @@ _STATEMENT = re.compile(
     re.IGNORECASE,
 )
 _FRAMES = re.compile(r"Frames\s*:\s*(\d{1,15})(?!\S)", re.IGNORECASE)
-_FRAME_TIME = re.compile(r"Frame\s*Time\s*:\s*(\S+)", re.IGNORECASE)
+_FRAME_TIME = re.compile(
+    r"Frame\s*Time\s*:\s*(\S+?)\s*(hz|fps|ms|s|sec|seconds)?(?!\S)", re.IGNORECASE
+)
 _COMMA = re.compile(r",(?=\s|$)")  # which separates numbers, since blanks follow
 LONGEST_HEADER = 1000  # Characters between MOTION and the first frame
 CHANNELS = {(kind, axis) for kind in ("position", "rotation") for axis in "xyz"}
@@ -281,8 +283,13 @@ def _motion(lines: Iterator[Row], motion: int, options: ImportOptions) -> _Motio
         )
     if step is None:
         step = 1 / float(options.rate or 1.0)
+    unit = (frame_time[2] or "").lower()
+    if unit in ("hz", "fps"):
+        step = 1 / step
+    elif unit == "ms":
+        step *= 1e-3
     warnings = []
-    if step >= LONGEST_FRAME_TIME and options.rate is None:
+    if step >= LONGEST_FRAME_TIME and options.rate is None and not unit:
         warnings.append(
             f"Frame Time at line {last} is {frame_time[1]}, which was taken as milliseconds: as seconds, frames would "
             f"be {step:g} s apart; {argument('rate')} sets the frames per second"

@@ -10,7 +10,7 @@ import numpy as np
 from maniport.errors import FileFormatError, counted
 from maniport.mocap.readers import ImportOptions, arm_error, drop_untrusted, require_size
 from maniport.mocap.readers.text import decoded
-from maniport.mocap.readers.times import FileTimes
+from maniport.mocap.readers.times import FileTimes, rates_of
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import load_names
 from maniport.util.input_limits import (
@@ -182,15 +182,8 @@ def _times(head: Content, frames: Sequence[Content]) -> FileTimes:
                 continue
             raise
         clocks[key] = seconds * np.array(clock)
-    rates = {}
-    for key in KEYS["rates"]:
-        if key in head:
-            try:
-                rates[key] = _number(head[key])
-            except ValueError:
-                if not clocks:
-                    raise
-    return FileTimes(clocks, _frame_numbers(frames), rates)
+    rates, wrong_rates = rates_of({key: head[key] for key in KEYS["rates"] if key in head})
+    return FileTimes(clocks, _frame_numbers(frames), rates, wrong_rates)
 
 
 def _frame_numbers(frames: Sequence[Content]) -> Array | None:

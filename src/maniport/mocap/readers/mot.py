@@ -134,7 +134,7 @@ def _columns(line: str, number: int) -> tuple[list[str], str | None]:
     # newer files write the path of a coordinate in the model, as /jointset/elbow/elbow_flexion/value
     columns = []
     for word in fields_of(line, separator):
-        columns.append(word.removesuffix("/value").rpartition("/")[2])
+        columns.append(word.lower().removesuffix("/value").rpartition("/")[2])
     while columns and not columns[-1]:
         columns.pop()
     if columns[:1] != ["time"]:

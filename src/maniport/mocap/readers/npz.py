@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
-from maniport.errors import argument, some_of
+from maniport.errors import some_of
 from maniport.mocap.readers import ImportOptions, require_size
 from maniport.mocap.readers.orders import recognized_order
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
-from maniport.mocap.readers.times import FileTimes
+from maniport.mocap.readers.times import FileTimes, rates_of
 from maniport.mocap.recording import Recording
 from maniport.mocap.roles import load_names
 from maniport.util.files import array_names, load_arrays, read_npy
@@ -31,6 +31,7 @@ from maniport.util.input_limits import RECORDING_BYTES, SETTINGS_BYTES, existing
 from maniport.util.validation import Array
 
 RATE = "rate "  # Prefix of the keys of frame rates, of which a file may have several
+UNIT_TOLERANCE = 0.01  # of lengths of one in poses, which may be rounded to 16 bits
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -139,21 +140,11 @@ def _times(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOption
             clocks["time"] = clock.reshape(-1)
         else:
             clocks["time"] = clock
-    rates = {}
-    wrong = None
-    for key, rate in arrays.items():
-        if not key.startswith(RATE):
-            continue
-        is_number = rate.size == 1 and rate.dtype.kind in "fiu"
-        if is_number and np.isfinite(rate).all() and rate.min() >= 1e-6:
-            rates[key.removeprefix(RATE)] = float(rate.flat[0])
-        else:
-            wrong = rate
-    if wrong is not None and not (rates or clocks or options.rate):
-        raise ValueError(
-            f"a recording needs time (n,) [s], or rate in frames per second; found {wrong}; "
-            f"{argument('rate')} sets it"
-        )
+    values = {}
+    for key, value in arrays.items():
+        if key.startswith(RATE):
+            values[key.removeprefix(RATE)] = value
+    rates, wrong_rates = rates_of(values)
     duration = arrays.get("duration", np.zeros(0))
     if (
         len(rates) > 1
@@ -163,7 +154,7 @@ def _times(arrays: Mapping[str, NDArray[Any]], count: int, options: ImportOption
     ):
         expected = count / float(duration.flat[0])
         rates = dict(sorted(rates.items(), key=lambda item: abs(np.log(item[1] / expected))))
-    return FileTimes(clocks, rates=rates)
+    return FileTimes(clocks, rates=rates, wrong_rates=wrong_rates)
 
 
 def _posed(
@@ -178,13 +169,17 @@ def _posed(
         part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != count
         for part in (*poses, root)
     )
-    if wrong or not count or sum(part[0].size for part in poses) < 66 or root.shape[1:] != (3,):
+    if wrong or not count or root.shape[1:] != (3,):
         shapes = " and ".join(f"{part.shape} of {part.dtype}" for part in (*poses, root))
         raise ValueError(
             f"poses must be numbers of shape (n, 66 or more), and trans of shape (n, 3); found {shapes}"
         )
+    angles = np.concatenate([_rotation_vectors(part) for part in poses], axis=1)
+    if angles.shape[1] < 66:
+        raise ValueError(
+            f"poses must be rotation vectors of at least 22 joints, shape (n, 66 or more); found {angles.shape}"
+        )
     require_size(count, 66 // 3)
-    angles = np.concatenate([part.reshape(count, -1) for part in poses], axis=1)
     bones = _bones(body_height)
     parts = [slice(first, first + 20_000) for first in range(0, count, 20_000)]  # limits the memory
     positions = np.concatenate([_joints(bones, angles[part, :66], root[part]) for part in parts])
@@ -195,6 +190,58 @@ def _posed(
     return options.recording(
         file, ["pelvis", *bones], positions, _times(arrays, count, options), "m", notes
     )
+
+
+def _rotation_vectors(poses: NDArray[Any]) -> Array:
+    """Return rotation vectors [rad], shape (n, 3 joints), from vectors or from rotation matrices.
+
+    Other parameters of rotations are numbers, too, and would be a wrong motion: they are errors.
+    """
+    count = len(poses)
+    if poses.shape[-2:] == (3, 3) and poses.ndim in (3, 4):
+        return _vectors_of_matrices(poses.reshape(count, -1, 3, 3))
+    if poses.ndim > 3 or (poses.ndim == 3 and poses.shape[-1] != 3):
+        raise ValueError(
+            f"poses must be rotation vectors, shape (n, 3 joints) or (n, joints, 3), or rotation matrices, shape "
+            f"(n, joints, 3, 3); found {poses.shape}"
+        )
+    vectors = poses.reshape(count, -1)
+    sample = vectors[:: max(count // 1000, 1)].astype(np.float64)
+    advice = "convert them to rotation vectors in radians, for example with scipy.spatial.transform.Rotation"
+    for width, kind in ((4, "quaternions"), (3, "rotation matrices or their columns")):
+        if vectors.shape[1] % width == 0 and _are_unit(sample, width):
+            raise ValueError(
+                f"poses look like {kind}, as all {width} numbers have length one; {advice}"
+            )
+    if vectors.shape[1] % 3 == 0:
+        angles = np.linalg.norm(sample.reshape(len(sample), -1, 3), axis=-1)
+        largest = np.nanmedian(angles, axis=0).max() if np.isfinite(angles).any() else 0.0
+        if 4 * np.pi < largest < LARGEST_ANGLE:
+            raise ValueError(
+                f"poses look like degrees: a joint is turned by {largest:.4g} in half of the frames; {advice}"
+            )
+    return vectors
+
+
+def _are_unit(numbers: Array, width: int) -> bool:
+    """Whether all groups of numbers in a row have length one, as far as they are known."""
+    lengths = np.linalg.norm(numbers.reshape(len(numbers), -1, width), axis=-1)
+    known = lengths[np.isfinite(lengths)]
+    return bool(len(known) and (np.abs(known - 1) < UNIT_TOLERANCE).all())
+
+
+def _vectors_of_matrices(matrices: NDArray[Any]) -> Array:
+    """Return the rotation vectors of matrices (n, joints, 3, 3); nan where one is not finite."""
+    count = len(matrices)
+    flat = matrices.reshape(-1, 3, 3).astype(np.float64)
+    known = np.isfinite(flat).all(axis=(1, 2))
+    products = flat[known] @ np.swapaxes(flat[known], 1, 2)
+    has_unit_axes = np.abs(products - np.eye(3)).max(initial=0.0) < 3 * UNIT_TOLERANCE
+    if not has_unit_axes or (np.linalg.det(flat[known]) < 0).any():
+        raise ValueError("poses of shape (n, joints, 3, 3) must be rotation matrices")
+    vectors = np.full((len(flat), 3), np.nan)
+    vectors[known] = Rotation.from_matrix(flat[known]).as_rotvec()
+    return vectors.reshape(count, -1)
 
 
 def _bones(body_height: float) -> dict[str, tuple[str, Array]]:

@@ -45,7 +45,22 @@ WIDE = {  # the number of bytes of a letter, and which are zero in letters of AS
 }
 JAPANESE = ("cp932", "euc_jp")
 COMMON_KANJI = "右左上下半身首頭肩腕手足指親人中薬小目両全体腰捩先操作骨股膝肘胸"
-MISSING = ("", "na", "n/a", "null", "none", "-")  # Placeholders of missing numbers
+MISSING = (  # Placeholders of missing numbers; those with # or brackets are written by programs for Windows
+    "",
+    "na",
+    "n/a",
+    "null",
+    "none",
+    "-",
+    "1.#qnan",
+    "-1.#qnan",
+    "1.#ind",
+    "-1.#ind",
+    "1.#inf",
+    "-1.#inf",
+    "nan(ind)",
+    "-nan(ind)",
+)
 
 
 class Block(NamedTuple):

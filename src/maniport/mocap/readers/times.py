@@ -4,6 +4,7 @@ A clock in the file precedes an even rate, which may be assumed by the program t
 reported with both values.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -19,6 +20,11 @@ MOST_BACKWARD = 0.1  # Share of the steps of a clock that may not increase
 JITTER = 0.05  # Difference of two clocks [s] that is no contradiction: that of a computer's clock
 FRAME_NUMBERS = "frame numbers"
 MULTIPLES = {"seconds": 1.0, "milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+LOWEST_RATE = 1e-6  # [Hz]; lower ones are placeholders, whose frames would last for days
+HIGHEST_RATE = 1e12  # [Hz]; also of integers that no float holds
+_RATE_TEXT = re.compile(
+    r"\s*(\d+(?:\.\d*)?)\s*(?:hz|fps|frames\s*(?:/|per)\s*s(?:ec(?:ond)?)?)?\s*", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
@@ -34,11 +40,42 @@ class FileTimes:
         Numbers of the frames, which skip those that were lost.
     rates : mapping of str to float
         Frames per second, in order of precedence; those that are not positive and finite are ignored.
+    wrong_rates : mapping of str to str
+        What the file has in place of a frame rate, for the error where it states no time otherwise.
     """
 
     clocks: Mapping[str, ArrayLike] = field(default_factory=dict)
     frame_numbers: Array | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
+    wrong_rates: Mapping[str, str] = field(default_factory=dict)
+
+
+def rates_of(values: Mapping[str, object]) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the frame rates [Hz] among the values of a file, and the others as texts."""
+    rates = {}
+    wrong = {}
+    for key, value in values.items():
+        single = value
+        if isinstance(value, np.ndarray) and value.size == 1:
+            single = value.flat[0]
+        rate = _stated_rate(single)
+        if rate is None:
+            wrong[key] = str(single)[:80]
+        else:
+            rates[key] = rate
+    return rates, wrong
+
+
+def _stated_rate(value: object) -> float | None:
+    """Return the frame rate [Hz] that one value states, a number or a text such as 30 Hz; None for others."""
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", "replace")
+    if isinstance(value, str):
+        found = _RATE_TEXT.fullmatch(value)
+        value = None if found is None else float(found[1])
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return None
+    return float(value) if LOWEST_RATE <= value <= HIGHEST_RATE else None
 
 
 @dataclass(frozen=True)
@@ -112,8 +149,10 @@ def frame_times(stated: FileTimes, count: int, rate: float | None = None) -> Fra
         clocks[FRAME_NUMBERS] = numbers / declared
     if not clocks:
         if declared is None:
+            found = ", ".join(f"{key} is {value!r}" for key, value in stated.wrong_rates.items())
             raise InvalidInputError(
-                f"the file states no frame rate; give {argument('rate')} in frames per second"
+                f"the file states no frame rate{f' ({found})' if found else ''}; give {argument('rate')} in frames "
+                "per second"
             )
         time = np.arange(count) / declared
         return FrameTimes(time, True, tuple(notes), tuple(warnings))
