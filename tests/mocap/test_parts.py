@@ -154,3 +154,38 @@ def test_rows_of_points_have_names_of_any_length(tmp_path, markers, monkeypatch,
     assert recording.names == tuple(shown.values())
     expected = read_recording(write_csv(tmp_path / "b.csv", markers))
     assert_allclose(recording.positions, expected.positions, rtol=0, atol=2e-6)
+
+
+ORDERS = {
+    "as in the first frame": lambda i, names: names,
+    "other in the middle": lambda i, names: names[::-1] if i in (17, 18) else names,
+    "turned": lambda i, names: names[i % 5 :] + names[: i % 5],
+    "with a lost row": lambda i, names: names[1:] if i == 20 else names,
+    "with lost frames": lambda i, names: [] if i in (20, 21) else names,
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("with_persons", [False, True])
+def test_orders_of_rows_in_long_tables(tmp_path, monkeypatch, markers, order, with_persons):
+    """Rows in blocks of a few frames, whose names mostly repeat those of the frame before."""
+    monkeypatch.setattr(text, "BLOCK_CHARACTERS", 1500)
+    names = list(markers.names)
+    persons = {name: "ab"[i % 2] if with_persons else "a" for i, name in enumerate(names)}
+    expected = np.full(markers.positions.shape, np.nan)
+    lines = ["time,person,name,x,y,z"]
+    for i, time in enumerate(markers.time):
+        for name in ORDERS[order](i, names):
+            x, y, z = markers.positions[i, names.index(name)]
+            expected[i, names.index(name)] = (x, y, z)
+            lines.append(f"{time:.6f},{persons[name]},{name},{x:.9f},{y:.9f},{z:.9f}")
+    file = tmp_path / "a.csv"
+    file.write_text("\n".join(lines) + "\n")
+    recording = read_recording(file, unit="m")
+    assert set(recording.names) == {
+        f"{persons[name]}:{name}" if with_persons else name for name in names
+    }
+    kept = np.isfinite(expected).any(axis=(1, 2))
+    for i, name in enumerate(names):
+        found = recording.point(f"{persons[name]}:{name}" if with_persons else name)
+        assert_allclose(found, expected[kept, i], atol=1e-8)

@@ -518,14 +518,13 @@ def _one_row_a_point(
     require_size(len(times), len(names))
     pairs *= len(names)
     pairs += points
-    occurrences = np.bincount(pairs)
-    if occurrences.max() > 1:
-        again = int(np.flatnonzero(occurrences[pairs] > 1)[1])
-        block = next(text.sliced(_blocks(file, table), slice(again, again + 1)))
-        raise ValueError(f"line {block.numbers[0]}: this point occurs twice at one time")
-    del occurrences, counts, points
-    positions = np.full((len(times) * len(names), 3), np.nan)
-    positions[pairs] = places
+    del counts, points
+    is_complete = len(pairs) == len(times) * len(names) and bool((np.diff(pairs) == 1).all())
+    positions = places
+    if not is_complete:
+        _require_once(file, table, pairs)
+        positions = np.full((len(times) * len(names), 3), np.nan)
+        positions[pairs] = places
     del places, pairs  # as large as the positions
     reader.arrays.clear()
     stated = FileTimes(frame_numbers=times)
@@ -533,6 +532,15 @@ def _one_row_a_point(
         stated = FileTimes({"time": times / per_second})
     tracks = positions.reshape(len(times), -1, 3)
     return options.recording(file, names, tracks, stated, table.unit)
+
+
+def _require_once(file: Path, table: Table, pairs: NDArray[np.int64]) -> None:
+    """Raise where a point occurs twice at one time, with the number of the second line."""
+    occurrences = np.bincount(pairs)
+    if occurrences.max() > 1:
+        again = int(np.flatnonzero(occurrences[pairs] > 1)[1])
+        block = next(text.sliced(_blocks(file, table), slice(again, again + 1)))
+        raise ValueError(f"line {block.numbers[0]}: this point occurs twice at one time")
 
 
 def _named_points(labels: list[text.Labels]) -> tuple[list[str], NDArray[np.int64]]:

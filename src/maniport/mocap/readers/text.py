@@ -291,6 +291,7 @@ class Labels(dict[str, int]):
         super().__init__()
         self.names: dict[str, int] = {}
         self.rows: list[NDArray[np.int64]] = []
+        self._frame: NDArray[np.str_] = np.empty(0, dtype="U1")  # as the next rows probably are
 
     def __missing__(self, text: str) -> int:
         index = self.names.setdefault(text.strip(), len(self.names))
@@ -301,6 +302,24 @@ class Labels(dict[str, int]):
         """Append the texts of some rows."""
         rows = map(self.__getitem__, texts)
         self.rows.append(np.fromiter(rows, dtype=np.int64, count=len(texts)))
+
+    def add_repeated(self, texts: NDArray[np.str_]) -> bool:
+        """Append texts that repeat those of one frame, which is faster than `add`; False where they do not."""
+        if not len(self._frame):
+            return False
+        places = np.arange(len(texts)) % len(self._frame)
+        if not np.array_equal(texts, self._frame[places]):
+            return False
+        frame = map(self.__getitem__, self._frame.tolist())
+        indices = np.fromiter(frame, dtype=np.int64, count=len(self._frame))
+        self.rows.append(indices[places])
+        self._frame = np.roll(self._frame, -len(texts))
+        return True
+
+    def expect(self, texts: NDArray[np.str_]) -> None:
+        """Take the texts since the second last occurrence of the last one as those of a frame."""
+        occurrences = np.flatnonzero(texts == texts[-1])
+        self._frame = texts[occurrences[-2] + 1 :] if len(occurrences) > 1 else texts[:0]
 
     def indices(self) -> NDArray[np.int64]:
         """Return the indices of all rows, which are not kept."""
@@ -418,19 +437,40 @@ class NumberTable:
         table = self._structured(lines)
         if table is None:
             return None
-        if self._longest(table) >= self._label_length:  # perhaps cut off
-            self._label_length = max(map(len, lines))
-            table = self._structured(lines)
-            if table is None:
+        if not self._add_repeated(table):
+            labeled = self._add_labels(lines, table)
+            if labeled is None:
                 return None
-            self._label_length = 2 * self._longest(table)
-
-        for labels, column in zip(self.labels, self.texts, strict=True):
-            labels.add(table[f"f{column}"].tolist())
+            table = labeled
         numbers = np.empty((len(lines), len(self.used)))
         for i, column in enumerate(self.used):
             numbers[:, i] = table[f"f{column}"]
         return numbers
+
+    def _add_repeated(self, table: NDArray[np.void]) -> bool:
+        """Append labels that repeat those of the frame before; False, and nothing appended, where one does not."""
+        for i, (labels, column) in enumerate(zip(self.labels, self.texts, strict=True)):
+            if not labels.add_repeated(table[f"f{column}"]):
+                for added in self.labels[:i]:
+                    added.rows.pop()
+                return False
+        return True
+
+    def _add_labels(self, lines: list[str], table: NDArray[np.void]) -> NDArray[np.void] | None:
+        """Append labels, and return the table, parsed again where one may be cut off; None where that fails."""
+        if self._longest(table) >= self._label_length:  # perhaps cut off
+            self._label_length = max(map(len, lines))
+            parsed_again = self._structured(lines)
+            if parsed_again is None:
+                return None
+            table = parsed_again
+            self._label_length = 2 * self._longest(table)
+
+        for labels, column in zip(self.labels, self.texts, strict=True):
+            texts = table[f"f{column}"]
+            labels.add(texts.tolist())
+            labels.expect(texts)
+        return table
 
     def _longest(self, table: NDArray[np.void]) -> int:
         """Return the number of letters of the longest label."""
