@@ -197,14 +197,14 @@ def test_a_robot_is_led_by_datagrams(served, small_result, second):
     first.frame(points, engage=True, joints=[9.0] * 7)
     assert "limits" in first.read("error")["error"]
     assert first.ask(points=points)["state"] == "waiting"
-    answer = first.ask(points=points, engage=True, joints=answers[-1]["joints"])
-    while answer["state"] == "waiting":
-        answer = first.ask(points=points)
-    assert answer["state"] == "approaching"
-    while answer["state"] == "approaching":
+    answer = first.ask(points=points, joints=answers[-1]["joints"])
+    states = [answer["state"]]
+    while states[-1] not in ("following", "lagging"):
         first.clock += 0.02  # frames are lost
-        answer = first.ask(points=points)
-    assert answer["state"] in ("following", "lagging")
+        # on a busy machine 0.25 s may pass between two frames, which ends consent
+        answer = first.ask(points=points, engage=states[-1] in ("holding", "waiting") or None)
+        states.append(answer["state"])
+    assert "approaching" in states
     first.link.send(b"junk")
     assert "JSON" in first.read("error")["error"]
     first.send(engage=False)

@@ -161,7 +161,8 @@ def test_three_arms_of_which_two_have_crossing_paths_keep_clear_of_one_another()
     assert plan.clearance.checked
     assert plan.clearance.share == 0.0 < plan.clearance.distance
     assert max(share for _, share, _ in plan.trajectory.limit_use.values()) <= 1.0 + 1e-9
-    for arm in plan.arms:  # the tolerance is relaxed where arms would collide
+    # clearance precedes the tolerance: it is halved only where errors exceed three tolerances
+    for arm in plan.arms:
         assert np.percentile(arm.position_error, 95) < 1.5 * 0.02
 
 
