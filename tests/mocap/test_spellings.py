@@ -220,6 +220,19 @@ def test_words_and_separators_of_bvh(tmp_path, control, change):
     assert_allclose(part.positions, control.crop(0.5, 1.0).positions, atol=1e-9)
 
 
+def test_rotations_in_radians_are_a_warning(tmp_path, control):
+    """The remedy that it names, degrees, is the control itself, which has no warning."""
+    head, _, rows = CONTROL.partition("Frame Time: ")
+    step, *rows = rows.splitlines()
+    table = np.array([row.split() for row in rows], dtype=float)
+    table[:, 3:] = np.radians(table[:, 3:])
+    lines = [" ".join(f"{value:.8f}" for value in row) for row in table]
+    file = tmp_path / "a.bvh"
+    file.write_text("\n".join([f"{head}Frame Time: {step}", *lines]) + "\n")
+    assert any("radians" in warning for warning in read_recording(file).quality_warnings)
+    assert control.quality_warnings == ()
+
+
 def test_a_frame_time_in_milliseconds_is_a_warning(tmp_path, control):
     file = tmp_path / "a.bvh"
     file.write_text(re.sub(r"Frame Time: .*", "Frame Time: 33.3333", CONTROL))

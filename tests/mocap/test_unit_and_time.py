@@ -1,5 +1,6 @@
 """Contradictions between the points of a recording and its unit or times."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -147,3 +148,35 @@ def test_bodies_of_kinect_in_json(tmp_path, markers):
     recording = read_recording(file, unit="m")
     assert recording.names == markers.names
     assert_allclose(recording.time, markers.time, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [
+        ("time_ms", 1e3), ("Time [milliseconds]", 1e3), ("timestamp_us", 1e6), ("time (microseconds)", 1e6),
+        ("t_ns", 1e9), ("time [s]", 1.0),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("long", [False, True])
+def test_units_of_time_in_the_name_of_a_column(tmp_path, markers, column, unit, long):
+    file = write_csv(tmp_path / "a.csv", markers, long=long)
+    head, *rows = file.read_text().splitlines()
+    lines = [head.replace("time", column, 1)]
+    for row in rows:
+        seconds, _, others = row.partition(",")
+        lines.append(f"{unit * float(seconds):.6f},{others}")
+    file.write_text("\n".join(lines) + "\n")
+    assert_allclose(read_recording(file, unit="m").time, markers.time, atol=1e-9)
+
+
+@pytest.mark.parametrize("key", ["fps", "frameRate", "framerate", "frame_rate", "sampling_rate"])
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+def test_keys_of_frame_rates(tmp_path, markers, key, suffix):
+    positions = np.nan_to_num(markers.positions)
+    content = {"names": list(markers.names), "positions": positions.tolist(), key: 50}
+    file = tmp_path / f"a{suffix}"
+    if suffix == ".npz":
+        np.savez(file, **content)
+    else:
+        file.write_text(json.dumps(content))
+    assert_allclose(read_recording(file, unit="m").time, markers.time, atol=1e-12)

@@ -97,6 +97,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
             f"the header declares {counted(int(motion.declared), 'frame')}, but the file holds {count}: all were read"
         )
     require_size(len(table), len(nodes))
+    warnings = [*motion.warnings, *_unit_warnings(nodes, table)]
     positions, position_notes = _all_positions(nodes, table)
     del table  # as large as the positions
     names = [node.name for node in nodes]
@@ -106,7 +107,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
         positions,
         times,
         notes=[*notes, *position_notes],
-        quality_warnings=motion.warnings,
+        quality_warnings=warnings,
     )
 
 
@@ -129,6 +130,19 @@ def _hierarchy_lines(lines: Iterator[Row]) -> tuple[list[Row], int]:
             f"the file is cut off in its hierarchy, at line {len(hierarchy)}: there is no MOTION"
         )
     return hierarchy, motion
+
+
+def _unit_warnings(nodes: Sequence[_Node], table: Array) -> list[str]:
+    """Return a warning where rotations are so small that they may be radians."""
+    rotations = [kind == "rotation" for node in nodes for kind, _ in node.channels]
+    sample = table[:: max(len(table) // 1000, 1)]
+    angles = np.abs(sample[:, rotations])
+    largest = float(np.max(angles, initial=0.0, where=np.isfinite(angles)))
+    if not 0.0 < largest <= 2 * np.pi:
+        return []
+    return [
+        f"all rotations are within {largest:.2g}°: if they are radians, convert them to degrees, the unit of BVH"
+    ]
 
 
 def _begins(hierarchy: Sequence[Row]) -> bool:

@@ -44,9 +44,11 @@ _OTHER_QUANTITY = re.compile(
 
 TIME = re.compile(
     r"(?:(?:elapsed|relative)[ _]?)?(?:date[ _]?time|time[ _]?stamp|time|t|seconds|sec|elapsed)"
-    r"(?:[ _]*[\[(]?(s|sec|secs|seconds|ms|msec|milliseconds)[\])]?)?",
+    r"(?:[ _]*[\[(]?(s|sec|secs|seconds|ms|msec|milliseconds|us|µs|usec|microseconds|ns|nsec|nanoseconds)[\])]?)?",
     re.IGNORECASE,
 )
+PER_SECOND = {"ms": 1e3, "milli": 1e3, "us": 1e6, "µs": 1e6, "micro": 1e6, "n": 1e9}
+"""Units of time in a second, by the first letters of their names."""
 COUNTERS = (
     "frame",
     "frame#",

@@ -18,6 +18,7 @@ from maniport.mocap.readers import ImportOptions, drop_untrusted, known_unit, re
 from maniport.mocap.readers.columns import (
     COUNTERS,
     HALF_A_DAY,
+    PER_SECOND,
     TIME,
     Coordinate,
     as_time,
@@ -574,7 +575,9 @@ def _clock(columns: Sequence[str]) -> tuple[int | None, float]:
     for i, column in enumerate(columns):
         match = TIME.fullmatch(column)
         if match is not None:
-            return i, 1000.0 if (match[1] or "").lower().startswith("m") else 1.0
+            unit = (match[1] or "").lower()
+            factors = [factor for name, factor in PER_SECOND.items() if unit.startswith(name)]
+            return i, factors[0] if factors else 1.0
     return None, 1.0
 
 
