@@ -228,6 +228,21 @@ def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, mad
     assert_allclose(angles(again), plain, atol=1e-4)
 
 
+@pytest.mark.filterwarnings("error")
+def test_poses_that_are_unknown_are_missing(tmp_path, made):
+    arrays = amass(made)
+    poses = arrays["poses"].copy()
+    poses[5] = np.nan
+    np.savez(tmp_path / "a.npz", **arrays)
+    np.savez(tmp_path / "b.npz", **arrays | {"poses": poses})
+    expected = read_recording(tmp_path / "a.npz").positions.copy()
+    expected[5] = np.nan
+    np.testing.assert_allclose(read_recording(tmp_path / "b.npz").positions, expected, atol=1e-12)
+    np.savez(tmp_path / "c.npz", **arrays | {"poses": np.full(poses.shape, np.nan)})
+    with pytest.raises(FileFormatError):
+        read_recording(tmp_path / "c.npz")
+
+
 @pytest.mark.parametrize("names", [("poses",), ("global_orient", "body_pose")])
 def test_poses_as_rotation_matrices(tmp_path, made, names):
     arrays = amass(made)

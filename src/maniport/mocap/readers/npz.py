@@ -215,7 +215,7 @@ def _rotation_vectors(poses: NDArray[Any]) -> Array:
             )
     if vectors.shape[1] % 3 == 0:
         angles = np.linalg.norm(sample.reshape(len(sample), -1, 3), axis=-1)
-        largest = np.nanmedian(angles, axis=0).max() if np.isfinite(angles).any() else 0.0
+        largest = float(np.median(np.nan_to_num(angles), axis=0).max(initial=0.0))
         if 4 * np.pi < largest < LARGEST_ANGLE:
             raise ValueError(
                 f"poses look like degrees: a joint is turned by {largest:.4g} in half of the frames; {advice}"
