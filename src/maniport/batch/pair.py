@@ -2,14 +2,14 @@
 
 import json
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from socket import gethostname
 from threading import Lock
-from typing import Any
+from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
@@ -17,16 +17,16 @@ from maniport.arms import as_group
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
 from maniport.batch.inputs import Robot, Source, digest
-from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
+from maniport.batch.table import COMPUTING, Row, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.mocap import ArmFit
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.extensions import load_extensions
 from maniport.pipeline.human import Human
-from maniport.pipeline.results import RESULT_FILES
+from maniport.pipeline.results import RESULT_FILES, TransferResult
 from maniport.pipeline.transfer import FittedMap, Transfer, sample_teacher
 from maniport.report.describe import report_of
-from maniport.report.values import listed
+from maniport.report.values import Report, listed
 from maniport.report.write import export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, write_text
@@ -39,10 +39,16 @@ ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person 
 UNREADABLE = "unreadable"  # start of the digest of a recording that cannot be read
 SAME_FOLDERS = "workers need the same folders, at the same paths"
 
-_alone = (
-    Lock()
-)  # workers of Dask may have several threads, and warnings are caught for a whole process
+# Workers of Dask may have several threads, and warnings are caught for a whole process.
+_alone = Lock()
 _maps: dict[Path, FittedMap] = {}
+
+
+class Saved(NamedTuple):
+    """What the file of a pair holds."""
+
+    settings: dict[str, str]  # digests of all that determines the result
+    row: Row
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,23 +76,23 @@ class Pair:
         """Digests of all that determines the result: robot, recording, options and version."""
         return {**self.robot.settings, "recording": self.content}
 
-    def kept_row(self) -> dict[str, Any] | None:
+    def kept_row(self) -> Row | None:
         """Return the row of the pair, under its present names, if its result has these settings."""
         saved = self._saved()
-        if saved is None or saved["settings"] != self.settings:
+        if saved is None or saved.settings != self.settings:
             return None
         recording, robot = self.names
         folder = self.folder.relative_to(self.output).as_posix()
-        return {**saved["row"], "recording": recording, "robot": robot, "folder": folder}
+        return {**saved.row, "recording": recording, "robot": robot, "folder": folder}
 
     def difference(self) -> str:
         """Return in which settings the folder holds another result; empty where it holds none."""
-        if (saved := self._saved()) is None:
-            return f"{PAIR} was changed" if (self.folder / PAIR).exists() else ""
-        names = {**self.settings, **saved["settings"]}
-        return "made with another " + listed(
-            name for name in names if self.settings.get(name) != saved["settings"].get(name)
-        )
+        saved = self._saved()
+        if saved is not None:
+            return differing(self.settings, saved.settings)
+        if (self.folder / PAIR).exists():
+            return f"{PAIR} was changed"
+        return ""
 
     def discard(self) -> None:
         """Let a later call repeat the pair, if the folder claims to have its result."""
@@ -94,19 +100,33 @@ class Pair:
             with suppress(OSError):
                 (self.folder / PAIR).unlink()
 
-    def _saved(self) -> dict[str, Any] | None:
+    def _saved(self) -> Saved | None:
         """Read the file of the pair; None where it is missing or was changed."""
         try:
-            saved: dict[str, Any] = json.loads((self.folder / PAIR).read_text(encoding="utf-8"))
-            return saved if isinstance(saved["settings"], dict) and is_row(saved["row"]) else None
+            content = json.loads((self.folder / PAIR).read_text(encoding="utf-8"))
+            saved = Saved(content["settings"], content["row"])
         except (OSError, ValueError, KeyError, TypeError):
             return None
+        if isinstance(saved.settings, dict) and is_row(saved.row):
+            return saved
+        return None
+
+
+def differing(settings: Mapping[str, str], earlier: Mapping[str, str]) -> str:
+    """Name the settings in which an earlier result differs."""
+    different = []
+    for name in {**settings, **earlier}:
+        if settings.get(name) != earlier.get(name):
+            different.append(name)
+    return "made with another " + listed(different)
 
 
 def content_of(source: Source) -> str:
     """Digest of a recording's files; where they cannot be read, why: reading the recording will report it."""
     try:
-        return digest(sorted(source.path.glob("*.json")) if source.path.is_dir() else source.path)
+        if source.path.is_dir():
+            return digest(sorted(source.path.glob("*.json")))
+        return digest(source.path)
     except OSError as error:
         return f"{UNREADABLE}: {error}"
 
@@ -124,7 +144,7 @@ def reason(error: Exception) -> str:
 class Outcome:
     """What a worker returns of a pair: its row of the table, and what to find in its folder."""
 
-    row: dict[str, Any]
+    row: Row
     host: str  # name of the worker's computer
     content: str = ""  # digest of the folder that was written; empty for a failure
 
@@ -135,11 +155,13 @@ class Outcome:
         except OSError:  # such as a file that vanished in the meantime
             return False
 
-    def with_host(self) -> dict[str, Any]:
-        """Return the row of a failure with the name of the host in its reason."""
+    def reported(self, with_host: bool) -> Row:
+        """Return the row of a failure; where workers are on other computers, its reason names the host."""
+        if not with_host:
+            return self.row
         return self.row | {"reason": f"{self.row['reason']} (worker on {self.host!r})"}
 
-    def missing(self) -> dict[str, Any]:
+    def missing(self) -> Row:
         """Return the row of a failure for a pair whose folder does not have what the worker wrote."""
         reason = (
             f"what the worker on {self.host!r} wrote is missing or different here; {SAME_FOLDERS}"
@@ -173,38 +195,45 @@ def require_same_place(pair: Pair) -> None:
 def work(pairs: Sequence[Pair]) -> list[Outcome]:
     """Transfer a recording to several robots; return an outcome for each, failures too."""
     load_extensions()  # a worker is another process
-    host = gethostname()
     outcomes = list[Outcome]()
-    humans = dict[Any, Human]()
+    humans = dict[HumanKey, Human]()
     with ExitStack() as stack:
         stack.enter_context(_alone)
-        stack.enter_context(
-            threadpool_limits(1)
-        )  # as many threads everywhere, so that sums round equally
+        # as many threads everywhere, so that sums round equally
+        stack.enter_context(threadpool_limits(1))
         if pairs[0].typed:
             stack.enter_context(on_the_command_line())
         for pair in pairs:
-            begun = clock.process_time()
-            try:
-                require_same_place(pair)
-                transfer = _transfer_to(pair.robot)
-                human = _human(pair, transfer, humans)
-                row, content = _write(pair, transfer, human, begun)
-                outcomes.append(Outcome(row, host, content))
-            except Exception as error:  # noqa: BLE001  one failure does not stop the rest
-                row = failed_row(*pair.names, reason(error))
-                row[COMPUTING] = clock.process_time() - begun
-                outcomes.append(Outcome(row, host))
+            outcomes.append(_outcome(pair, humans))
     return outcomes
 
 
-def _human(pair: Pair, transfer: Transfer, humans: dict[Any, Human]) -> Human:
+HumanKey = tuple[object, ...]
+"""Side of the person and bases of the robot: what a fit of the person depends on within a batch."""
+
+
+def _outcome(pair: Pair, humans: dict[HumanKey, Human]) -> Outcome:
+    """Transfer a recording to one robot; `humans` are the fits of the person so far."""
+    host = gethostname()
+    begun = clock.process_time()
+    try:
+        require_same_place(pair)
+        transfer = _transfer_to(pair.robot)
+        human = _human(pair, transfer, humans)
+        row, content = _write(pair, transfer, human, begun)
+    except Exception as error:  # noqa: BLE001  one failure does not stop the rest
+        row = failed_row(*pair.names, reason(error))
+        row[COMPUTING] = clock.process_time() - begun
+        return Outcome(row, host)
+    return Outcome(row, host, content)
+
+
+def _human(pair: Pair, transfer: Transfer, humans: dict[HumanKey, Human]) -> Human:
     """Fit the person, or take the fit for another robot with the same side and bases; other options are the batch's."""
     job = pair.robot.job
-    key = (
-        job.config.side,
-        *map(tuple, as_group(job.robot).base_positions if len(job.arms) > 1 else ()),
-    )
+    key: HumanKey = (job.config.side,)
+    if len(job.arms) > 1:
+        key += tuple(map(tuple, as_group(job.robot).base_positions))
     if key not in humans:
         recording = transfer.read_part(pair.source.path)
         if content_of(pair.source) != pair.content:
@@ -219,31 +248,40 @@ def _transfer_to(robot: Robot) -> Transfer:
     return Transfer.of(robot.job)
 
 
-def _write(
-    pair: Pair, transfer: Transfer, human: Human, begun: float
-) -> tuple[dict[str, Any], str]:
-    """Transfer the recording to one robot, and write the results; return the row and their digest."""
+def _transferred(pair: Pair, transfer: Transfer, human: Human) -> TransferResult:
+    """Transfer the recording to one robot, by maps of the batch or, where it is selected, by its own."""
     job = pair.robot.job
     selects = job.adapter is None
     if selects:
         fitted = transfer.fit(human)
     else:
-        maps = [_fitted(pair, transfer, fit, arm) for arm, fit in enumerate(human.motion.arms)]
+        maps = []
+        for arm, fit in enumerate(human.motion.arms):
+            maps.append(_fitted(pair, transfer, fit, arm))
         fitted = transfer.fitted(maps)
     result = fitted.run(human, baselines=selects)
     config = replace(job.config, recording=(str(pair.source.path),), verb="batch")
-    result = replace(result, config=config)
-    report, arms = report_of(result), [arm.name for arm in result.arms]
-    row = row_of(
-        report,
-        *pair.names,
-        pair.folder.relative_to(pair.output).as_posix(),
-        arms if len(arms) > 1 else (),
-    )
+    return replace(result, config=config)
+
+
+def _row(pair: Pair, result: TransferResult, report: Report, folder: str) -> Row:
+    """Return the row of a result; the names of several arms are those of their numbers."""
+    arms = []
+    if len(result.arms) > 1:
+        arms = [arm.name for arm in result.arms]
+    return row_of(report, *pair.names, folder, arms)
+
+
+def _write(pair: Pair, transfer: Transfer, human: Human, begun: float) -> tuple[Row, str]:
+    """Transfer the recording to one robot, and write the results; return the row and their digest."""
+    result = _transferred(pair, transfer, human)
+    config = result.config
+    report = report_of(result)
+    row = _row(pair, result, report, pair.folder.relative_to(pair.output).as_posix())
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_whole(pair.folder, {*RESULT_FILES, PAIR}, True) as staging:
-        formats = export_files(job.config.export)
-        write_run(result, report, formats, staging, str(pair.folder), job.config.pages)
+        formats = export_files(config.export)
+        write_run(result, report, formats, staging, str(pair.folder), config.pages)
         config.save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": pair.settings, "row": row}
@@ -256,17 +294,14 @@ def _fitted(pair: Pair, transfer: Transfer, fit: ArmFit, arm: int) -> FittedMap:
     """Return the map from an arm of a person to one of a robot, from the file or fitted."""
     robot = pair.robot
     job = robot.job
-    lengths = {
-        name: round(length, 2) for name, length in fit.segment_lengths.items()
-    }  # equal in files of one person
+    lengths = dict[str, float]()
+    for name, length in fit.segment_lengths.items():
+        lengths[name] = round(length, 2)  # equal in files of one person
     side = fit.arm.side or RIGHT
     person = human_arm(job.config.person, side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
-    file = (
-        pair.output
-        / ADAPTERS
-        / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person, arm)[:8]}.npz"
-    )
+    key = digest(robot.key, person, arm)[:8]
+    file = pair.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{key}.npz"
     about = file.with_suffix(".json")
     if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -25,7 +25,14 @@ from maniport.batch.table import (
     write_overview,
     write_tables,
 )
-from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
+from maniport.errors import (
+    InvalidInputError,
+    ManiportWarning,
+    OutputError,
+    argument,
+    counted,
+    typed,
+)
 from maniport.motion.exports import DATASET, FORMATS, SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
@@ -128,29 +135,38 @@ def transfer_batch(
     KeyboardInterrupt
         At Ctrl-C, with how many pairs are done. Table and overview of these are written before.
     """
-    begun, tell = clock.perf_counter(), progress or no_progress
+    begun = clock.perf_counter()
+    tell = progress or no_progress
     if dask is not None and ray:
         raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
-    count = cpu_count() if processes is None else as_count(processes, "processes")
-    sources = find_recordings(recordings, without=(folder := as_path(output, "output").resolve()))
+    if processes is None:
+        count = cpu_count()
+    else:
+        count = as_count(processes, "processes")
+    folder = as_path(output, "output").resolve()
+    sources = find_recordings(recordings, without=folder)
     config = (config or BATCH).changed(**options)
-    pages = config.pages
-    if SCENE in export_files(config.export) and not pages:
+    if SCENE in export_files(config.export) and not config.pages:
         raise InvalidInputError(
             f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well"
         )
     datasets = FORMATS[DATASET].file
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, datasets, *TABLES))
     claim(folder, ABOUT, {"maniport": __version__})
+
     step = Step(tell, "Check earlier results")
     width = None if dask is not None or ray else count
     tasks, rows = _tasks(folder, sources, arms, width, overwrite)
-    names, kept = [(source.name, arm.name) for source in sources for arm in arms], len(rows)
+    names = []
+    for source in sources:
+        names += [(source.name, arm.name) for arm in arms]
+    kept = len(rows)
     step.end(f"{kept} of {len(names)} pairs")
 
     def write() -> tuple[Row, ...]:
         table = tuple(rows[name] for name in names if name in rows)
-        write_overview(folder / PAGE, table, len(names), write_tables(folder, table), pages)
+        tables = write_tables(folder, table)
+        write_overview(folder / PAGE, table, len(names), tables, config.pages)
         return table
 
     collection = _Collection(rows, len(names), tell)
@@ -158,22 +174,34 @@ def transfer_batch(
         with _executor(min(count, max(len(tasks), 1)), dask, ray, tell) as executor:
             _collect(executor, tasks, collection)
     except (KeyboardInterrupt, ClusterLostError) as stop:
-        for task in tasks:
-            for pair in task:  # written before the task of several pairs ends
-                row = pair.kept_row()
-                if row is not None:
-                    rows[pair.names] = row
+        _add_kept(rows, tasks)
         done = sum(row["state"] != "failed" for row in write())
-        again = "run the same command" if typed() else "make the same call"
-        state = f"{done} of {len(names)} pairs are done; {again} to continue"
-        if isinstance(stop, ClusterLostError):
-            raise ClusterLostError(f"{stop}; {state}") from None
-        raise KeyboardInterrupt(state) from None
+        raise _stopped(stop, done, len(names)) from None
     table = write()
     if DATASET in config.export:
         step = Step(tell, "Write datasets")
         step.end(_write_datasets(folder / datasets, folder, table, [arm.name for arm in arms]))
     return Batch(folder, table, kept, clock.perf_counter() - begun)
+
+
+def _add_kept(rows: Rows, tasks: Tasks) -> None:
+    """Add the rows of pairs that were written before their task of several pairs ended."""
+    for task in tasks:
+        for pair in task:
+            row = pair.kept_row()
+            if row is not None:
+                rows[pair.names] = row
+
+
+def _stopped(
+    stop: KeyboardInterrupt | ClusterLostError, done: int, count: int
+) -> KeyboardInterrupt | ClusterLostError:
+    """Return the error that ended a batch with how many pairs are done, and how to continue."""
+    again = "run the same command" if typed() else "make the same call"
+    state = f"{done} of {count} pairs are done; {again} to continue"
+    if isinstance(stop, ClusterLostError):
+        return ClusterLostError(f"{stop}; {state}")
+    return KeyboardInterrupt(state)
 
 
 def _write_datasets(target: Path, folder: Path, table: Sequence[Row], robots: Sequence[str]) -> str:
@@ -229,22 +257,32 @@ def _tasks(
     rows = Rows()
     split = width is None or len(sources) < width
     for source in sources:
-        content, missing = content_of(source), list[Pair]()
-        for pair in (Pair(folder, source, content, robot, typed()) for robot in robots):
-            if (row := pair.kept_row()) is not None:
+        content = content_of(source)
+        missing = list[Pair]()
+        for robot in robots:
+            pair = Pair(folder, source, content, robot, typed())
+            row = pair.kept_row()
+            if row is not None:
                 rows[pair.names] = row
-                continue
-            if not overwrite and (why := pair.difference()):
-                raise OutputError(
-                    f"{str(pair.folder)!r} holds another result: {why}; give {argument('overwrite')} to replace such "
-                    "results, or a new folder"
-                )
-            missing.append(pair)
+            else:
+                if not overwrite:
+                    _require_none(pair)
+                missing.append(pair)
         if split:
             tasks += [(pair,) for pair in missing]
         elif missing:
             tasks.append(tuple(missing))
     return tasks, rows
+
+
+def _require_none(pair: Pair) -> None:
+    """Raise `OutputError` where the folder of a pair holds another result."""
+    why = pair.difference()
+    if why:
+        raise OutputError(
+            f"{str(pair.folder)!r} holds another result: {why}; give {argument('overwrite')} to replace such "
+            "results, or a new folder"
+        )
 
 
 class _Collection:
@@ -257,7 +295,7 @@ class _Collection:
         self._rows = rows
         self._count = count
         self._progress = progress
-        self._step = f"Process {count} pair{'s'[: count != 1]}"
+        self._step = f"Process {counted(count, 'pair')}"
         self._begun = clock.perf_counter()
         self._kept = len(rows)
         self._failed = 0
@@ -285,7 +323,9 @@ class _Collection:
 
     def end(self) -> None:
         """Report how many are done, and how many failed."""
-        before = f", {self._kept} of them before" if self._kept else ""
+        before = ""
+        if self._kept:
+            before = f", {self._kept} of them before"
         done = len(self._rows) - self._failed
         self._progress(self._step, 1.0, f"{done} done{before}, {self._failed} failed")
 
@@ -293,7 +333,9 @@ class _Collection:
         seconds = clock.perf_counter() - self._begun
         done = len(self._rows) - self._kept - self._failed
         left = seconds / done * (self._count - len(self._rows))
-        return f"; {timedelta(seconds=round(left))} left" if left else ""
+        if not left:
+            return ""
+        return f"; {timedelta(seconds=round(left))} left"
 
 
 def _collect(executor: Executor, tasks: Tasks, collection: _Collection) -> None:
@@ -304,18 +346,20 @@ def _collect(executor: Executor, tasks: Tasks, collection: _Collection) -> None:
     hidden = list[tuple[Pair, Outcome, float]]()
     collection.begin()
     for pairs, outcomes in completed(executor, work, tasks):
-        if isinstance(outcomes, Exception):
-            collection.add([failed_row(*pair.names, reason(outcomes)) for pair in pairs])
-            continue
         rows = list[Row]()
+        if isinstance(outcomes, Exception):
+            rows = [failed_row(*pair.names, reason(outcomes)) for pair in pairs]
+            collection.add(rows)
+            continue
         for pair, outcome in zip(pairs, outcomes, strict=True):
             if outcome.row["state"] == "failed":
-                rows.append(outcome.with_host() if executor.is_cluster else outcome.row)
+                rows.append(outcome.reported(executor.is_cluster))
             elif outcome.is_visible(pair):
                 rows.append(outcome.row)
             else:
                 hidden.append((pair, outcome, clock.monotonic() + executor.shown_after))
         collection.add(rows)
+
     for pair, outcome, last in hidden:
         visible = outcome.is_visible(pair)
         while not visible and clock.monotonic() < last:
