@@ -145,7 +145,7 @@ class Outcome:
     """What a worker returns of a pair: its row of the table, and what to find in its folder."""
 
     row: Row
-    host: str  # name of the worker's computer
+    host: str = ""  # name of the worker's computer; empty where its process ended
     content: str = ""  # digest of the folder that was written; empty for a failure
 
     def is_visible(self, pair: Pair) -> bool:
@@ -155,11 +155,17 @@ class Outcome:
         except OSError:  # such as a file that vanished in the meantime
             return False
 
-    def reported(self, with_host: bool) -> Row:
-        """Return the row of a failure; where workers are on other computers, its reason names the host."""
-        if not with_host:
-            return self.row
-        return self.row | {"reason": f"{self.row['reason']} (worker on {self.host!r})"}
+    @property
+    def failed(self) -> bool:
+        """Whether there is no result."""
+        return bool(self.row["state"] == "failed")
+
+    def reported(self, with_host: bool) -> "Outcome":
+        """Return a failure; where workers are on other computers, its reason names the host."""
+        if not (with_host and self.host):
+            return self
+        row = self.row | {"reason": f"{self.row['reason']} (worker on {self.host!r})"}
+        return replace(self, row=row)
 
     def missing(self) -> Row:
         """Return the row of a failure for a pair whose folder does not have what the worker wrote."""

@@ -14,34 +14,17 @@ from joblib import cpu_count
 
 from maniport.arms import Arm
 from maniport.batch.executors import ClusterLostError, Executor, completed, executor_for
+from maniport.batch.folders import OTHER_NAMES, FolderOutput
 from maniport.batch.inputs import Robot, Source, find_recordings, find_robots
-from maniport.batch.pair import ADAPTERS, Outcome, Pair, content_of, reason, work
-from maniport.batch.table import (
-    PAGE,
-    TABLES,
-    Row,
-    failed_row,
-    failures,
-    write_overview,
-    write_tables,
-)
-from maniport.errors import (
-    InvalidInputError,
-    ManiportWarning,
-    OutputError,
-    argument,
-    counted,
-    typed,
-)
-from maniport.motion.exports import DATASET, FORMATS, SCENE
-from maniport.pipeline.config import BATCH, CONFIG, Config
+from maniport.batch.pair import Outcome, Pair, reason, work
+from maniport.batch.table import Row, failed_row, failures
+from maniport.errors import InvalidInputError, ManiportWarning, argument, counted, typed
+from maniport.motion.exports import SCENE
+from maniport.pipeline.config import BATCH, Config
 from maniport.report.write import export_files
-from maniport.util.atomic_io import claim
-from maniport.util.defaults import ABOUT
 from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count
-from maniport.version import __version__
 
 COMPILING_S = 28
 """Processor time for which a new worker process compiles before its first pair [s]: measured by `computing_s` of
@@ -139,58 +122,60 @@ def transfer_batch(
     tell = progress or no_progress
     if dask is not None and ray:
         raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
-    if processes is None:
-        count = cpu_count()
-    else:
-        count = as_count(processes, "processes")
+    width = cpu_count()
+    if processes is not None:
+        width = as_count(processes, "processes")
     folder = as_path(output, "output").resolve()
     sources = find_recordings(recordings, without=folder)
     config = (config or BATCH).changed(**options)
-    if SCENE in export_files(config.export) and not config.pages:
-        raise InvalidInputError(
-            f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well"
-        )
-    datasets = FORMATS[DATASET].file
-    arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, datasets, *TABLES))
-    claim(folder, ABOUT, {"maniport": __version__})
+    _check_exports(config)
+    arms = find_robots(robots, config, OTHER_NAMES)
+    target = FolderOutput(folder, config, overwrite)
+    target.claim()
 
     step = Step(tell, "Check earlier results")
-    width = None if dask is not None or ray else count
-    tasks, rows = _tasks(folder, sources, arms, width, overwrite)
+    on_cluster = dask is not None or ray
+    split = on_cluster or len(sources) < width
+    tasks, rows = _tasks(target, sources, arms, split)
     names = []
     for source in sources:
         names += [(source.name, arm.name) for arm in arms]
     kept = len(rows)
     step.end(f"{kept} of {len(names)} pairs")
 
-    def write() -> tuple[Row, ...]:
-        table = tuple(rows[name] for name in names if name in rows)
-        tables = write_tables(folder, table)
-        write_overview(folder / PAGE, table, len(names), tables, config.pages)
-        return table
-
     collection = _Collection(rows, len(names), tell)
     try:
-        with _executor(min(count, max(len(tasks), 1)), dask, ray, tell) as executor:
-            _collect(executor, tasks, collection)
+        with _executor(min(width, max(len(tasks), 1)), dask, ray, tell) as executor:
+            _collect(executor, tasks, collection, target)
     except (KeyboardInterrupt, ClusterLostError) as stop:
-        _add_kept(rows, tasks)
-        done = sum(row["state"] != "failed" for row in write())
+        for task in tasks:
+            for row in target.rows_of(task):
+                rows[names_of(row)] = row
+        table = _in_order(rows, names)
+        target.write(table, len(names))
+        done = sum(row["state"] != "failed" for row in table)
         raise _stopped(stop, done, len(names)) from None
-    table = write()
-    if DATASET in config.export:
-        step = Step(tell, "Write datasets")
-        step.end(_write_datasets(folder / datasets, folder, table, [arm.name for arm in arms]))
+    table = _in_order(rows, names)
+    target.finish(table, arms, tell)
     return Batch(folder, table, kept, clock.perf_counter() - begun)
 
 
-def _add_kept(rows: Rows, tasks: Tasks) -> None:
-    """Add the rows of pairs that were written before their task of several pairs ended."""
-    for task in tasks:
-        for pair in task:
-            row = pair.kept_row()
-            if row is not None:
-                rows[pair.names] = row
+def _check_exports(config: Config) -> None:
+    """Raise where a format is not available, or needs a report that is not written."""
+    if SCENE in export_files(config.export) and not config.pages:
+        raise InvalidInputError(
+            f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well"
+        )
+
+
+def names_of(row: Row) -> tuple[str, str]:
+    """Return the names of recording and robot of a row."""
+    return row["recording"], row["robot"]
+
+
+def _in_order(rows: Rows, names: Sequence[tuple[str, str]]) -> tuple[Row, ...]:
+    """Return the rows of those pairs that have one, in the order of the batch."""
+    return tuple(rows[name] for name in names if name in rows)
 
 
 def _stopped(
@@ -202,28 +187,6 @@ def _stopped(
     if isinstance(stop, ClusterLostError):
         return ClusterLostError(f"{stop}; {state}")
     return KeyboardInterrupt(state)
-
-
-def _write_datasets(target: Path, folder: Path, table: Sequence[Row], robots: Sequence[str]) -> str:
-    """Write a dataset for each robot of the motions that may be executed; return how many there are."""
-    from maniport.report.dataset_export import Source, write_joint_dataset
-
-    counts = []
-    for robot in robots:
-        sources = []
-        for row in table:
-            if row["robot"] != robot:
-                continue
-            place = folder / str(row["folder"]) / FORMATS[DATASET].file
-            if row["state"] == "failed":
-                sources.append(Source(row["recording"], None, f"failed: {row['reason']}"))
-            elif not place.is_dir():
-                sources.append(Source(row["recording"], None, f"red: {row['warnings']}"))
-            else:
-                sources.append(Source(row["recording"], place))
-        count = write_joint_dataset(target / robot, sources)
-        counts.append(f"{count} of {len(sources)} motions to {robot}")
-    return ", ".join(counts)
 
 
 @contextmanager
@@ -242,47 +205,24 @@ def _executor(
 
 
 def _tasks(
-    folder: Path,
-    sources: Sequence[Source],
-    robots: Sequence[Robot],
-    width: int | None,
-    overwrite: bool,
+    target: FolderOutput, sources: Sequence[Source], robots: Sequence[Robot], split: bool
 ) -> tuple[Tasks, Rows]:
     """Return the tasks, and the rows of pairs that are done.
 
-    A task is a recording with all robots, but one pair if there are fewer recordings than `width`, or if the width is
-    unknown (None), as on a cluster.
+    A task is a recording with all robots, or, with `split`, one pair: where there are fewer recordings than processes,
+    or their number is unknown, as on a cluster.
     """
     tasks = Tasks()
     rows = Rows()
-    split = width is None or len(sources) < width
     for source in sources:
-        content = content_of(source)
-        missing = list[Pair]()
-        for robot in robots:
-            pair = Pair(folder, source, content, robot, typed())
-            row = pair.kept_row()
-            if row is not None:
-                rows[pair.names] = row
-            else:
-                if not overwrite:
-                    _require_none(pair)
-                missing.append(pair)
+        done, missing = target.check(source, robots)
+        for row in done:
+            rows[names_of(row)] = row
         if split:
             tasks += [(pair,) for pair in missing]
         elif missing:
             tasks.append(tuple(missing))
     return tasks, rows
-
-
-def _require_none(pair: Pair) -> None:
-    """Raise `OutputError` where the folder of a pair holds another result."""
-    why = pair.difference()
-    if why:
-        raise OutputError(
-            f"{str(pair.folder)!r} holds another result: {why}; give {argument('overwrite')} to replace such "
-            "results, or a new folder"
-        )
 
 
 class _Collection:
@@ -312,7 +252,7 @@ class _Collection:
             text = f"{where} failed: {failure['reason']}"
             warnings.warn(text, ManiportWarning, stacklevel=4)
         for row in rows:
-            names = row["recording"], row["robot"]
+            names = names_of(row)
             self._rows[names] = row
             if row["state"] == "failed":
                 self._failed += 1
@@ -338,7 +278,9 @@ class _Collection:
         return f"; {timedelta(seconds=round(left))} left"
 
 
-def _collect(executor: Executor, tasks: Tasks, collection: _Collection) -> None:
+def _collect(
+    executor: Executor, tasks: Tasks, collection: _Collection, target: FolderOutput
+) -> None:
     """Run the tasks, and collect the rows of results that are where they should be.
 
     A result of another computer may be visible only after some time; it is verified again until then.
@@ -346,18 +288,18 @@ def _collect(executor: Executor, tasks: Tasks, collection: _Collection) -> None:
     hidden = list[tuple[Pair, Outcome, float]]()
     collection.begin()
     for pairs, outcomes in completed(executor, work, tasks):
-        rows = list[Row]()
         if isinstance(outcomes, Exception):
-            rows = [failed_row(*pair.names, reason(outcomes)) for pair in pairs]
-            collection.add(rows)
-            continue
+            why = reason(outcomes)
+            outcomes = [Outcome(failed_row(*pair.names, why)) for pair in pairs]
+        rows = list[Row]()
         for pair, outcome in zip(pairs, outcomes, strict=True):
-            if outcome.row["state"] == "failed":
-                rows.append(outcome.reported(executor.is_cluster))
-            elif outcome.is_visible(pair):
-                rows.append(outcome.row)
-            else:
+            if outcome.failed:
+                outcome = outcome.reported(executor.is_cluster)
+            elif not outcome.is_visible(pair):
                 hidden.append((pair, outcome, clock.monotonic() + executor.shown_after))
+                continue
+            target.keep(pair, outcome)
+            rows.append(outcome.row)
         collection.add(rows)
 
     for pair, outcome, last in hidden:
