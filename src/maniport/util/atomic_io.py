@@ -62,12 +62,16 @@ def claim(
 ) -> None:
     """Write a marker to a new folder; raise `OutputError` for another one, or where its marker differs in `same`."""
     file = folder / marker
+    # looked for first: a process that claims the folder at the same time writes the marker before anything else
+    has_others = folder.is_dir() and any(
+        not entry.name.startswith(".") for entry in folder.iterdir()
+    )
     try:
         earlier = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         earlier = None
     if not isinstance(earlier, dict) or not content.keys() <= earlier.keys():
-        if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()):
+        if has_others:
             raise OutputError(
                 f"{str(folder)!r} holds other things; give a new folder with {argument('output')}"
             )
