@@ -1,6 +1,8 @@
 """The output of a batch as folders: one for each pair of recording and robot, a table and a page of all."""
 
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,9 +47,15 @@ class FolderOutput:
         self._config = config
         self._overwrite = overwrite
 
-    def claim(self) -> None:
-        """Take a new folder, or that of an earlier batch."""
+    @contextmanager
+    def opened(self, sources: Sequence[Source], robots: Sequence[Robot]) -> Iterator[list[Source]]:
+        """Take a new folder, or that of an earlier batch; give the sources, all of which are processed."""
+        if shards_of(self.folder) is not None:
+            raise OutputError(
+                f"{str(self.folder)!r} is a packed dataset: give {argument('packed')}, or a new folder"
+            )
         claim(self.folder, ABOUT, {"maniport": __version__})
+        yield list(sources)
 
     def check(self, source: Source, robots: Iterable[Robot]) -> Checked:
         """Return the rows of the pairs of a recording that are done, and the pairs that are not."""
@@ -74,8 +82,9 @@ class FolderOutput:
                 "results, or a new folder"
             )
 
-    def keep(self, pair: Pair, outcome: Outcome) -> None:
-        """Do nothing: the worker wrote the folder of the pair."""
+    def keep(self, pair: Pair, outcome: Outcome) -> Row:
+        """Return the row of a pair, whose folder the worker wrote."""
+        return outcome.row
 
     def rows_of(self, pairs: Iterable[Pair]) -> list[Row]:
         """Return the rows of those pairs that have a result: they may be written before their task ends."""
@@ -91,6 +100,10 @@ class FolderOutput:
         tables = write_tables(self.folder, rows)
         write_overview(self.folder / PAGE, rows, count, tables, self._config.pages)
 
+    def table(self, rows: Sequence[Row]) -> tuple[Row, ...]:
+        """Return the rows, which are complete."""
+        return tuple(rows)
+
     def finish(self, rows: Sequence[Row], robots: Iterable[Robot], progress: Progress) -> None:
         """Write table and overview of all pairs, and the datasets that the options ask for."""
         self.write(rows, len(rows))
@@ -100,6 +113,17 @@ class FolderOutput:
             for robot in robots:
                 counts.append(_write_dataset(self.folder, rows, robot.name))
             step.end(", ".join(counts))
+
+
+def shards_of(folder: Path) -> int | None:
+    """Return the number of shards of a packed dataset; None where a folder is none."""
+    try:
+        count = json.loads((folder / ABOUT).read_text(encoding="utf-8"))["shards"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    if isinstance(count, int) and count > 0:
+        return count
+    return None
 
 
 def _write_dataset(folder: Path, table: Sequence[Row], robot: str) -> str:

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +30,20 @@ AMBIGUOUS = (".npz", ".npy", ".csv", ".tsv", ".json", ".zip")
 """Endings of recordings that are not searched for in a folder: they may be anything, such as earlier results."""
 
 
+class Clip(NamedTuple):
+    """A recording of a list, and its person where the list names it."""
+
+    path: str
+    person: str = ""
+
+
 @dataclass(frozen=True)
 class Source:
     """A recording, and its name in the results: a relative path without the folders that all have in common."""
 
     name: str
     path: Path
+    person: str = ""  # as a list names it
 
 
 @dataclass(frozen=True)
@@ -47,17 +56,25 @@ class Robot:
     settings: Mapping[str, str] = field(compare=False)  # digests of options by name
 
 
-def find_recordings(patterns: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
+def find_recordings(
+    patterns: Sequence[str | os.PathLike[str] | Clip], without: Path
+) -> list[Source]:
     """Find the recordings that files, folders and patterns name, but those in the folder `without`; sorted by name."""
     if isinstance(patterns, str | os.PathLike):
         raise InvalidInputError(
             f"recordings must be a sequence, such as [{str(patterns)!r}]; found a name alone"
         )
     sources: dict[Path, str] = {}
+    persons: dict[Path, str] = {}
     for pattern in patterns:
-        for path, name in _matches(os.fspath(pattern)):
-            if without not in path.resolve().parents:
-                sources.setdefault(path.resolve(), name)
+        person = ""
+        if isinstance(pattern, Clip):
+            pattern, person = pattern
+        for match, name in _matches(os.fspath(pattern)):
+            path = match.resolve()
+            if without not in path.parents:
+                sources.setdefault(path, name)
+                persons.setdefault(path, person)
     if not sources:
         raise InvalidInputError(
             "recordings must name at least one file, folder or pattern; found none"
@@ -69,7 +86,9 @@ def find_recordings(patterns: Sequence[str | os.PathLike[str]], without: Path) -
         if sources.keys().isdisjoint(path.parents):
             recordings[path] = name
 
-    named = [Source(name, path) for path, name in _unique(recordings).items()]
+    named = []
+    for path, name in _unique(recordings).items():
+        named.append(Source(name, path, persons[path]))
     return sorted(named, key=lambda source: source.name)
 
 

@@ -5,9 +5,10 @@ import time as clock
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from socket import gethostname
+from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from maniport.arms import as_group
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
 from maniport.batch.inputs import Robot, Source, digest
+from maniport.batch.parquet_tables import FileStamp, PackedResult
 from maniport.batch.table import COMPUTING, Row, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.mocap import ArmFit
@@ -36,6 +38,8 @@ from maniport.version import __version__
 PAIR = "pair.json"  # file with the settings of a pair and its row of the table
 ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person share
 
+MOST_MAPS = 64
+"""Maps that a process keeps, 0.3 MB each; recordings of one person follow one another."""
 UNREADABLE = "unreadable"  # start of the digest of a recording that cannot be read
 SAME_FOLDERS = "workers need the same folders, at the same paths"
 
@@ -57,9 +61,12 @@ class Pair:
 
     output: Path  # folder of the batch
     source: Source
-    content: str  # digest of the recording when the batch began
+    content: str  # digest of the recording when the batch began; empty in a packed batch
     robot: Robot
     typed: bool = False  # whether errors name options of the command line
+    adapters: Path | None = (
+        None  # folder of the maps of a packed batch, which has no folders of pairs
+    )
 
     @property
     def names(self) -> tuple[str, str]:
@@ -140,6 +147,14 @@ def reason(error: Exception) -> str:
     return f"unexpected {type(error).__name__}: {error}"
 
 
+class Packed(NamedTuple):
+    """What a worker returns of a pair of a packed batch."""
+
+    stamp: FileStamp
+    content: str  # digest of the recording
+    result: PackedResult
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a worker returns of a pair: its row of the table, and what to find in its folder."""
@@ -147,9 +162,12 @@ class Outcome:
     row: Row
     host: str = ""  # name of the worker's computer; empty where its process ended
     content: str = ""  # digest of the folder that was written; empty for a failure
+    packed: Packed | None = None
 
     def is_visible(self, pair: Pair) -> bool:
-        """Return whether the folder of the pair has what the worker wrote."""
+        """Return whether the folder of the pair, where it has one, has what the worker wrote."""
+        if pair.adapters is not None:
+            return True
         try:
             return folder_content(pair.folder) == self.content
         except OSError:  # such as a file that vanished in the meantime
@@ -190,7 +208,9 @@ def require_same_place(pair: Pair) -> None:
             f"the worker has maniport {__version__}, another version than the batch; "
             "install the same version"
         )
-    needed = [pair.output / ABOUT]
+    needed = []
+    if pair.adapters is None:  # workers of a packed batch write nothing there
+        needed.append(pair.output / ABOUT)
     if not pair.content.startswith(UNREADABLE):
         needed.append(pair.source.path)
     for path in needed:
@@ -225,6 +245,8 @@ def _outcome(pair: Pair, humans: dict[HumanKey, Human]) -> Outcome:
     try:
         require_same_place(pair)
         transfer = _transfer_to(pair.robot)
+        if pair.adapters is not None:
+            return _pack(pair, transfer, humans, begun)
         human = _human(pair, transfer, humans)
         row, content = _write(pair, transfer, human, begun)
     except Exception as error:  # noqa: BLE001  one failure does not stop the rest
@@ -232,6 +254,20 @@ def _outcome(pair: Pair, humans: dict[HumanKey, Human]) -> Outcome:
         row[COMPUTING] = clock.process_time() - begun
         return Outcome(row, host)
     return Outcome(row, host, content)
+
+
+def _pack(pair: Pair, transfer: Transfer, humans: dict[HumanKey, Human], begun: float) -> Outcome:
+    """Transfer the recording to one robot; return what a packed batch writes of it."""
+    stamp = FileStamp.of(pair.source.path)
+    pair = replace(pair, content=content_of(pair.source))
+    human = _human(pair, transfer, humans)
+    if FileStamp.of(pair.source.path) != stamp:
+        raise ManiportError(f"{pair.source.path}: it changed during the batch; start again")
+    result = _transferred(pair, transfer, human)
+    row = _row(pair, result, report_of(result), "")
+    packed = Packed(stamp, pair.content, PackedResult.of(result))
+    row[COMPUTING] = clock.process_time() - begun
+    return Outcome(row, gethostname(), packed=packed)
 
 
 def _human(pair: Pair, transfer: Transfer, humans: dict[HumanKey, Human]) -> Human:
@@ -307,7 +343,7 @@ def _fitted(pair: Pair, transfer: Transfer, fit: ArmFit, arm: int) -> FittedMap:
     person = human_arm(job.config.person, side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
     key = digest(robot.key, person, arm)[:8]
-    file = pair.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{key}.npz"
+    file = _adapter_folder(pair) / f"{robot.name}-{side}-{sizes}-{key}.npz"
     about = file.with_suffix(".json")
     if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -321,7 +357,24 @@ def _fitted(pair: Pair, transfer: Transfer, fit: ArmFit, arm: int) -> FittedMap:
         write_text(about, json.dumps(content))
         fitted.adapter.save(file)
     if file not in _maps:
+        if len(_maps) >= MOST_MAPS:
+            del _maps[next(iter(_maps))]
         texts = json.loads(about.read_text(encoding="utf-8"))["warnings"]
         teacher = sample_teacher(person, job)
         _maps[file] = FittedMap(load_adapter(file), teacher, warnings=tuple(texts))
     return _maps[file]
+
+
+def _adapter_folder(pair: Pair) -> Path:
+    """Return the folder of the maps; on another computer than that of a packed batch, one of this process."""
+    if pair.adapters is None:
+        return pair.output / ADAPTERS
+    if pair.adapters.is_dir():
+        return pair.adapters
+    return Path(_own_folder().name)
+
+
+@cache
+def _own_folder() -> "TemporaryDirectory[str]":
+    """Return a temporary folder, which is removed when this process ends."""
+    return TemporaryDirectory(prefix="maniport-")

@@ -3,19 +3,21 @@
 import os
 import time as clock
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
 from datetime import timedelta
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from joblib import cpu_count
 
 from maniport.arms import Arm
 from maniport.batch.executors import ClusterLostError, Executor, completed, executor_for
-from maniport.batch.folders import OTHER_NAMES, FolderOutput
-from maniport.batch.inputs import Robot, Source, find_recordings, find_robots
+from maniport.batch.folders import OTHER_NAMES, Checked, FolderOutput
+from maniport.batch.inputs import Clip, Robot, Source, find_recordings, find_robots
+from maniport.batch.packed import PackedDataset, PackedOutput
 from maniport.batch.pair import Outcome, Pair, reason, work
 from maniport.batch.table import Row, failed_row, failures
 from maniport.errors import InvalidInputError, ManiportWarning, argument, counted, typed
@@ -34,6 +36,35 @@ Rows = dict[tuple[str, str], Row]  # by the names of a recording and a robot
 Tasks = list[tuple[Pair, ...]]  # pairs of one recording, which a process works on
 
 
+class Output(Protocol):
+    """Where a batch writes: folders of pairs, or a packed dataset."""
+
+    folder: Path
+
+    def opened(
+        self, sources: Sequence[Source], robots: Sequence[Robot]
+    ) -> AbstractContextManager[list[Source]]:
+        """Take the folder; give those sources that are processed."""
+
+    def check(self, source: Source, robots: Iterable[Robot]) -> Checked:
+        """Return the rows of the pairs of a recording that are done, and the pairs that are not."""
+
+    def keep(self, pair: Pair, outcome: Outcome) -> Row:
+        """Keep the result or failure of a pair; return its row."""
+
+    def rows_of(self, pairs: Iterable[Pair]) -> list[Row]:
+        """Return the rows of pairs that were written before their task ended."""
+
+    def write(self, rows: Sequence[Row], count: int) -> None:
+        """Write what is done of `count` pairs."""
+
+    def finish(self, rows: Sequence[Row], robots: Iterable[Robot], progress: Progress) -> None:
+        """Write everything that is made of all pairs."""
+
+    def table(self, rows: Sequence[Row]) -> tuple[Row, ...]:
+        """Return the complete rows of the table."""
+
+
 @dataclass(frozen=True)
 class Batch:
     """Result of `transfer_batch`.
@@ -41,12 +72,12 @@ class Batch:
     Attributes
     ----------
     folder : Path
-        Where the results are: ``table.csv``, ``table.parquet``, ``index.html``, and a folder for each pair.
-    table : tuple of dict
-        A row for each pair, in the order of recordings and robots: ``recording``, ``robot``, ``state`` ("done" or
-        "failed"), ``reason``, ``warnings``, ``folder``, ``status``, ``verdict``, ``computing_s`` (processor time [s]),
-        and metrics by their names in ``summary.json``, such as ``motion.distance.median``; None for missing numbers.
-        All batches have the same keys. ``pandas.DataFrame(batch.table)`` takes it.
+        Where the results are: ``table.csv``, ``table.parquet``, ``index.html``, and a folder for each pair; of a
+        packed batch ``manifest.parquet``, ``metrics.parquet``, ``joints.parquet`` and ``targets.parquet``.
+    pairs : int
+        Number of pairs of recording and robot.
+    failed : tuple of dict
+        The rows of the pairs of which nothing came.
     kept : int
         How many of them were done before.
     seconds : float
@@ -54,24 +85,32 @@ class Batch:
     """
 
     folder: Path
-    table: tuple[Row, ...]
+    pairs: int
+    failed: tuple[Row, ...]
     kept: int
     seconds: float
+    read: Callable[[], tuple[Row, ...]] = field(repr=False)
 
     def __repr__(self) -> str:
-        pairs = f"{len(self.table)} pairs, {len(self.failed)} failed, {self.kept} done before"
+        pairs = f"{self.pairs} pairs, {len(self.failed)} failed, {self.kept} done before"
         return f"Batch({str(self.folder)!r}: {pairs})"
 
-    @property
-    def failed(self) -> tuple[Row, ...]:
-        """The rows of the pairs of which nothing came."""
-        return tuple(row for row in self.table if row["state"] == "failed")
+    @cached_property
+    def table(self) -> tuple[Row, ...]:
+        """A row for each pair, in the order of recordings and robots; of a packed batch read from its files.
+
+        Its keys are ``recording``, ``robot``, ``state`` ("done" or "failed"), ``reason``, ``warnings``, ``folder``,
+        ``status``, ``verdict``, ``computing_s`` (processor time [s]), and metrics by their names in ``summary.json``,
+        such as ``motion.distance.median``; None for missing numbers. All batches have the same keys.
+        ``pandas.DataFrame(batch.table)`` takes it.
+        """
+        return self.read()
 
 
 def transfer_batch(
-    recordings: Sequence[str | os.PathLike[str]],
+    recordings: Sequence[str | os.PathLike[str] | Clip],
     robots: Sequence[Arm | str | Path],
-    output: str | os.PathLike[str],
+    output: str | os.PathLike[str] | PackedDataset,
     config: Config | None = None,
     *,
     processes: int | None = None,
@@ -90,12 +129,13 @@ def transfer_batch(
 
     Parameters
     ----------
-    recordings : sequence of str or path
-        Files, folders, and patterns such as ``recordings/**/*.bvh``; see docs/batch.md.
+    recordings : sequence of str or path, or of Clip
+        Files, folders, and patterns such as ``recordings/**/*.bvh``; see docs/batch.md. `maniport.batch.read_list`
+        reads a list, which may name the person of each recording.
     robots : sequence of Arm, str or Path
         As `transfer_recording` takes them.
-    output : str or path
-        A new folder, or that of an earlier batch.
+    output : str, path or PackedDataset
+        A new folder, or that of an earlier batch. A `PackedDataset` has few files, and may be processed in shards.
     config : Config, optional
         Options of all pairs. Default: a rate of 100 Hz and the length field, since
         ``method="auto"`` selects a method for each recording, which takes longer. Of each recording at most
@@ -125,47 +165,65 @@ def transfer_batch(
     width = cpu_count()
     if processes is not None:
         width = as_count(processes, "processes")
-    folder = as_path(output, "output").resolve()
-    sources = find_recordings(recordings, without=folder)
+    sources = find_recordings(recordings, without=_folder_of(output))
     config = (config or BATCH).changed(**options)
-    _check_exports(config)
+    target = _output(output, config, overwrite)
     arms = find_robots(robots, config, OTHER_NAMES)
-    target = FolderOutput(folder, config, overwrite)
-    target.claim()
-
-    step = Step(tell, "Check earlier results")
     on_cluster = dask is not None or ray
-    split = on_cluster or len(sources) < width
-    tasks, rows = _tasks(target, sources, arms, split)
-    names = []
-    for source in sources:
-        names += [(source.name, arm.name) for arm in arms]
-    kept = len(rows)
-    step.end(f"{kept} of {len(names)} pairs")
 
-    collection = _Collection(rows, len(names), tell)
-    try:
-        with _executor(min(width, max(len(tasks), 1)), dask, ray, tell) as executor:
-            _collect(executor, tasks, collection, target)
-    except (KeyboardInterrupt, ClusterLostError) as stop:
-        for task in tasks:
-            for row in target.rows_of(task):
-                rows[names_of(row)] = row
+    with target.opened(sources, arms) as own:
+        step = Step(tell, "Check earlier results")
+        tasks, rows = _tasks(target, own, arms, split=on_cluster or len(own) < width)
+        names = []
+        for source in own:
+            names += [(source.name, arm.name) for arm in arms]
+        kept = len(rows)
+        step.end(f"{kept} of {len(names)} pairs")
+
+        collection = _Collection(rows, len(names), tell)
+        try:
+            with _executor(min(width, max(len(tasks), 1)), dask, ray, tell) as executor:
+                _collect(executor, tasks, collection, target)
+        except (KeyboardInterrupt, ClusterLostError) as stop:
+            for task in tasks:
+                for row in target.rows_of(task):
+                    rows[names_of(row)] = row
+            table = _in_order(rows, names)
+            target.write(table, len(names))
+            done = sum(row["state"] != "failed" for row in table)
+            raise _stopped(stop, done, len(names)) from None
         table = _in_order(rows, names)
-        target.write(table, len(names))
-        done = sum(row["state"] != "failed" for row in table)
-        raise _stopped(stop, done, len(names)) from None
-    table = _in_order(rows, names)
-    target.finish(table, arms, tell)
-    return Batch(folder, table, kept, clock.perf_counter() - begun)
+        target.finish(table, arms, tell)
+
+    failed = tuple(row for row in table if row["state"] == "failed")
+    read = partial(target.table, table)
+    return Batch(target.folder, len(names), failed, kept, clock.perf_counter() - begun, read)
 
 
-def _check_exports(config: Config) -> None:
-    """Raise where a format is not available, or needs a report that is not written."""
-    if SCENE in export_files(config.export) and not config.pages:
+def _folder_of(output: str | os.PathLike[str] | PackedDataset) -> Path:
+    """Return the folder of the output."""
+    if isinstance(output, PackedDataset):
+        output = output.folder
+    return as_path(output, "output").resolve()
+
+
+def _output(
+    output: str | os.PathLike[str] | PackedDataset, config: Config, overwrite: bool
+) -> Output:
+    """Return the output of a batch; raise where a format is not available, or needs what is not written."""
+    formats = export_files(config.export)
+    if isinstance(output, PackedDataset):
+        if formats or config.pages:
+            raise InvalidInputError(
+                f"{argument('packed')} writes neither pages nor further formats: leave out {argument('pages')} and "
+                f"{argument('export')}"
+            )
+        return PackedOutput(output, overwrite)
+    if SCENE in formats and not config.pages:
         raise InvalidInputError(
             f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well"
         )
+    return FolderOutput(_folder_of(output), config, overwrite)
 
 
 def names_of(row: Row) -> tuple[str, str]:
@@ -205,7 +263,7 @@ def _executor(
 
 
 def _tasks(
-    target: FolderOutput, sources: Sequence[Source], robots: Sequence[Robot], split: bool
+    target: Output, sources: Sequence[Source], robots: Sequence[Robot], split: bool
 ) -> tuple[Tasks, Rows]:
     """Return the tasks, and the rows of pairs that are done.
 
@@ -243,17 +301,17 @@ class _Collection:
     def begin(self) -> None:
         """Report how many were done before."""
         self._begun = clock.perf_counter()
-        self._progress(self._step, self._kept / self._count)
+        self._progress(self._step, self._kept / max(self._count, 1))
 
-    def add(self, rows: Sequence[Row]) -> None:
-        """Add rows of one recording."""
+    def add(self, rows: Sequence[Row], kept: Sequence[Row]) -> None:
+        """Report rows of one recording, and keep what the output gave for them."""
         for failure in failures(rows):
             where = f"{failure['recording']} → {', '.join(failure['robots'])}"
             text = f"{where} failed: {failure['reason']}"
             warnings.warn(text, ManiportWarning, stacklevel=4)
-        for row in rows:
+        for row, own in zip(rows, kept, strict=True):
             names = names_of(row)
-            self._rows[names] = row
+            self._rows[names] = own
             if row["state"] == "failed":
                 self._failed += 1
             else:
@@ -278,9 +336,7 @@ class _Collection:
         return f"; {timedelta(seconds=round(left))} left"
 
 
-def _collect(
-    executor: Executor, tasks: Tasks, collection: _Collection, target: FolderOutput
-) -> None:
+def _collect(executor: Executor, tasks: Tasks, collection: _Collection, target: Output) -> None:
     """Run the tasks, and collect the rows of results that are where they should be.
 
     A result of another computer may be visible only after some time; it is verified again until then.
@@ -292,15 +348,16 @@ def _collect(
             why = reason(outcomes)
             outcomes = [Outcome(failed_row(*pair.names, why)) for pair in pairs]
         rows = list[Row]()
+        kept = list[Row]()
         for pair, outcome in zip(pairs, outcomes, strict=True):
             if outcome.failed:
                 outcome = outcome.reported(executor.is_cluster)
             elif not outcome.is_visible(pair):
                 hidden.append((pair, outcome, clock.monotonic() + executor.shown_after))
                 continue
-            target.keep(pair, outcome)
             rows.append(outcome.row)
-        collection.add(rows)
+            kept.append(target.keep(pair, outcome))
+        collection.add(rows, kept)
 
     for pair, outcome, last in hidden:
         visible = outcome.is_visible(pair)
@@ -308,8 +365,9 @@ def _collect(
             clock.sleep(0.5)
             visible = outcome.is_visible(pair)
         if visible:
-            collection.add([outcome.row])
+            collection.add([outcome.row], [outcome.row])
         else:
             pair.discard()
-            collection.add([outcome.missing()])
+            missing = outcome.missing()
+            collection.add([missing], [missing])
     collection.end()

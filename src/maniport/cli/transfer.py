@@ -3,6 +3,7 @@
 import os
 import sys
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -31,11 +32,14 @@ from maniport.util.process import ending_in_order
 from maniport.util.validation import Array, as_times
 
 if TYPE_CHECKING:
+    from maniport.batch.table import Row
     from maniport.mocap import Recording
     from maniport.pipeline import Transfer
     from maniport.pipeline.results import MotionResult
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
+MOST_FAILURES = 100
+"""Recordings that failed, as a batch prints them; the table has all."""
 COMPILED_PART = (1.4, 2.4)  # of the easy one [s]; enough to call all that transfers call
 COMPILED_SAMPLES = (128, 256)  # of the person and the robot
 
@@ -166,27 +170,52 @@ def batch(
             "--output", "-o", help="Folder for the results, which a later call continues."
         ),
     ] = None,
+    files: Annotated[Path | None, _execution("Text file of recordings, one a line.")] = None,
+    packed: Annotated[
+        bool, _execution("Write few Parquet files, no folder for each pair.", "--packed")
+    ] = False,
+    shard: Annotated[
+        str | None, _execution("Part i/n, packed; default: task of a Slurm array.")
+    ] = None,
+    merge: Annotated[bool, _execution("Join the shards of the output folder.", "--merge")] = False,
     processes: Annotated[int | None, _execution("Processes; default: number of cores.")] = None,
     dask: Annotated[str | None, _execution("HOST:PORT of a Dask scheduler.")] = None,
     ray: Annotated[bool, _execution("Use Ray.", "--ray")] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Process recordings, folders and quoted patterns such as 'a/**/*.bvh' on robots; resume an interrupted run."""
-    from maniport.batch import transfer_batch
+    """Process recordings, folders and patterns on robots; continue an earlier run."""
+    from maniport.batch import Clip, PackedDataset, Shard, read_list, transfer_batch
     from maniport.batch.inputs import find_recordings, find_robots
-    from maniport.batch.table import PAGE, failures
+    from maniport.batch.table import PAGE
 
+    if merge:
+        if config.recording or files or shard:
+            raise InvalidInputError("--merge joins what is done: give --output alone")
+        _merge(require_output(output), console)
+        return
+    recordings: list[str | Clip] = [*config.recording]
+    if files is not None:
+        recordings += read_list(files)
+    packed = packed or shard is not None
+    part = Shard()
+    if shard is not None:
+        part = Shard.parse(shard)
+    elif packed:
+        part = Shard.of_slurm(os.environ)
     if output is None:
-        find_recordings(config.recording, without=Path(os.devnull))
+        find_recordings(recordings, without=Path(os.devnull))
         find_robots(config.robot, config, ())
     folder = require_output(output)
+    target: Path | PackedDataset = folder
+    if packed:
+        target = PackedDataset(folder, str(part))
 
     try:
         with console.progress() as progress, ending_in_order():
             result = transfer_batch(
-                config.recording,
+                recordings,
                 config.robot,
-                folder,
+                target,
                 config,
                 processes=processes,
                 dask=dask,
@@ -197,21 +226,44 @@ def batch(
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted; {str(interrupted) or written()}", file=sys.stderr)
         raise typer.Exit(130) from None
-    config.save(folder / CONFIG)
-    failed = failures(result.failed)
-    pairs = len(result.table)
-    count = f"{pairs - len(result.failed)} of {pairs} pairs are done, {len(result.failed)} failed"
+    config.save(result.folder / CONFIG)
+    place = f"Overview {folder / PAGE}"
+    if packed:
+        place = f"Tables {result.folder}"
+    values = {"done_before": result.kept, "seconds": result.seconds}
+    _finish_batch(console, result.pairs, result.failed, folder, place, values)
+
+
+def _merge(folder: Path, console: Console) -> None:
+    """Join the shards of a packed batch."""
+    from maniport.batch import PackedDataset
+
+    with console.progress() as progress:
+        merged = PackedDataset(folder).merge(progress)
+    _finish_batch(console, merged.pairs, merged.failed, folder, f"Tables {folder}", {})
+
+
+def _finish_batch(
+    console: Console,
+    pairs: int,
+    failed_rows: Sequence["Row"],
+    folder: Path,
+    place: str,
+    values: Mapping[str, object],
+) -> None:
+    """Print how many pairs are done and which failed; end with 1 where any did."""
+    from maniport.batch.table import failures
+
+    failed = failures(failed_rows)
+    count = f"{pairs - len(failed_rows)} of {pairs} pairs are done, {len(failed_rows)} failed"
     lines = [f"{count}{':' if failed else '.'}"]
-    for row in failed:
+    for row in failed[:MOST_FAILURES]:
         lines.append(f"  {row['recording']} → {', '.join(row['robots'])}: {row['reason']}")
-    lines.append(f"Overview {folder / PAGE}")
-    values = {
-        "pairs": pairs,
-        "done_before": result.kept,
-        "failed": failed,
-        "seconds": result.seconds,
-    }
-    console.finish({**values, "output": str(folder)}, "\n".join(lines))
+    if len(failed) > MOST_FAILURES:
+        lines.append(f"  and {len(failed) - MOST_FAILURES} more recordings")
+    lines.append(place)
+    numbers = {"pairs": pairs, "failed": failed, **values}
+    console.finish({**numbers, "output": str(folder)}, "\n".join(lines))
     if failed:
         raise typer.Exit(1)
 

@@ -402,7 +402,7 @@ _TABLE: tuple[Option, ...] = (
     Number(
         "profile_rate",
         "batch",
-        "Maximum rate of the ellipsoids of a recording",
+        "Maximum rate of ellipsoids",
         "Hz",
         bounds=Bounds(above=0.0),
         common=True,
