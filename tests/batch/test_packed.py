@@ -3,6 +3,7 @@
 import importlib
 import json
 import os
+import pickle
 import random
 import shutil
 import signal
@@ -19,6 +20,7 @@ from typer.testing import CliRunner
 import maniport as mp
 from maniport.batch import Clip, PackedDataset, run
 from maniport.batch import pair as pair_module
+from maniport.batch.executors import completed, executor_for
 from maniport.batch.journal import Journal
 from maniport.batch.pair import work
 from maniport.batch.parquet_tables import GROUP_ROWS, NAMES, file_of, pairs_in
@@ -403,7 +405,8 @@ def test_two_dask_workers_give_the_same_bytes(one, recordings, tmp_path, monkeyp
     }
 
     def work_elsewhere(pairs):
-        return work([replace(pair, adapters=tmp_path / "elsewhere") for pair in pairs])
+        pairs = [replace(pair, adapters=tmp_path / "elsewhere") for pair in pairs]
+        return pickle.loads(pickle.dumps(work(pickle.loads(pickle.dumps(pairs)))))
 
     monkeypatch.setattr(run, "work", work_elsewhere)
     with distributed.LocalCluster(**options) as cluster:
@@ -485,3 +488,20 @@ def test_wrong_options_are_refused(tmp_path, monkeypatch, given):
     ended = CliRunner().invoke(app, ["batch", *given, "-o", "dataset"])
     assert isinstance(ended.exception, ManiportError)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_two_ray_workers_give_the_same_bytes(one, recordings, tmp_path):
+    """A worker that dies takes no task with it: Ray gives it to another."""
+    ray = pytest.importorskip("ray")
+    mark = tmp_path / "killed"
+    killing = f"open({str(mark)!r}, 'x') and __import__('os')._exit(1)"
+    once = f"4 if __import__('os').path.exists({str(mark)!r}) else {killing}"
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        with executor_for(1, None, True) as executor:
+            found = dict(completed(executor, eval, ["1 + 1", once, "2 + 1"]))
+        assert found == {"1 + 1": 2, once: 4, "2 + 1": 3}
+        assert pack([recordings], tmp_path / "dataset", ray=True).failed == ()
+    finally:
+        ray.shutdown()
+    assert contents(tmp_path / "dataset") == contents(one.folder)

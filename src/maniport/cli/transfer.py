@@ -21,7 +21,7 @@ from maniport.cli.application import (
     output_folder,
     require_output,
 )
-from maniport.errors import InvalidInputError, unknown_name
+from maniport.errors import InvalidInputError, collected_warnings, unknown_name
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
 from maniport.report.describe import report_of
@@ -195,7 +195,10 @@ def batch(
         return
     recordings: list[str | Clip] = [*config.recording]
     if files is not None:
-        recordings += read_list(files)
+        with collected_warnings() as texts:
+            recordings += read_list(files)
+        for text in texts:
+            console.warn(text)
     packed = packed or shard is not None
     part = Shard()
     if shard is not None:
