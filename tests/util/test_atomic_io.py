@@ -209,3 +209,22 @@ def test_the_root_is_no_place_for_results(monkeypatch, capsys, words):
         cli.main()
     assert ended.value.code == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith("maniport: cannot write '")
+
+
+def test_two_processes_claim_a_new_folder_at_once(tmp_path, monkeypatch):
+    """The marker of the other, which comes while this one looks for it, is no other thing."""
+    folder = tmp_path / "dataset"
+    read = Path.read_text
+
+    def other_comes(path, **options):
+        try:
+            return read(path, **options)
+        except FileNotFoundError:
+            folder.mkdir()
+            (folder / "batch.json").write_text('{"maniport": "1"}')
+            (folder / "shards").mkdir()
+            raise
+
+    monkeypatch.setattr(Path, "read_text", other_comes)
+    claim(folder, "batch.json", {"maniport": "1"})
+    assert (folder / "shards").is_dir()

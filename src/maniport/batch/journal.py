@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from maniport.batch.parquet_tables import MANIFEST, NAMES, Key, Tables
 from maniport.batch.table import Row
+from maniport.util.optional import arrow_of_batches
 
 if TYPE_CHECKING:
     import pyarrow
@@ -51,7 +52,7 @@ class Journal:
 
     def append(self, tables: Tables) -> None:
         """Append the tables of a pair; they are on the disk when this returns."""
-        import pyarrow as arrow
+        arrow = arrow_of_batches()
 
         content = BytesIO()
         for name in NAMES:
@@ -105,7 +106,7 @@ class Journal:
 
 def _tables(data: bytes, wanted: Collection[str]) -> dict[str, "pyarrow.Table"]:
     """Read some tables of an entry."""
-    import pyarrow as arrow
+    arrow = arrow_of_batches()
 
     stream = arrow.BufferReader(data)
     tables = {}

@@ -21,7 +21,7 @@ from maniport.batch.table import COLUMNS, COMPUTING, TEXTS, Row
 from maniport.errors import FileFormatError
 from maniport.pipeline.results import ArmTransfer, TransferResult
 from maniport.util.atomic_io import written_whole
-from maniport.util.optional import optional_package
+from maniport.util.optional import arrow_of_batches, parquet_of_batches
 from maniport.util.validation import Array
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def file_of(folder: Path, name: str) -> Path:
 
 def require_pyarrow() -> None:
     """Raise `MissingPackageError` where pyarrow is not installed."""
-    optional_package("pyarrow.parquet", "datasets", "a packed batch")
+    parquet_of_batches()
 
 
 class FileStamp(NamedTuple):
@@ -128,7 +128,7 @@ def _placed_targets(arm: ArmTransfer, begin: float) -> ArmSamples:
 
 def schema_of(name: str) -> "pyarrow.Schema":
     """Return the columns of a table, with their units."""
-    import pyarrow as arrow
+    arrow = arrow_of_batches()
 
     text = arrow.string()
     number = arrow.float64()
@@ -172,7 +172,7 @@ def tables_of(
     manifest: Row, metrics: Row | None, result: PackedResult | None
 ) -> dict[str, "pyarrow.Table"]:
     """Return the tables of a pair; of a failure the manifest alone has a row."""
-    import pyarrow as arrow
+    arrow = arrow_of_batches()
 
     tables = {name: schema_of(name).empty_table() for name in NAMES}
     tables[MANIFEST] = arrow.Table.from_pylist([manifest], schema_of(MANIFEST))
@@ -212,7 +212,7 @@ def _target_table(key: Key, arm: ArmSamples) -> "pyarrow.Table":
 
 def _table(name: str, key: Key, count: int, columns: Mapping[str, object]) -> "pyarrow.Table":
     """Return rows of one pair; columns that are not given are null."""
-    import pyarrow as arrow
+    arrow = arrow_of_batches()
 
     schema = schema_of(name)
     given = {"recording": [key[0]] * count, "robot": [key[1]] * count, **columns}
@@ -225,7 +225,7 @@ def _table(name: str, key: Key, count: int, columns: Mapping[str, object]) -> "p
 
 def _lists(values: Array) -> "pyarrow.ListArray":
     """Return the rows of an array (n, k) as lists."""
-    import pyarrow as arrow
+    arrow = arrow_of_batches()
 
     count, size = values.shape
     offsets = np.arange(count + 1, dtype=np.int32) * size
@@ -234,26 +234,26 @@ def _lists(values: Array) -> "pyarrow.ListArray":
 
 def read_rows(file: Path) -> list[Row]:
     """Read all rows of a table; `FileFormatError` where it is damaged."""
-    import pyarrow.parquet
+    parquet = parquet_of_batches()
 
-    with _readable(file), pyarrow.parquet.ParquetFile(file) as stored:
+    with _readable(file), parquet.ParquetFile(file) as stored:
         rows: list[Row] = stored.read().to_pylist()
     return rows
 
 
 def require_table(file: Path) -> None:
     """Raise `FileFormatError` where a table is missing or cut off."""
-    import pyarrow.parquet
+    parquet = parquet_of_batches()
 
     with _readable(file):
-        pyarrow.parquet.read_metadata(file)
+        parquet.read_metadata(file)
 
 
 def read_keys(file: Path) -> set[Key]:
     """Return the pairs of a table; `FileFormatError` where it is damaged."""
-    import pyarrow.parquet
+    parquet = parquet_of_batches()
 
-    with _readable(file), pyarrow.parquet.ParquetFile(file) as stored:
+    with _readable(file), parquet.ParquetFile(file) as stored:
         table = stored.read(["recording", "robot"])
     return set(zip(table["recording"].to_pylist(), table["robot"].to_pylist(), strict=True))
 
@@ -265,12 +265,12 @@ def pairs_in(
 
     The file is open only while a row group is read: a merge has many files.
     """
-    import pyarrow.parquet
+    parquet = parquet_of_batches()
 
-    with _readable(file), pyarrow.parquet.ParquetFile(file) as stored:
+    with _readable(file), parquet.ParquetFile(file) as stored:
         count = stored.num_row_groups
     for i in range(count):
-        with _readable(file), pyarrow.parquet.ParquetFile(file) as stored:
+        with _readable(file), parquet.ParquetFile(file) as stored:
             group = stored.read_row_group(i)
         keys = zip(group["recording"].to_pylist(), group["robot"].to_pylist(), strict=True)
         begin = 0
@@ -284,11 +284,11 @@ def pairs_in(
 @contextmanager
 def _readable(file: Path) -> Iterator[None]:
     """Raise `FileFormatError` where a table is damaged."""
-    import pyarrow
+    arrow = arrow_of_batches()
 
     try:
         yield
-    except (pyarrow.ArrowException, OSError) as error:
+    except (arrow.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0]
         raise FileFormatError(f"{file}: damaged, it cannot be read as Parquet: {reason}") from None
 
@@ -300,13 +300,13 @@ def write_table(
 
     Row groups depend on the pairs alone, not on the sources. Of a pair in several sources the first counts.
     """
-    import pyarrow as arrow
-    import pyarrow.parquet
+    arrow = arrow_of_batches()
+    parquet = parquet_of_batches()
 
     schema = schema_of(name)
     with (
         written_whole(file) as temporary,
-        pyarrow.parquet.ParquetWriter(temporary, schema, compression="zstd") as writer,
+        parquet.ParquetWriter(temporary, schema, compression="zstd") as writer,
     ):
         waiting: list[pyarrow.Table] = []
         count = 0
@@ -331,10 +331,10 @@ def _key(pair: tuple[Key, "pyarrow.Table"]) -> Key:
 
 def write_manifest(file: Path, rows: Mapping[Key, Row]) -> None:
     """Write the manifest of all pairs, sorted, whole or not at all."""
-    import pyarrow as arrow
-    import pyarrow.parquet
+    arrow = arrow_of_batches()
+    parquet = parquet_of_batches()
 
     in_order = [rows[key] for key in sorted(rows)]
     table = arrow.Table.from_pylist(in_order, schema_of(MANIFEST))
     with written_whole(file) as temporary:
-        pyarrow.parquet.write_table(table, temporary, GROUP_ROWS, compression="zstd")
+        parquet.write_table(table, temporary, GROUP_ROWS, compression="zstd")
