@@ -44,6 +44,7 @@ class FolderOutput:
 
     def __init__(self, folder: Path, config: Config, overwrite: bool):
         self.folder = folder
+        self.part = ""
         self._config = config
         self._overwrite = overwrite
 

@@ -66,12 +66,13 @@ def find_recordings(
         )
     sources: dict[Path, str] = {}
     persons: dict[Path, str] = {}
+    folders: dict[Path, Path] = {}
     for pattern in patterns:
         person = ""
         if isinstance(pattern, Clip):
             pattern, person = pattern
         for match, name in _matches(os.fspath(pattern)):
-            path = match.resolve()
+            path = resolved(match, folders)
             if without not in path.parents:
                 sources.setdefault(path, name)
                 persons.setdefault(path, person)
@@ -90,6 +91,15 @@ def find_recordings(
     for path, name in _unique(recordings).items():
         named.append(Source(name, path, persons[path]))
     return sorted(named, key=lambda source: source.name)
+
+
+def resolved(path: Path, folders: dict[Path, Path]) -> Path:
+    """Return what `Path.resolve` returns; `folders` are those that are known, which many files share."""
+    if path.name in ("", "..") or path.is_symlink():
+        return path.resolve()
+    if path.parent not in folders:
+        folders[path.parent] = path.parent.resolve()
+    return folders[path.parent] / path.name
 
 
 def _matches(text: str) -> list[tuple[Path, str]]:

@@ -130,6 +130,9 @@ class PackedOutput:
         self.dataset = as_path(dataset.folder, "output").resolve()
         self.shard = Shard.parse(dataset.shard)
         self.folder = shard_folder(self.dataset, self.shard)
+        self.part = ""
+        if self.shard.count > 1:
+            self.part = f" of shard {self.shard}"
         self._overwrite = overwrite
         self._rows: dict[Key, Row] = {}  # of the manifest
         self._stored: set[Key] = (

@@ -40,6 +40,7 @@ class Output(Protocol):
     """Where a batch writes: folders of pairs, or a packed dataset."""
 
     folder: Path
+    part: str  # of which shard these are the pairs, for a message
 
     def opened(
         self, sources: Sequence[Source], robots: Sequence[Robot]
@@ -178,7 +179,7 @@ def transfer_batch(
         for source in own:
             names += [(source.name, arm.name) for arm in arms]
         kept = len(rows)
-        step.end(f"{kept} of {len(names)} pairs")
+        step.end(f"{kept} of {len(names)} pairs{target.part}")
 
         collection = _Collection(rows, len(names), tell)
         try:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from maniport.batch.inputs import Clip, Source
+from maniport.batch.inputs import Clip, Source, resolved
 from maniport.errors import (
     FileFormatError,
     InvalidInputError,
@@ -54,7 +54,8 @@ def read_list(path: str | os.PathLike[str]) -> list[Clip]:
     except UnicodeDecodeError:
         raise FileFormatError(f"{file}: a list must be UTF-8 text; found other bytes") from None
 
-    clips = dict[str, Clip]()
+    clips = dict[Path, Clip]()
+    folders = dict[Path, Path]()
     missing = []
     repeated = 0
     for number, line in enumerate(text.split("\n"), start=1):
@@ -65,7 +66,7 @@ def read_list(path: str | os.PathLike[str]) -> list[Clip]:
         if clip.path not in SHIPPED and not os.path.exists(clip.path):
             missing.append(f"line {number} {clip.path!r}")
             continue
-        place = os.path.realpath(clip.path)
+        place = resolved(Path(clip.path), folders)
         earlier = clips.setdefault(place, clip)
         if earlier.person != clip.person:
             raise InvalidInputError(
