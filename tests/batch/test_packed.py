@@ -202,6 +202,11 @@ def test_other_results_stay_unless_overwriting_is_allowed(one, recordings, copie
         pack([recordings], copied, "1/2")
     with pytest.raises(OutputError, match="packed"):
         mp.transfer_batch([recordings], ROBOTS, copied, **OPTIONS)
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "batch.json").write_text('{"maniport": "1", "shards": 2}')
+    (tmp_path / "taken" / "shards").touch()
+    with pytest.raises(OutputError, match="cannot write"):
+        pack([recordings], tmp_path / "taken", "1/2")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
     with pytest.raises(OutputError, match="other things"):
@@ -362,7 +367,9 @@ def test_a_merge_names_the_shard_that_is_missing(one, recordings, sharded, tmp_p
     with pytest.raises(OutputError, match=r"2-of-3.*targets\.parquet"):
         merged()
     assert contents(folder) == before
-    file.write_bytes(content)
+    assert pack([recordings], folder, "2/3", overwrite=True).kept == 0
+    assert merged().pairs == len(one.table)
+    assert file.read_bytes() == content
 
     (second / "shard.json").write_text("{}")
     with pytest.raises(OutputError, match=r"shard\.json"):

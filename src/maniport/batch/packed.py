@@ -148,7 +148,12 @@ class PackedOutput:
         """Take the folder for this process, and read what is done; give those sources that are in this shard."""
         own = self.shard.select(sources)
         _claim(self.dataset, self.shard.count)
-        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"cannot write {str(self.folder)!r}: {error.strerror or error}"
+            ) from None
         with ExitStack() as stack:
             stack.enter_context(_locked(self.folder))
             self._journal = stack.enter_context(closing(Journal(self.folder / JOURNAL)))
@@ -388,7 +393,9 @@ def merge(dataset: Path, progress: Progress | None = None) -> Merged:
                     [pairs_in(file_of(folder, name)) for folder in folders],
                 )
         except FileFormatError as error:
-            raise OutputError(f"{error}; process this shard again") from None
+            raise OutputError(
+                f"{error}; process this shard again with {argument('overwrite')}"
+            ) from None
     pairs = 0
     failed = []
     for row in read_rows(file_of(dataset, MANIFEST)):
