@@ -42,7 +42,7 @@ Segments = (
 
 
 @dataclass(frozen=True, eq=False)
-class Demonstration:
+class Performance:
     """One performance of a motion: a recording, or a part of one."""
 
     name: str
@@ -60,7 +60,7 @@ class LearnedProfile(SavedResult):
 
     Attributes
     ----------
-    demonstrations : tuple of Demonstration
+    demonstrations : tuple of Performance
     arms : tuple of Arm
         The human arms with the mean lengths of all, in whose base frames the ellipsoids are.
     bases : ndarray, shape (a, 3)
@@ -84,7 +84,7 @@ class LearnedProfile(SavedResult):
         Options of the run, with files of recordings only.
     """
 
-    demonstrations: tuple[Demonstration, ...]
+    demonstrations: tuple[Performance, ...]
     arms: tuple[Arm, ...]
     bases: Array
     alignment: Alignment
@@ -109,7 +109,7 @@ class LearnedProfile(SavedResult):
         return tuple(demonstration.name for demonstration in self.demonstrations)
 
     @property
-    def reference(self) -> Demonstration:
+    def reference(self) -> Performance:
         """The demonstration that gives the times, with the learned arms and its joint angles."""
         reference = self.demonstrations[self.alignment.reference]
         source = f"{len(self.demonstrations)} demonstrations"
@@ -346,9 +346,9 @@ def _demonstrations(
     intervals: Sequence[list[Interval | None] | str],
     config: Config,
     progress: Progress | None,
-) -> tuple[Demonstration, ...]:
+) -> tuple[Performance, ...]:
     """Fit the person's arms to each recording, and cut the fits."""
-    demonstrations = list[Demonstration]()
+    demonstrations = list[Performance]()
     step = Step(progress, "Fit human arms")
     steps = counted(recordings, len(recordings), step)
     for source, of_recording in zip(steps, intervals, strict=True):
@@ -368,7 +368,7 @@ def _demonstrations(
 
 def _cut(
     recording: Recording, intervals: list[Interval | None] | str, config: Config
-) -> list[Demonstration]:
+) -> list[Performance]:
     """Fit the person's arms to a recording; return each interval of it, for "auto" each repetition."""
     name = Path(recording.source).name or "a recording"
     if not isinstance(intervals, str):
@@ -395,7 +395,7 @@ def _cut(
                 f"{name} from {start:.2f} to {stop:.2f} s has {count} frames in which the arm is fully observed; "
                 f"a demonstration needs at least {MIN_FRAMES}"
             )
-        demonstration = Demonstration(
+        demonstration = Performance(
             title, recording, motion.only(frames), tuple(quality_warnings)
         )
         demonstrations.append(demonstration)
