@@ -31,6 +31,7 @@ from maniport.motion import FeasibleProjector as FeasibleProjector
 from maniport.motion import SeedBank as SeedBank
 from maniport.motion import nearest_feasible as nearest_feasible
 from maniport.motion import track as track
+from maniport.pipeline import Demonstration as Demonstration
 from maniport.pipeline import FittedTransfer as FittedTransfer
 from maniport.pipeline import LearnedProfile as LearnedProfile
 from maniport.pipeline import MotionResult as MotionResult
@@ -38,6 +39,7 @@ from maniport.pipeline import Transfer as Transfer
 from maniport.pipeline import TransferResult as TransferResult
 from maniport.pipeline import follow_profile as follow_profile
 from maniport.pipeline import learn as learn
+from maniport.pipeline import transfer_demonstration as transfer_demonstration
 from maniport.pipeline import transfer_recording as transfer_recording
 from maniport.report.console import progress as progress
 from maniport.report.figures import write_figures as write_figures

@@ -46,8 +46,10 @@ class ManiportTeleopConfig(TeleoperatorConfig):
         names = [f"{name}.pos" for name in self.joints.values()]
         repeated = {name for name in names if names.count(name) > 1 or name in self.fixed}
         if repeated:
-            raise ValueError(f"joints and fixed must name each part of the action once; found "
-                             f"{', '.join(sorted(repeated))} more often")
+            raise ValueError(
+                f"joints and fixed must name each part of the action once; found "
+                f"{', '.join(sorted(repeated))} more often"
+            )
         if self.udp == self.send:
             raise ValueError(f"send must be another port than udp; both are {self.udp}")
         if not self.timeout > 0.0:

@@ -14,7 +14,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 from maniport.arms import Arm, ArmGroup
 from maniport.audit.checks import COLLISION, KINDS, SHARES, Checks, FrameTable, NotChecked
 from maniport.datasets import JointMotion, ReadOptions, open_dataset
-from maniport.datasets.columns import matched_columns, unit_factors
+from maniport.datasets.columns import given_names, matched_columns, unit_factors
 from maniport.datasets.joint_motion import UNITS
 from maniport.errors import FileFormatError, InvalidInputError, argument
 from maniport.util.process import end_with_parent
@@ -244,7 +244,7 @@ def audit_dataset(
         checked.
     """
     fail_on = _kinds(checks, options)
-    names = _column_joints(checks.robot, options)
+    names = given_names(options.columns, checks.robot.joint_names)
     reading = ReadOptions(options.feature, names, robot_file, options.rate)
     source = open_dataset(path, reading)
     mapping = _Mapping(checks.robot, options)
@@ -302,16 +302,6 @@ def _kinds(checks: Checks, options: AuditOptions) -> tuple[str, ...]:
                 f"{argument('fail_on')}: {kind} cannot be checked: {'; '.join(reasons)}"
             )
     return options.fail_on
-
-
-def _column_joints(robot: Arm | ArmGroup, options: AuditOptions) -> tuple[str, ...]:
-    """Return names for the columns of files without names: of the caller, a number for others."""
-    if not options.columns:
-        return ()
-    return tuple(
-        name if name in robot.joint_names else f"column {place}"
-        for place, name in enumerate(options.columns)
-    )
 
 
 class _Mapping:

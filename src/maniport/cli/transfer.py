@@ -77,6 +77,7 @@ def demo(
     "motion",
     "seed",
     "teacher",
+    "teacher_frame",
     "episode",
     "joint_unit",
     "columns",

@@ -17,6 +17,8 @@ FILLERS = frozenset({
     *("k", "observation", "angle", "angles"),
 })  # fmt: skip
 """Words in the names of columns and joints that do not tell joints apart."""
+GRIPPERS = frozenset({"gripper", "grippers", "finger", "fingers", "thumb", "jaw", "claw"})
+"""Words in the names of columns of grippers."""
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
 
 
@@ -34,7 +36,7 @@ def matched_columns(
     joints : sequence of str
         Joints of the robot.
     given : sequence of str
-        Joint of each column as the caller names it, ``"-"`` for a column that is none.
+        Joint of each column as the caller names it, ``"-"`` for a column that is none; names of grippers are none.
 
     Raises
     ------
@@ -53,10 +55,10 @@ def matched_columns(
     if all(joint in exact for joint in joints):
         return tuple(exact[joint] for joint in joints)
 
-    words = [_words(name) for name in columns]
+    words = [words_of(name) for name in columns]
     found = []
     for joint in joints:
-        own = _words(joint)
+        own = words_of(joint)
         equal = [place for place, other in enumerate(words) if other == own]
         ends = equal or [place for place, other in enumerate(words) if _are_end(other, own)]
         if len(ends) != 1:
@@ -76,7 +78,7 @@ def _given(given: Sequence[str], count: int, joints: Sequence[str]) -> tuple[int
             f"{flag} must name {count} columns, - for those that are no joints; found {len(given)}"
         )
     for name in given:
-        if name != SKIPPED and name not in joints:
+        if name != SKIPPED and name not in joints and not is_gripper(name):
             raise InvalidInputError(
                 f"{flag}: {name!r} is no joint of the robot, which has {', '.join(joints)}"
             )
@@ -89,10 +91,28 @@ def _given(given: Sequence[str], count: int, joints: Sequence[str]) -> tuple[int
     return tuple(list(given).index(joint) for joint in joints)
 
 
-def _words(name: str) -> tuple[str, ...]:
-    """Return the words and numbers of a name without those that say nothing."""
+def words_of(name: str) -> tuple[str, ...]:
+    """Return the words and numbers of a name in lower case, without those that tell no joints apart."""
     words = [word.lower() for word in WORD.findall(name)]
     return tuple(word for word in words if word not in FILLERS)
+
+
+def is_gripper(name: str) -> bool:
+    """Whether a column of this name is that of a gripper."""
+    return not GRIPPERS.isdisjoint(words_of(name))
+
+
+def given_names(given: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
+    """Return different names for the columns of a file without names, from those of a caller.
+
+    Joints and grippers have the names that the caller gives, other columns their number.
+    """
+    names = []
+    for place, name in enumerate(given):
+        if name not in joints and not is_gripper(name):
+            name = f"column {place}"
+        names.append(name)
+    return tuple(names)
 
 
 def _are_end(short: Sequence[str], long: Sequence[str]) -> bool:

@@ -9,6 +9,8 @@ from maniport.pipeline.options import RobotOptions as RobotOptions
 from maniport.pipeline.options import TransferOptions as TransferOptions
 from maniport.pipeline.results import MotionResult as MotionResult
 from maniport.pipeline.results import TransferResult as TransferResult
+from maniport.pipeline.robot_teacher import Demonstration as Demonstration
+from maniport.pipeline.robot_teacher import transfer_demonstration as transfer_demonstration
 from maniport.pipeline.robots import load_single_arm as load_single_arm
 from maniport.pipeline.settings import read_part as read_part
 from maniport.pipeline.settings import settings_of as settings_of

@@ -45,6 +45,7 @@ class Config(TransferOptions):
 
     # a robot as teacher
     teacher: str | None = None
+    teacher_frame: tuple[str, ...] = ()
     episode: int = 0
     joint_unit: str | None = None
     columns: tuple[str, ...] = ()

@@ -54,7 +54,16 @@ _TABLE: tuple[Option, ...] = (
         common=True,
     ),
     Word(
-        "teacher", "", "Robot whose motion of a dataset is the demonstration, instead of a person"
+        "teacher",
+        "",
+        "Robot whose motion of a dataset is the demonstration, instead of a person",
+        is_file=True,
+    ),
+    Names(
+        "teacher_frame",
+        "",
+        "End-effector frame of a teacher; of two arms LEFT,RIGHT",
+        metavar="FRAME",
     ),
     Integer("episode", "", "Motion of the dataset of a teacher"),
     Word(
@@ -63,7 +72,7 @@ _TABLE: tuple[Option, ...] = (
         "Unit of a teacher's joints where the dataset states none",
         choices=("rad", "deg"),
     ),
-    Names("columns", "", "Joint of each column of a teacher's dataset; - for one that is none"),
+    Names("columns", "", "Joint of each column of a teacher's dataset; - for none"),
     Integer("seed", "", "Random seed, to 2^32 - 1", maximum=2**32 - 1, common=True),
     Number(
         "unit",

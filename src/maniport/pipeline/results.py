@@ -1,5 +1,6 @@
 """Results of the main job as data, and the files that they are saved as."""
 
+import csv
 import os
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ import numpy as np
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.hulls import lowest_point
+from maniport.datasets.grippers import Grippers
 from maniport.datasets.lerobot.layout import OWN_FILES as DATASET_FILES
 from maniport.errors import InvalidInputError
 from maniport.evaluation import Capability, Evaluation
@@ -21,14 +23,16 @@ from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
 from maniport.pipeline.config import CONFIG, Config
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
-from maniport.util.files import save_ellipsoids, save_path
+from maniport.util.files import save_ellipsoids, save_path, spreadsheet_cell
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.plotting import Plottable
 from maniport.util.validation import Array
 
 if TYPE_CHECKING:
+    from maniport.pipeline.robot_teacher import Demonstration
     from maniport.pipeline.transfer import FittedTransfer
 
+GRIPPERS = "grippers.csv"
 
 def _result_files() -> frozenset[str]:
     """Return the names of all files that a result can have."""
@@ -39,6 +43,7 @@ def _result_files() -> frozenset[str]:
         "adapter.npz",
         "joints.csv",
         "joints.npz",
+        GRIPPERS,
         "model.npz",
         "demonstrations.npz",
         "summary.md",
@@ -99,6 +104,9 @@ class ArmResult(NotebookDisplay):
         None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
     )
     collisions: Collisions | None = None
+    teacher: str | None = (
+        None  # robot whose motion this is; None of a person's, or of targets alone
+    )
 
     def __repr__(self) -> str:
         moved = (
@@ -211,12 +219,18 @@ class MotionResult(SavedResult, Plottable):
         Joint trajectory of all arms, with one time; None where the robot was not moved.
     config : Config
         Options of the run.
+    demonstration : Demonstration or None
+        The motion of a robot as teacher.
+    grippers : Grippers or None
+        Those of the teacher, over the times of the motion.
     """
 
     robot: ArmGroup
     arms: tuple[ArmResult, ...]
     config: Config
     motion: RobotMotion | None = None
+    demonstration: "Demonstration | None" = None
+    grippers: Grippers | None = None
 
     @property
     def arm(self) -> ArmResult:
@@ -230,6 +244,8 @@ class MotionResult(SavedResult, Plottable):
 
     def write_data(self, folder: Path) -> None:
         """Write the data files into an existing folder; with several arms a folder for each arm."""
+        if self.grippers is not None and self.motion is not None:
+            write_grippers(folder / GRIPPERS, self.grippers, self.motion.trajectory.control_time)
         if len(self.arms) == 1:
             self.arms[0].write_data(folder)
             return
@@ -276,3 +292,16 @@ class TransferResult(MotionResult):
     def time(self) -> Array:
         """Demonstrated times, the same for all arms, shape (n,) [s]."""
         return self.arms[0].time
+
+
+def write_grippers(path: Path, grippers: Grippers, control_time: Array) -> None:
+    """Write a row for each of ``joints.csv``: the time from 0 [s], positions, and commands (``NAME_command``)."""
+    sampled = grippers.at(control_time)
+    names = [str(spreadsheet_cell(name)) for name in grippers.names]
+    header = ["time_s", *names, *(f"{name}_command" for name in names)]
+    table = np.column_stack([control_time - control_time[0], sampled.positions, sampled.commands])
+    with open(path, "w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        for row in table.tolist():
+            writer.writerow([f"{row[0]:.6f}", *(f"{value:.9g}" for value in row[1:])])

@@ -94,9 +94,19 @@ def episode_of(result: MotionResult, report: Report) -> tuple[Episode, tuple[Fea
     velocities = interpolated(trajectory.control_time, trajectory.control_velocities, time)
     following = np.concatenate([positions[1:], positions[-1:]])
     names = tuple(f"{name}.pos" for name in joints)
+    state = positions
+    action = following
+    state_names = names
+    state_units = units
+    if result.grippers is not None:
+        grippers = result.grippers.at(time)
+        state = np.column_stack([positions, grippers.positions])
+        action = np.column_stack([following, grippers.commands])
+        state_names = (*names, *grippers.names)
+        state_units = (*units, *grippers.units)
     columns = [
-        (Feature(STATE, names, units), positions),
-        (Feature(ACTION, names, units), following),
+        (Feature(STATE, state_names, state_units), state),
+        (Feature(ACTION, state_names, state_units), action),
     ]
 
     targets = []
@@ -165,6 +175,8 @@ def _name(result: MotionResult) -> str:
     """Return the name of the recording, or of the profile, that the robot follows."""
     if isinstance(result, TransferResult):
         return result.recording.source
+    if result.demonstration is not None:
+        return result.demonstration.name
     return Path(result.config.profile or "profile").name
 
 

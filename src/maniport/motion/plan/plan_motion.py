@@ -181,7 +181,7 @@ def plan_checked(
     trajectory = replace(trajectory, time=trajectory.time[rows], joint_positions=q)
     if options.home is not None:
         trajectory = with_approach(trajectory, limits, np.asarray(options.home))
-    step.end(f"{trajectory.control_time[-1]:.1f} s (human {duration:.1f} s)")
+    step.end(f"{trajectory.control_time[-1]:.1f} s (demonstrated {duration:.1f} s)")
 
     step = Step(progress, "Evaluate trajectory")
     at_waypoints = []

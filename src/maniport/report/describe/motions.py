@@ -119,7 +119,8 @@ def motion_section(
     if motion.orientation_error is not None:
         add_statistics(section, "orientation_error", np.degrees(motion.orientation_error), time)
     if alone:
-        _add_trajectory(section, motion, motion.clearance, motion.demonstrated_time, time)
+        teacher = None if result is None else result.teacher
+        _add_trajectory(section, motion, motion.clearance, motion.demonstrated_time, time, teacher)
     if result is not None:
         _add_capabilities(section, result)
         _add_mean_distance(section, motion, result)
@@ -290,10 +291,15 @@ def _warn_of_motion(section: Section, motion: ArmMotion) -> None:
         section.warn("unchecked-velocity-limits", text)
 
 
-def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = ()) -> Section:
-    """Describe what concerns several arms together; `time`: reported times of the waypoints [s]."""
+def group_section(
+    motion: RobotMotion, time: Array, unchecked: Sequence[str] = (), teacher: str | None = None
+) -> Section:
+    """Describe what concerns several arms together; `time`: reported times of the waypoints [s].
+
+    `teacher` is the robot whose motion this is, None of a person's.
+    """
     section = Section("All arms", key="arms")
-    _add_trajectory(section, motion.trajectory, motion.clearance, time, time)
+    _add_trajectory(section, motion.trajectory, motion.clearance, time, time, teacher)
     _add_pointwise_ratio(section, motion)
     if motion.relative_error is not None:
         largest = 1e3 * motion.relative_error.max(axis=1)  # [mm]
@@ -308,13 +314,17 @@ def _add_trajectory(
     clearance: Clearance,
     demonstrated: Array | None,
     time: Array,
+    teacher: str | None,
 ) -> None:
     """Add duration, limits and collisions of a planned motion; `time`: reported times of its waypoints [s]."""
     if demonstrated is not None:
         robot = float(np.ptp(trajectory.control_time))
-        person = float(np.ptp(demonstrated))
-        value = {"robot": robot, "person": person}
-        text = f"{robot:.1f} s (human {person:.1f} s)"
+        shown = float(np.ptp(demonstrated))
+        value = {"robot": robot, "person": shown}
+        text = f"{robot:.1f} s (human {shown:.1f} s)"
+        if teacher is not None:
+            value = {"robot": robot, "teacher": shown}
+            text = f"{robot:.1f} s (teacher {shown:.1f} s)"
         about = "Time-scaled to satisfy the limits; other times are demonstrated."
         section.add("Duration", "duration", value, text, about, unit="s", main=True)
     if trajectory.limits is None or trajectory.limit_use is None:

@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maniport.arms import Arm
+from maniport.arms import Arm, as_group
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.options import OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
+from maniport.pipeline.robot_teacher import Demonstration
 from maniport.report.describe.motions import MISSED_SHARE, group_section, motion_section
 from maniport.report.describe.placements import placement_section
 from maniport.report.describe.recordings import person_section, recording_section
@@ -28,6 +29,7 @@ from maniport.report.values import (
     sentence,
     software,
 )
+from maniport.transfer import name_of
 from maniport.util.defaults import POSITION_TOLERANCE
 
 POSITION_GRADES = {
@@ -113,6 +115,19 @@ def _motion_heading(result: MotionResult) -> tuple[str, str]:
     title = f"The motion of {robot}"
     if result.config.profile:
         title = f"{Path(result.config.profile).stem} → {robot}"
+    demonstration = result.demonstration
+    if demonstration is not None:
+        spec = result.config.spec
+        method = result.config.method
+        if not isinstance(method, str):
+            method = name_of(method)
+        name = demonstration.name or f"A motion of {demonstration.arm.name}"
+        title = f"{name} → {robot}: transfer result"
+        lead = (
+            f"{np.ptp(demonstration.time):.1f} s of the teacher {demonstration.arm.name}, "
+            f"{len(trajectory.time)} {spec.kind} ellipsoids ({spec.part}), transferred to {robot} by the "
+            f"method {label(method)}."
+        )
     return title, lead
 
 
@@ -121,7 +136,7 @@ def _group_section(result: Result, motion: RobotMotion) -> Section:
     time = result.time if isinstance(result, TransferResult) else motion.trajectory.time
     collisions = result.arms[0].collisions
     unchecked = () if collisions is None else collisions.unchecked
-    return group_section(motion, time, unchecked)
+    return group_section(motion, time, unchecked, result.arms[0].teacher)
 
 
 def _metrics_by_key(section: Section) -> Metrics:
@@ -186,6 +201,9 @@ def _settings(result: Result) -> Section:
         section.numbers(method=methods, base_rotation=matrix)
     else:
         files = [file for file in (config.profile, config.path) if file]
+        if result.demonstration is not None:
+            files = list(config.recording)
+            _add_teacher(section, result.demonstration)
         section.add("Files", "sources", files)
     for arm in result.arms:
         key = "robot"
@@ -194,6 +212,21 @@ def _settings(result: Result) -> Section:
         _add_robot(section, arm.robot, key)
     section.metrics += tuple(software(config.seed))
     return section
+
+
+def _add_teacher(section: Section, demonstration: Demonstration) -> None:
+    """Add the robot that is the teacher, its grippers, and columns of the dataset that are not used."""
+    arms = as_group(demonstration.arm).arms
+    frames = [arm.frame for arm in arms]
+    value: dict[str, Value] = {"name": demonstration.arm.name, "frames": frames}
+    text = f"{demonstration.arm.name} to {' and '.join(frames)}"
+    section.add("Teacher", "teacher", value, text)
+    if demonstration.grippers is not None:
+        names = list(demonstration.grippers.names)
+        about = "Columns that are passed through by their time."
+        section.add("Grippers", "grippers", names, about=about)
+    if demonstration.ignored:
+        section.add("Columns that are not used", "ignored_columns", list(demonstration.ignored))
 
 
 def _add_robot(section: Section, robot: Arm, key: str) -> None:

@@ -307,9 +307,8 @@ def _note_of_placement(arm: ArmResult, rotation: Array | None) -> str:
     sentences = []
     if arm.placement is not None and arm.motion is not None and arm.motion.path is not None:
         scale = f"{arm.placement.scale:.2f}"
-        sentences.append(
-            f"Path scale: the robot's path has {scale} times the size of the person's."
-        )
+        owner = "person's" if arm.teacher is None else "teacher's"
+        sentences.append(f"Path scale: the robot's path has {scale} times the size of the {owner}.")
     if rotation is not None:
         angle = round(float(np.degrees(Rotation.from_matrix(rotation).magnitude())))
         if angle:
