@@ -93,7 +93,7 @@ def test_the_command_writes_options_that_repeat_it(demonstration, tmp_path):
 @pytest.fixture(scope="module")
 def both():
     """Two Pandas side by side that move alike, as one group."""
-    panda, time, joints, *_ = panda_profile()
+    _, time, joints, *_ = panda_profile()
     group = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
     mirrored = joints * np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     return Demonstration.of_arm(group, group.joined(joints, mirrored), time)

@@ -210,8 +210,8 @@ def transfer_demonstration(
 ) -> MotionResult:
     """Transfer the motion of a robot to another robot with as many arms.
 
-    A map is fitted from the domain of each arm of the teacher to that of the arm of the student, the mapped ellipsoids and
-    the paths of the teacher's end effectors are placed relative to the student, and a motion along them is planned.
+    A map is fitted from the domain of each arm of the teacher to that of the arm of the student. The mapped ellipsoids
+    and the paths of the teacher's end effectors are placed relative to the student, and a motion along them is planned.
 
     Parameters
     ----------
@@ -220,8 +220,8 @@ def transfer_demonstration(
         The student.
     config : TransferOptions, optional
     progress, **options
-        As in `transfer_recording`; ``method="auto"`` is the length field, and ``base_rotation`` is from the base frame of
-        the teacher to that of the student.
+        As in `transfer_recording`; ``method="auto"`` is the length field, and ``base_rotation`` is from the base frame
+        of the teacher to that of the student.
 
     Returns
     -------
