@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 MODULES = (
     "maniport", "maniport.spd", "maniport.arms", "maniport.mocap", "maniport.domain", "maniport.transfer",
-    "maniport.learning", "maniport.motion", "maniport.evaluation", "maniport.pipeline", "maniport.live",
-    "maniport.batch", "maniport.report",
+    "maniport.learning", "maniport.motion", "maniport.datasets", "maniport.datasets.lerobot", "maniport.evaluation",
+    "maniport.pipeline", "maniport.live", "maniport.batch", "maniport.audit", "maniport.report",
 )  # fmt: skip
 """In the order in which data flow."""
 

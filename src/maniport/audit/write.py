@@ -5,8 +5,7 @@ import os
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from maniport.audit.audit import Audit, EpisodeResult, Finding
 from maniport.audit.checks import COLLISION, KINDS, SHARES, FrameTable
 from maniport.audit.curves import Curves
 from maniport.util.optional import arrow_of_datasets, parquet_of_datasets
+from maniport.util.parts import WrittenInParts
 from maniport.version import __version__
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ AUDIT_FILES = frozenset({PAGE, NUMBERS, KEPT, EPISODES, FRAMES})
 """Files of an audit. A folder with other files is not replaced."""
 
 
-class FrameFile:
+class FrameFile(WrittenInParts):
     """``frames.parquet``, to which the frames of episodes are written one after the other; a context manager.
 
     Parameters
@@ -46,17 +46,12 @@ class FrameFile:
         self._waiting: list[object] = []
         self._rows = 0
 
-    def __enter__(self) -> Self:
-        return self
+    def finish(self) -> None:
+        """Write the frames that wait."""
+        self._flush()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self._flush()
+    def close(self) -> None:
+        """Close the file."""
         if self._writer is not None:
             self._writer.close()
 

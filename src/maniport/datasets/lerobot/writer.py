@@ -8,8 +8,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +32,7 @@ from maniport.errors import InvalidInputError
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.input_limits import MEGABYTE
 from maniport.util.optional import arrow_of_datasets, parquet_of_datasets
+from maniport.util.parts import WrittenInParts
 from maniport.util.validation import Array, as_count
 from maniport.version import __version__
 
@@ -67,7 +67,7 @@ class Episode:
     about: Mapping[str, object] = field(default_factory=dict)
 
 
-class LeRobotWriter:
+class LeRobotWriter(WrittenInParts):
     """Writes episodes to an existing empty folder, one after the other; a context manager.
 
     Parameters
@@ -95,20 +95,6 @@ class LeRobotWriter:
         self._file = -1
         self._writer: pyarrow.parquet.ParquetWriter | None = None
         self._schema = self._data_schema()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.finish()
-        elif self._writer is not None:
-            self._writer.close()
 
     def add(self, episode: Episode) -> None:
         """Append an episode; `InvalidInputError` where values are missing, of another shape or not finite."""
@@ -155,9 +141,7 @@ class LeRobotWriter:
 
     def finish(self) -> None:
         """Write the files of the folder ``meta``; `InvalidInputError` without any episode."""
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
+        self.close()
         if not self._rows:
             raise InvalidInputError("a LeRobot dataset must have at least one episode; found none")
         self._write_episodes()
@@ -174,6 +158,12 @@ class LeRobotWriter:
             "left_out": self.left_out,
         }
         self._write_json(ABOUT, about)
+
+    def close(self) -> None:
+        """Close the file of data."""
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
 
     def _checked(self, episode: Episode) -> dict[str, NDArray[np.float32]]:
         """Return the values of all features as float32, all with the same number of frames."""
@@ -226,8 +216,7 @@ class LeRobotWriter:
 
         path = self._data_path()
         if self._writer is not None and path.stat().st_size > DATA_MEGABYTES * MEGABYTE:
-            self._writer.close()
-            self._writer = None
+            self.close()
         if self._writer is None:
             self._file += 1
             path = self._data_path()
