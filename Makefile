@@ -5,6 +5,7 @@
 # make kills  stop commands that write results at 1200 random times, by SIGKILL and Ctrl-C (about half an hour)
 # make mutants   change spd and transfer in one place at a time, and list changes that no test detects (mutmut)
 # make nightly   5000 configurations of each arm of example-robot-data on exact meshes; then fuzz, kills and mutants
+# make others  datasets, bags and the teleoperator in the libraries of others, in an environment of their own (8 GB)
 # make docs   the site in build/docs, with all examples; warnings of Sphinx are errors (about three minutes)
 # make links  check external links of the documentation; needs the network
 # make dist   wheel and sdist in dist/, each checked, installed and run outside of the checkout
@@ -16,7 +17,7 @@ PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test coverage fuzz kills mutants nightly docs links dist lint bench clean
+.PHONY: demo test coverage fuzz kills mutants nightly others docs links dist lint bench clean
 
 demo: $(VENV)/.compiled
 	$(BIN)/maniport demo -o maniport-demo --overwrite
@@ -43,6 +44,13 @@ mutants: $(VENV)/.installed-mutation
 nightly: $(VENV)/.installed-nightly
 	MANIPORT_NIGHTLY=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto tests/arms/test_collision_coverage.py
 	$(MAKE) fuzz kills mutants
+
+# LeRobot has other versions of packages.
+others:
+	@sh scripts/create_environment.sh build/others $(PYTHON)
+	build/others/bin/python -m pip install --quiet --extra-index-url https://download.pytorch.org/whl/cpu \
+	    lerobot mcap-ros2-support pytest hypothesis '.[datasets,mcap]' ./plugins/lerobot_teleoperator_maniport
+	OMP_NUM_THREADS=1 build/others/bin/python -m pytest tests/others/check_*.py plugins/lerobot_teleoperator_maniport/tests
 
 docs: $(VENV)/.installed-docs
 	mkdir -p build

@@ -4,6 +4,8 @@ import os
 import shutil
 import subprocess
 import sys
+import venv
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -195,3 +197,52 @@ def test_a_new_process_finds_the_package(recording, tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "ladder.pts" in done.stdout
+
+
+def wheel(folder, points):
+    """Build the package as a wheel."""
+    contents = installed(folder / "content", points)
+    about = contents / "our_lab-1.0.dist-info"
+    (about / "WHEEL").write_text("Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+    files = sorted(file for file in contents.rglob("*") if file.is_file())
+    names = [file.relative_to(contents).as_posix() for file in files]
+    record = "".join(f"{name},,\n" for name in [*names, "our_lab-1.0.dist-info/RECORD"])
+    path = folder / "our_lab-1.0-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        for file, name in zip(files, names, strict=True):
+            archive.write(file, name)
+        archive.writestr("our_lab-1.0.dist-info/RECORD", record)
+    return path
+
+
+@pytest.mark.slow
+def test_a_package_that_pip_installs_into_an_environment(recording, tmp_path):
+    """The environment has maniport from this one; the package is installed by pip."""
+    venv.create(tmp_path / "env", with_pip=False)
+    python = tmp_path / "env" / "bin" / "python"
+    (site_packages,) = (tmp_path / "env" / "lib").glob("python*/site-packages")
+    here = [entry for entry in sys.path if entry.endswith("site-packages")]
+    lines = "".join(f"import site; site.addsitedir({entry!r})\n" for entry in here)
+    (site_packages / "here.pth").write_text(lines)
+    package = wheel(tmp_path, POINTS)
+    install = ("install", "--quiet", "--no-index", "--no-deps", "--disable-pip-version-check")
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--python", python, *install, package],
+        check=True,
+        capture_output=True,
+    )
+    assert (site_packages / "our_lab").is_dir()
+    words = ("transfer", recording, "--method", "shift", "--quiet", "-o", tmp_path / "out")
+    source = str(Path(mp.__file__).parents[1])
+    done = subprocess.run(
+        [python, "-m", "maniport", *words, *SMALL, "--no-move"],
+        env={**os.environ, "PYTHONPATH": source},
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    settings = yaml.safe_load((tmp_path / "out" / "run.yaml").read_text())
+    assert settings["transfer"]["method"] == "shift"
+    assert settings["recording"] == [str(recording)]

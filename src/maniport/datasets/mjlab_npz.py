@@ -126,8 +126,21 @@ def write_mjlab_npz(
 ) -> None:
     """Write a motion with all bodies of a robot, in the order of MuJoCo, at the motion's own rate.
 
-    Velocities are central differences. `InvalidInputError` for a motion without a base, with joints
-    in other units than radians, without a constant rate, or with joints that the robot lacks.
+    Velocities are central differences.
+
+    Parameters
+    ----------
+    path : str or path
+    motion : JointMotion
+        With a base, and names of all joints of the robot.
+    robot : str or path
+        Name of the robot, or its URDF or MJCF.
+
+    Raises
+    ------
+    InvalidInputError
+        When the motion has no base, joints in other units than radians, no constant rate, or not the joints of the
+        robot.
     """
     if motion.root_positions is None or motion.root_rotations is None:
         raise InvalidInputError(f"{motion.name}: the file needs the motion of the base; found none")
