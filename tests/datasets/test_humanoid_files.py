@@ -2,6 +2,7 @@
 
 import contextlib
 import pickle
+import sys
 
 import numpy as np
 import pytest
@@ -195,6 +196,112 @@ def test_damaged_pickles_are_errors_or_values(data):
 def test_random_bytes_are_no_pickle(content):
     with contextlib.suppress(FileFormatError):
         read_pickle(content, "file")
+
+
+BOMB = b"K\x01\x85q\x00" + b"".join(bytes([104, i, 104, i, 134, 113, i + 1]) for i in range(60))
+"""Instructions for a tuple whose text would have 2^60 numbers."""
+
+
+def bomb_as(before, after):
+    return b"\x80\x04" + before + BOMB + after + b"."
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        bomb_as(b"", b"\x93"),
+        bomb_as(b"cnumpy\ndtype\n", b"\x85R"),
+        bomb_as(b"cnumpy\ndtype\nX\x02\x00\x00\x00f8\x85R(K\x03", b"tb"),
+        bomb_as(
+            b"cnumpy._core.numeric\n_frombuffer\n(C\x00cnumpy\ndtype\nX\x02\x00\x00\x00f8\x85R",
+            b"X\x01\x00\x00\x00CtR",
+        ),
+    ],
+    ids=["name", "code", "order", "shape"],
+)  # fmt: skip
+def test_values_that_are_short_and_have_no_end(content):
+    with pytest.raises(FileFormatError):
+        read_pickle(content, "file")
+
+
+def test_bytes_are_not_copied_without_end():
+    """A call of five bytes copies a text of a megabyte; 100 000 calls would need 100 GB."""
+    text = b"a" * 1_000_000
+    head = b"\x80\x02c_codecs\nencode\nq\x00X" + len(text).to_bytes(4, "little") + text
+    head += b"X\x06\x00\x00\x00latin1\x86q\x01"
+    with pytest.raises(FileFormatError, match="copies"):
+        read_pickle(head + 100_000 * b"h\x00h\x01R" + b".", "file")
+
+
+def test_lists_of_numbers_are_read_and_lists_without_end_are_not(tmp_path):
+    motion = motion_of(DEPTH)
+    content = {
+        "fps": 30,
+        "root_pos": motion.root_positions.tolist(),
+        "root_rot": motion.root_rotations.tolist(),
+        "dof_pos": motion.positions.tolist(),
+    }
+    (tmp_path / "walk.pkl").write_bytes(pickle.dumps(content))
+    assert_same(read_gmr_pickle(tmp_path / "walk.pkl", DEPTH), motion)
+    endless = []
+    endless += [endless, endless]
+    row = [0.0] * 3000
+    for value in (endless, [row] * 3000, [[1.0], [1.0, 2.0]], [[10**400]], "text"):
+        (tmp_path / "walk.pkl").write_bytes(pickle.dumps({**content, "dof_pos": value}))
+        with pytest.raises(FileFormatError, match="dof_pos"):
+            read_gmr_pickle(tmp_path / "walk.pkl")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"fps": 10**5000},
+        {"fps": [30]},
+        {"fps": np.zeros(0)},
+        {"fps": float("nan")},
+        {"dof_pos": np.zeros((2**40, 0))},
+        {"dof_pos": np.zeros((0, 2**40))},
+        {"root_rot": np.zeros((2, 4))},
+    ],
+)
+def test_wrong_entries_of_a_pickle(tmp_path, change):
+    motion = motion_of(DEPTH)
+    content = {
+        "fps": 30,
+        "root_pos": motion.root_positions,
+        "root_rot": motion.root_rotations,
+        "dof_pos": motion.positions,
+    }
+    (tmp_path / "walk.pkl").write_bytes(pickle.dumps({**content, **change}))
+    with pytest.raises(FileFormatError):
+        read_gmr_pickle(tmp_path / "walk.pkl")
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        b"cmark_module\nmark\n)R.",
+        b"\x80\x04\x8c\x0bmark_module\x8c\x04mark\x93)R.",
+        b"(imark_module\nmark\n.",
+        b"(cmark_module\nmark\no.",
+        b"\x80\x02cmark_module\nmark\n)\x81.",
+        b"\x80\x04cmark_module\nmark\n)}\x92.",
+        b"\x80\x02\x82\x01.",
+        b"Pmark_module\n.",
+        b"\x80\x05\x97.",
+        b"cnumpy\ndtype\ncmark_module\nmark\n\x85R.",
+        b"cnumpy\nndarray\n)R.",
+        b"cbuiltins\ngetattr\n(cnumpy\nndarray\nVtofile\ntR.",
+        b"cnumpy.core.multiarray\nfrombuffer\n.",
+    ],
+)
+def test_nothing_is_imported(tmp_path, monkeypatch, program):
+    """A module that a pickle names would leave a mark when it is imported."""
+    (tmp_path / "mark_module.py").write_text("def mark():\n    return 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(FileFormatError):
+        read_pickle(program, "file")
+    assert "mark_module" not in sys.modules
 
 
 def test_deep_and_large_pickles_end():

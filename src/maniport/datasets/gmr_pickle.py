@@ -24,6 +24,9 @@ PROTOCOL = 4  # of files that are written; all versions of Python since 3.4 read
 KINDS = "fiub"  # kinds of numbers of arrays: floats, integers and flags
 LONGEST_NUMBER = 8  # bytes of a number of an array
 MOST_DIMENSIONS = 8  # of an array
+MOST_COPIES = (
+    4  # bytes that calls make, as a multiple of the size of the file; protocol 2 makes two
+)
 
 
 class Name(NamedTuple):
@@ -80,11 +83,16 @@ def read_pickle(content: bytes, source: str) -> Value:
     """
     stack: _Stack = []
     memo: dict[int, Value] = {}
+    copied = 0
     try:
         for code, argument, _ in pickletools.genops(content):
             if code.name == "STOP":
                 return _plain(stack.pop())
             _run(code.name, argument, stack, memo)
+            if code.name == "REDUCE" and isinstance(stack[-1], bytes):
+                copied += len(stack[-1])
+                if copied > MOST_COPIES * len(content):
+                    raise ValueError("it makes many copies of its bytes")
     except FileFormatError:
         raise
     except RecursionError:
@@ -198,7 +206,9 @@ def _duplicate(stack: _Stack) -> None:
 def _stack_global(stack: _Stack) -> None:
     attribute = stack.pop()
     module = stack.pop()
-    stack.append(_allowed(Name(str(module), str(attribute))))
+    if not isinstance(module, str) or not isinstance(attribute, str):
+        raise ValueError("it names a function by something that is no text")
+    stack.append(_allowed(Name(module, attribute)))
 
 
 def _reduce(stack: _Stack) -> None:
@@ -215,7 +225,12 @@ def _build(stack: _Stack) -> None:
     state = stack.pop()
     target = stack[-1]
     if isinstance(target, _Dtype) and isinstance(state, tuple) and len(state) >= 2:
-        target.order = str(state[1])
+        order = state[1]
+        if isinstance(order, bytes):
+            order = order.decode("ascii")
+        if not isinstance(order, str):
+            raise ValueError("a dtype whose order is no text")
+        target.order = order
     elif isinstance(target, _Array) and isinstance(state, tuple) and len(state) == 5:
         _, shape, dtype, in_columns, content = state
         target.content = _array(content, dtype, shape, "F" if in_columns else "C")
@@ -252,9 +267,9 @@ def _array(content: Value, dtype: Value, shape: Value, order: Value = "C") -> "N
     kind = dtype.finished()
     sizes = [size for size in shape if isinstance(size, int) and size >= 0]
     if len(sizes) != len(shape) or len(sizes) > MOST_DIMENSIONS:
-        raise ValueError(f"an array of the shape {shape!r:.60}")
+        raise ValueError(f"an array whose shape is not of up to {MOST_DIMENSIONS} sizes")
     if prod(sizes) * kind.itemsize != len(content):
-        raise ValueError(f"an array of the shape {shape!r:.60} with {len(content)} bytes")
+        raise ValueError(f"an array of the shape {sizes!r:.60} with {len(content)} bytes")
     values = np.frombuffer(content, dtype=kind)
     return values.reshape(sizes, order="F" if order == "F" else "C")
 
@@ -262,7 +277,9 @@ def _array(content: Value, dtype: Value, shape: Value, order: Value = "C") -> "N
 def _make_dtype(code: Value, *_: Value) -> _Dtype:
     if isinstance(code, bytes):
         code = code.decode("ascii")
-    if not isinstance(code, str) or len(code) > 3:
+    if not isinstance(code, str):
+        raise ValueError("a dtype whose code is no text")
+    if len(code) > 3:
         raise ValueError(f"arrays of {code!r:.20}")
     return _Dtype(code)
 
@@ -389,19 +406,49 @@ def read_gmr_pickle(path: str | os.PathLike[str], joint_names: Sequence[str] = (
         raise FileFormatError(
             f"{source}: lacks {', '.join(missing)}; found {some_of(map(str, content))}"
         )
-    positions = np.asarray(content["dof_pos"])
-    if positions.dtype.kind not in KINDS:
-        raise FileFormatError(f"{source}: dof_pos must be an array of numbers")
-    roots = []
-    for key in ("root_pos", "root_rot"):
-        values = np.asarray(content[key])
-        if values.dtype.kind not in KINDS:
-            raise FileFormatError(f"{source}: {key} must be an array of numbers")
-        roots.append(values)
-    if positions.ndim != 2:
+    size = os.path.getsize(path)
+    positions = _numbers(content, "dof_pos", size, source)
+    root_positions = _numbers(content, "root_pos", size, source)
+    root_rotations = _numbers(content, "root_rot", size, source)
+    if positions.ndim != 2 or not positions.size:
         raise FileFormatError(f"{source}: dof_pos must have shape (n, k); found {positions.shape}")
-    times = times_of(source, len(positions), content["fps"])
-    return JointMotion.checked(source, positions, times, joint_names, RADIANS, (roots[0], roots[1]))
+    rate = content["fps"]
+    if not isinstance(rate, int | float | np.ndarray):
+        raise FileFormatError(f"{source}: fps must be a number; found {type(rate).__name__}")
+    times = times_of(source, len(positions), rate)
+    root = (root_positions, root_rotations)
+    return JointMotion.checked(source, positions, times, joint_names, RADIANS, root)
+
+
+def _numbers(
+    content: dict[str | int, Value], key: str, size: int, source: str
+) -> "NDArray[np.generic]":
+    """Return an entry as an array of numbers: an array, or a list of rows that a file of so many bytes can hold."""
+    value = content[key]
+    if isinstance(value, list | tuple):
+        value = _table(value, size)
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in KINDS:
+        raise FileFormatError(f"{source}: {key} must be an array of numbers")
+    return value
+
+
+def _table(rows: Sequence[Value], size: int) -> "NDArray[np.generic] | None":
+    """Return rows of plain numbers as an array; None for others, and where rows repeat beyond `size` numbers."""
+    table = []
+    count = 0
+    for row in rows:
+        if isinstance(row, np.ndarray) and row.ndim == 1:
+            row = row.tolist()
+        if not isinstance(row, list | tuple):
+            return None
+        count += len(row)
+        if count > size or not all(isinstance(value, int | float) for value in row):
+            return None
+        table.append(row)
+    try:
+        return np.array(table, dtype=np.float64)
+    except (ValueError, OverflowError):  # rows of other lengths, integers without end
+        return None
 
 
 def write_gmr_pickle(path: str | os.PathLike[str], motion: JointMotion) -> None:

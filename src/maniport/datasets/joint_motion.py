@@ -168,10 +168,10 @@ def times_of(source: str, count: int, rate: object) -> Array:
     """Return times (count,) [s] from 0 at a rate [Hz] that a file states; `FileFormatError` for no rate."""
     try:
         value = float(np.asarray(rate, dtype=np.float64).reshape(-1)[0])
-    except (TypeError, ValueError, IndexError):
+    except (TypeError, ValueError, IndexError, OverflowError):
         value = np.nan
     if not 0.0 < value < np.inf:
-        raise FileFormatError(f"{source}: the frame rate must be above 0 Hz; found {rate!r:.60}")
+        raise FileFormatError(f"{source}: the frame rate must be above 0 Hz; found {value:g}")
     return np.arange(count) / value
 
 
