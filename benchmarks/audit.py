@@ -6,6 +6,7 @@ torques are kept with a margin. Each faulty motion has one planted kind of fault
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 import time as clock
@@ -223,6 +224,12 @@ def score(planted: list[str], rows: list[dict[str, object]]) -> dict[str, float]
     return result
 
 
+def processor_time() -> float:
+    """Return the processor time of this process, and of its workers that have ended [s]."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
 def main() -> None:
     """Plant faults in motions of each robot, audit them by the command, and print what it found."""
     import pyarrow.parquet as parquet
@@ -248,6 +255,7 @@ def main() -> None:
             limits.write_text(yaml.safe_dump(judge.limits()))
             planted = write_dataset(folder / "set", judge, count, number, options.frames)
             begun = clock.perf_counter()
+            worked = processor_time()
             words = [
                 *("audit", str(folder / "set"), "--robot", name, "--unit", "rad"),
                 *("--limits", str(limits), "-o", str(folder / "out"), "--quiet"),
@@ -255,6 +263,7 @@ def main() -> None:
             ]
             done = CliRunner().invoke(app, words)
             seconds = clock.perf_counter() - begun
+            worked = processor_time() - worked
             if done.exit_code != 1:
                 sys.exit(f"{name}: exit code {done.exit_code}: {done.output}{done.exception}")
             numbers = json.loads((folder / "out" / "audit.json").read_text())
@@ -262,8 +271,11 @@ def main() -> None:
             shares = score(planted, rows)
             texts = ", ".join(f"{kind} {100.0 * share:.1f} %" for kind, share in shares.items())
             speed = 60e-6 * numbers["frames"] / seconds
+            cost = 1e6 * worked / numbers["frames"]
             print(
-                f"{name}: {count} motions: {texts}; {speed:.2f} million frames a minute", flush=True
+                f"{name}: {count} motions: {texts}; {speed:.2f} million frames a minute, "
+                f"{cost:.0f} s of processor time for a million frames",
+                flush=True,
             )
 
 

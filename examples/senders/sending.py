@@ -10,6 +10,7 @@ import socket
 import sys
 import threading
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,7 @@ def send(frames: Frames, host: str = "127.0.0.1", port: int = 9000) -> None:
         link.settimeout(10.0)
         link.send(b"{}")
         wanted = json.loads(link.recv(65536))["points"]
+        link.settimeout(None)
         threading.Thread(target=_receive, args=(link,), daemon=True).start()
         for time, points in frames:
             keys = _typed()
@@ -110,8 +112,8 @@ def _typed() -> str | None:
 
 def _receive(link: socket.socket) -> None:
     """Print errors; with ``--send`` the answers go to another program."""
-    link.settimeout(None)
-    while True:
-        answer = json.loads(link.recv(65536))
-        if "error" in answer:
-            print(answer["error"], file=sys.stderr)
+    with suppress(OSError):  # the socket is closed at the end
+        while True:
+            answer = json.loads(link.recv(65536))
+            if "error" in answer:
+                print(answer["error"], file=sys.stderr)

@@ -128,7 +128,7 @@ def test_a_recording_of_a_sender_is_a_calibration(senders, tmp_path):
     assert recording.rate == pytest.approx(30.0)
     fit = mp.fit_arm(recording)
     assert fit.arm.side == "right"
-    assert fit.segment_lengths["upper_arm"] == pytest.approx(0.3, abs=0.01)
+    assert fit.segment_lengths["upper arm"] == pytest.approx(0.3, abs=0.01)
 
 
 def test_frames_arrive_at_the_socket(senders):
