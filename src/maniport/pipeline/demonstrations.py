@@ -395,9 +395,7 @@ def _cut(
                 f"{name} from {start:.2f} to {stop:.2f} s has {count} frames in which the arm is fully observed; "
                 f"a demonstration needs at least {MIN_FRAMES}"
             )
-        demonstration = Performance(
-            title, recording, motion.only(frames), tuple(quality_warnings)
-        )
+        demonstration = Performance(title, recording, motion.only(frames), tuple(quality_warnings))
         demonstrations.append(demonstration)
     return demonstrations
 

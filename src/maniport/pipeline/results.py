@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 GRIPPERS = "grippers.csv"
 
+
 def _result_files() -> frozenset[str]:
     """Return the names of all files that a result can have."""
     names = {
