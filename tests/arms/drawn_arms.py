@@ -75,3 +75,15 @@ def model_of(chain):
         body = pin.Inertia.FromDynamicParameters(np.array(numbers))
         model.appendBodyToJoint(k + 1, body, pin.SE3.Identity())
     return model
+
+
+def inertias(arm, q):
+    """Return joint-space inertias (n, dof, dof) of the bodies of a chain, by Pinocchio."""
+    chain = arm.chain
+    model = model_of(chain)
+    data = model.createData()
+    results = []
+    for positions in q @ chain.coupling.T + chain.offset:
+        upper = np.triu(pin.crba(model, data, positions))
+        results.append(chain.coupling.T @ (upper + np.triu(upper, 1).T) @ chain.coupling)
+    return np.array(results)

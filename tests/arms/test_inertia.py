@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from drawn_arms import inertias
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.arms import load_arm
@@ -25,8 +26,8 @@ def test_dynamics_are_those_of_the_whole_robot(robot):
     positions = arm.sample(3, random_state=0)
     rest = {name: float(np.clip(0.0, *bounds)) for name, bounds in source.bounds.items()}
     columns = [model.joints[model.getJointId(name)].idx_v for name in arm.joint_names]
-    terms = arm._kinematics.dynamics(positions)
-    for q, gravity, inertia in zip(positions, terms.gravity, terms.inertia, strict=True):
+    gravities = arm.gravity_torques(positions)
+    for q, gravity, inertia in zip(positions, gravities, inertias(arm, positions), strict=True):
         at, whole = rest | dict(zip(arm.joint_names, q, strict=True)), pin.neutral(model)
         for name, follower in source.followers.items():
             at[name] = follower.factor * at[follower.leader] + follower.offset
@@ -69,8 +70,8 @@ def test_dynamics_of_an_mjcf_are_mujocos(tmp_path):
     path.write_text(BENCH)
     arm, model = load_arm(path, frame="c"), mujoco.MjModel.from_xml_string(BENCH)
     data, matrix, positions = mujoco.MjData(model), np.zeros((4, 4)), arm.sample(3, random_state=0)
-    terms, inverse = arm._kinematics.dynamics(positions), InverseDynamics(arm)
-    for q, gravity, inertia in zip(positions, terms.gravity, terms.inertia, strict=True):
+    gravities, inverse = arm.gravity_torques(positions), InverseDynamics(arm)
+    for q, gravity, inertia in zip(positions, gravities, inertias(arm, positions), strict=True):
         data.qpos[:] = [*q, np.radians(20)]
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, matrix)

@@ -48,7 +48,6 @@ def followed(robot, arms, options):
         {"joint_weights": WEIGHTS},
         {"joint_weights": "joint-limits", "part": "rotation"},
         {"part": "full"},
-        {"ellipsoids": "acceleration"},
         {"ellipsoids": "force"},
         {"ellipsoids": "force", "joint_weights": "unit"},
         {"ellipsoids": "force", "joint_weights": WEIGHTS, "part": "full"},

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +26,6 @@ from maniport.arms.manipulability import (
     RemainingTorques,
     manipulability,
     remaining_torques,
-    times,
     weighting,
     with_derivatives,
 )
@@ -299,7 +297,7 @@ class Arm(JointSpace, Plottable):
         weight = self._weights(q, spec)[0]
         rows = jacobians[..., spec.rows, :]
         if weight is not None:
-            rows = times(rows.reshape(-1, *rows.shape[-2:]), weight).reshape(rows.shape)
+            rows = (rows.reshape(-1, *rows.shape[-2:]) * weight).reshape(rows.shape)
         return poses, manipulability(rows, spec.kind)
 
     def posed_differentials(
@@ -326,10 +324,10 @@ class Arm(JointSpace, Plottable):
         `InvalidInputError` for an arm without masses.
         """
         array = self.configurations(q)
-        terms = self._kinematics.dynamics(array.reshape(-1, self.dof), inertia=False)
-        if terms is None:
+        if self.chain.inertia is None:
             raise InvalidInputError(f"the description of {self.name!r} has no masses")
-        return terms.gravity.reshape(array.shape)
+        gravity = self._kinematics.gravity(array.reshape(-1, self.dof))
+        return gravity.torques.reshape(array.shape)
 
     def remaining_torques(self, q: ArrayLike, *, derivatives: bool = True) -> RemainingTorques:
         """Compute the torques that gravity leaves for forces and, if wanted, their derivatives.
@@ -339,36 +337,10 @@ class Arm(JointSpace, Plottable):
         """
         array = self.configurations(q).reshape(-1, self.dof)
         limits = self._limits("force")
-        terms = None
-        if self._kinematics.has_weight:
-            terms = self._kinematics.dynamics(array, derivatives, inertia=False)
-        if terms is None:
+        if not self._kinematics.has_weight:
             torques = np.tile(limits, (len(array), 1))
             return RemainingTorques(torques, np.zeros((*array.shape, self.dof)))
-        return remaining_torques(limits, terms)
-
-    def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
-        """Require numbers or limits, and masses where they count, for the ellipsoids of a specification."""
-        if super().checked_spec(spec).kind == "acceleration" and self._inertia_fault:
-            raise InvalidInputError(
-                f"kind 'acceleration' needs masses, and the description of {self.name!r} {self._inertia_fault}; choose "
-                "'velocity' or 'force'"
-            )
-        return spec
-
-    @cached_property
-    def _inertia_fault(self) -> str:
-        """Why the joint-space inertia cannot be inverted; empty where it can."""
-        terms = self._kinematics.dynamics(self.sample(1, 0))
-        if terms is None:
-            return "has none"
-        values, vectors = np.linalg.eigh(terms.inertia[0])
-        free = values[0] <= 1e-12 * values[-1]
-        if free:
-            return (
-                f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates"
-            )
-        return ""
+        return remaining_torques(limits, self._kinematics.gravity(array, derivatives))
 
     def _weights(
         self, q: ArrayLike, spec: EllipsoidSpec, changes: bool = False

@@ -39,9 +39,7 @@ wrist, ulnar dev.       30     36            41
 The elevation ends overhead, where another plane continues it. Its plane and the inward rotation keep the ranges of Saul
 et al. (2015): clinical angles of the shoulder are measured in one posture each, the models' limits hold in all.
 
-Masses, centers of mass and radii of gyration are those of de Leva's men (1741 mm, 73 kg); masses are in proportion to
-the square of the segment's length. Segments are symmetric about the line between their ends, and the forearm turns
-with the hand. The weight of the arm is not considered.
+The arms have no masses: the weight of a person's arm is not considered.
 
 The torque limits are those of the muscles of MyoSim in postures within MyoSim's own limits, see
 ``scripts/derive_myoarm.py``, for both models, all sizes and the whole range: rough values, since people differ by more
@@ -61,7 +59,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import LEFT, RIGHT, SIDES, moved_inertia, point_mass, read_embedded
+from maniport.arms.chain import LEFT, RIGHT, SIDES, read_embedded
 from maniport.arms.restriction import mirrored
 from maniport.util.validation import Array, as_choice, as_number
 
@@ -80,15 +78,6 @@ FRACTIONS = {
     "hand": 0.108 * 0.0553 / 0.1741,
 }
 """Length of each segment as a fraction of the body height."""
-
-INERTIA = {
-    "upper arm": (1.0, 0.2817, 0.0271, 0.5772, 0.277, 0.158),
-    "forearm": (1.0, 0.2689, 0.0162, 0.4574, 0.270, 0.121),
-    "hand": (0.1741 / 0.0553, 0.1879, 0.0061, 0.3624, 0.262, 0.184),
-}
-"""Of each segment: its length (of the hand to the tip of the middle finger) as a multiple of that of the model; length
-[m] and share of the body mass in de Leva's table 4; center of mass, and radii of gyration across (mean of two) and
-along the segment, as fractions of the length."""
 
 LONGEST_SEGMENT = 1.0  # limit of segment lengths [m]; larger values are probably in another unit
 
@@ -164,35 +153,7 @@ def _scaled(name: str, *segments: float | None) -> Arm:
             for k in range(frames[ends[i]].joint, end.joint):
                 joints[k] = replace(joints[k], placement=joints[k].placement * factor)
             frames[ends[i + 1]] = replace(end, placement=end.placement * factor)
-    return _with_masses(Arm(replace(chain, joints=tuple(joints), frames=frames)))
-
-
-def _with_masses(arm: Arm, body_mass: float = 73.0, girdle: float = 2e-3) -> Arm:
-    """Add the masses of the segments of de Leva's mean man, without gravity, and inertia of the `girdle` [kg m²]."""
-    chain = arm.chain
-    zero = np.zeros(arm.dof)
-    points = arm.point_positions(zero, ("shoulder", "elbow", "wrist", "hand"))
-    poses = arm.link_poses(zero)
-    names = [joint.name for joint in chain.joints]
-    inertia = np.zeros((len(poses), 6, 6))
-    links = names.index("elbow_flexion"), names.index("deviation"), len(names)
-    for i, (link, (multiple, length, share, center, across, along)) in enumerate(
-        zip(links, INERTIA.values(), strict=True)
-    ):
-        span = multiple * (points[i + 1] - points[i])
-        size = float(np.linalg.norm(span))
-        axis = np.outer(span, span) / size**2
-        mass = body_mass * share * (size / length) ** 2
-        own = point_mass(mass, points[i] + center * span)
-        own[3:, 3:] += mass * size**2 * (across**2 * (np.eye(3) - axis) + along**2 * axis)
-        inertia[link] = moved_inertia(own, np.linalg.inv(poses[link]))
-    first = names.index("elv_angle")  # has no other inertia where the arm hangs
-    joints = (
-        *chain.joints[:first],
-        replace(chain.joints[first], armature=girdle),
-        *chain.joints[first + 1 :],
-    )
-    return Arm(replace(chain, joints=joints, inertia=inertia, gravity=(0.0, 0.0, 0.0)))
+    return Arm(replace(chain, joints=tuple(joints), frames=frames))
 
 
 PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}

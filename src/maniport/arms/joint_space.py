@@ -146,18 +146,18 @@ class JointSpace(NotebookDisplay):
         part: str = "translation",
         joint_weights: ArrayLike | str | None = None,
     ) -> Array:
-        """Compute manipulability matrices of velocity, force or acceleration.
+        """Compute manipulability matrices of velocity or force.
 
         Parameters
         ----------
         q : array_like, shape (..., dof)
         kind, part, joint_weights
-            As in `EllipsoidSpec`; `InvalidInputError` when limits or masses are not known.
+            As in `EllipsoidSpec`; `InvalidInputError` when limits are not known.
 
         Returns
         -------
         ndarray, shape (..., d, d), of a group (..., n_arms, d, d)
-            Exactly symmetric matrices. Singular ellipsoids of velocity and acceleration are returned as they are; the
+            Exactly symmetric matrices. Singular ellipsoids of velocity are returned as they are; the
             force ellipsoid of a singular configuration raises `NotSPDError`.
         """
         return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))

@@ -1,4 +1,4 @@
-"""Kinematics and dynamics of chains for many configurations, without checks.
+"""Kinematics and gravity of chains for many configurations, without checks.
 
 Numba takes a quarter of a second to load, so that the kernels are imported where they are called.
 """
@@ -17,13 +17,11 @@ Attachment = tuple[
 ]  # number of joints before it, and a vector (3,) in the frame of the last of them
 
 
-class DynamicsTerms(NamedTuple):
-    """Terms of the equation of motion at n configurations; terms that were not computed have length 0."""
+class GravityTerms(NamedTuple):
+    """Torques that hold an arm at n configurations; derivatives that were not computed have length 0."""
 
-    gravity: Array  # (n, dof): torques g that hold the arm [N m] or [N]
-    inertia: Array  # (n, dof, dof): joint-space inertia H
-    gravity_changes: Array  # (n, dof, dof): ∂g_i/∂q_k
-    inertia_changes: Array  # (n, dof, dof, dof): ∂H/∂q_k, k first
+    torques: Array  # (n, dof): g [N m] or [N]
+    changes: Array  # (n, dof, dof): ∂g_i/∂q_k
 
 
 class Kinematics:
@@ -76,7 +74,6 @@ class Kinematics:
         )
         self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
         self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
-        self.armature = np.array([joint.armature for joint in joints])
         self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
         self._inertia = chains[0].inertia
         self._up = -np.array(chains[0].gravity)
@@ -118,80 +115,40 @@ class Kinematics:
         fill_link_poses(self.positions(q), *self.arrays, rotations, origins)
         return rotations, origins
 
-    def dynamics(
-        self, q: Array, changes: bool = False, inertia: bool = True
-    ) -> DynamicsTerms | None:
-        """Terms of one chain at configurations (n, dof), perhaps with derivatives; None without masses.
+    def gravity(self, q: Array, changes: bool = False) -> GravityTerms:
+        """Gravity torques of one chain with masses at configurations (n, dof), perhaps with derivatives.
 
-        With the axis s_k of joint k as a spatial motion vector and the composite inertia I_k of all links outward from
-        it (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 6), all in the base frame,
+        With the axis s_k of joint k as a spatial motion vector, the composite inertia I_k of all links outward from it
+        (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 6) and the acceleration γ of gravity, all in the
+        base frame,
 
-            H_ij = s_iᵀ I_j s_j for i ≤ j,            g_k = s_kᵀ I_k (−γ; 0) with the acceleration γ of gravity,
-
-        and a joint k takes all outward of it along, so that with the cross product × of motion vectors
-
-            ∂H_ij/∂q_k = 0 for k ≤ i ≤ j,
-                       = −(s_k × s_i)ᵀ I_j s_j for i < k ≤ j,
-                       = −(s_k × s_i)ᵀ I_k s_j − (s_k × s_j)ᵀ I_k s_i for i ≤ j < k,
-            ∂g_k/∂q_j  = ∂g_j/∂q_k = −s_kᵀ I_k (s_j × (−γ; 0)) for j ≤ k.
+            g_k = s_kᵀ I_k (−γ; 0),    ∂g_k/∂q_j = ∂g_j/∂q_k = −s_kᵀ I_k (s_j × (−γ; 0)) for j ≤ k.
         """
-        if self._inertia is None:
-            return None
         from maniport.arms.kernels import fill_gravity
 
+        assert self._inertia is not None
         n = len(q)
         count = len(self.axes)
-        c = self.coupling
-        (rotations, origins) = self.link_poses(q)
+        rotations, origins = self.link_poses(q)
         torques = np.empty((n, count))
         slopes = np.empty((n if changes else 0, count, count))
-        bodies = (
-            self._inertia[:, 0, 0].copy(),
-            self._inertia[:, [5, 3, 4], [1, 2, 0]],
-        )  # masses and first moments
-        fill_gravity(rotations, origins, self.axes, self.slides, *bodies, self._up, torques, slopes)
+        masses = self._inertia[:, 0, 0].copy()
+        first_moments = self._inertia[:, [5, 3, 4], [1, 2, 0]]
+        fill_gravity(
+            rotations,
+            origins,
+            self.axes,
+            self.slides,
+            masses,
+            first_moments,
+            self._up,
+            torques,
+            slopes,
+        )
         torques = self.coupled(torques)
         if not self.trivial:
-            slopes = c.T @ slopes @ c
-        if not inertia:
-            return DynamicsTerms(torques, np.empty((0, 0, 0)), slopes, np.empty((0, 0, 0, 0)))
-        rotations = rotations[:, 1:]
-        origins = origins[:, 1:]
-        turning = np.einsum("njab,jb->nja", rotations, self.axes)
-        moving = np.where(self.slides[:, None], turning, np.cross(origins, turning))
-        turning = np.where(self.slides[:, None], 0.0, turning)
-        s = np.concatenate([moving, turning], axis=-1)
-        forces = np.zeros(
-            (*s.shape[:2], 6, 6)
-        )  # transforms of spatial forces from the links to the base
-        forces[..., :3, :3] = forces[..., 3:, 3:] = rotations
-        forces[..., 3:, :3] = np.cross(origins[..., None], rotations, axis=-2)
-        composite = (forces @ self._inertia[1:] @ np.swapaxes(forces, -1, -2))[:, ::-1].cumsum(
-            axis=1
-        )[:, ::-1]
-        # I_k s_k
-        momenta = np.einsum("nkab,nkb->nka", composite, s)
-        h_changes = np.empty((0, 0, 0, 0))
-        h = np.triu(s @ np.swapaxes(momenta, -1, -2))
-        h = c.T @ (h + np.swapaxes(np.triu(h, 1), -1, -2) + np.diag(self.armature)) @ c
-        if changes:
-            # of joints k and i
-            ours = (slice(None), slice(None), None)
-            theirs = (slice(None), None)
-            crosses = np.concatenate([
-                np.cross(turning[ours], moving[theirs]) + np.cross(moving[ours], turning[theirs]),
-                np.cross(turning[ours], turning[theirs]),
-            ], axis=-1)  # fmt: skip
-            before = np.tri(len(s[0]), k=-1, dtype=np.bool_)  # i < k
-            beyond = crosses @ np.swapaxes(s[:, None] @ composite, -1, -2)
-            half = np.where(
-                before[:, None], beyond, crosses @ np.swapaxes(momenta[:, None], -1, -2)
-            )
-            half = np.where(before[..., None], half, 0.0)
-            h_changes = -half - np.swapaxes(half, -1, -2)
-            if not self.trivial:
-                h_changes = np.einsum("nmij,mk->nkij", c.T @ h_changes @ c, c)
-        return DynamicsTerms(torques, h, slopes, h_changes)
+            slopes = self.coupling.T @ slopes @ self.coupling
+        return GravityTerms(torques, slopes)
 
 
 class PointKinematics:

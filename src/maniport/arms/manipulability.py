@@ -1,35 +1,34 @@
-"""Ellipsoids of velocity, force and acceleration from Jacobians; arrays in, arrays out.
+"""Ellipsoids of velocity and force from Jacobians; arrays in, arrays out.
 
-With the end-effector Jacobian J, joint velocities q̇ and torques τ, velocity limits V, torques T that remain for motion
-and force, and the joint-space inertia H, the ellipsoids
+With the end-effector Jacobian J, joint velocities q̇, velocity limits V and torques T that remain for force, the
+ellipsoids
 
     velocity        M = J V² Jᵀ             ẋ = J q̇ with |V⁻¹ q̇| ≤ 1
     force           M = (J T⁻² Jᵀ)⁻¹        f with |T⁻¹ Jᵀ f| ≤ 1
-    acceleration    M = J H⁻¹ T² H⁻ᵀ Jᵀ     ẍ = J H⁻¹ τ with |T⁻¹ τ| ≤ 1
 
-hold velocities, forces and accelerations of the end effector (Yoshikawa 1985); V = I and T = I by default. Gravity
-moves the center of the ellipsoid of acceleration only, which is left out.
+hold velocities and forces of the end effector (Yoshikawa 1985); V = I and T = I by default.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.kinematics import DynamicsTerms, Kinematics
+from maniport.arms.kinematics import GravityTerms, Kinematics
 from maniport.errors import NotSPDError
 from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_numbers
 
 ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
 """Rows of a Jacobian, linear ones first, by the part of the motion that counts."""
 
-KINDS = ("velocity", "force", "acceleration")
+KINDS = ("velocity", "force")
 LOAD = "load"  # J T⁻² Jᵀ, the inverse of the force ellipsoid, which is finite at singular configurations
 UNITS = {
-    "velocity": ("m/s", "rad/s", " per rad/s"), "force": ("N", "N m", " per N m"),
-    "acceleration": ("m/s²", "rad/s²", " per N m"), LOAD: ("1/N", "1/(N m)", ""),
-}  # fmt: skip
+    "velocity": ("m/s", "rad/s", " per rad/s"),
+    "force": ("N", "N m", " per N m"),
+    LOAD: ("1/N", "1/(N m)", ""),
+}
 """Units of semi-axes by kind: of translation, of rotation, and what follows without joint weights."""
 
 JOINT_LIMITS = "joint-limits"  # joint weights: the limits of the arm
@@ -49,8 +48,8 @@ class EllipsoidSpec:
 
     Attributes
     ----------
-    kind : {"velocity", "force", "acceleration"}
-        M = J V² Jᵀ, (J T⁻² Jᵀ)⁻¹ or J H⁻¹ T² H⁻ᵀ Jᵀ; the last needs an arm with masses.
+    kind : {"velocity", "force"}
+        M = J V² Jᵀ or (J T⁻² Jᵀ)⁻¹.
     part : {"translation", "rotation", "full"}
         Which rows of the Jacobian count: d = 3, 3 or 6. ``"full"`` mixes meters and radians.
     joint_weights : None, "joint-limits" or sequence of float
@@ -61,8 +60,7 @@ class EllipsoidSpec:
 
     References
     ----------
-    Yoshikawa, Manipulability of robotic mechanisms, IJRR 4, 1985; Dynamic manipulability of robot manipulators,
-    Journal of Robotic Systems 2, 1985.
+    Yoshikawa, Manipulability of robotic mechanisms, IJRR 4, 1985.
     """
 
     kind: str = "velocity"
@@ -138,19 +136,19 @@ VELOCITY = EllipsoidSpec()  # The default: velocity ellipsoids of the translatio
 
 
 class RemainingTorques(NamedTuple):
-    """Torques that gravity leaves for motion and force at n configurations."""
+    """Torques that gravity leaves for force at n configurations."""
 
     torques: Array  # T, (n, dof) [N m] or [N]
     changes: Array  # ∂T_j/∂q_k, (n, dof, dof); zero without derivatives of gravity
 
 
-def remaining_torques(limits: Array, terms: DynamicsTerms) -> RemainingTorques:
+def remaining_torques(limits: Array, gravity: GravityTerms) -> RemainingTorques:
     """Return limits (dof,) less gravity torques, at least `LEAST_TORQUE` of the limits."""
-    held = limits - np.abs(terms.gravity)
+    held = limits - np.abs(gravity.torques)
     torques = np.maximum(held, LEAST_TORQUE * limits)
-    if not len(terms.gravity_changes):
+    if not len(gravity.changes):
         return RemainingTorques(torques, np.zeros((*torques.shape, len(limits))))
-    changes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
+    changes = -np.sign(gravity.torques)[..., None] * gravity.changes
     changes[torques > held] = 0.0
     return RemainingTorques(torques, changes)
 
@@ -162,48 +160,25 @@ def weighting(
     q: Array,
     changes: bool = False,
 ) -> tuple[Array | None, Array | None]:
-    """Weights W of ellipsoids M = J W Wᵀ Jᵀ (of force: M⁻¹) at configurations (n, dof), and ∂(W Wᵀ)/∂q_k.
+    """Weights W of ellipsoids M = J W² Jᵀ (of force: M⁻¹) at configurations (n, dof), and ∂W²/∂q_k.
 
-    W, (n, dof, dof) or a diagonal (n or 1, 1, dof), is None for the identity. Derivatives, (n, k, dof, dof) or
-    diagonals (n, k, 1, dof), are None without `changes` and where W is constant. `limits` (dof,) are those of the
-    joints where these are the weights. Accelerations need masses.
+    W, diagonals (n or 1, 1, dof), is None for the identity. Derivatives, diagonals (n, k, 1, dof), are None without
+    `changes` and where W is constant. `limits` (dof,) are those of the joints where these are the weights.
     """
-    accelerated = spec.kind == "acceleration"
-    gravity = limits is not None and spec.kind != "velocity" and kinematics.has_weight
-    if limits is None and spec.joint_weights is None and not accelerated:
-        return None, None
-    if accelerated or gravity:
-        terms = kinematics.dynamics(q, changes, inertia=accelerated)
-    else:
-        terms = None
     if spec.joint_weights is None:
-        weights: Any = 1.0
-    else:
-        weights = spec.joint_weights if limits is None else limits
-    scale: Array = np.ones(q.shape[1]) * weights
-    slopes = None
-    if limits is not None and terms is not None:
-        remaining = remaining_torques(limits, terms)
-        scale = remaining.torques
-        if changes:
-            slopes = remaining.changes
-    if not accelerated:
-        weight: Array = np.atleast_2d(scale if spec.kind == "velocity" else 1.0 / scale)[:, None]
-        if slopes is None:
-            return weight, None
-        return weight, np.swapaxes(-2.0 * slopes / scale[..., None] ** 3, 1, 2)[:, :, None]
-    assert terms is not None  # of an arm with masses
-    inverse = np.linalg.inv(terms.inertia)
-    weight = np.asarray(inverse * np.atleast_2d(scale)[:, None], dtype=np.float64)
+        return None, None
+    weights = spec.joint_weights if limits is None else limits
+    scale = np.asarray(weights, dtype=np.float64)
+    if spec.kind == "velocity":
+        return scale[None, None], None
+    if limits is None or not kinematics.has_weight:
+        return 1.0 / scale[None, None], None
+    remaining = remaining_torques(limits, kinematics.gravity(q, changes))
+    weight = 1.0 / remaining.torques[:, None]
     if not changes:
         return weight, None
-    product = weight @ np.swapaxes(weight, -1, -2)
-    half = -(inverse[:, None] @ terms.inertia_changes) @ product[:, None]
-    if slopes is not None:
-        half += np.einsum(
-            "nij,njk,nlj->nkil", weight, slopes / scale[..., None], weight, optimize=True
-        )
-    return weight, half + np.swapaxes(half, -1, -2)
+    slopes = -2.0 * remaining.changes / remaining.torques[..., None] ** 3
+    return weight, np.swapaxes(slopes, 1, 2)[:, :, None]
 
 
 def manipulability(rows: Array, kind: str = "velocity") -> Array:
@@ -245,11 +220,6 @@ def _squared(rows: Array) -> Array:
     return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
 
 
-def times(rows: Array, weight: Array) -> Array:
-    """Multiply rows (..., d, dof) with matrices (..., dof, dof), or with diagonals (..., 1, dof)."""
-    return np.asarray(rows * weight if weight.shape[-2] == 1 else rows @ weight)
-
-
 def with_derivatives(
     jacobian: Array,
     of_joints: Array,
@@ -267,8 +237,8 @@ def with_derivatives(
     plain = jacobian[..., spec.rows, :]
     rows = weighted = plain
     if weight is not None:
-        rows = times(plain, weight)
-        weighted = times(rows, weight if weight.shape[1] == 1 else np.swapaxes(weight, -1, -2))
+        rows = plain * weight
+        weighted = rows * weight
     n, d, dof = rows.shape
     ellipsoids = np.empty((n, d, d))
     results = np.empty((n, dof, d, d))
@@ -276,7 +246,7 @@ def with_derivatives(
     arrays = (np.ascontiguousarray(array) for array in (of_joints, rows, coupling, weighted))
     fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, results)
     if change is not None:
-        moved = times(plain[:, None], change).reshape(n, -1, dof) @ np.swapaxes(plain, -1, -2)
+        moved = (plain[:, None] * change).reshape(n, -1, dof) @ np.swapaxes(plain, -1, -2)
         results += moved.reshape(results.shape)
     if spec.kind != "force":
         return ellipsoids, results

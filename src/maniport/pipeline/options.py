@@ -198,7 +198,7 @@ _TABLE: tuple[Option, ...] = (
         "ellipsoids",
         "transfer",
         "Ellipsoids",
-        choices=("velocity", "force", "acceleration"),
+        choices=("velocity", "force"),
         common=True,
     ),
     Word(

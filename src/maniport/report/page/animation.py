@@ -51,7 +51,6 @@ TORSO = np.array(
 MEANINGS = {
     "velocity": "An ellipsoid shows how fast the end effector {} in each direction at {}.",
     "force": "Drawn are the inverses of the force ellipsoids: they are long in directions in which the arm is weak.",
-    "acceleration": "An ellipsoid shows how fast the end effector accelerates in each direction.",
 }
 
 UNITS = {"force": "N", "velocity": "m/s"}
