@@ -13,6 +13,7 @@ from maniport.arms.directional import half_sphere, line_extent
 from maniport.arms.loaders.packages import find_robot
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.motion.directions import path_tangents
+from maniport.pipeline import Config
 from maniport.pipeline.capability import (
     limited_person,
     person_lines,
@@ -20,6 +21,7 @@ from maniport.pipeline.capability import (
     usable_kinds,
     with_directions,
 )
+from maniport.pipeline.settings import settings_of
 from real_robots import NEEDS_ROBOTS
 from sizes import SMALL, little_search
 
@@ -120,28 +122,26 @@ def test_small_results_compare_with_positions_only(small_result):
     np.testing.assert_allclose(np.linalg.norm(force.lines, axis=1), 1.0)
 
 
-@NEEDS_ROBOTS
-@pytest.mark.parametrize("robot", ["example-robot-data/panda", "ur5"])
-def test_files_alone_show_force_and_speed(robot, tmp_path):
-    """Pinocchio has Jacobians and gravity of the URDF file, a linear program the largest speed."""
-    with little_search():
-        result = mp.transfer_recording("freeform", robot=robot, start=2.0, stop=2.3, **SMALL)
-        mp.write_results(result, tmp_path / "out")
-
-    joints = np.load(tmp_path / "out" / "joints.npz")
-    with (tmp_path / "out" / "person.csv").open(encoding="utf-8") as file:
+def lines_of(folder):
+    """Read times and the lines of force and speed from the table of a result."""
+    with (folder / "person.csv").open(encoding="utf-8") as file:
         header = file.readline().strip().split(",")
         rows = np.loadtxt(file, delimiter=",")
     lines = {}
     for what in ("force", "speed"):
         columns = [header.index(f"direction_{what}_{axis}") for axis in "xyz"]
         lines[what] = rows[:, columns]
+    return rows[:, 0], lines
 
+
+def recomputed(folder, robot, frame, lines):
+    """Return forces and speeds at the waypoints of a result, by the URDF in Pinocchio and a linear program."""
+    joints = np.load(folder / "joints.npz")
     model = pin.buildModelFromUrdf(str(find_robot(robot).path))
     data = model.createData()
     names = [str(name) for name in joints["joint_names"]]
     indices = [model.joints[model.getJointId(name)].idx_v for name in names]
-    frame = model.getFrameId(result.arm.motion.frame)  # its base is that of the model
+    frame_id = model.getFrameId(frame)  # its base is that of the model
     forces = []
     speeds = []
     for q, strong, fast in zip(
@@ -152,7 +152,7 @@ def test_files_alone_show_force_and_speed(robot, tmp_path):
             whole[model.joints[model.getJointId(name)].idx_q] = position
         pin.framesForwardKinematics(model, data, whole)
         jacobian = pin.computeFrameJacobian(
-            model, data, whole, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            model, data, whole, frame_id, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         )[:3, indices]
         gravity = pin.computeGeneralizedGravity(model, data, whole)[indices]
         torques = jacobian.T @ strong
@@ -163,12 +163,68 @@ def test_files_alone_show_force_and_speed(robot, tmp_path):
         bounds = [*((-limit, limit) for limit in limits), (0.0, None)]
         goal = np.append(np.zeros(len(limits)), -1.0)
         speeds.append(linprog(goal, A_eq=equal, b_eq=np.zeros(3), bounds=bounds).x[-1])
+    return forces, speeds
 
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+
+def require_figures(folder, forces, speeds):
+    """The medians of a summary are those of these forces and speeds."""
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     assert np.median(forces) == pytest.approx(summary["motion"]["force"]["robot"]["median"])
     assert np.median(speeds) == pytest.approx(
         summary["motion"]["velocity"]["robot"]["median"], rel=1e-4
     )
+
+
+@NEEDS_ROBOTS
+@pytest.mark.parametrize("robot", ["example-robot-data/panda", "ur5"])
+def test_files_alone_show_force_and_speed(robot, tmp_path):
+    """Pinocchio has Jacobians and gravity of the URDF file, a linear program the largest speed."""
+    with little_search():
+        result = mp.transfer_recording("freeform", robot=robot, start=2.0, stop=2.3, **SMALL)
+        mp.write_results(result, tmp_path / "out")
+    _, lines = lines_of(tmp_path / "out")
+    values = recomputed(tmp_path / "out", robot, result.arm.motion.frame, lines)
+    require_figures(tmp_path / "out", *values)
+
+
+@NEEDS_ROBOTS
+def test_lines_of_a_file_are_those_of_the_result(tmp_path):
+    """A drawer that turns from x to y, pulled along the base's z at last; the file has signs at random."""
+    robot = "example-robot-data/panda"
+    time = np.linspace(1.9, 2.4, 6)
+    angle = time - 1.9
+    strong = np.stack([np.cos(angle), np.sin(angle), 0.1 * angle], axis=1)
+    fast = np.tile([0.0, 0.6, -0.8], (6, 1))
+    signs = np.array([1.0, -2.0, 3.0, 1.0, -1.0, 0.5])[:, None]
+    table = np.column_stack([time, signs * strong, signs * fast])
+    names = [f"direction_{what}_{axis}" for what in ("force", "speed") for axis in "xyz"]
+    drawer = tmp_path / "drawer.csv"
+    np.savetxt(drawer, table, delimiter=",", header=",".join(["time_s", *names]), comments="")
+
+    part = {"robot": robot, "start": 2.0, "stop": 2.3, **SMALL}
+    with little_search():
+        result = mp.transfer_recording("freeform", directions=drawer, **part)
+        mp.write_results(result, tmp_path / "out")
+    at, lines = lines_of(tmp_path / "out")
+    strong /= np.linalg.norm(strong, axis=1, keepdims=True)
+    expected = {"speed": np.tile(fast[0], (len(at), 1))}
+    expected["force"] = np.stack([np.interp(at, time, column) for column in strong.T], axis=1)
+    expected["force"] /= np.linalg.norm(expected["force"], axis=1, keepdims=True)
+    for what in ("force", "speed"):
+        cosines = np.sum(lines[what] * expected[what], axis=1)
+        np.testing.assert_allclose(np.abs(cosines), 1.0, atol=1e-6)
+    values = recomputed(tmp_path / "out", robot, result.arm.motion.frame, expected)
+    require_figures(tmp_path / "out", *values)
+    for capability in result.arm.capabilities:
+        assert capability.along == "direction"
+        assert capability.is_target
+
+    # the table of a result is such a file, and run.yaml names the file
+    again = settings_of(Config(directions=tmp_path / "out" / "person.csv", **part))
+    np.testing.assert_allclose(
+        np.abs(np.sum(again.directions[0].at(at, "force") * lines["force"], axis=1)), 1.0
+    )
+    assert Config.load(tmp_path / "out" / "run.yaml").directions == (str(drawer),)
 
 
 @pytest.mark.slow

@@ -79,20 +79,28 @@ def limited_person(arm: Arm, kind: str) -> Arm:
 
 
 def directions_of(
-    human: Human, adapters: Sequence[DomainAdapter], planner: Planner, options: TransferOptions
+    human: Human, adapters: Sequence[DomainAdapter], planner: Planner, settings: Settings
 ) -> list[Directions]:
     """Return lines for each arm, turned as its map turns ellipsoids, where limits are known.
 
-    They are of force and speed, whatever the options ask for: results are compared along them.
+    They are of force and speed, whatever the options ask for: results are compared along them. A file has those of its
+    columns.
     """
+    options = settings.config
+    given = settings.directions or (None,) * len(human.motion.arms)
     results = []
-    arms = zip(human.motion.arms, human.hand_paths, adapters, planner.arms, strict=True)
-    for fit, hand_path, adapter, arm_planner in arms:
+    arms = zip(human.motion.arms, human.hand_paths, adapters, planner.arms, given, strict=True)
+    for fit, hand_path, adapter, arm_planner, of_file in arms:
         robot = arm_planner.limits.arm
+        kinds = CAPABILITIES["both"] if of_file is None else tuple(of_file.lines)
+        follows_path = of_file is None and isinstance(options.direction, str)
         directions = []
-        for kind in usable_kinds(fit.arm, robot, options.capability):
-            lines, weights = chosen_lines(fit, hand_path, kind, options.direction)
-            follows_path = isinstance(options.direction, str)
+        for kind in usable_kinds(fit.arm, robot, options.capability, kinds):
+            if of_file is None:
+                lines, weights = chosen_lines(fit, hand_path, kind, options.direction)
+            else:
+                lines = of_file.at(fit.time, kind)[:, None]
+                weights = np.ones((len(lines), 1))
             if follows_path:
                 lines = lines @ adapter.map_rotation_[:3, :3].T
             direction = DirectionTarget(
@@ -121,10 +129,12 @@ def chosen_lines(
     return lines[:, None], np.ones((len(lines), 1))
 
 
-def usable_kinds(person: Arm, robot: Arm, capability: str) -> list[str]:
-    """Return the kinds of extents for which both have limits, with a warning for others that are asked for."""
+def usable_kinds(
+    person: Arm, robot: Arm, capability: str, offered: Sequence[str] = CAPABILITIES["both"]
+) -> list[str]:
+    """Return the offered kinds of extents for which both have limits, with a warning for others that are asked for."""
     kinds = []
-    for kind in CAPABILITIES["both"]:
+    for kind in offered:
         lacking = []
         for arm in (limited_person(person, kind), robot):
             if not is_limited(arm, kind):
@@ -219,7 +229,9 @@ class Comparison:
         options: TransferOptions,
     ) -> tuple[Capability, ...]:
         """Compare force and speed of an arm along its lines."""
-        along = options.direction if isinstance(options.direction, str) else "direction"
+        along = "direction"
+        if isinstance(options.direction, str) and not options.directions:
+            along = options.direction
         results = []
         for direction in directions:
             references: list[DirectedMotion | None] = []

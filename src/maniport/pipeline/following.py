@@ -297,6 +297,7 @@ def follow_profile(
     if isinstance(orientation, str) and orientation != "free":
         text = f"{argument('orientation')} must be free or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
+    require_no_directions(config)
     limited = with_limits(load_robot(config, both=False), config)
     robot = limited.robot
     group = as_group(robot)
@@ -333,6 +334,14 @@ def _require_no_placement(config: Config) -> None:
     for name in ("workspace", "scale", "yaw", "offset"):
         if getattr(config, name) is not None:
             raise InvalidInputError(f"{argument(name)} is for a path that is placed; found none")
+
+
+def require_no_directions(options: TransferOptions) -> None:
+    """Raise `InvalidInputError` where files give lines: without a person, motions have none."""
+    if options.directions:
+        raise InvalidInputError(
+            f"{argument('directions')} is for motions of a person; leave it out, or transfer a recording"
+        )
 
 
 def bounded_targets(target: TargetTrajectory, arm: Arm) -> TargetTrajectory:

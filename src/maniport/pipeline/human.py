@@ -120,6 +120,8 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
             ellipsoids = [fit.arm.ellipsoids(fit.joint_angles, spec) for fit in motion.arms]
             hand_paths = list(motion.hands)
 
+    for given in settings.directions:
+        given.require_cover(motion.time)
     arms = len(motion.arms)
     count = len(settings.arms)
     if arms > count:

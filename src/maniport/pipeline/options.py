@@ -335,6 +335,14 @@ _TABLE: tuple[Option, ...] = (
         metavar="WORD|X,Y,Z",
         count=3,
     ),
+    Names(
+        "directions",
+        "motion",
+        "File of their directions over time, as person.csv; one for each arm",
+        repeated=True,
+        metavar="FILE",
+        is_file=True,
+    ),
     Number(
         "yaw",
         "motion",
@@ -616,6 +624,7 @@ class MotionOptions(Options):
     capability: str = "both"
     capability_weight: float = 0.1
     direction: str | tuple[float, ...] = "person"
+    directions: tuple[str, ...] = ()  # files, in place of `direction`
 
     # surroundings
     collisions: bool = True
@@ -639,6 +648,16 @@ class MotionOptions(Options):
                 raise InvalidInputError("orientation must not be a zero vector")
         if not isinstance(self.direction, str) and not any(self.direction):
             raise InvalidInputError(f"{argument('direction')} must not be a zero vector")
+        if self.directions and self.direction != "person":
+            raise InvalidInputError(
+                f"{argument('directions')} takes the place of {argument('direction')}; "
+                f"found {self.direction!r}, too"
+            )
+        if self.directions and self.capability == "none":
+            raise InvalidInputError(
+                f"{argument('directions')} needs force or speed as a target; "
+                f"found {argument('capability', 'none')}"
+            )
         if self.export and not self.move:
             raise InvalidInputError(
                 f"{argument('export')} needs a trajectory; found {argument('no_move')}"

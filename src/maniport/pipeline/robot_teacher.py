@@ -24,7 +24,7 @@ from maniport.errors import InvalidInputError, argument
 from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import TargetTrajectory
 from maniport.pipeline.config import Config
-from maniport.pipeline.following import follow_profile
+from maniport.pipeline.following import follow_profile, require_no_directions
 from maniport.pipeline.options import HumanOptions, TransferOptions
 from maniport.pipeline.results import MotionResult
 from maniport.pipeline.robots import load_robot
@@ -234,6 +234,7 @@ def transfer_demonstration(
         When an option does not exist, an input cannot be used or the robots have other numbers of arms.
     """
     config = Config.of(config).changed(**options)
+    require_no_directions(config)
     if config.method == AUTO:
         config = config.changed(method=METHOD)
     student = _student(config.changed(robot=robot))

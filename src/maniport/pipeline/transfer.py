@@ -276,7 +276,7 @@ class FittedTransfer:
         """Return lines of force and speed for each arm, along which a result is compared, before the placement."""
         if self.robot.planner is None or self.settings.config.spec.part == "rotation":
             return [()] * len(self.maps)
-        return directions_of(human, self.adapters, self.robot.planner, self.settings.config)
+        return directions_of(human, self.adapters, self.robot.planner, self.settings)
 
     def place(
         self, targets: Sequence[TargetTrajectory], options: PlacementOptions | None = None
