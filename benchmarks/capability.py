@@ -9,7 +9,7 @@ import argparse
 import itertools
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,15 +17,19 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.arms.directional import is_limited, line_extent
+from benchmarks.tasks.task import ROBOTS as JOINTS
+from maniport.arms.directional import half_sphere, is_limited, line_extent
 from maniport.mocap import ArmFit, shipped_recording
 from maniport.motion import Placement, RobotMotion
+from maniport.motion.configurations import Configurations
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.directions import DirectionTarget, extent_reference
 from maniport.motion.targets import TargetTrajectory
 from maniport.pipeline.capability import CAPABILITIES, person_lines, positions_only
 from maniport.pipeline.config import Config
-from maniport.pipeline.following import move
+from maniport.pipeline.following import SampledRobot, move, place, plan
 from maniport.pipeline.human import Human
+from maniport.pipeline.settings import Settings
 from maniport.pipeline.transfer import FittedTransfer, mean_rotation
 from maniport.util.validation import Array
 
@@ -53,7 +57,19 @@ POSITIONS = "positions only"
 FOREARM = "forearm line"
 DEFAULT = "default"
 WEIGHTS = ("weight 0.03", "weight 0.1", "weight 0.3", "weight 1")
-METHODS = (DEFAULT, "none", POSITIONS, FOREARM, "directions alone", *WEIGHTS)
+FIXED = "eight fixed lines"
+YOSHIKAWA = "Yoshikawa"
+ELBOW = "elbow angle"
+STRONG = "started strong"
+CONTROLS = (FIXED, YOSHIKAWA, ELBOW, STRONG)
+"""Methods that know nothing of the person's strength; all but the first beside positions only, as costs of the plan."""
+METHODS = (DEFAULT, "none", POSITIONS, FOREARM, "directions alone", *WEIGHTS, *CONTROLS)
+
+STEP = 1e-5  # of central differences [rad]
+STRONG_SAMPLES = (
+    256  # Configurations of which one is the strongest; more are nearer to singular ones
+)
+POSTURE_WEIGHT = 0.1  # of the distance to it [1/rad]
 
 
 @dataclass(frozen=True)
@@ -83,8 +99,10 @@ def changed_targets(
     run: Run, targets: Sequence[TargetTrajectory], fit: ArmFit, rotation: Array, robot: mp.Arm
 ) -> Sequence[TargetTrajectory]:
     """Return the targets of a method."""
-    if run.method == POSITIONS:
+    if run.method in (POSITIONS, YOSHIKAWA, ELBOW, STRONG):
         return positions_only(targets)
+    if run.method == FIXED:
+        return [along_fixed_lines(target, robot) for target in targets]
     if run.method == "directions alone":
         return [replace(target, with_ellipsoids=False) for target in targets]
     if run.method == FOREARM:
@@ -113,6 +131,97 @@ def along_forearm(
     return replace(target, directions=tuple(directions))
 
 
+def along_fixed_lines(target: TargetTrajectory, robot: mp.Arm) -> TargetTrajectory:
+    """Return targets with eight lines that are fixed in the base frame in place of the person's."""
+    lines = half_sphere(8)
+    weight = mp.pipeline.Config().capability_weight / len(lines)
+    directions = []
+    for direction in target.directions:
+        directions.append(
+            DirectionTarget(
+                kind=direction.kind,
+                lines=np.tile(lines, (len(direction), 1, 1)),
+                weights=np.full((len(direction), len(lines)), weight),
+                reference=extent_reference(robot, direction.kind),
+                follows_path=False,
+            )
+        )
+    return replace(target, directions=tuple(directions))
+
+
+@dataclass(frozen=True, eq=False)
+class DifferenceCost:
+    """A cost whose derivatives are central differences."""
+
+    residuals: Callable[[Array, Array], Array]  # of joint positions (n, dof) and times (n,); (n, r)
+
+    def residual(self, at: Configurations) -> Array:
+        """Return residuals, shape (n, r)."""
+        return self.residuals(at.joint_positions, at.time)
+
+    def jacobian(self, at: Configurations) -> Array:
+        """Return their derivatives, shape (n, r, dof)."""
+        q = at.joint_positions
+        columns = []
+        for step in STEP * np.eye(q.shape[1]):
+            change = self.residuals(q + step, at.time) - self.residuals(q - step, at.time)
+            columns.append(change / (2.0 * STEP))
+        return np.stack(columns, axis=2)
+
+
+def index_cost(arm: mp.Arm) -> DifferenceCost:
+    """Return the cost of a small manipulability index, the volume of the velocity ellipsoid (Yoshikawa 1985).
+
+    As the extents along lines, it is compared with its 99th percentile over configurations.
+    """
+
+    def logarithms(q: Array) -> Array:
+        return np.asarray(0.5 * np.maximum(np.linalg.slogdet(arm.ellipsoids(q))[1], -50.0))
+
+    reference = float(np.percentile(logarithms(arm.sample(1024, 0)), 99.0))
+
+    def residuals(q: Array, _: Array) -> Array:
+        return np.maximum(reference - logarithms(q), 0.0)[:, None]
+
+    return DifferenceCost(residuals)
+
+
+def elbow_cost(arm: mp.Arm, robot: str, fit: ArmFit, rotation: Array) -> DifferenceCost:
+    """Return the cost of elbows that leave the line from shoulder to hand in other directions than the person's.
+
+    `rotation` (3, 3) is that from the trunk frame to the base frame.
+    """
+    joints = JOINTS[robot]
+    points = fit.arm.point_positions(fit.joint_angles, ("shoulder", "elbow", "hand"))
+    wanted = elbow_directions(*np.moveaxis(points, 1, 0)) @ rotation.T
+    middles = 0.5 * (fit.time[1:] + fit.time[:-1])
+
+    def residuals(q: Array, at: Array) -> Array:
+        links = arm.link_poses(q)[..., :3, 3]
+        hands = arm.forward(q)[:, :3, 3]
+        own = elbow_directions(links[:, joints.shoulder], links[:, joints.elbow], hands)
+        return own - wanted[np.searchsorted(middles, at)]
+
+    return DifferenceCost(residuals)
+
+
+def elbow_directions(shoulder: Array, elbow: Array, hand: Array) -> Array:
+    """Return unit vectors (n, 3) from the line between shoulder and hand to the elbow."""
+    line = hand - shoulder
+    line /= np.linalg.norm(line, axis=1, keepdims=True)
+    offset = elbow - shoulder
+    offset = offset - np.sum(offset * line, axis=1, keepdims=True) * line
+    return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-9))
+
+
+def strong_configuration(arm: mp.Arm, fit: ArmFit, rotation: Array) -> Array:
+    """Return the configuration (dof,) of 256 that is strongest along the mean of the person's strongest lines."""
+    lines = person_lines(fit, "force")[0][:, 0] @ rotation.T
+    mean = np.linalg.eigh(lines.T @ lines)[1][:, -1]
+    q = arm.sample(STRONG_SAMPLES, 0)
+    return np.asarray(q[line_extent(arm, q, mean[None])[:, 0].argmax()])
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
     """A clip and a robot whose map is fitted once for all methods."""
@@ -138,11 +247,44 @@ class Case:
         targets = changed_targets(run, fitted.map(self.human), fit, adapter.map_rotation_, arm)
         robot = replace(fitted.robot, random=deepcopy(fitted.robot.random))
         rotation = mean_rotation(fitted.maps)
-        motion, placements = move(tuple(targets), robot, settings, rotation)
-        assert placements is not None
+        if run.method in (YOSHIKAWA, ELBOW, STRONG):
+            motion, placement = moved_by_cost(run, tuple(targets), robot, settings, fit, rotation)
+        else:
+            motion, placements = move(tuple(targets), robot, settings, rotation)
+            assert placements is not None
+            placement = placements[0]
         seconds = time.process_time() - begin
-        result = measured(fit, arm, motion, placements[0])
-        return {**result, "scale": placements[0].scale, "processor_s": seconds}
+        result = measured(fit, arm, motion, placement)
+        return {**result, "scale": placement.scale, "processor_s": seconds}
+
+
+def moved_by_cost(
+    run: Run,
+    targets: tuple[TargetTrajectory, ...],
+    robot: SampledRobot,
+    settings: Settings,
+    fit: ArmFit,
+    rotation: Array,
+) -> tuple[RobotMotion, Placement]:
+    """Place the path for its positions alone, and plan with a cost; a strong configuration determines the place."""
+    (arm,) = settings.arms
+    if run.method == STRONG:
+        strong = strong_configuration(arm, fit, rotation)
+        center = tuple(arm.forward(strong)[:3, 3].tolist())
+        config = settings.config.changed(yaw=0.0, offset=center)
+        settings = replace(settings, config=config)
+    (placement,) = place(targets, robot, settings, rotation)[0]
+    if run.method == STRONG:
+        cost: mp.motion.Cost = PostureCost(strong, POSTURE_WEIGHT)
+    elif run.method == ELBOW:
+        turned = placement.rotation @ placement.map_rotation
+        cost = elbow_cost(arm, run.robot, fit, turned)
+    else:
+        cost = index_cost(arm)
+    assert settings.plan is not None
+    settings = replace(settings, plan=replace(settings.plan, costs=(cost,)))
+    placed = [placement.moved(target) for target in targets]
+    return plan(placed, robot, settings, [placement.joint_positions]), placement
 
 
 def measured(
