@@ -23,7 +23,7 @@ MULTIPLES = {"seconds": 1.0, "milliseconds": 1e3, "microseconds": 1e6, "nanoseco
 LOWEST_RATE = 1e-6  # [Hz]; lower ones are placeholders, whose frames would last for days
 HIGHEST_RATE = 1e12  # [Hz]; also of integers that no float holds
 _RATE_TEXT = re.compile(
-    r"\s*(\d+(?:\.\d*)?)\s*(?:hz|fps|frames\s*(?:/|per)\s*s(?:ec(?:ond)?)?)?\s*", re.IGNORECASE
+    r"\s*(\d+(?:\.\d*)?)\s*(?:hz|fps|frames\s*(?:/|per)\s*(?:s|sec|second))?\s*", re.IGNORECASE
 )
 
 
