@@ -63,7 +63,7 @@ def test_other_lines_are_refused(text, word):
 
 
 def blocks(language):
-    page = (Path(__file__).parents[2] / "docs" / "live.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "live_protocol.md").read_text(encoding="utf-8")
     return re.findall(rf"^```{language}\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
 
 
