@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -222,6 +223,14 @@ def strong_configuration(arm: mp.Arm, fit: ArmFit, rotation: Array) -> Array:
     return np.asarray(q[line_extent(arm, q, mean[None])[:, 0].argmax()])
 
 
+class Moved(NamedTuple):
+    """The motion of a method."""
+
+    motion: RobotMotion
+    placement: Placement
+    seconds: float  # of the processor
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
     """A clip and a robot whose map is fitted once for all methods."""
@@ -236,26 +245,43 @@ class Case:
         human = transfer.read(shipped_recording(run.recording))
         return cls(human, transfer.fit(human))
 
-    def transferred(self, run: Run, scale: float | None) -> dict[str, float]:
-        """Place and plan by a method; return what its motion is measured by."""
+    @property
+    def fit(self) -> ArmFit:
+        """The person's arm."""
+        (fit,) = self.human.motion.arms
+        return fit
+
+    @property
+    def arm(self) -> mp.Arm:
+        """The robot's arm."""
+        (arm,) = self.fitted.settings.arms
+        return arm
+
+    def moved(self, run: Run, scale: float | None) -> Moved:
+        """Place and plan by a method."""
         settings = replace(self.fitted.settings, config=options_of(run, scale))
         fitted = replace(self.fitted, settings=settings)
-        (fit,) = self.human.motion.arms
         (adapter,) = fitted.adapters
-        (arm,) = settings.arms
         begin = time.process_time()
-        targets = changed_targets(run, fitted.map(self.human), fit, adapter.map_rotation_, arm)
+        mapped = fitted.map(self.human)
+        targets = changed_targets(run, mapped, self.fit, adapter.map_rotation_, self.arm)
         robot = replace(fitted.robot, random=deepcopy(fitted.robot.random))
         rotation = mean_rotation(fitted.maps)
         if run.method in (YOSHIKAWA, ELBOW, STRONG):
-            motion, placement = moved_by_cost(run, tuple(targets), robot, settings, fit, rotation)
+            motion, placement = moved_by_cost(
+                run, tuple(targets), robot, settings, self.fit, rotation
+            )
         else:
             motion, placements = move(tuple(targets), robot, settings, rotation)
             assert placements is not None
             placement = placements[0]
-        seconds = time.process_time() - begin
-        result = measured(fit, arm, motion, placement)
-        return {**result, "scale": placement.scale, "processor_s": seconds}
+        return Moved(motion, placement, time.process_time() - begin)
+
+    def transferred(self, run: Run, scale: float | None) -> dict[str, float]:
+        """Place and plan by a method; return what its motion is measured by."""
+        moved = self.moved(run, scale)
+        result = measured(self.fit, self.arm, moved.motion, moved.placement)
+        return {**result, "scale": moved.placement.scale, "processor_s": moved.seconds}
 
 
 def moved_by_cost(
