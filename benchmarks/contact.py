@@ -18,7 +18,6 @@ import numpy as np
 
 import maniport as mp
 from benchmarks.capability import (
-    CLIPS,
     DEFAULT,
     FOREARM,
     POSITIONS,
@@ -35,7 +34,25 @@ from maniport.motion.trajectory import interpolated
 from maniport.pipeline.capability import person_lines
 from maniport.util.validation import Array
 
-ROBOTS = ("panda", "tiago_pro_right_arm", "z1")  # the weights of maniport were chosen without the last two
+ROBOTS = (
+    "panda",
+    "tiago_pro_right_arm",
+    "z1",
+)  # the weights of maniport were chosen without the last two
+CLIPS = (  # that do not overlap
+    ("freeform", "right", 0.5, 2.5),
+    ("ladder", "right", 5.0, 9.0),
+    ("both-arms", "left", 1.0, 4.0),
+    ("ladder", "right", 10.0, 13.0),
+    ("freeform", "right", 2.5, 5.0),
+    ("ladder", "right", 14.0, 17.0),
+    ("both-arms", "left", 5.0, 7.0),
+    ("ladder", "right", 20.0, 21.5),
+    ("freeform", "right", 5.0, 7.5),
+    ("ladder", "right", 22.0, 26.0),
+    ("ladder", "right", 28.0, 31.0),
+    ("ladder", "right", 32.0, 36.0),
+)
 METHODS = (DEFAULT, "weight 1", "none", FOREARM, POSITIONS)
 SEEDS = (0, 1)
 LOADS = (30.0, 60.0, 90.0)  # percentiles of the forces of random configurations along random lines
@@ -271,9 +288,7 @@ def clip_name(run: Run) -> str:
     return f"{run.recording} {run.side} {run.start:g} {run.stop:g}"
 
 
-def print_tables(
-    known: dict[Run, Result], robots: Sequence[str], methods: Sequence[str]
-) -> None:
+def print_tables(known: dict[Run, Result], robots: Sequence[str], methods: Sequence[str]) -> None:
     """Print the shares of successes in percent by task and by load, with intervals of 95 % over clips."""
     print(
         "| robot | method (motions) | drawer | lever | brace | all | − positions only "
