@@ -1,1 +1,0 @@
-"""Task study: what a robot gains from a person's ellipsoids where nothing else states the direction of a task."""
