@@ -291,7 +291,7 @@ def clip_name(run: Run) -> str:
 def print_tables(known: dict[Run, Result], robots: Sequence[str], methods: Sequence[str]) -> None:
     """Print the shares of successes in percent by task and by load, with intervals of 95 % over clips."""
     print(
-        "| robot | method (motions) | drawer | lever | brace | all | − positions only "
+        "| robot | method (motions) | drawer | lever | brace | all | default − method "
         "| force × | duration × | mm |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
@@ -301,9 +301,10 @@ def print_tables(known: dict[Run, Result], robots: Sequence[str], methods: Seque
             continue
         cells = [rate(trials_of(known, robot, method, task)) for task in TASKS]
         cells.append(rate(everything))
-        cells.append(difference(everything, trials_of(known, robot, POSITIONS)))
+        cells.append(difference(trials_of(known, robot, DEFAULT), everything))
         cells.extend(losses(known, robot, method))
-        print(f"| {robot} | {method} | {' | '.join(cells)} |")
+        motions = len({run for run, _ in everything})
+        print(f"| {robot} | {method} ({motions}) | {' | '.join(cells)} |")
     print("\n| robot | load [N] |", " | ".join(methods), "|")
     print(f"|---|---|{'---|' * len(methods)}")
     for robot in robots:

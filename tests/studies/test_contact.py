@@ -165,6 +165,7 @@ def test_trials_of_methods_are_paired():
 
 @pytest.mark.slow
 def test_the_study_is_resumed(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(contact, "CLIPS", (("freeform", "right", 2.0, 3.0),))
     file = tmp_path / "results.jsonl"
     words = [str(file), "--clips", "1", "--robots", "panda", "--seeds", "0"]
     words += ["--methods", "positions only"]
@@ -177,7 +178,7 @@ def test_the_study_is_resumed(tmp_path, capsys, monkeypatch):
     assert {task for task, _, _ in paired[0]} == set(TASKS)
     assert {load for _, _, load in paired[0]} == set(loads_of(load_arm("panda")))
     table = capsys.readouterr().out
-    assert "| panda | default |" in table
+    assert "| panda | default (1) |" in table
 
     monkeypatch.setattr(contact, "attempted", None)  # an error if it were called
     file.write_text(lines[0] + "\n" + lines[1] + "\n")
