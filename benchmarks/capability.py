@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 import maniport as mp
-from benchmarks.tasks.task import ROBOTS as JOINTS
 from maniport.arms.directional import half_sphere, is_limited, line_extent
 from maniport.mocap import ArmFit, shipped_recording
 from maniport.motion import Placement, RobotMotion
@@ -53,6 +52,8 @@ CLIPS = (
     ("ladder", "right", 28.0, 31.0),
     ("ladder", "right", 32.0, 36.0),
 )
+SHOULDER = 2  # index of the link at the shoulder
+ELBOWS = {"panda": 4, "xarm7": 4, "ur5": 3, "g1_right_arm": 4}  # indices of the links at the elbow
 SEEDS = (0, 1, 2)
 POSITIONS = "positions only"
 FOREARM = "forearm line"
@@ -192,7 +193,7 @@ def elbow_cost(arm: mp.Arm, robot: str, fit: ArmFit, rotation: Array) -> Differe
 
     `rotation` (3, 3) is that from the trunk frame to the base frame.
     """
-    joints = JOINTS[robot]
+    elbow_joint = ELBOWS[robot]
     points = fit.arm.point_positions(fit.joint_angles, ("shoulder", "elbow", "hand"))
     wanted = elbow_directions(*np.moveaxis(points, 1, 0)) @ rotation.T
     middles = 0.5 * (fit.time[1:] + fit.time[:-1])
@@ -200,7 +201,7 @@ def elbow_cost(arm: mp.Arm, robot: str, fit: ArmFit, rotation: Array) -> Differe
     def residuals(q: Array, at: Array) -> Array:
         links = arm.link_poses(q)[..., :3, 3]
         hands = arm.forward(q)[:, :3, 3]
-        own = elbow_directions(links[:, joints.shoulder], links[:, joints.elbow], hands)
+        own = elbow_directions(links[:, SHOULDER], links[:, elbow_joint], hands)
         return own - wanted[np.searchsorted(middles, at)]
 
     return DifferenceCost(residuals)
