@@ -35,7 +35,7 @@ NEW = 50  # ellipsoids that the map is tested on
 
 OUTLIER_SCALES = (0.5, 0.4, 0.2)  # of the rows of G in the outliers G Gᵀ, repeated for d > 3
 
-SEED = 20_000
+SEED = 30_000
 
 
 @dataclass(frozen=True)

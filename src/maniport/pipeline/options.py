@@ -224,7 +224,7 @@ _TABLE: tuple[Option, ...] = (
     Vector(
         "base_rotation",
         "transfer",
-        "Rotation from human trunk to robot base; unknown: estimated by icp",
+        "Rotation from the person's trunk to the base; unknown: by icp",
         "deg",
         choices=(UNKNOWN,),
         metavar="ROLL,PITCH,YAW",
@@ -234,7 +234,7 @@ _TABLE: tuple[Option, ...] = (
     Integer(
         "n_teacher",
         "transfer",
-        "Samples of the human domain",
+        "Samples of the person's domain",
         minimum=2,
         maximum=MOST_SAMPLES,
     ),

@@ -321,7 +321,7 @@ def _add_trajectory(
         robot = float(np.ptp(trajectory.control_time))
         shown = float(np.ptp(demonstrated))
         value = {"robot": robot, "person": shown}
-        text = f"{robot:.1f} s (human {shown:.1f} s)"
+        text = f"{robot:.1f} s (person {shown:.1f} s)"
         if teacher is not None:
             value = {"robot": robot, "teacher": shown}
             text = f"{robot:.1f} s (teacher {shown:.1f} s)"
