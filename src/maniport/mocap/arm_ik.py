@@ -1,6 +1,6 @@
 """Joint angles of one or several human arms from a recording."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 
@@ -181,10 +181,8 @@ def _markers_by_side(recording: Recording, markers: Markers) -> dict[str, Roles]
     return by_side
 
 
-def _fit(
-    observation: Observation, person: str, step: Step, exchanged: Sequence[str] = ()
-) -> ArmFit:
-    """Fit an arm to an observation; `exchanged` is the warning about its sides, which explains other differences."""
+def _fit(observation: Observation, person: str, step: Step) -> ArmFit:
+    """Fit an arm, with the person's segment lengths, to an observation; the fit has no warnings yet."""
     used = observation.used
     frames = observation.frames
     roles = observation.roles

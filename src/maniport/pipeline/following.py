@@ -40,11 +40,6 @@ from maniport.util.progress import Progress, Step, no_progress
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_points
 
-REAL_TIME_SCALES = (
-    0.3,
-    1.0,
-)  # Range of scales at the person's speed; smaller motions are of little use
-
 
 @dataclass(frozen=True, eq=False)
 class SampledRobot:
