@@ -18,7 +18,7 @@ EXCESS_WEIGHT = 10.0  # Weight of the share that exceeds 1, relative to an affin
 Demand = tuple[EllipsoidSpec, Array]  # ellipsoids, and vectors (n, 3) that they should contain
 
 
-def inverses(ellipsoids: Array, share: float = 1e-4) -> Array:
+def regularized_inverses(ellipsoids: Array, share: float = 1e-4) -> Array:
     """Invert ellipsoids (n, 3, 3) after adding a share of the mean eigenvalue, so that they are not singular."""
     means = np.trace(ellipsoids, axis1=1, axis2=2) / 3.0
     return np.linalg.inv(ellipsoids + share * means[:, None, None] * np.eye(3))

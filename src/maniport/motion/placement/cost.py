@@ -12,7 +12,7 @@ from maniport.motion.costs.cost import NormalEquations
 from maniport.motion.costs.ellipsoid import EllipsoidCost
 from maniport.motion.costs.position import PositionCost
 from maniport.motion.costs.smoothness import SmoothnessCost
-from maniport.motion.demands import EXCESS_WEIGHT, inverses
+from maniport.motion.demands import EXCESS_WEIGHT, regularized_inverses
 from maniport.motion.directions import DirectionTarget
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.placement.placement import SCALE, ArmPath, PlacementProblem
@@ -362,7 +362,7 @@ class ArmPlacementCost:
         """Add the cost of vectors (b · n, 3) that exceed ellipsoids; `turns` generate rotations (b, k, 3, 3)."""
         changes = at.ellipsoid_derivatives(spec)
         ellipsoids = at.ellipsoids(spec)
-        needed = (inverses(ellipsoids) @ vectors[..., None])[..., 0]
+        needed = (regularized_inverses(ellipsoids) @ vectors[..., None])[..., 0]
         share = np.sqrt(np.maximum(np.sum(vectors * needed, axis=1), 1e-12))
         excess = EXCESS_WEIGHT * np.maximum(share - 1.0, 0.0)
         turns = np.repeat(turns, len(at) // len(turns), axis=0)

@@ -20,7 +20,7 @@ from maniport.arms.collisions import Collisions, as_collisions, free_configurati
 from maniport.arms.directional import half_sphere
 from maniport.arms.manipulability import JOINT_LIMITS, LOAD
 from maniport.motion.arm_model import Axis
-from maniport.motion.demands import EXCESS_WEIGHT, Demand, inverses
+from maniport.motion.demands import EXCESS_WEIGHT, Demand, regularized_inverses
 from maniport.motion.directions import (
     REFERENCE_FACTOR,
     REFERENCE_LINES,
@@ -204,14 +204,14 @@ class ReachabilityMap:
             spec = EllipsoidSpec(LOAD if kind == "force" else kind, joint_weights=JOINT_LIMITS)
             ellipsoids = self.arm.ellipsoids(self.q, spec)
             if kind == "velocity":
-                ellipsoids = inverses(ellipsoids)
+                ellipsoids = regularized_inverses(ellipsoids)
             self._forms[kind] = LineForms.of(ellipsoids)
         return self._forms[kind]
 
     def _inverses(self, spec: EllipsoidSpec) -> Array:
         """Inverses of translational ellipsoids at `q`, shape (n, 3, 3)."""
         if spec not in self._allowed:
-            self._allowed[spec] = inverses(self.arm.ellipsoids(self.q, spec))
+            self._allowed[spec] = regularized_inverses(self.arm.ellipsoids(self.q, spec))
         return self._allowed[spec]
 
     def nodes(self, problem: ArmProblem, count: int, random: np.random.Generator) -> Roadmap:
