@@ -19,7 +19,7 @@ from maniport.motion.targets import TargetTrajectory, as_damping
 from maniport.spd.kernels import congruence, roots
 from maniport.spd.matrix_functions import apply, to_vector
 from maniport.util.defaults import DAMPING
-from maniport.util.progress import Part, counted, ignore_fraction, pieces
+from maniport.util.progress import ReportFraction, counted, ignore_fraction, pieces
 from maniport.util.validation import Array, as_count
 
 TOLERANCE = 1e-6
@@ -124,7 +124,7 @@ def search_from_starts(
     max_iter: int = 100,
     block: int = 64,
     halving: int = 4,
-    progress: Part = ignore_fraction,
+    progress: ReportFraction = ignore_fraction,
 ) -> Array:
     """Search for each waypoint from starts (n, k, dof); return the best joint positions (n, dof).
 
@@ -212,7 +212,10 @@ def _descend(problem: WaypointProblem, starts: Array, max_iter: int, halving: in
 
 
 def pointwise_best(
-    problem: WaypointProblem, starts: Array, motion: Array, progress: Part = ignore_fraction
+    problem: WaypointProblem,
+    starts: Array,
+    motion: Array,
+    progress: ReportFraction = ignore_fraction,
 ) -> Array:
     """Return the best configuration for each waypoint by itself, with the end effector in place, shape (n, dof).
 

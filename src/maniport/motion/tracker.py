@@ -27,7 +27,7 @@ from maniport.motion.targets import (
     targets_of_arms,
 )
 from maniport.motion.trajectory import Trajectory
-from maniport.util.progress import Part, Progress, Step, between, ignore_fraction
+from maniport.util.progress import Progress, ReportFraction, Step, between, ignore_fraction
 from maniport.util.validation import Array, as_number, require_shape
 
 
@@ -178,7 +178,7 @@ def follow(
     start: Array,
     arms: Sequence[ArmProblem],
     references: Array | None = None,
-    progress: Part = ignore_fraction,
+    progress: ReportFraction = ignore_fraction,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Follow the targets of each arm, whose m times are the same and evenly spaced, from rest at `start` (dof,).
 

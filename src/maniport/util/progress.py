@@ -9,9 +9,8 @@ T = TypeVar("T")
 Progress = Callable[..., None]
 """Called as progress(step, fraction) during a step and progress(step, 1.0, result) at its end."""
 
-Part = Callable[
-    [float], None
-]  # Called with the fraction, from 0 to 1, of a piece of a step that is done
+ReportFraction = Callable[[float], None]
+"""Called with the fraction, from 0 to 1, of a piece of a step that is done."""
 
 ALMOST = 0.999
 """Largest fraction before the end of a step, which is reported with its result."""
@@ -44,21 +43,21 @@ def ignore_fraction(fraction: float) -> None:
     """Ignore a fraction."""
 
 
-def between(part: Part, start: float, stop: float) -> Part:
+def between(report: ReportFraction, start: float, stop: float) -> ReportFraction:
     """Return the progress of a piece that covers the fractions from `start` to `stop`."""
-    return lambda fraction: part(start + (stop - start) * fraction)
+    return lambda fraction: report(start + (stop - start) * fraction)
 
 
-def pieces(part: Part, *efforts: float) -> list[Part]:
+def pieces(report: ReportFraction, *efforts: float) -> list[ReportFraction]:
     """Return the progress of consecutive pieces, whose durations are proportional to `efforts`."""
     ends = []
     for i in range(len(efforts) + 1):
         ends.append(sum(efforts[:i]) / sum(efforts))
-    return [between(part, start, stop) for start, stop in pairwise(ends)]
+    return [between(report, start, stop) for start, stop in pairwise(ends)]
 
 
-def counted(items: Iterable[T], count: int, part: Part) -> Iterator[T]:
+def counted(items: Iterable[T], count: int, report: ReportFraction) -> Iterator[T]:
     """Iterate over `count` items and report the fraction done after each."""
     for i, item in enumerate(items, 1):
         yield item
-        part(i / count)
+        report(i / count)

@@ -13,7 +13,7 @@ from maniport.motion.demands import Demand, demands_of
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.placement.options import REAL_TIME_SCALES, SCALES, PlacementOptions
 from maniport.motion.placement.placement import TILT, ArmPath, Placement, PlacementProblem
-from maniport.motion.placement.search import PlacedMotion, best_placements
+from maniport.motion.placement.search import PlacementSolution, best_placements
 from maniport.motion.plan.group_planner import Planner
 from maniport.motion.plan.plan_motion import group_spec
 from maniport.motion.plan.plan_options import PlanOptions
@@ -189,7 +189,7 @@ def _demands(
 
 def _placed(
     problem: PlacementProblem,
-    result: PlacedMotion,
+    result: PlacementSolution,
     targets: Sequence[TargetTrajectory],
     rows: NDArray[np.intp],
     center: Array,

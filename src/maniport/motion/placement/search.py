@@ -25,7 +25,7 @@ from maniport.motion.placement.placement import SCALE, TILT, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryTerms
 from maniport.motion.plan.plan_options import PlacementRound, SearchBudget
 from maniport.motion.plan.roadmap import LARGEST_CHANGE, Roadmap, shortest_path
-from maniport.util.progress import Part, ignore_fraction
+from maniport.util.progress import ReportFraction, ignore_fraction
 from maniport.util.sobol import sobol
 from maniport.util.validation import Array
 
@@ -41,7 +41,7 @@ SAME_MOTION = (
 
 
 @dataclass(frozen=True)
-class PlacedMotion:
+class PlacementSolution:
     """A placement with trajectories of the arms through some waypoints there."""
 
     place: Array  # (7,)
@@ -56,8 +56,8 @@ def best_placements(
     joint_motion_weight: float,
     budget: SearchBudget,
     seed: np.random.Generator,
-    progress: Part = ignore_fraction,
-) -> list[PlacedMotion]:
+    progress: ReportFraction = ignore_fraction,
+) -> list[PlacementSolution]:
     """Search the free components; return placements with trajectories, best first."""
     rounds = rounds_of(budget, problem.duration)
     if problem.free.any():
@@ -71,14 +71,17 @@ def best_placements(
         )
     progress(0.3)
     motions = first_motions(problem.thinned(rounds[0].waypoints), places, joint_motion_weight)
-    for i, part in enumerate(rounds):
+    for i, placement_round in enumerate(rounds):
         progress(0.4 + 0.6 * i / len(rounds))
-        motions = motions.only(distinct(problem, motions, part.kept))
+        motions = motions.only(distinct(problem, motions, placement_round.kept))
         avoiding = i == len(rounds) - 1
         cost = PlacementCost(
-            problem.thinned(part.waypoints), terms, part.position_weight, avoiding=avoiding
+            problem.thinned(placement_round.waypoints),
+            terms,
+            placement_round.position_weight,
+            avoiding=avoiding,
         )
-        motions = cost.improved(motions.at_waypoints(cost.problem.time), part.steps)
+        motions = cost.improved(motions.at_waypoints(cost.problem.time), placement_round.steps)
     progress(1.0)
     distances = cost.distances(motions)
     placed = []
@@ -86,7 +89,7 @@ def best_placements(
         trajectories = tuple(q[i] for q in motions.q)
         of_arms = tuple(distance[i] for distance in distances)
         cost_of_motion = float(motions.cost[i])
-        placed.append(PlacedMotion(motions.places[i], trajectories, cost_of_motion, of_arms))
+        placed.append(PlacementSolution(motions.places[i], trajectories, cost_of_motion, of_arms))
     return placed
 
 

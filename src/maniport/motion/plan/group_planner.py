@@ -31,7 +31,7 @@ from maniport.motion.plan.roadmap import stages_of
 from maniport.motion.problem import ArmProblem, MotionProblem
 from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
-from maniport.util.progress import Part, ignore_fraction, pieces
+from maniport.util.progress import ReportFraction, ignore_fraction, pieces
 from maniport.util.validation import Array, as_generator
 
 
@@ -102,7 +102,7 @@ class Planner:
         problem: MotionProblem,
         options: PlanOptions,
         random_state: int | np.random.Generator | None = 0,
-        progress: Part = ignore_fraction,
+        progress: ReportFraction = ignore_fraction,
         separate: Sequence[ArmProblem] | None = None,
     ) -> tuple[Trajectory, bool]:
         """Return a motion, as fast as limits and demonstration allow, and whether arms were optimized together.

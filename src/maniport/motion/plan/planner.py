@@ -36,7 +36,7 @@ from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
 from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
-from maniport.util.progress import Part, ignore_fraction
+from maniport.util.progress import ReportFraction, ignore_fraction
 from maniport.util.validation import Array
 
 PLANNING_TIME_SCALE = 4.0
@@ -83,7 +83,7 @@ class ArmPlanner:
         problem: MotionProblem,
         options: PlanOptions,
         random: np.random.Generator,
-        progress: Part = ignore_fraction,
+        progress: ReportFraction = ignore_fraction,
     ) -> tuple[Array, Trajectory]:
         """Plan a motion; return the configurations at the waypoints (n, dof), and the timed motion."""
         time, terms, joint_motion_weight = coarse_terms(problem, options)
@@ -129,12 +129,12 @@ class ArmPlanner:
             square = np.sum(cost.residual(at) ** 2, axis=1)
             nodes = replace(nodes, cost=nodes.cost + square)
         if self.limits.arm.chain.payload:
-            nodes = self._held(nodes, problem.time)
+            nodes = self._without_overload(nodes, problem.time)
         if problem.collisions is None:
             return nodes
         return nodes.without(problem.collisions.collides(nodes.q))
 
-    def _held(self, nodes: Roadmap, time: Array) -> Roadmap:
+    def _without_overload(self, nodes: Roadmap, time: Array) -> Roadmap:
         """Drop nodes at which a joint cannot hold the payload; an error where a stage has no others."""
         dynamics = self.limits.dynamics
         limits = self.limits
