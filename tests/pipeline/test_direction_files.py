@@ -154,7 +154,7 @@ def test_two_arms_have_a_file_each(force, tmp_path):
         side="both",
         directions=(force, speed),
     )
-    left, right = settings_of(config).directions
+    left, right = settings_of(config).given_lines
     assert (list(left.lines), list(right.lines)) == (["force"], ["velocity"])
     with pytest.raises(InvalidInputError, match="left first"):
         settings_of(config.changed(directions=force))

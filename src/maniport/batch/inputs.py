@@ -224,7 +224,7 @@ def _digests_of(job: Settings) -> dict[str, str]:
     values["maniport"] = __version__
     values["robot"] = job.robot
     values["markers"] = marker_roles(job.config)
-    values["directions"] = job.directions
+    values["directions"] = job.given_lines
     if job.plan is not None:
         values["limits"] = job.plan.motion_limits
         values["collisions"] = job.plan.collisions

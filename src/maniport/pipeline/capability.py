@@ -44,7 +44,7 @@ CAPABILITIES = {
 }
 """Kinds of extents by the words of the option."""
 
-Directions = tuple[DirectionTarget, ...]  # of an arm, before its path is placed
+DirectionTargets = tuple[DirectionTarget, ...]  # of an arm, before its path is placed
 
 
 def person_lines(fit: ArmFit, kind: str) -> tuple[Array, Array]:
@@ -80,14 +80,14 @@ def limited_person(arm: Arm, kind: str) -> Arm:
 
 def directions_of(
     human: Human, adapters: Sequence[DomainAdapter], planner: Planner, settings: Settings
-) -> list[Directions]:
+) -> list[DirectionTargets]:
     """Return lines for each arm, turned as its map turns ellipsoids, where limits are known.
 
     They are of force and speed, whatever the options ask for: results are compared along them. A file has those of its
     columns.
     """
     options = settings.config
-    given = settings.directions or (None,) * len(human.motion.arms)
+    given = settings.given_lines or (None,) * len(human.motion.arms)
     results = []
     arms = zip(human.motion.arms, human.hand_paths, adapters, planner.arms, given, strict=True)
     for fit, hand_path, adapter, arm_planner, of_file in arms:
@@ -149,7 +149,7 @@ def usable_kinds(
 
 
 def with_directions(
-    targets: Sequence[TargetTrajectory], directions: Sequence[Directions], capability: str
+    targets: Sequence[TargetTrajectory], directions: Sequence[DirectionTargets], capability: str
 ) -> tuple[TargetTrajectory, ...]:
     """Add those lines to targets that the option asks for."""
     results = []
@@ -224,7 +224,7 @@ class Comparison:
         arm: int,
         robot: Arm,
         fit: ArmFit,
-        directions: Directions,
+        directions: DirectionTargets,
         map_rotation: Array,
         options: TransferOptions,
     ) -> tuple[Capability, ...]:

@@ -84,8 +84,8 @@ def origin_of(recording: Recording | LearnedProfile | str | Path, config: Config
     return origin
 
 
-def load(recording: Recording | str | Path, settings: Settings) -> Recording:
-    """Read a recording, or the part of it that is used."""
+def read_usable_part(recording: Recording | str | Path, settings: Settings) -> Recording:
+    """Read the part of a recording that is used; raise where it has too few frames to be fitted."""
     step = Step(settings.progress, "Read recording")
     part = read_part(recording, settings.config)
     _require_frames(part, len(part), "frames")
@@ -120,7 +120,7 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
             ellipsoids = [fit.arm.ellipsoids(fit.joint_angles, spec) for fit in motion.arms]
             hand_paths = list(motion.hands)
 
-    for given in settings.directions:
+    for given in settings.given_lines:
         given.require_cover(motion.time)
     arms = len(motion.arms)
     count = len(settings.arms)

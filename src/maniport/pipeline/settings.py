@@ -46,7 +46,7 @@ class Settings:
     robot: Arm | ArmGroup
     plan: PlanOptions | None  # resolved for the robot; None where it is not moved
     adapter: DomainAdapter | None = None  # unfitted; None where a method is selected
-    directions: tuple[GivenLines, ...] = ()  # of each arm, in place of the person's; () for these
+    given_lines: tuple[GivenLines, ...] = ()  # from files, one for each arm; empty: the person's
     progress: Progress = no_progress
 
     @property
@@ -80,7 +80,7 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     PERSONS[config.person]().checked_spec(config.spec)
     if len(group) > 1 and not isinstance(config.joint_weights, str | None):
         raise InvalidInputError("joint_weights must not be of single joints for several arms")
-    directions = given_lines(config, len(group))
+    lines = given_lines(config, len(group))
     selects = (
         isinstance(config.method, str)
         and as_choice(config.method, "method", (AUTO, *METHODS)) == AUTO
@@ -89,7 +89,7 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
         _ = config.rotation  # raises where it is unknown or wrong
     adapter = None if selects else adapter_of(config)
     plan = plan_options(config, robot, limited.limits) if config.move else None
-    return Settings(config, robot, plan, adapter, directions, progress or no_progress)
+    return Settings(config, robot, plan, adapter, lines, progress or no_progress)
 
 
 def adapter_of(config: TransferOptions) -> DomainAdapter:

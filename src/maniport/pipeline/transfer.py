@@ -39,7 +39,7 @@ from maniport.motion import Placement, PlacementOptions, Planner
 from maniport.motion.targets import TargetTrajectory, damping_of
 from maniport.pipeline.capability import (
     Comparison,
-    Directions,
+    DirectionTargets,
     PlacedMotion,
     directions_of,
     with_directions,
@@ -47,7 +47,7 @@ from maniport.pipeline.capability import (
 from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.following import SampledRobot, bounded_profiles, measure, move, place
-from maniport.pipeline.human import Human, fit_human, load, origin_of
+from maniport.pipeline.human import Human, fit_human, origin_of, read_usable_part
 from maniport.pipeline.options import TransferOptions
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
 from maniport.pipeline.settings import Settings, adapter_of, settings_of
@@ -168,7 +168,7 @@ class Transfer:
 
     def read_part(self, recording: Recording | str | Path) -> Recording:
         """Read a recording, or the part of it that is used."""
-        return load(recording, self.settings)
+        return read_usable_part(recording, self.settings)
 
     def human(self, part: Recording | LearnedProfile) -> Human:
         """Fit the arms of the person in a recording, all of which is used; a learned profile has them already."""
@@ -259,7 +259,7 @@ class FittedTransfer:
         return tuple(fitted.adapter for fitted in self.maps)
 
     def map(
-        self, human: Human, directions: Sequence[Directions] | None = None
+        self, human: Human, directions: Sequence[DirectionTargets] | None = None
     ) -> tuple[TargetTrajectory, ...]:
         """Return the targets of each arm, whose paths are not placed relative to the robot yet.
 
@@ -272,7 +272,7 @@ class FittedTransfer:
             directions = self.directions(human)
         return with_directions(targets, directions, self.settings.config.capability)
 
-    def directions(self, human: Human) -> list[Directions]:
+    def directions(self, human: Human) -> list[DirectionTargets]:
         """Return lines of force and speed for each arm, along which a result is compared, before the placement."""
         if self.robot.planner is None or self.settings.config.spec.part == "rotation":
             return [()] * len(self.maps)
