@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from maniport.motion.plan.plan_options import PlanOptions
 from maniport.motion.plan.planner import (
     ArmPlanner,
     as_early_as_possible,
-    coarse_terms,
+    limited_planning_terms,
     time_parameterized,
 )
 from maniport.motion.plan.reachability_map import ReachabilityMap
@@ -33,6 +34,13 @@ from maniport.motion.search import SeedBank
 from maniport.motion.trajectory import Trajectory, interpolated
 from maniport.util.progress import ReportFraction, ignore_fraction, pieces
 from maniport.util.validation import Array, as_generator
+
+
+class GroupMotion(NamedTuple):
+    """A motion of all joints of a group, as fast as limits and demonstration allow."""
+
+    trajectory: Trajectory
+    coupled: bool  # whether the arms were optimized together
 
 
 @dataclass(frozen=True)
@@ -104,8 +112,8 @@ class Planner:
         random_state: int | np.random.Generator | None = 0,
         progress: ReportFraction = ignore_fraction,
         separate: Sequence[ArmProblem] | None = None,
-    ) -> tuple[Trajectory, bool]:
-        """Return a motion, as fast as limits and demonstration allow, and whether arms were optimized together.
+    ) -> GroupMotion:
+        """Plan the motion of a problem of all arms: each by itself, then together where they interact.
 
         `separate` are problems of each arm while it is planned by itself; default: those of the problem.
         """
@@ -128,10 +136,10 @@ class Planner:
                 costs=problem.costs if count == 1 else (),
                 start=None if problem.start is None else problem.start[:, columns],
             )
-            q, timed = planner.solve(separate_problem, options, generator, arm_progress)
-            motions.append(q)
+            timed = planner.solve(separate_problem, options, generator, arm_progress)
+            motions.append(timed.joint_positions)
         if count == 1:
-            return timed, False
+            return GroupMotion(timed.trajectory, coupled=False)
         return self._joined(problem, motions, options, random)
 
     def _joined(
@@ -140,19 +148,20 @@ class Planner:
         motions: Sequence[Array],
         options: PlanOptions,
         random: np.random.Generator,
-    ) -> tuple[Trajectory, bool]:
+    ) -> GroupMotion:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact."""
         group = self.group
         collisions = problem.collisions
         starts = _joint_starts(group, motions)
         if not (group.shared or problem.costs or _are_near(collisions, starts[0])):
-            return as_early_as_possible(problem, starts[0], options), False
-        time, terms, _ = coarse_terms(problem, options)
+            trajectory = as_early_as_possible(problem, starts[0], options)
+            return GroupMotion(trajectory, coupled=False)
+        time, terms, _ = limited_planning_terms(problem, options)
         optimized = list[Array]()
         cost = TrajectoryCost(problem.robot, problem, time, terms)
 
         def attempts() -> Iterator[tuple[float, list[Array]]]:
-            """Factors of the position tolerance, and further starts."""
+            """Yield factors of the position tolerance, and motions (n, dof) that are further starts."""
             yield 1.0, starts
             has_paths = all(arm.position is not None for arm in problem.arms)
             if has_paths and not group.shared and collisions is not None:
@@ -166,10 +175,10 @@ class Planner:
                 optimized.append(optimize(problem, time, q, terms, POSITION_WEIGHTS[0]))
             best = min(optimized, key=lambda q: cost.evaluate(q)[0])
             q = optimize_to_tolerance(problem, time, best, terms, tolerance)
-            timed = time_parameterized(problem, q, options, tolerance)[1]
-            if collisions is None or not collisions.collides(timed.control_positions).any():
+            trajectory = time_parameterized(problem, q, options, tolerance).trajectory
+            if collisions is None or not collisions.collides(trajectory.control_positions).any():
                 break
-        return timed, True
+        return GroupMotion(trajectory, coupled=True)
 
     def _prioritized(
         self,
@@ -178,12 +187,12 @@ class Planner:
         options: PlanOptions,
         random: np.random.Generator,
     ) -> list[Array]:
-        """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others."""
+        """Return motions (n, dof) by prioritized planning: each arm in turn is the first to avoid the others."""
         group = self.group
         collisions = problem.collisions
         motions = []
         assert collisions is not None
-        time, _, joint_motion_weight = coarse_terms(problem, options)
+        time, _, joint_motion_weight = limited_planning_terms(problem, options)
         rows = stages_of(time, options.budget.stage)
         for first in reversed(range(len(separate))):
             of_arms = list(separate)

@@ -60,7 +60,10 @@ def optimize(
 def optimize_to_tolerance(
     problem: MotionProblem, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float
 ) -> Array:
-    """Raise the position weight, then smooth less, until the 95th percentile of the error is within the tolerance."""
+    """Optimize joint positions (n, dof) until the 95th percentile of the position error is within a tolerance [m].
+
+    The position weight is raised in turn; the last attempt also smooths less.
+    """
     less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
     needed = 0.0
     attempts = [(weight, terms) for weight in POSITION_WEIGHTS]
@@ -88,7 +91,11 @@ def relaxed(
     tolerance: float,
     rounds: int = 6,
 ) -> Array:
-    """Optimize again with half the clearance and 1.5 times the duration around large errors, as long as that helps."""
+    """Optimize joint positions (n, dof) again around position errors far beyond the tolerance [m].
+
+    Each round has half the clearance and 1.5 times the duration there, as long as that helps. Returns the same array
+    where no error is that large, or no round helps.
+    """
 
     def largest_error(q: Array) -> Array:
         errors = problem.position_errors(q)
@@ -106,7 +113,7 @@ def relaxed(
         time = np.append(
             time[0], time[0] + np.cumsum(np.where(far[1:] & far[:-1], 1.5, 1.0) * np.diff(time))
         )
-        # few waypoints are a small share of the cost
+        # the cost is of all waypoints, so that it hardly changes where few of them do
         changed = replace(terms, clearance=clearance, rel_tol=0.1 * terms.rel_tol)
         trial = optimize(problem, time, q, changed, POSITION_WEIGHTS[-1])
         if terms.collisions is not None and terms.collisions.collides(trial[far]).any():
@@ -213,7 +220,7 @@ class TrajectoryCost:
         return cost, TrajectorySlopes(gradient, hessian, band)
 
     def trial(self, q: Array, slopes: TrajectorySlopes, damping: float) -> tuple[Array, float]:
-        """Joint positions after a damped step, within the limits, and the expected decrease of the cost."""
+        """Return joint positions (n, dof) after a damped step, within the limits, and the expected decrease."""
         gradient, hessian, band = slopes
         damped = damping * (np.einsum("nii->ni", hessian) + band[0])
         blocked = blocked_joints(self.arm, q, gradient)
@@ -221,7 +228,7 @@ class TrajectoryCost:
         return self.within(q + step), float(np.sum(step * (damped * step - gradient)))
 
     def within(self, q: Array) -> Array:
-        """Joint positions within the limits."""
+        """Return joint positions (n, dof) clipped to the limits."""
         return np.clip(q, self.arm.lower, self.arm.upper)
 
 

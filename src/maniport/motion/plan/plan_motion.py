@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.errors import InvalidInputError
@@ -145,40 +146,38 @@ def plan_checked(
     duration = float(np.ptp(waypoint_times))
     require_few(duration / options.speed_scale * options.rate)
     relative = options.hand_targets == "relative"
-    if relative and (targets[0].positions is None or len(targets) < 2):
-        raise InvalidInputError(
-            "hand_targets='relative' keeps vectors between end effectors; give several arms with paths"
-        )
+    if relative:
+        _require_paths_of_several(targets)
     further_costs = as_costs(options.costs, group, waypoint_times)
     step = Step(progress, "Plan trajectory")
 
-    # waypoints are inserted between distant ones
-    gap = LONGEST_GAP / planning_time_scale(options)
     cost_weights = CostWeights(EXACT_WEIGHT, axis_weights(options.orientation_axes))
-    problems = []
-    for arm, target in zip(group.arms, targets, strict=True):
-        refined, rows = target.refined(gap)  # the same rows for all arms
-        problems.append(ArmProblem.of(arm, refined, cost_weights))
-    separate = tuple(problems)
-    refined_time = refined.time
+    gap = LONGEST_GAP / planning_time_scale(options)
+    refined = _refined(group, targets, cost_weights, gap)
     start = None
     if starts is not None:
-        start = interpolated(waypoint_times, group.joined(*starts), refined_time)
+        start = interpolated(waypoint_times, group.joined(*starts), refined.time)
 
     vectors: tuple[RelativePositionCost, ...] = ()
-    joint_problems = separate
+    joint_problems = refined.arms
     if relative:  # vectors from the first end effector to the others take the place of all paths
-        vectors = _vectors_between(separate, refined_time)
-        joint_problems = tuple(problem.without_positions() for problem in separate)
+        vectors = _vectors_between(refined.arms, refined.time)
+        joint_problems = tuple(problem.without_positions() for problem in refined.arms)
         targets = [replace(target, positions=None) for target in targets]
     problem = MotionProblem(
-        refined_time, joint_problems, limits, collisions, (*further_costs, *vectors), start
+        time=refined.time,
+        arms=joint_problems,
+        limits=limits,
+        collisions=collisions,
+        costs=(*further_costs, *vectors),
+        start=start,
     )
-    trajectory, coupled = planner.solve(problem, options, random, between(step, 0.2, 0.9), separate)
+    planned = planner.solve(problem, options, random, between(step, 0.2, 0.9), refined.arms)
 
-    problem = problem[rows]  # without the inserted waypoints
-    q = trajectory.joint_positions[rows]
-    trajectory = replace(trajectory, time=trajectory.time[rows], joint_positions=q)
+    problem = problem[refined.rows]  # without the inserted waypoints
+    trajectory = planned.trajectory
+    q = trajectory.joint_positions[refined.rows]
+    trajectory = replace(trajectory, time=trajectory.time[refined.rows], joint_positions=q)
     if options.home is not None:
         trajectory = with_approach(trajectory, limits, np.asarray(options.home))
     step.end(f"{trajectory.control_time[-1]:.1f} s (demonstrated {duration:.1f} s)")
@@ -200,17 +199,54 @@ def plan_checked(
         limits.velocity,
         position_tolerance=float(options.position_tolerance),
         pointwise_bests=pointwise_bests,
-        coupled=coupled,
+        coupled=planned.coupled,
     )
     if relative:
-        at = Configurations(group, q, problem.time)
-        motion = replace(
-            motion,
-            relative=np.stack([cost.vectors_at(problem.time) for cost in vectors], axis=1),
-            relative_error=np.stack([cost.error(at) for cost in vectors], axis=1),
-        )
+        motion = _with_relative_errors(motion, vectors, Configurations(group, q, problem.time))
     step.end()
     return motion
+
+
+class RefinedProblems(NamedTuple):
+    """Problems of each arm with waypoints inserted between distant ones."""
+
+    arms: tuple[ArmProblem, ...]
+    rows: NDArray[np.intp]  # (n,), of the given waypoints among all; the same for all arms
+
+    @property
+    def time(self) -> Array:
+        """Demonstrated times of all waypoints, shape (m,) [s]."""
+        return self.arms[0].target.time
+
+
+def _refined(
+    group: ArmGroup, targets: Sequence[TargetTrajectory], weights: CostWeights, gap: float
+) -> RefinedProblems:
+    """Make the problem of each arm, with waypoints inserted between those more than a gap [s] apart."""
+    problems = []
+    for arm, target in zip(group.arms, targets, strict=True):
+        refined, rows = target.refined(gap)
+        problems.append(ArmProblem.of(arm, refined, weights))
+    return RefinedProblems(tuple(problems), rows)
+
+
+def _require_paths_of_several(targets: Sequence[TargetTrajectory]) -> None:
+    """Raise where there are no vectors between end effectors that a motion could keep."""
+    if targets[0].positions is None or len(targets) < 2:
+        raise InvalidInputError(
+            "hand_targets='relative' keeps vectors between end effectors; give several arms with paths"
+        )
+
+
+def _with_relative_errors(
+    motion: RobotMotion, vectors: Sequence[RelativePositionCost], at: Configurations
+) -> RobotMotion:
+    """Return a motion with its target vectors between end effectors, and the distances from them."""
+    return replace(
+        motion,
+        relative=np.stack([cost.vectors_at(at.time) for cost in vectors], axis=1),
+        relative_error=np.stack([cost.error(at) for cost in vectors], axis=1),
+    )
 
 
 def _pointwise_bests(
@@ -221,9 +257,11 @@ def _pointwise_bests(
     count: int,
     most: int = 80,
 ) -> list[Array]:
-    """Search pointwise optima of each arm, or with vectors of the sum of squares.
+    """Return distances of the pointwise optima of each arm, each of shape (n,).
 
-    Starts are a motion (n, dof), and so many samples.
+    With vectors between end effectors, the optimum is that of the sum over all arms. Each search starts from the
+    motion q (n, dof), and from `count` samples of the arm. At most `most` waypoints are searched, and the distances
+    between them interpolated.
     """
     rows = evenly_spaced(len(q), most)
     columns = planner.group.columns

@@ -6,6 +6,7 @@ the smoothness that this time demands, relaxed around large position errors, and
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,29 +46,58 @@ SMOOTHNESS = 0.04
 """Factor of the smoothness costs [1/√s], which grow with the root of the demonstrated duration. Less smoothness is more
 accurate, but the limits then slow the trajectory down: by about the same share, more seconds for a long recording."""
 
+PLANNED_VELOCITY_COST = 0.12  # λ_v of a trajectory before it is timed, relative to its smoothness
+PLANNED_JERK_COST = 1.2e-3
+"""λ_j of a trajectory before it is timed, relative to its smoothness. On two clips, three times as much makes distances
+3 to 9 % larger, and a tenth of it motions 20 to 26 % longer."""
+TIMED_VELOCITY_COST = 3e-3  # λ_v of a trajectory that is timed [s²/rad²]
+TIMED_JERK_COST = 1e-6  # λ_j of a trajectory that is timed [s⁶/rad²]
+COARSE_TOLERANCE = (
+    1e-3  # Position tolerance before a trajectory is timed [m]; less is met afterwards
+)
+
+
+class PlanningTerms(NamedTuple):
+    """Times and terms with which a trajectory is planned before it is timed."""
+
+    time: Array  # (n,), of the waypoints, from 0 s, on the planning time scale
+    trajectory: TrajectoryTerms
+    joint_motion_weight: float  # of squared joint velocities in the graph search, relative to d²
+
+
+class TimedMotion(NamedTuple):
+    """Joint positions of a plan and the trajectory that passes them."""
+
+    joint_positions: Array  # (n, dof), at the waypoints [rad or m]
+    trajectory: Trajectory
+
 
 def planning_time_scale(options: PlanOptions) -> float:
     """Return how many times the demonstrated time a trajectory is planned for."""
     return max(1.0 / options.speed_scale, 1.0 if options.real_time else PLANNING_TIME_SCALE)
 
 
-def planning_terms(time: Array, options: PlanOptions) -> tuple[Array, TrajectoryTerms, float]:
-    """Return times on the planning time scale, terms of smoothness there, and the joint motion weight of the search."""
+def planning_terms(time: Array, options: PlanOptions) -> PlanningTerms:
+    """Return times and terms of smoothness for demonstrated times (n,) [s], without limits and collisions."""
     planned = planning_time_scale(options) * (time - time[0])
-    share = SMOOTHNESS * float(np.sqrt(planned[-1] / PLANNING_TIME_SCALE))
-    # on two clips, three times this cost of jerk: 3 to 9 % larger distances; a tenth of it: 20 to 26 % longer motions
-    terms = TrajectoryTerms(share * 0.12, share * 1.2e-3, rel_tol=options.budget.rel_tol)
-    return planned, terms, share * JOINT_MOTION_WEIGHT
+    smoothness = SMOOTHNESS * float(np.sqrt(planned[-1] / PLANNING_TIME_SCALE))
+    terms = TrajectoryTerms(
+        velocity_cost=smoothness * PLANNED_VELOCITY_COST,
+        jerk_cost=smoothness * PLANNED_JERK_COST,
+        rel_tol=options.budget.rel_tol,
+    )
+    return PlanningTerms(planned, terms, smoothness * JOINT_MOTION_WEIGHT)
 
 
-def coarse_terms(
-    problem: MotionProblem, options: PlanOptions
-) -> tuple[Array, TrajectoryTerms, float]:
-    """Return the same with the limits and collisions of a problem."""
-    time, terms, joint_motion_weight = planning_terms(problem.time, options)
-    velocity = SPEED_SHARE * problem.limits.velocity
-    terms = replace(terms, velocity=velocity, collisions=problem.collisions)
-    return time, terms, joint_motion_weight
+def limited_planning_terms(problem: MotionProblem, options: PlanOptions) -> PlanningTerms:
+    """Return the planning terms of a problem, with its velocity limits and collisions."""
+    terms = planning_terms(problem.time, options)
+    trajectory_terms = replace(
+        terms.trajectory,
+        velocity=SPEED_SHARE * problem.limits.velocity,
+        collisions=problem.collisions,
+    )
+    return terms._replace(trajectory=trajectory_terms)
 
 
 @dataclass(frozen=True)
@@ -84,9 +114,9 @@ class ArmPlanner:
         options: PlanOptions,
         random: np.random.Generator,
         progress: ReportFraction = ignore_fraction,
-    ) -> tuple[Array, Trajectory]:
-        """Plan a motion; return the configurations at the waypoints (n, dof), and the timed motion."""
-        time, terms, joint_motion_weight = coarse_terms(problem, options)
+    ) -> TimedMotion:
+        """Plan the motion of a problem of this arm: roadmap, graph search, optimizer, time parameterization."""
+        time, terms, joint_motion_weight = limited_planning_terms(problem, options)
         stages = stages_of(time, options.budget.stage)
         # short paths get more nodes: of a UR5's motion of 10 s the distance is 14 % less with 700 than with 300
         more = float(np.clip(150.0 / len(stages), 1.0, 2.4))
@@ -99,8 +129,7 @@ class ArmPlanner:
         starts = [q]
         if problem.start is not None:
             starts.append(problem.start)
-        coarse_tolerance = 1e-3  # [m]; less than this is met with the time
-        tolerance = max(options.position_tolerance, coarse_tolerance)
+        tolerance = max(options.position_tolerance, COARSE_TOLERANCE)
         optimized = []
         for start in starts:
             optimized.append(optimize_to_tolerance(problem, time, start, terms, tolerance))
@@ -135,7 +164,7 @@ class ArmPlanner:
         return nodes.without(problem.collisions.collides(nodes.q))
 
     def _without_overload(self, nodes: Roadmap, time: Array) -> Roadmap:
-        """Drop nodes at which a joint cannot hold the payload; an error where a stage has no others."""
+        """Drop nodes at which a joint cannot hold the payload; raise where a stage has no others."""
         dynamics = self.limits.dynamics
         limits = self.limits
         assert dynamics is not None  # with a payload
@@ -155,7 +184,10 @@ class ArmPlanner:
         return nodes.without(shares >= 1.0)
 
     def search(self, nodes: Roadmap, time: Array, joint_motion_weight: float) -> NDArray[np.intp]:
-        """Choose a node for each stage; larger changes from stage to stage than these are jumps."""
+        """Return the node of each stage with the least cost and joint motion, shape (stages,).
+
+        `time` (stages,) [s] and the velocity limits determine which change of a joint between two stages is a jump.
+        """
         gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
         largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
         largest = np.minimum(SPEED_SHARE * self.limits.velocity * gaps, largest)
@@ -190,27 +222,35 @@ def as_early_as_possible(problem: MotionProblem, q: Array, options: PlanOptions)
 
 def time_parameterized(
     problem: MotionProblem, q: Array, options: PlanOptions, tolerance: float
-) -> tuple[Array, Trajectory]:
-    """Time a trajectory, optimize it with the smoothness that this time demands, relax it, and time it again."""
+) -> TimedMotion:
+    """Time a trajectory (n, dof), optimize it with the smoothness that this time demands, relax it, time it again.
+
+    The position tolerance is in m. Where the relaxed trajectory collides more than the other one, the other is taken.
+    """
     time = as_early_as_possible(problem, q, options).time
     limits = problem.limits
     collisions = problem.collisions
     weights = time_weights(problem.time) * np.ptp(time) / np.ptp(problem.time)
-    speeds = SPEED_SHARE * limits.velocity
-    accelerations = SPEED_SHARE * limits.acceleration
     terms = TrajectoryTerms(
-        3e-3, 1e-6, weights, speeds, accelerations, collisions, options.budget.rel_tol
+        velocity_cost=TIMED_VELOCITY_COST,
+        jerk_cost=TIMED_JERK_COST,
+        weights=weights,
+        velocity=SPEED_SHARE * limits.velocity,
+        acceleration=SPEED_SHARE * limits.acceleration,
+        collisions=collisions,
+        rel_tol=options.budget.rel_tol,
     )
     q = optimize_to_tolerance(problem, time, q, terms, tolerance)
-    timed = as_early_as_possible(problem, q, options)
-    other = relaxed(problem, time, q, terms, tolerance)
-    if other is q:
-        return q, timed
-    other_timed = as_early_as_possible(problem, other, options)
-    if collisions is not None:
-        before, after = (
-            collisions.collides(motion.control_positions).mean() for motion in (timed, other_timed)
-        )
-        if after > before:
-            return q, timed
-    return other, other_timed
+    before = TimedMotion(q, as_early_as_possible(problem, q, options))
+
+    q_relaxed = relaxed(problem, time, q, terms, tolerance)
+    if q_relaxed is q:
+        return before
+    after = TimedMotion(q_relaxed, as_early_as_possible(problem, q_relaxed, options))
+    if collisions is None:
+        return after
+    colliding_before = collisions.collides(before.trajectory.control_positions).mean()
+    colliding_after = collisions.collides(after.trajectory.control_positions).mean()
+    if colliding_after > colliding_before:
+        return before
+    return after
