@@ -90,24 +90,37 @@ class SavedResult(NotebookDisplay):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ArmResult(NotebookDisplay):
-    """One arm of a robot and its motion along target ellipsoids."""
+    """One arm of a robot and its motion along target ellipsoids.
 
-    name: str  # within the result, and of its folder where there are several arms: the side, or that of the robot
-    robot: Arm  # with the limits of its description, without the margin of the plan
-    spec: EllipsoidSpec = (
-        VELOCITY  # of the ellipsoids; `motion` has their inverses where the kind is "force"
-    )
-    placement: Placement | None = (
-        None  # of the path relative to the robot; None where it was not placed
-    )
-    motion: ArmMotion | None = None  # None where the robot was not moved; a warning has the reason
-    gap: Array | None = (
-        None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
-    )
+    Attributes
+    ----------
+    name : str
+        Unique within the result: the side of the arm, or the name of the robot. With several arms, the name of the
+        folder of this one, too.
+    robot : Arm
+        With the limits of its description, without the margin of the plan.
+    spec : EllipsoidSpec
+        Which ellipsoids; `motion` has their inverses where the kind is "force".
+    placement : Placement or None
+        Of the path relative to the robot; None where it was not placed.
+    motion : ArmMotion or None
+        None where the robot was not moved; a warning has the reason.
+    gap : ndarray, shape (n,), or None
+        Feasibility gap: affine-invariant distances from target ellipsoids to the nearest feasible ones.
+    collisions : Collisions or None
+        Collision model of the arm.
+    teacher : str or None
+        Name of the robot whose motion was transferred; None for the motion of a person, and for targets alone.
+    """
+
+    name: str
+    robot: Arm
+    spec: EllipsoidSpec = VELOCITY
+    placement: Placement | None = None
+    motion: ArmMotion | None = None
+    gap: Array | None = None
     collisions: Collisions | None = None
-    teacher: str | None = (
-        None  # robot whose motion this is; None of a person's, or of targets alone
-    )
+    teacher: str | None = None
 
     def __repr__(self) -> str:
         moved = (
@@ -161,25 +174,45 @@ class ArmResult(NotebookDisplay):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ArmTransfer(ArmResult):
-    """Transfer from one arm of a person to one arm of a robot; the name is the side of the person's arm."""
+    """Transfer from one arm of a person to one arm of a robot; the name is the side of the person's arm.
 
-    fit: ArmFit  # human arm scaled to the person, and its joint angles
-    person_base: Array  # origin of that arm in the common frame of all arms (3,) [m], see `maniport.mocap.HumanMotion`
+    Attributes
+    ----------
+    name, robot, spec, placement, motion, gap, collisions, teacher
+        As in `ArmResult`.
+    fit : ArmFit
+        Human arm scaled to the person, and its joint angles.
+    person_base : ndarray, shape (3,)
+        Origin of that arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`.
+    method : str
+        Name of the transfer method.
+    adapter : DomainAdapter
+        Fitted, from the person's domain (teacher) to the robot's (student).
+    evaluation : Evaluation or None
+        Comparison with baselines; None where it was not requested, as in a batch.
+    time : ndarray, shape (n,)
+        Demonstrated times of the profiles [s].
+    demonstrated_profile : ndarray, shape (n, d, d)
+        Ellipsoids of the person in the trunk frame.
+    target_profile : ndarray, shape (n, d, d)
+        Mapped ellipsoids in the robot's base frame, before the rotation of the placement.
+    teacher_domain, student_domain : ndarray, shapes (n_teacher, d, d) and (n_student, d, d)
+        Sampled domains of the arms of person and robot.
+    capabilities : tuple of Capability
+        Force and speed of the motion along lines, where limits are known.
+    """
+
+    fit: ArmFit
+    person_base: Array
     method: str
-    adapter: DomainAdapter  # fitted, from the person's domain (teacher) to the robot's (student)
-    evaluation: Evaluation | None = (
-        None  # comparison with baselines; None where not requested, as in a batch
-    )
-    time: Array  # (n,), demonstrated times of the profiles [s]
-    demonstrated_profile: Array  # (n, d, d), ellipsoids of the person in the trunk frame
-    target_profile: (
-        Array  # (n, d, d), mapped, in the robot's base frame, before the rotation of the placement
-    )
-    teacher_domain: Array  # (N, d, d), sampled domain of the person's arm
-    student_domain: Array  # (M, d, d), of the robot's
-    capabilities: tuple[
-        Capability, ...
-    ] = ()  # force and speed of the motion along lines, where limits are known
+    adapter: DomainAdapter
+    evaluation: Evaluation | None = None
+    time: Array
+    demonstrated_profile: Array
+    target_profile: Array
+    teacher_domain: Array
+    student_domain: Array
+    capabilities: tuple[Capability, ...] = ()
 
     def write_data(self, folder: Path) -> None:
         """Write the files of the transfer, and those of the motion if there is one, into an existing folder."""
