@@ -419,7 +419,7 @@ def track(
     time = as_times(files.time, f"time of {config.profile!r}", fewest=2)
     without_payload = config.changed(payload=(), payload_center=(0.0, 0.0, 0.0))
     arm = with_limits(pipeline.load_single_arm(without_payload), config).robot
-    assert isinstance(arm, Arm)  # as it was before
+    assert isinstance(arm, Arm)  # limits do not make a group of a single arm
     targets = TargetTrajectory.checked(
         arm,
         time,

@@ -30,11 +30,13 @@ from maniport.transfer import DomainAdapter
 from maniport.util.progress import Step, no_progress
 from maniport.util.validation import Array
 
-LINES = 256  # Along which the person's extents are compared
-CHOSEN = 8  # Of them, those along which the robot shall be strong
-SHARPNESS = 8  # Power of extents to which weights of lines are proportional
-BLOCK = 512  # Frames at a time
-EASIER = 8  # times less search for positions only, whose cost has few local minima
+LINES = 256  # Number of lines along which the person's extents are compared
+CHOSEN = 8  # Number of these lines along which the robot shall be strong or fast
+SHARPNESS = 8  # Power of the extents to which the weights of lines are proportional
+BLOCK = 512  # Number of frames whose extents are computed at once
+EASIER = (
+    8  # Factor by which the search is reduced for positions only, whose cost has few local minima
+)
 
 CAPABILITIES = {
     "none": (),

@@ -34,24 +34,29 @@ CRITERIA = ("robust", "correspondence")
 
 EXACT = 1e-6  # cost of matches of exact copies, up to rounding
 
-ENERGY_CERTAINTY = (
-    2.0  # standard errors by which the least energy distance is below that of the start
-)
-ENERGY_SHARE = 0.25  # and share of it
-# Two samples of the Panda, 400 and 1024 ellipsoids: 0.2 to 1.5 standard errors and 4 to 27 % where the start is right,
-# 2.1 to 8.8 and 33 to 80 % where it is 29° to 89° off.
+ENERGY_CERTAINTY = 2.0
+"""Standard errors by which the least energy distance must be below that of the start. Two samples of the Panda, of 400
+and 1024 ellipsoids, have 0.2 to 1.5 where the start is right, and 2.1 to 8.8 where it is 29° to 89° off."""
 
-LEAST_CLOUD = 300  # ellipsoids of each domain; of 400 from one Panda, 16 of 20 minima of the energy are within 10°
+ENERGY_SHARE = 0.25
+"""Share of the energy distance of the start by which the least one must be below it. The same samples have 4 to 27 %
+where the start is right, and 33 to 80 % where it is off."""
 
-CERTAIN_SHARE = 0.5  # of pairs; separate domains of a planar arm have 27 % that agree by chance
+LEAST_CLOUD = 300
+"""Ellipsoids that each domain must have for the energy distance to be used. Of 400 ellipsoids of one Panda, 16 of 20
+minima of the energy are within 10°."""
+
+CERTAIN_SHARE = 0.5
+"""Share of the smaller domain whose pairs must agree to decide on free rotations. Separate domains of a planar arm have
+27 % that agree by chance."""
 
 LARGEST_LOG = 5.0
 """Largest logarithm of eigenvalues about the mean, in the median, with which pairs are sought: beyond, powers and
 products may be indefinite by rounding."""
 
-LARGEST_ROBUST = (
-    6  # beyond, least squares over d² + d (d + 1) / 2 + 1 parameters take seconds in each step
-)
+LARGEST_ROBUST = 6
+"""Largest size d of ellipsoids with a robust fit: beyond, least squares over d² + d (d + 1) / 2 + 1 parameters take
+seconds in each step."""
 
 
 def is_moderate(cloud: Array) -> bool:
