@@ -1,6 +1,6 @@
 """Joint angles of one or several human arms from a recording."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -25,7 +25,7 @@ from maniport.mocap.remedies import Fitting, model_warnings
 from maniport.mocap.roles import ARM, TRUNK, Markers, Roles, direction, roles_by_side
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
-from maniport.util.validation import as_choice
+from maniport.util.validation import Array, as_choice
 
 GROUP = LEFT, RIGHT  # Order of the arms of a person
 
@@ -112,9 +112,28 @@ def fit_arms(
     chosen: dict[str, Markers] = {side: markers}
     if both:
         chosen = dict(_markers_by_side(recording, markers))
+    observations = _observations(recording, chosen, smooth == AUTO)
+    first = observations[0]
+    exchanged = body_sides(recording, first.roles, first.side).warnings()
+    fitting = Fitting(recording, chosen, person, smooth == AUTO, observations)
+    fits = []
+    origins = []
+    for i, observation in enumerate(observations):
+        step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
+        fit = _with_warnings(_fit(observation, person, step), fitting, i, exchanged)
+        step.end(fit.summary)
+        fits.append(fit)
+        origins.append(_base_origin(observation, fit))
+    return HumanMotion(tuple(fits), np.stack(origins) - np.mean(origins, axis=0))
+
+
+def _observations(
+    recording: Recording, markers: Mapping[str, Markers], smooth: bool
+) -> tuple[Observation, ...]:
+    """Observe the arm of each side that has markers, in the frames that show all arms, relative to one trunk."""
     observed = []
-    for name, markers_of_arm in chosen.items():
-        observed.append(observe(recording, markers_of_arm, name, smooth == AUTO))
+    for side, markers_of_arm in markers.items():
+        observed.append(observe(recording, markers_of_arm, side, smooth))
     common = reduce(np.intersect1d, [observation.frames for observation in observed])
     if not len(common):
         counts = [f"{len(arm.frames)} the {arm.side} one" for arm in observed]
@@ -122,33 +141,29 @@ def fit_arms(
             f"no frame of {recording.source!r} has all arms; fully observed are {', '.join(counts)}"
         )
     trunk = observed[-1].trunk
-    observations = [replace(arm, frames=common, trunk=trunk) for arm in observed]
-    first = observations[0]
-    exchanged = body_sides(recording, first.roles, first.side).warnings()
-    fitting = Fitting(recording, chosen, person, smooth == AUTO, tuple(observations))
-    fits = []
-    origins = []  # of the base frames in the trunk, from the neck
-    for i, observation in enumerate(observations):
-        step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit = _fit(observation, person, step)
-        warnings = [*observation.used.quality_warnings, *gap_warning(fit, observation.used.time)]
-        differences: list[str] = []
-        if exchanged:  # differences and jumps follow from it
-            warnings = [*exchanged, *warnings]
-        else:
-            differences = model_warnings(fit, fitting, i)
-            warnings = [*differences, *warnings, *jump_warning(fit)]
-        fit = replace(fit, quality_warnings=tuple(warnings), model_warnings=tuple(differences))
-        step.end(fit.summary)
-        fits.append(fit)
-        from_neck = direction(observation.used, (fit.roles["trunk_up"][1], fit.roles["shoulder"]))
-        shoulder = np.sum(trunk * from_neck[:, :, None], axis=1)[common]
-        origins.append(
-            np.median(
-                shoulder - fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0], axis=0
-            )
-        )
-    return HumanMotion(tuple(fits), np.stack(origins) - np.mean(origins, axis=0))
+    return tuple(replace(arm, frames=common, trunk=trunk) for arm in observed)
+
+
+def _with_warnings(fit: ArmFit, fitting: Fitting, arm: int, exchanged: Sequence[str]) -> ArmFit:
+    """Add the warnings of a fit; where sides are `exchanged`, not those that follow from it."""
+    used = fitting.observations[arm].used
+    warnings = [*used.quality_warnings, *gap_warning(fit, used.time)]
+    differences: list[str] = []
+    if exchanged:
+        warnings = [*exchanged, *warnings]
+    else:
+        differences = model_warnings(fit, fitting, arm)
+        warnings = [*differences, *warnings, *jump_warning(fit)]
+    return replace(fit, quality_warnings=tuple(warnings), model_warnings=tuple(differences))
+
+
+def _base_origin(observation: Observation, fit: ArmFit) -> Array:
+    """Return the origin of the base frame of an arm, from the neck in the axes of the trunk (median), (3,) [m]."""
+    neck = fit.roles["trunk_up"][1]
+    from_neck = direction(observation.used, (neck, fit.roles["shoulder"]))
+    in_trunk = np.sum(observation.trunk * from_neck[:, :, None], axis=1)[observation.frames]
+    in_base = fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0]
+    return np.asarray(np.median(in_trunk - in_base, axis=0))
 
 
 def _markers_by_side(recording: Recording, markers: Markers) -> dict[str, Roles]:

@@ -130,23 +130,37 @@ def _initial_path(directions: Directions, time: Array, usual: float, joined: Boo
         of_part, costs_of_part = local_solutions(directions.take(part), samples, modeled)
         solutions.append(of_part)
         costs.append(costs_of_part)
-    candidates = np.concatenate(solutions)
-    cost = np.concatenate(costs)
-    total = cost[0] / RESIDUAL_SCALE**2
-    origins = []
-    for t in range(1, len(keys)):
-        motion = (
-            np.sum((candidates[t][None] - candidates[t - 1][:, None]) ** 2, axis=-1)
-            / MOTION_SCALE**2
-        )
+    path = cheapest_path(np.concatenate(solutions), np.concatenate(costs))
+    return np.stack([np.interp(time, time[keys], angles) for angles in path.T], axis=-1)
+
+
+def cheapest_path(solutions: Array, cost: Array) -> Array:
+    """Choose one of the solutions (n, k, dof) of each key frame, with the least residuals and joint motion (Viterbi).
+
+    Parameters
+    ----------
+    solutions : ndarray, shape (n, k, dof)
+        Joint angles [rad].
+    cost : ndarray, shape (n, k)
+        Squared residuals [rad²].
+
+    Returns
+    -------
+    ndarray, shape (n, dof)
+    """
+    total = cost[0] / RESIDUAL_SCALE**2  # of the cheapest path to each solution of a key frame
+    origins = []  # the solution before, on these paths
+    for t in range(1, len(solutions)):
+        change = solutions[t][None] - solutions[t - 1][:, None]
+        motion = np.sum(change**2, axis=-1) / MOTION_SCALE**2
         through = total[:, None] + motion
         origins.append(np.argmin(through, axis=0))
         total = through.min(axis=0) + cost[t] / RESIDUAL_SCALE**2
+
     chosen = [np.argmin(total)]
     for origin in reversed(origins):
         chosen.append(origin[chosen[-1]])
-    path = candidates[np.arange(len(keys)), chosen[::-1]]
-    return np.stack([np.interp(time, time[keys], angles) for angles in path.T], axis=-1)
+    return np.asarray(solutions[np.arange(len(solutions)), chosen[::-1]])
 
 
 def local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:

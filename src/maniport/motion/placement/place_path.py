@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import overload
+from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -130,38 +130,76 @@ def place_path(
     fixed, lower, upper = options.components(scales)
     bounds = options.bounds()
     _require_reach(planner.arms, bounds, upright=bool(fixed[TILT] == 0.0))
-    time = demonstrated[0].time
-    rows = np.arange(0, len(time), 1 + (len(time) - 1) // MOST_WAYPOINTS)
-    center = np.concatenate([target.path[rows] for target in demonstrated]).mean(axis=0)
-    planned_time, terms, joint_motion_weight = planning_terms(time[rows], plan)
-    members = []
-    for arm, target in zip(planner.arms, demonstrated, strict=True):
-        demanded: tuple[Demand, ...] = ()
-        if plan.real_time:
-            demanded = _demands(arm, target, rows, rotation)
-        member = ArmPath(
-            arm=arm.limits.arm,
-            target=target[rows].centered(center, rotation),
-            reachability_map=arm.reachability_map,
-            velocity=SPEED_SHARE * arm.limits.velocity,
-            demanded=demanded,
-        )
-        members.append(member)
-    outline = np.concatenate([member.path for member in members])
-    problem = PlacementProblem(tuple(members), outline, planned_time, fixed, lower, upper, bounds)
-    results = best_placements(
-        problem, terms, joint_motion_weight, plan.budget, generator, between(step, 0.1, 1.0)
+    paths = DemonstratedPaths.of(demonstrated, rotation)
+    terms = planning_terms(paths.time[paths.rows], plan)
+    members = _arm_paths(planner.arms, paths, plan.real_time)
+    problem = PlacementProblem(
+        arms=members,
+        outline=np.concatenate([member.path for member in members]),
+        time=terms.time,
+        fixed=fixed,
+        lower=lower,
+        upper=upper,
+        workspace=bounds,
+    )
+    solutions = best_placements(
+        problem,
+        terms.trajectory,
+        terms.joint_motion_weight,
+        plan.budget,
+        generator,
+        between(step, 0.1, 1.0),
     )
 
-    placements = []
-    for result in results:
-        placements.append(_placed(problem, result, demonstrated, rows, center, rotation))
+    placements = [_placements_of(problem, solution, paths) for solution in solutions]
     best = placements[0]
     medians = ", ".join(f"{np.median(placement.distance):.2f}" for placement in best)
     step.end(f"scale {best[0].scale:.2f}, distance {medians}")
     if isinstance(robot, Arm):
         return [placement for (placement,) in placements]
     return placements
+
+
+class DemonstratedPaths(NamedTuple):
+    """Paths of the hands with their ellipsoids before the placement, and the waypoints that they are placed by."""
+
+    targets: tuple[TargetTrajectory, ...]  # of each arm
+    rows: NDArray[np.intp]  # (k,), of these waypoints
+    center: Array  # (3,), their mean over all arms [m]
+    map_rotation: Array  # (3, 3), of the paths
+
+    @classmethod
+    def of(cls, targets: Sequence[TargetTrajectory], map_rotation: Array) -> "DemonstratedPaths":
+        """Choose evenly spaced waypoints, at most about `MOST_WAYPOINTS`."""
+        count = len(targets[0])
+        rows = np.arange(0, count, 1 + (count - 1) // MOST_WAYPOINTS)
+        center = np.concatenate([target.path[rows] for target in targets]).mean(axis=0)
+        return cls(tuple(targets), rows, center, map_rotation)
+
+    @property
+    def time(self) -> Array:
+        """Demonstrated times of all waypoints, shape (n,) [s]."""
+        return self.targets[0].time
+
+
+def _arm_paths(
+    arms: Sequence[ArmPlanner], paths: DemonstratedPaths, real_time: bool
+) -> tuple[ArmPath, ...]:
+    """Return the path of each arm around the common center; in real time with its velocities and accelerations."""
+    members = []
+    for arm, target in zip(arms, paths.targets, strict=True):
+        demanded: tuple[Demand, ...] = ()
+        if real_time:
+            demanded = _demands(arm, target, paths.rows, paths.map_rotation)
+        member = ArmPath(
+            arm=arm.limits.arm,
+            target=target[paths.rows].centered(paths.center, paths.map_rotation),
+            reachability_map=arm.reachability_map,
+            velocity=SPEED_SHARE * arm.limits.velocity,
+            demanded=demanded,
+        )
+        members.append(member)
+    return tuple(members)
 
 
 def _planner_of(
@@ -187,33 +225,29 @@ def _demands(
     return tuple(turned)
 
 
-def _placed(
-    problem: PlacementProblem,
-    result: PlacementSolution,
-    targets: Sequence[TargetTrajectory],
-    rows: NDArray[np.intp],
-    center: Array,
-    rotation: Array,
+def _placements_of(
+    problem: PlacementProblem, solution: PlacementSolution, paths: DemonstratedPaths
 ) -> tuple[Placement, ...]:
-    """Return the placement of each arm, with its trajectory at all waypoints."""
-    chosen = evenly_spaced(len(rows), len(result.q[0]))
-    time = targets[0].time
+    """Return the placement of each arm, with its trajectory interpolated to all waypoints."""
+    chosen = evenly_spaced(len(paths.rows), len(solution.q[0]))
+    solution_time = paths.time[paths.rows[chosen]]
+    components = solution.place[None]
     placements = []
     for member, target, q, distance in zip(
-        problem.arms, targets, result.q, result.distance, strict=True
+        problem.arms, paths.targets, solution.q, solution.distance, strict=True
     ):
-        whole = replace(member, target=target.centered(center, rotation), demanded=())
-        there = whole.placed(result.place[None])
-        error = member.problem(result.place[None])[chosen].position_error(q)
+        centered = target.centered(paths.center, paths.map_rotation)
+        placed = replace(member, target=centered, demanded=()).placed(components)
+        error = member.problem(components)[chosen].position_error(q)
         placements.append(
             Placement.of(
-                result.place,
-                path=there.path,
-                profile=there.ellipsoids,
+                solution.place,
+                path=placed.path,
+                profile=placed.ellipsoids,
                 spec=target.spec,
-                center=center,
-                map_rotation=rotation,
-                joint_positions=interpolated(time[rows[chosen]], q, time),
+                center=paths.center,
+                map_rotation=paths.map_rotation,
+                joint_positions=interpolated(solution_time, q, paths.time),
                 distance=distance,
                 position_error=np.asarray(error),
             )
@@ -236,13 +270,13 @@ def _require_reach(
             )
         bounds[0, 2] = max(bounds[0, 2], collisions.table)
     for arm in arms:
-        samples = arm.reachability_map
-        reached = samples.reach
+        robot = arm.limits.arm
+        reached = arm.reachability_map.reach
         gaps = np.linalg.norm(reached - np.clip(reached, *bounds), axis=1)
         if gaps.min() > tolerance:
             raise InvalidInputError(
-                f"workspace: {samples.arm.name!r} reaches nothing in {_box(bounds[0], bounds[1])} m: its end effector "
-                f"{samples.arm.frame!r} reaches {_box(reached.min(axis=0), reached.max(axis=0))} m at most, and not "
+                f"workspace: {robot.name!r} reaches nothing in {_box(bounds[0], bounds[1])} m: its end effector "
+                f"{robot.frame!r} reaches {_box(reached.min(axis=0), reached.max(axis=0))} m at most, and not "
                 "everywhere between"
             )
 
