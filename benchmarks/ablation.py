@@ -75,10 +75,8 @@ def cases(names: list[str]) -> Iterator[tuple[str, Any, np.ndarray, np.ndarray, 
     for name in ("freeform", "ladder"):
         if name in names or not names:
             fit = fit_arm(read_recording(shipped_recording(name)), "myoarm")
-            profile, path = (
-                fit.arm.ellipsoids(fit.joint_angles, VELOCITY),
-                fit.arm.forward(fit.joint_angles),
-            )
+            profile = fit.arm.ellipsoids(fit.joint_angles, VELOCITY)
+            path = fit.arm.forward(fit.joint_angles)
             yield name, fit.arm, fit.time, profile, path[:, :3, 3]
 
 
@@ -108,7 +106,8 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
         for name, person, clock, profile, path in todo:
             adapter = mp.ScaledTransport(damping=DAMPING, base_rotation=np.eye(3))
             adapter.fit(mp.sample_domain(person, 4096, 0), student)
-            target, tolerance = adapter.transform(profile), 0.012 if name == "ladder" else 0.005
+            target = adapter.transform(profile)
+            tolerance = 0.012 if name == "ladder" else 0.005
             targets = TargetTrajectory.checked(
                 arm, clock, target, positions=path, damping=adapter.student_regularization
             )
@@ -124,7 +123,8 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                     options |= {"seed": seed}
                     result = follow_profile(arm, targets, place=True, **options)
                     seconds = time.process_time() - begin
-                motion, clearance = result.arm.motion, result.motion.clearance
+                motion = result.arm.motion
+                clearance = result.motion.clearance
                 assert motion is not None
                 assert motion.position_error is not None
                 row = {
@@ -192,7 +192,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     verbs = parser.add_subparsers(required=True, dest="verb")
-    runner, printer = verbs.add_parser("run"), verbs.add_parser("table")
+    runner = verbs.add_parser("run")
+    printer = verbs.add_parser("table")
     for verb in (runner, printer):
         verb.add_argument("file", type=Path)
     runner.add_argument("--variants", nargs="+", default=VARIANTS, choices=VARIANTS)

@@ -13,7 +13,9 @@ from maniport.mocap import Recording, fit_arm, synthetic_recording
 from .inputs import Array, load
 from .measure import Row, compare, duration, faster
 
-RATE, NOISE = 120.0, 5e-4  # of markers: rate [Hz] and standard deviation in each direction [m]
+# of markers: rate [Hz] and standard deviation in each direction [m]
+RATE = 120.0
+NOISE = 5e-4
 
 
 def rows(quick: bool) -> Iterator[Row]:
@@ -26,11 +28,16 @@ def rows(quick: bool) -> Iterator[Row]:
         fit = fit_arm(markers)
         seconds = time.perf_counter() - begin
         error = float(np.degrees(np.median(np.abs(fit.joint_angles - q[fit.frames]))))
-        rate, note = n / seconds, f"median joint error {error:.2g}°"
+        rate = n / seconds
+        note = f"median joint error {error:.2g}°"
         yield Row(
-            f"arm fit, {n:,} frames of markers", duration(seconds), ratio=f"{rate:,.0f} frames/s",
-            bound="≥ 2,000 frames/s", met=rate >= 2_000, note=note,
-        )  # fmt: skip
+            f"arm fit, {n:,} frames of markers",
+            duration(seconds),
+            ratio=f"{rate:,.0f} frames/s",
+            bound="≥ 2,000 frames/s",
+            met=rate >= 2_000,
+            note=note,
+        )
 
 
 def _domain(n: int, seconds: float) -> Row:
@@ -47,17 +54,16 @@ def _domain(n: int, seconds: float) -> Row:
 
     error = float(np.abs(arm.manipulability(joints) - loop()).max())
     times = compare(lambda: arm.manipulability(joints), loop, seconds)
-    peer, note = "loop over roboticstoolbox jacob0", f"largest difference {error:.1g}"
+    peer = "loop over roboticstoolbox jacob0"
+    note = f"largest difference {error:.1g}"
     return faster(f"{n:,} ellipsoids of a Panda", times, peer, 5, note, error < 1e-12)
 
 
 def recording(n: int) -> tuple[Recording, Array]:
     """Return noisy markers of an arm that moves through most of its range, n frames, and the joint angles."""
-    arm, generator, instants = (
-        myoarm(0.31, 0.26, 0.06),
-        np.random.default_rng(0),
-        np.arange(n) / RATE,
-    )
+    arm = myoarm(0.31, 0.26, 0.06)
+    generator = np.random.default_rng(0)
+    instants = np.arange(n) / RATE
     knots = np.arange(0.0, instants[-1] + 2.0, 0.4)
     waves = CubicSpline(knots, generator.uniform(-0.5, 0.5, (len(knots), arm.dof)))(instants)
     q = (arm.upper + arm.lower) / 2 + np.clip(waves, -0.9, 0.9) * (arm.upper - arm.lower) / 2

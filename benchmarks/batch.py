@@ -27,12 +27,16 @@ def rows(quick: bool) -> Iterator[Row]:
         )
     speed = one["recorded"] / one["cpu"]
     yield Row(
-        f"batch of {clips} clips of 9 s on {len(ROBOTS)} robots", duration(one["cpu"]),
-        ratio=f"{speed:.3g} s of recording per s", bound="≥ 15", met=speed >= 15.0,
+        f"batch of {clips} clips of 9 s on {len(ROBOTS)} robots",
+        duration(one["cpu"]),
+        ratio=f"{speed:.3g} s of recording per s",
+        bound="≥ 15",
+        met=speed >= 15.0,
         note=f"processor time of one process; {one['failed']} failed",
-    )  # fmt: skip
+    )
     ratio = one["wall"] / two["wall"]
-    peer, met = f"1 process: {duration(one['wall'])}", ratio >= 1.7
+    peer = f"1 process: {duration(one['wall'])}"
+    met = ratio >= 1.7
     yield Row(
         "the same by 2 processes", duration(two["wall"]), peer, f"{ratio:.3g}×", "≥ 1.7×", met
     )
@@ -53,10 +57,16 @@ def main(count: int, processes: int, folder: Path) -> None:
     )
     wall = time.perf_counter() - begin
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    print(json.dumps({
-        "wall": wall, "cpu": sum(one.ru_utime + one.ru_stime for one in used), "failed": len(batch.failed),
-        "recorded": sum(row.get("recording.duration_s") or 0.0 for row in batch.table),
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "wall": wall,
+                "cpu": sum(one.ru_utime + one.ru_stime for one in used),
+                "failed": len(batch.failed),
+                "recorded": sum(row.get("recording.duration_s") or 0.0 for row in batch.table),
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -171,7 +171,9 @@ class Simulation:
 
     def _damp(self) -> Array:
         """Damp the servos critically; return the ratios of damping and stiffness (dof,) [s]."""
-        model, data, dof = self.model, self.data, self.dof
+        model = self.model
+        data = self.data
+        dof = self.dof
         self.mujoco.mj_forward(model, data)
         inertia = np.empty(dof)
         for i in range(dof):
@@ -187,7 +189,8 @@ class Simulation:
 
     def run(self, load: Callable[[float], None]) -> Outcome:
         """Simulate until the end or a failure; `load` applies forces at a time [s]."""
-        model, data = self.model, self.data
+        model = self.model
+        data = self.data
         longest = 0.0
         largest = 0.0
         saturated = np.zeros(self.dof)

@@ -37,10 +37,8 @@ def rows(quick: bool) -> Iterator[Row]:
 def _rotation_step(n: int, bound: float, seconds: float) -> Row:
     student, teacher, weights = _matched_pairs(n)
     starts = [np.eye(3), *special_ortho_group.rvs(3, size=3, random_state=0)]
-    ours, peer = (
-        RotationProblem(cholesky(student), teacher, weights),
-        PymanoptRotation(student, teacher, weights),
-    )
+    ours = RotationProblem(cholesky(student), teacher, weights)
+    peer = PymanoptRotation(student, teacher, weights)
     norms = [
         max(float(np.linalg.norm(ours.derivatives(end)[1])) for end in ends)
         for ends in ([problem.minimize(start) for start in starts] for problem in (ours, peer))
@@ -66,7 +64,8 @@ def _matched_pairs(n: int) -> tuple[Array, Array, Array]:
 def _fits(n: int) -> Iterator[Row]:
     """Compare with the paper's algorithm, which takes the cheapest rotation; then time the defaults."""
     teacher, student = domains(n)
-    damped_teacher, damped_student = damped(teacher), damped(student)
+    damped_teacher = damped(teacher)
+    damped_student = damped(student)
     ours = mp.RiemannianICP(damping=DAMPING, require_improvement=False, criterion="correspondence")
     peer = PaperICP()
     default = mp.RiemannianICP(damping=DAMPING)

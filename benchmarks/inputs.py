@@ -25,7 +25,8 @@ def ill_conditioned(n: int, d: int, seed: int, condition: float) -> Array:
     random = np.random.default_rng(seed)
     frames, _ = np.linalg.qr(random.normal(size=(n, d, d)))
     exponents = random.uniform(-0.5, 0.5, size=(n, d))
-    exponents[:, 0], exponents[:, -1] = -0.5, 0.5
+    exponents[:, 0] = -0.5
+    exponents[:, -1] = 0.5
     product = (frames * condition ** exponents[:, None, :]) @ np.swapaxes(frames, 1, 2)
     return (product + np.swapaxes(product, 1, 2)) / 2.0
 
@@ -37,7 +38,8 @@ def load(name: str) -> Arm:
 
 def domains(n: int) -> tuple[Array, Array]:
     """Random domains of the paper's human arm and of the Panda, shapes (n, 3, 3); singular ellipsoids among them."""
-    human, panda = load("rhuman"), load("panda")
+    human = load("rhuman")
+    panda = load("panda")
     return (
         mp.sample_domain(human, n, random_state=0, sequence="uniform"),
         mp.sample_domain(panda, n, random_state=1, sequence="uniform"),
@@ -53,6 +55,7 @@ def damped(points: Array) -> Array:
 def recentred_domains(n: int) -> tuple[Array, Array]:
     """Return both domains about the identity and with the student's dispersion, as in the matching step of ICP."""
     teacher, student = (damped(domain) for domain in domains(n))
-    mean_t, mean_s = mp.spd.mean(teacher), mp.spd.mean(student)
+    mean_t = mp.spd.mean(teacher)
+    mean_s = mp.spd.mean(student)
     ratio = mp.spd.dispersion(student, mean_s) / mp.spd.dispersion(teacher, mean_t)
     return recenter(teacher, mean_t, ratio), recenter(student, mean_s)

@@ -43,7 +43,8 @@ def frames(rate: float, count: int) -> Iterator[tuple[mp.Live, Array, float]]:
         result = mp.transfer_recording(
             recording, method="scaled-transport", n_teacher=1024, n_student=2048
         )
-    live, instants = mp.Live.of(result, clock=None, auto_engage=True), recording.time
+    live = mp.Live.of(result, clock=None, auto_engage=True)
+    instants = recording.time
     points = np.stack([recording.point(name) for name in live.points], axis=1)
     shown = CubicSpline(instants, points)(np.arange(instants[0], instants[-1], 1.0 / rate))
     period = 2 * len(shown) - 2
@@ -65,7 +66,8 @@ def step_times(rate: float, count: int) -> list[float]:
 
 def longest_collection(count: int) -> float:
     """Return the processor time of the longest garbage collection during steps [s]."""
-    begin, pauses = 0.0, [0.0]
+    begin = 0.0
+    pauses = [0.0]
 
     def measure(phase: str, _: dict[str, int]) -> None:
         nonlocal begin

@@ -33,7 +33,9 @@ from maniport.mocap import Recording, shipped_recording
 
 from .inputs import Array
 
-NOISE, FRAME_RATE = 0.012, 30.0  # [m], [Hz]
+# [m], [Hz]
+NOISE = 0.012
+FRAME_RATE = 30.0
 OPTIONS: dict[str, Any] = {
     "real_time": True,
     "method": "scaled-transport",
@@ -103,7 +105,8 @@ def mocap(recording: Recording, rate: float) -> Recording:
 
 def jumping(recording: Recording) -> Recording:
     """Displace 1 % of points by 0.3 m, for 1 to 3 frames each."""
-    random, positions = np.random.default_rng(0), recording.positions.copy()
+    random = np.random.default_rng(0)
+    positions = recording.positions.copy()
     for first, point in np.argwhere(random.random(positions.shape[:2]) < 0.005):
         direction = random.normal(size=3)
         positions[first : first + random.integers(1, 4), point] += (
@@ -184,10 +187,8 @@ def measured(
         * np.concatenate([_offsets(states[first:], hand, i, lag) for i, hand in enumerate(hands)])
         for lag in (delay, 0.0)
     )
-    limits, q = (
-        result.motion.trajectory.limits,
-        np.array([state.joint_positions for state in states]),
-    )
+    limits = result.motion.trajectory.limits
+    q = np.array([state.joint_positions for state in states])
     return {
         "scale": result.arms[0].placement.scale,
         "duration": float(result.motion.trajectory.control_time[-1]),
@@ -204,11 +205,13 @@ def optimum(
 ) -> list[Array]:
     """Minimize the largest position error by sequential linear programs; return percentiles [mm] of each arm."""
     followed, _, result = transferred(case, options, cache)
-    states, errors = played(follower(result, 0.0), followed), []
+    states = played(follower(result, 0.0), followed)
+    errors = []
     states = [
         state for state in states if all(arm.position_error is not None for arm in state.arms)
     ]
-    dt, limits = float(np.median(np.diff(followed.time))), result.motion.trajectory.limits
+    dt = float(np.median(np.diff(followed.time)))
+    limits = result.motion.trajectory.limits
     signs = np.array(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)).reshape(3, -1).T
     sides = signs[signs.any(axis=1)] / np.linalg.norm(
         signs[signs.any(axis=1)], axis=1, keepdims=True
@@ -224,15 +227,16 @@ def optimum(
         most = np.append(
             np.tile(limits.velocity[columns], n - 1), np.tile(limits.acceleration[columns], n - 2)
         )
-        error, trust = np.linalg.norm(arm.forward(q)[:, :3, 3] - path, axis=1), 0.15  # [rad]
+        # [rad]
+        error = np.linalg.norm(arm.forward(q)[:, :3, 3] - path, axis=1)
+        trust = 0.15
         for _ in range(iterations):
-            off, jacobian, speeds = (
-                arm.forward(q)[:, :3, 3] - path,
-                arm.jacobian(q)[:, :3],
-                rows @ q.ravel(),
-            )
+            off = arm.forward(q)[:, :3, 3] - path
+            jacobian = arm.jacobian(q)[:, :3]
+            speeds = rows @ q.ravel()
             ends = sp.block_diag([sides @ own for own in jacobian])
-            bound, none = np.ones((ends.shape[0], 1)), sp.csr_matrix((len(speeds), 1))
+            bound = np.ones((ends.shape[0], 1))
+            none = sp.csr_matrix((len(speeds), 1))
             matrix = sp.vstack(
                 [sp.hstack([ends, -bound]), sp.hstack([rows, none]), sp.hstack([-rows, none])]
             )
@@ -248,7 +252,8 @@ def optimum(
             trial = q if solution is None else q + solution[:-1].reshape(n, dof)
             trial_error = np.linalg.norm(arm.forward(trial)[:, :3, 3] - path, axis=1)
             if trial_error.max() < error.max():
-                q, error = trial, trial_error
+                q = trial
+                error = trial_error
             else:
                 trust *= 0.4
         errors.append(1e3 * np.percentile(error, (50.0, 95.0, 100.0)))
@@ -295,19 +300,16 @@ def inputs(recording: str, options: dict[str, Any], cache: Path | None) -> dict[
         ("mocap, 60 Hz, jumps", jumping(mocap(clean, 60.0)), precise, 0.15),
         ("mocap, 120 Hz, leaving", leaving(mocap(clean, 120.0)), precise, 0.15),
     ):
-        states, hand = (
-            played(follower(result, delay), followed),
-            placed_hand(result.arm, clean),
-        )
+        states = played(follower(result, delay), followed)
+        hand = placed_hand(result.arm, clean)
         late = [state for state in states if state.state in ("following", "lagging")]
         lags = np.arange(0.0, 0.4, 0.002)
         lag = lags[np.argmin([rms(_offsets(late, hand, lag=own)) for own in lags])]
         errors = 1e3 * np.array([state.position_error for state in late])
-        limits, q = (
-            result.motion.trajectory.limits,
-            np.array([state.joint_positions for state in states]),
-        )
-        time, reached = followed.time, np.array([state.arm.position for state in states])
+        limits = result.motion.trajectory.limits
+        q = np.array([state.joint_positions for state in states])
+        time = followed.time
+        reached = np.array([state.arm.position for state in states])
         is_late = (time <= hand.t[-1]) & np.isin(
             [state.state for state in states], ("following", "lagging")
         )
@@ -329,7 +331,9 @@ def inputs(recording: str, options: dict[str, Any], cache: Path | None) -> dict[
 
 def returns(states: list[LiveState], velocity: Array) -> tuple[float, float]:
     """Longest time from the return of a person until `following` [s], and largest share of speed limits in it."""
-    longest, fastest, began = 0.0, 0.0, None
+    longest = 0.0
+    fastest = 0.0
+    began = None
     for before, state in pairwise(states):
         if state.state == "approaching":
             began = before.time if began is None else began
@@ -345,10 +349,16 @@ def row(name: str, own: dict[str, Any]) -> str:
     errors = (", ".join(f"{value:.0f}" for value in values) for values in own["errors"])
     live, planned = own["distance"]
     cells = (
-        name, f"{own['scale']:.2f}", *errors, f"{live:.2f}", f"{planned:.2f}", f"{live / planned:.2f}",
-        f"{own['duration'] / own['person']:.2f}", ", ".join(f"{value:.2f}" for value in own["limits"]),
+        name,
+        f"{own['scale']:.2f}",
+        *errors,
+        f"{live:.2f}",
+        f"{planned:.2f}",
+        f"{live / planned:.2f}",
+        f"{own['duration'] / own['person']:.2f}",
+        ", ".join(f"{value:.2f}" for value in own["limits"]),
         f"{100 * own['following']:.0f} %",
-    )  # fmt: skip
+    )
     return "| " + " | ".join(cells) + " |"
 
 

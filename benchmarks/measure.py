@@ -60,9 +60,14 @@ def faster(
     """Make a row with a least ratio, which also needs results that agree."""
     ratio = times.peer / times.ours
     return Row(
-        work, duration(times.ours), f"{peer}: {duration(times.peer)}", f"{ratio:.3g}×", f"≥ {bound:g}×",
-        agrees and ratio >= bound, note,
-    )  # fmt: skip
+        work,
+        duration(times.ours),
+        f"{peer}: {duration(times.peer)}",
+        f"{ratio:.3g}×",
+        f"≥ {bound:g}×",
+        agrees and ratio >= bound,
+        note,
+    )
 
 
 def within(

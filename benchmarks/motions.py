@@ -29,7 +29,8 @@ SEGMENTS = {
     "freeform": ((3.7, 7.0),),
 }
 """Start and stop in the bundled recordings [s]."""
-POINTS, SMOOTHING = 50, 0.1
+POINTS = 50
+SMOOTHING = 0.1
 SLOWER = 2.0
 """Duration of the robot relative to the person's: a Panda's hand reaches 1.7 m/s, and paths are enlarged."""
 EVALUATION_SECONDS = 5.0

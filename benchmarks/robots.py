@@ -67,12 +67,11 @@ class Comparison:
 def transferred(name: str, motion: Motion) -> Comparison:
     """Adapt a motion to a robot, place and plan it, and let the tracker follow the same targets."""
     robot = load_robot(name)
-    student, teacher = (
-        mp.sample_domain(robot, STUDENT_SAMPLES, 1),
-        mp.sample_domain(motion.person, TEACHER_SAMPLES, 0),
-    )
+    student = mp.sample_domain(robot, STUDENT_SAMPLES, 1)
+    teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, 0)
     adapter = mp.ScaledTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(teacher, student)
-    damping, time = adapter.student_regularization, motion.robot_time
+    damping = adapter.student_regularization
+    time = motion.robot_time
     begin = clock.process_time()
     planner = Planner.of(MotionLimits.of(robot), VELOCITY)
     targets = TargetTrajectory.checked(

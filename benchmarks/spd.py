@@ -24,7 +24,8 @@ def rows(quick: bool) -> Iterator[Row]:
         times = compare(lambda a=matrices: eigh(a), lambda a=matrices: np.linalg.eigh(a), seconds)
         yield faster(f"eigendecomposition, 3×3, {n:,}", times, "numpy.linalg.eigh", 8)
     for d, wanted in ((3, 8), (6, 4)):
-        a, b = spd_matrices(10_000, d, seed=1), spd_matrices(10_000, d, seed=2)
+        a = spd_matrices(10_000, d, seed=1)
+        b = spd_matrices(10_000, d, seed=2)
         error = float(np.abs(mp.spd.distance(a, b) - distance_riemann(a, b)).max())
         times = compare(
             lambda a=a, b=b: mp.spd.distance(a, b), lambda a=a, b=b: distance_riemann(a, b), seconds
@@ -82,7 +83,10 @@ def _hard_mean(n: int) -> Row:
         least=1,
     )
     return Row(
-        f"Fréchet mean, 6×6, condition 7e5, {n:,} matrices", duration(times.ours),
-        f"pyRiemann: {duration(times.peer)}, gradient norm {peer:.1g}", bound="gradient norm < 1e-10",
-        met=reached < WANTED_GRADIENT, note=f"gradient norm {reached:.1g}",
-    )  # fmt: skip
+        f"Fréchet mean, 6×6, condition 7e5, {n:,} matrices",
+        duration(times.ours),
+        f"pyRiemann: {duration(times.peer)}, gradient norm {peer:.1g}",
+        bound="gradient norm < 1e-10",
+        met=reached < WANTED_GRADIENT,
+        note=f"gradient norm {reached:.1g}",
+    )

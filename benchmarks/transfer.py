@@ -20,7 +20,9 @@ def rows(quick: bool) -> Iterator[Row]:
     """Yield one ellipsoid and a million through ICP, then the length field."""
     seconds, n = (0.3, 100_000) if quick else (3.0, 1_000_000)
     adapter = mp.RiemannianICP(damping=DAMPING).fit(*domains(400))
-    peer, point, many = _peer(adapter), domains(400)[0][7], domains(n)[0]
+    peer = _peer(adapter)
+    point = domains(400)[0][7]
+    many = domains(n)[0]
     for work, function, points, ratio, bound in (
         ("one ellipsoid, transform()", lambda: adapter.transform(point), point, 0.5, 40e-6),
         (
@@ -40,10 +42,12 @@ def rows(quick: bool) -> Iterator[Row]:
 
 def _peer(adapter: mp.RiemannianICP) -> Callable[[Array], Array]:
     """Return f(T) = B (W T W)^s Bᵀ with all constant matrices computed beforehand, and release the damping."""
-    whitening, s = invsqrtm(adapter.teacher_mean_), float(adapter.dispersion_ratio_)
+    whitening = invsqrtm(adapter.teacher_mean_)
+    s = float(adapter.dispersion_ratio_)
     spread = sqrtm(adapter.student_mean_) @ adapter.rotation_
     spread_t = np.ascontiguousarray(spread.T)
-    damping, epsilon = adapter.teacher_damping_ * np.eye(3), adapter.student_damping_
+    damping = adapter.teacher_damping_ * np.eye(3)
+    epsilon = adapter.student_damping_
 
     def transform(points: Array) -> Array:
         mapped = spread @ powm(whitening @ (points + damping) @ whitening, s) @ spread_t

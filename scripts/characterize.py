@@ -146,7 +146,8 @@ def both_arms(whole: bool) -> Iterator[Row]:
             shipped_recording("both-arms"), robot=arms, method="scaled-transport"
         )
         for side, arm, output in zip(("left", "right"), arms.arms, result.arms, strict=True):
-            motion, clearance = output.motion, result.motion.clearance
+            motion = output.motion
+            clearance = result.motion.clearance
             target = TargetTrajectory.checked(
                 arm, output.time, motion.target, positions=motion.path
             )
@@ -189,7 +190,8 @@ def capability(whole: bool) -> Iterator[Row]:
 
     u = half_sphere()
     for name in LIMITED_ARMS:
-        arm, row = mp.load_arm(name), dict[str, float]()
+        arm = mp.load_arm(name)
+        row = dict[str, float]()
         q = arm.sample(5000 if whole else 500, random_state=0)
         light = mp.Arm(replace(arm.chain, inertia=None))
         for key, own in (("force", arm), ("force_without_gravity", light), ("velocity", arm)):
@@ -242,10 +244,8 @@ def force(whole: bool) -> Iterator[Row]:
             )
             seconds = time.process_time() - begin
             for arm in result.arms:
-                motion, (own,) = (
-                    arm.motion,
-                    [own for own in arm.capabilities if own.kind == "force"],
-                )
+                motion = arm.motion
+                (own,) = [own for own in arm.capabilities if own.kind == "force"]
                 row = {
                     "force": float(np.median(own.robot)),
                     "force_p5": float(np.percentile(own.robot, 5)),
@@ -277,12 +277,10 @@ def _forces_on_path(result: Any, waypoints: int = 60, count: int = 700) -> dict[
     from maniport.motion.problem import ArmProblem
     from maniport.motion.targets import TargetTrajectory
 
-    motion, fit, place, limits = (
-        result.motion,
-        result.fit,
-        result.placement,
-        MotionLimits.of(result.robot),
-    )
+    motion = result.motion
+    fit = result.fit
+    place = result.placement
+    limits = MotionLimits.of(result.robot)
     rows = np.unique(np.linspace(0, len(result.time) - 1, waypoints).astype(int))
     strongest = half_sphere()[
         polytope_extent(fit.arm, fit.joint_angles[rows], half_sphere()).argmax(axis=1)
@@ -346,8 +344,10 @@ def speed(whole: bool) -> Iterator[Row]:
     del whole
     from pyriemann.geometry.distance import distance_riemann
 
-    a, b = spd_matrices(100_000, 3, seed=1), spd_matrices(100_000, 3, seed=2)
-    ours, peer = _least(lambda: mp.spd.distance(a, b)), _least(lambda: distance_riemann(a, b))
+    a = spd_matrices(100_000, 3, seed=1)
+    b = spd_matrices(100_000, 3, seed=2)
+    ours = _least(lambda: mp.spd.distance(a, b))
+    peer = _least(lambda: distance_riemann(a, b))
     yield "distance of 100 000 pairs", {"seconds": ours, "times_faster_than_pyriemann": peer / ours}
     adapter = mp.RiemannianICP(damping=DAMPING)
     clouds = domains(400)
@@ -380,7 +380,8 @@ def processes(whole: bool) -> Iterator[Row]:
             ]
             environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/cache"}
             subprocess.run(command, check=True, env=environment)
-            wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+            wall = time.perf_counter() - begin
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
             used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
             yield (
                 f"maniport demo, {name}",

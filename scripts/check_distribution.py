@@ -55,7 +55,8 @@ def only(folder: Path, pattern: str) -> Path:
 def main(dist: Path) -> None:
     """Build, check, install, run."""
     run(sys.executable, "-m", "build", "--outdir", dist)
-    wheel, sdist = only(dist, "*.whl"), only(dist, "*.tar.gz")
+    wheel = only(dist, "*.whl")
+    sdist = only(dist, "*.tar.gz")
     run(sys.executable, "-m", "twine", "check", "--strict", wheel, sdist)
     run(sys.executable, "-m", "check_wheel_contents", wheel)
     with tempfile.TemporaryDirectory(prefix="maniport-") as name:

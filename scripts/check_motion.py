@@ -25,9 +25,11 @@ from scipy.linalg import eigh
 from pandas_in_mujoco import FRAMES, Array, Base, Pandas
 
 POSITION = np.array(
-    [[-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973],
-     [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973]]
-)  # fmt: skip
+    [
+        [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973],
+        [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973],
+    ]
+)
 DERIVATIVES = {  # like POSITION: Franka Control Interface, "Limits for Franka Emika Robot (FER)"
     "velocity": np.array([2.1750, 2.1750, 2.1750, 2.1750, 2.6100, 2.6100, 2.6100]),
     "acceleration": np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]),
@@ -35,7 +37,9 @@ DERIVATIVES = {  # like POSITION: Franka Control Interface, "Limits for Franka E
 }
 TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m]
 TORQUE_RATE = 1000.0  # [N m/s]
-STIFFNESS, DAMPING = 400.0, 40.0  # of the servo, for unit inertia [1/s², 1/s]
+# of the servo, for unit inertia [1/s², 1/s]
+STIFFNESS = 400.0
+DAMPING = 40.0
 SIDES = "left", "right"
 Row = tuple[str, str, bool | None]
 """Name, value, and whether it is within its limit (None: no limit)."""
@@ -77,7 +81,8 @@ def distances(achieved: Array, target: Array, damping: float) -> Array:
 
 def limit_rows(time: Array, q: Array, accelerations: Array) -> list[Row]:
     """Return the largest share of each limit, by finite differences at the rate of the file."""
-    step, arms = (time[-1] - time[0]) / (len(time) - 1), q.shape[1] // 7
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    arms = q.shape[1] // 7
     unevenness = float(np.ptp(np.diff(time)) / step)
     (low, high), limits = (
         np.tile(POSITION, arms),
@@ -119,7 +124,8 @@ def torque_rows(model: Pandas, prefixes: list[str], time: Array, states: list[Ar
     limits.
     """
     q, accelerations, planned = states
-    velocity, arms = np.gradient(q, time, axis=0), q.shape[1] // 7
+    velocity = np.gradient(q, time, axis=0)
+    arms = q.shape[1] // 7
     limits = np.tile(TORQUE, arms)
     torques = np.array(
         [model.torques(*state) for state in zip(q, velocity, accelerations, strict=True)]
@@ -143,8 +149,10 @@ def torque_rows(model: Pandas, prefixes: list[str], time: Array, states: list[Ar
         return np.clip(torque + pull, -limits, limits)
 
     reached = model.simulate(*wanted, servo)
-    ends = [np.array([[model.end_effector(row, prefix)[0] for prefix in prefixes] for row in rows])
-            for rows in (wanted[0][::5], reached[::5])]  # fmt: skip
+    ends = [
+        np.array([[model.end_effector(row, prefix)[0] for prefix in prefixes] for row in rows])
+        for rows in (wanted[0][::5], reached[::5])
+    ]
     errors = np.linalg.norm(ends[0] - ends[1], axis=2).max(axis=1)
     text = _summary(1e3 * errors, steps[::5])
     return [
@@ -173,9 +181,11 @@ def tracking_rows(
     q: Array,
 ) -> tuple[str, list[Row]]:
     """Return the frame that is nearer to the path, and distances and position errors of an arm at the waypoints."""
-    folder, label = folder / prefix.strip("_"), prefix.replace("_", ", ")
+    folder = folder / prefix.strip("_")
+    label = prefix.replace("_", ", ")
     with np.load(folder / "placed_profile.npz") as profile, np.load(folder / "path.npz") as placed:
-        target, waypoints = profile["manipulability"], profile["time"]
+        target = profile["manipulability"]
+        waypoints = profile["time"]
         path = placed[
             next(name for name in placed.files if placed[name].shape == (len(waypoints), 3))
         ]
@@ -239,7 +249,8 @@ def check(
     for prefix in arms:
         frames[prefix], tracking = tracking_rows(folder, prefix, models, damping, time, q)
         rows += tracking
-    model, steps = Pandas(frames, arms, payload), range(0, len(q), 5)
+    model = Pandas(frames, arms, payload)
+    steps = range(0, len(q), 5)
     near = [i for i in steps if model.near(q[i])]
     collisions = {i: pairs for i in near if (pairs := model.collisions(q[i]))}
     first = next(

@@ -26,7 +26,8 @@ import numpy as np
 from scipy.stats import qmc
 
 TARGET = Path(__file__).parents[1] / "src" / "maniport" / "arms" / "data" / "myoarm.json"
-ROOT, TIP = "myoarm_r_root", "thirdmc_r"
+ROOT = "myoarm_r_root"
+TIP = "thirdmc_r"
 COORDINATES = (
     "elv_angle",
     "shoulder_elv",
@@ -67,7 +68,8 @@ def main() -> int:
     )
     text = render(derive(load_model()))
     if parser.parse_args().check:
-        there, made = json.loads(TARGET.read_text(encoding="utf-8")), json.loads(text)
+        there = json.loads(TARGET.read_text(encoding="utf-8"))
+        made = json.loads(text)
         same = {**there, "source": ""} == {
             **made,
             "source": "",
@@ -157,7 +159,8 @@ def derive(model: mujoco.MjModel) -> dict[str, Any]:
 
 def path_to(model: mujoco.MjModel, end: str) -> list[int]:
     """Bodies after the root down to the end."""
-    body, bodies = model.body(end).id, []
+    body = model.body(end).id
+    bodies = []
     while body != model.body(ROOT).id:
         bodies.append(body)
         body = int(model.body_parentid[body])
@@ -196,11 +199,9 @@ def strengths(model: mujoco.MjModel, follows: dict[str, dict[str, float]]) -> np
                 motion[model.jnt_dofadr[joint], COORDINATES.index(leader)] = factor
     lower, upper = np.transpose([own_limits(model, name) for name in COORDINATES])
     postures = qmc.scale(qmc.Sobol(len(COORDINATES), rng=0).random(POSTURES), lower, upper)
-    data, moments, torques = (
-        mujoco.MjData(model),
-        np.zeros((model.nu, model.nv)),
-        np.empty((2, *postures.shape)),
-    )
+    data = mujoco.MjData(model)
+    moments = np.zeros((model.nu, model.nv))
+    torques = np.empty((2, *postures.shape))
     for k, posture in enumerate(postures):
         data.qpos[:] = motion @ posture
         mujoco.mj_fwdPosition(model, data)

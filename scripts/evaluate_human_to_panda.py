@@ -34,7 +34,8 @@ from maniport.util.progress import Progress, Step
 from maniport.util.sampling import evenly_spaced
 
 PAGE = Path(__file__).parent.parent / "docs" / "evaluation.md"
-BEGIN, END = "<!-- feasibility gaps -->", "<!-- end of feasibility gaps -->"
+BEGIN = "<!-- feasibility gaps -->"
+END = "<!-- end of feasibility gaps -->"
 
 FITTED_METHODS = ("icp", "length-field")  # Methods in every table besides the baselines
 
@@ -61,7 +62,8 @@ class Motion:
 def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
     """Return the evaluation motions of Reithmeir et al. 2022 (rHuMan) and the recordings, 150 ellipsoids each."""
     selected = []
-    person, paths = trajectories.human_arm(), trajectories.human_evaluation()
+    person = trajectories.human_arm()
+    paths = trajectories.human_evaluation()
     for name in (*EVALUATIONS, *RECORDINGS) if names is None else names:
         if name in EVALUATIONS:
             selected.append(
@@ -85,12 +87,11 @@ def study(
     """Evaluate a method on the motions, by motion, with all others in further rows."""
     robot = load_arm(ROBOT)
     shared: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
-    student, evaluated = sample_domain(robot, STUDENT_SAMPLES, random_state + 1), {}
+    student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
+    evaluated = {}
     for motion in motions(names):
-        step, teacher = (
-            Step(progress, motion.name),
-            sample_domain(motion.person, TEACHER_SAMPLES, random_state),
-        )
+        step = Step(progress, motion.name)
+        teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
         options: dict[str, Any] = {"robot": robot, "random_state": random_state}
         if method == AUTO:
             adapter, _ = select_method(teacher, student, motion.profile, **options, **shared)

@@ -26,9 +26,20 @@ SHA256 = {
 }
 
 JOINTS = (
-    "Hips", "LowerBack", "Spine", "Spine1", "Neck", "LeftShoulder", "LeftArm",
-    "RightShoulder", "RightArm", "RightForeArm", "RightHand", "RightFingerBase", "RFingers",
-)  # fmt: skip
+    "Hips",
+    "LowerBack",
+    "Spine",
+    "Spine1",
+    "Neck",
+    "LeftShoulder",
+    "LeftArm",
+    "RightShoulder",
+    "RightArm",
+    "RightForeArm",
+    "RightHand",
+    "RightFingerBase",
+    "RFingers",
+)
 """Kept joints: the spine, the left shoulder for the width of the trunk, the right arm."""
 UNTURNED = ("Neck", "LeftArm", "RFingers")
 """Joints whose position alone is kept: their rotation moves no kept joint and is set to zero."""
@@ -36,9 +47,21 @@ BVH_STEP = 4
 """Every fourth frame: 120 becomes 30 Hz."""
 
 MARKERS = (
-    "C7", "T10", "CLAV", "STRN", "LFSH", "LBSH", "RFSH", "RBSH",
-    "RELB", "RIEL", "ROWR", "RIWR", "RIHAND", "ROHAND",
-)  # fmt: skip
+    "C7",
+    "T10",
+    "CLAV",
+    "STRN",
+    "LFSH",
+    "LBSH",
+    "RFSH",
+    "RBSH",
+    "RELB",
+    "RIEL",
+    "ROWR",
+    "RIWR",
+    "RIHAND",
+    "ROHAND",
+)
 LEFT_MARKERS = ("LELB", "LIEL", "LOWR", "LIWR", "LIHAND", "LOHAND")
 EXCHANGED = ("LIWR", "LOHAND"), 195
 """Two labels that are exchanged in the first frames of the original, and the number of these frames. Evidence: LIWR is
@@ -104,7 +127,8 @@ def extract_bvh(
 
 def _hierarchy(node: object, depth: int, joints: tuple[str, ...]) -> list[str]:
     """Write a joint with its kept descendants; without any, the next joint becomes the end site."""
-    tab, inner = " " * depth, " " * (depth + 1)
+    tab = " " * depth
+    inner = " " * (depth + 1)
     rotations = " ".join(f"{axis}rotation" for axis in node.rot_channels)
     channels = f"3 {rotations}" if depth else f"6 Xposition Yposition Zposition {rotations}"
     kept = [child for child in node.children if child.name in joints]
@@ -141,14 +165,16 @@ def extract_c3d(source: Path, target: Path, markers: tuple[str, ...] = MARKERS) 
         name: next(i for i, one in enumerate(labels) if one.endswith(f":{name}"))
         for name in markers
     }
-    points, residuals = original["data"]["points"], original["data"]["meta_points"]["residuals"]
+    points = original["data"]["points"]
+    residuals = original["data"]["meta_points"]["residuals"]
     exchanged, count = EXCHANGED
     if set(exchanged) <= index.keys():
         pair = [index[name] for name in exchanged]
         for tracks in (points, residuals):
             tracks[:, pair, :count] = tracks[:, pair[::-1], :count]
     kept = list(index.values())
-    points, residuals = points[:, kept, ::C3D_STEP], residuals[:, kept, ::C3D_STEP]
+    points = points[:, kept, ::C3D_STEP]
+    residuals = residuals[:, kept, ::C3D_STEP]
     extract = ezc3d.c3d()
     point = extract["parameters"]["POINT"]
     point["RATE"]["value"] = [original["parameters"]["POINT"]["RATE"]["value"][0] / C3D_STEP]

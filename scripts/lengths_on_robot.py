@@ -36,9 +36,11 @@ from maniport.util.sampling import evenly_spaced
 
 EVALUATION_SECONDS = 5.0
 """Duration of H-Eval-1 to -4, for which the paper gives none."""
-POINTS, SLOWER = 150, 4.0
+POINTS = 150
+SLOWER = 4.0
 """Waypoints of a recording, and smallest duration relative to the person's."""
-RIGID, LENGTHS = "scaled-transport", "length-field"
+RIGID = "scaled-transport"
+LENGTHS = "length-field"
 PATHS = {True: "hand path", False: "no path"}
 
 
@@ -111,9 +113,16 @@ class Line:
     def __str__(self) -> str:
         tip = "–" if self.tip is None else f"{self.tip:.1f}"
         cells = (
-            self.robot, self.motion, self.path, self.method, str(self.seed), f"{self.gap:.3f}",
-            *(f"{low:.2f} / {high:.2f}" for low, high in (self.own, self.rigid)), tip, f"{self.seconds:.0f}",
-        )  # fmt: skip
+            self.robot,
+            self.motion,
+            self.path,
+            self.method,
+            str(self.seed),
+            f"{self.gap:.3f}",
+            *(f"{low:.2f} / {high:.2f}" for low, high in (self.own, self.rigid)),
+            tip,
+            f"{self.seconds:.0f}",
+        )
         return f"| {' | '.join(cells)} |"
 
 
@@ -136,19 +145,23 @@ def compare(
 ) -> Iterator[Line]:
     """Transfer by both maps and plan with and without the path."""
     teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, seed)
-    demonstrated, targets = motion.person.manipulability(motion.joint_positions), {}
+    demonstrated = motion.person.manipulability(motion.joint_positions)
+    targets = {}
     for method in (RIGID, LENGTHS):
         adapter = method_of(method, damping=DAMPING, base_rotation=np.eye(3))
         adapter = with_feasible_set(adapter, robot, VELOCITY, planner.arms[0].bank, seed).fit(
             teacher, student
         )
         targets[method] = adapter.transform(demonstrated)
-    damping, time = adapter.student_regularization, SLOWER * (motion.time - motion.time[0])
+    damping = adapter.student_regularization
+    time = SLOWER * (motion.time - motion.time[0])
     for method, target in targets.items():
         gap = nearest_feasible(robot, target, damping=damping, bank=planner.arms[0].bank).distance
         for with_path, path_name in PATHS.items():
             begin = clock.process_time()
-            asked, rigid, path = target, targets[RIGID], None
+            asked = target
+            rigid = targets[RIGID]
+            path = None
             if with_path:
                 demonstrated_target = TargetTrajectory.checked(
                     robot, time, target, positions=motion.hand, damping=damping
@@ -156,7 +169,9 @@ def compare(
                 placed = place_path(robot, demonstrated_target, planner=planner, random_state=seed)[
                     0
                 ]
-                asked, rigid, path = placed.profile, placed.turned(targets[RIGID]), placed.path
+                asked = placed.profile
+                rigid = placed.turned(targets[RIGID])
+                path = placed.path
             placed_target = TargetTrajectory.checked(
                 robot, time, asked, positions=path, damping=damping
             )

@@ -30,7 +30,11 @@ from maniport.transfer import DomainAdapter, LengthField, ScaledTransport
 from maniport.transfer.length_field.field import NEAR_SINGULAR, least_singular
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
-DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96
+DAMPING = 0.01
+TEACHER = 4096
+STUDENT = 16384
+HELD_OUT = 400
+STARTS = 96
 INVERTIBLE = 0.15
 """Smallest singular value for which the inverse must be exact."""
 
@@ -114,8 +118,23 @@ class Case:
     motions: tuple[Motion, ...]
 
 
-HEADS = ("fit [s]", "gap, motions", "95 %", "gap, held out", "95 %", "step/own", "rank corr.", "longest axis [deg]",
-         "identity", "singular", "folded", "inverse", "reversing", "own slope <= 0", "axis moved > 10")  # fmt: skip
+HEADS = (
+    "fit [s]",
+    "gap, motions",
+    "95 %",
+    "gap, held out",
+    "95 %",
+    "step/own",
+    "rank corr.",
+    "longest axis [deg]",
+    "identity",
+    "singular",
+    "folded",
+    "inverse",
+    "reversing",
+    "own slope <= 0",
+    "axis moved > 10",
+)
 WORST = (max, max, max, max, max, max, min, max, max, min, max, max, max, max, max)
 
 
@@ -144,30 +163,43 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
     adapter.fit(teacher, student)
     seconds = time.process_time() - began
     fresh = mp.sample_domain(person, HELD_OUT, random, "uniform", spec)
-    gaps, steps = [], []
+    gaps = []
+    steps = []
     for motion in case.motions if spec == VELOCITY else ():
         images = adapter.transform(motion.profile)
         gaps.append(gap(adapter, case.arm, images, spec))
-        demonstrated, transferred = (
-            adapter.teacher_side(motion.profile),
-            adapter.student_side(images),
-        )
+        demonstrated = adapter.teacher_side(motion.profile)
+        transferred = adapter.student_side(images)
         steps.append(step_ratio(transferred, demonstrated))
     images = adapter.transform(fresh)
     kept = distance_preservation(
         adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT
     )
-    along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)
+    along = np.concatenate(gaps or [[np.nan]])
+    apart = gap(adapter, case.arm, images, spec)
     first, second = (mp.sample_domain(case.arm, TEACHER, random, spec=spec) for _ in range(2))
     changes = clone(adapter).fit(first, second).errors(first, first)  # identity test
     squeezed, folded, back = (
         inverse(adapter, fresh, images) if isinstance(adapter, LengthField) else (np.nan,) * 3
     )
-    step, report = max(steps, default=np.nan), getattr(adapter, "report_", None)
+    step = max(steps, default=np.nan)
+    report = getattr(adapter, "report_", None)
     checks = (report.reversing, report.nonmonotone, report.moved_axes) if report else (np.nan,) * 3
-    return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), step,
-            kept.rank_correlation, kept.major_axis_angle or 0.0, np.sqrt(np.mean(changes**2)),
-            squeezed, folded, back, *checks]  # fmt: skip
+    return [
+        seconds,
+        along.mean(),
+        np.percentile(along, 95),
+        apart.mean(),
+        np.percentile(apart, 95),
+        step,
+        kept.rank_correlation,
+        kept.major_axis_angle or 0.0,
+        np.sqrt(np.mean(changes**2)),
+        squeezed,
+        folded,
+        back,
+        *checks,
+    ]
 
 
 def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpec) -> np.ndarray:
@@ -183,7 +215,8 @@ def inverse(
     """Return the smallest singular value, the orientation-reversing share, and the largest error of the inverse."""
     field = adapter._field()
     squeezed = least_singular(field.slopes(*field.base(adapter.teacher_side(fresh))))
-    sure, worst = squeezed >= INVERTIBLE, 0.0
+    sure = squeezed >= INVERTIBLE
+    worst = 0.0
     for point, image in zip(fresh[sure][:50], images[sure][:50], strict=True):
         try:
             back = adapter.inverse_transform(image)

@@ -21,7 +21,8 @@ REACHING = np.radians([60.0, 40.0, 0.0, 70.0, 0.0, 0.0, 0.0])
 
 def main(picture: Path) -> None:
     """Draw person and robots in the frame of the person's trunk, with the robot's base rotated back."""
-    person, robot = mp.load_arm("myoarm"), mp.load_arm("panda")
+    person = mp.load_arm("myoarm")
+    robot = mp.load_arm("panda")
     target = person.manipulability(REACHING)[None]
     lines = {"person": person.skeleton(REACHING)[None]}
     for name, angles in MOUNTINGS.items():

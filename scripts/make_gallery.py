@@ -54,7 +54,8 @@ def ellipsoid_task(folder: Path) -> Figure:
 def path_and_distance(motion: ArmMotion) -> Figure:
     """Plot the end-effector path, and the distance with the pointwise optimum found (example 06)."""
     figure, (side, axes) = panels(2, 3.6)
-    error, best = motion.distance, motion.pointwise_best
+    error = motion.distance
+    best = motion.pointwise_best
     side.plot(
         motion.path[:, 1],
         motion.path[:, 2],
@@ -127,7 +128,8 @@ def replay(result: tuple[np.ndarray, ...]) -> Figure:
 def live_states(folder: Path) -> Figure:
     """Plot the distance to the target and the state of the live controller (example 10)."""
     with np.load(folder / "live.npz") as arrays:
-        time, states = arrays["time"], arrays["state"]
+        time = arrays["time"]
+        states = arrays["state"]
         figure, (axes,) = panels(1, 1.9)
         axes.plot(time, arrays["distance"], color=ACHIEVED.color, linewidth=1.4)
     height = axes.get_xaxis_transform()
@@ -143,7 +145,8 @@ def both_paths(result: Any) -> Figure:
     """Plot target and achieved paths of both end effectors from above (example 11)."""
     figure, (axes,) = panels(1, 1.6)
     for output in result.arms:
-        motion, arm = output.motion, output.robot
+        motion = output.motion
+        arm = output.robot
         positions = arm.forward(motion.joint_positions)[:, :3, 3]
         axes.plot(
             motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="target"
@@ -159,8 +162,13 @@ def both_paths(result: Any) -> Figure:
         axes.plot(base[1], base[0], "s", color=REFERENCE.color, markersize=5, label="base")
     axes.set(xlabel="to the left, y [m]", ylabel="forward, x [m]", aspect="equal")
     axes.invert_xaxis()
-    figure.legend(*(items[:3] for items in axes.get_legend_handles_labels()), loc="outside upper center", frameon=False,
-                  fontsize=TEXT, ncols=3)  # fmt: skip
+    figure.legend(
+        *(items[:3] for items in axes.get_legend_handles_labels()),
+        loc="outside upper center",
+        frameon=False,
+        fontsize=TEXT,
+        ncols=3,
+    )
     return laid_out(figure)
 
 

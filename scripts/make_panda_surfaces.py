@@ -26,7 +26,8 @@ SOURCE = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/pa
 LINKS = [f"panda_link{i}" for i in range(8)]
 HAND = "panda_hand"
 FINGERS = ["panda_leftfinger", "panda_rightfinger"]
-ARM_TRIANGLES, HAND_TRIANGLES = 9000, 900
+ARM_TRIANGLES = 9000
+HAND_TRIANGLES = 900
 
 
 def main() -> None:
@@ -66,7 +67,8 @@ def _reduced(mesh: Mesh, most: int) -> Mesh:
 def _hull(points: Array) -> Mesh:
     """Convex hull of points with its triangles counter-clockwise seen from outside."""
     hull = ConvexHull(points)
-    corners, triangles = points[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
+    corners = points[hull.vertices]
+    triangles = np.searchsorted(hull.vertices, hull.simplices)
     normals = np.cross(*(corners[triangles[:, k]] - corners[triangles[:, 0]] for k in (1, 2)))
     inward = np.sum(normals * hull.equations[:, :3], axis=1) < 0
     triangles[inward] = triangles[inward][:, ::-1]
@@ -81,7 +83,8 @@ def _write(path: Path, shapes: list[Shape]) -> None:
     }
     for i, shape in enumerate(shapes):
         points, triangles = shape.mesh
-        corner, step = points.min(axis=0), float(np.ptp(points, axis=0).max()) / 65_535
+        corner = points.min(axis=0)
+        step = float(np.ptp(points, axis=0).max()) / 65_535
         arrays[f"grid_{i}"] = np.array([*corner, step])
         arrays[f"points_{i}"] = np.round((points - corner) / step).astype(np.uint16)
         arrays[f"triangles_{i}"] = triangles.astype(np.uint16)

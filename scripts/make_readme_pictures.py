@@ -25,7 +25,10 @@ from maniport.report.write import write_results
 
 HOME = Path(__file__).parents[1]
 DOCS = HOME / "docs"
-FRAMES, WIDTH, SIZE, TALL = 80, 700, (1024, 768), (900, 1200)
+FRAMES = 80
+WIDTH = 700
+SIZE = (1024, 768)
+TALL = (900, 1200)
 """Frames of the animation, its width, and the window sizes for page and scene [pixels]."""
 SCENE = ".stages"
 STATISTICS = {"median": "median", "95": "p95", "largest": "max"}
@@ -37,7 +40,8 @@ most of all their maxima, which are not compared."""
 def figures_of(folder: Path) -> dict[str, float]:
     """Return the figures of the demo in the README, to three digits."""
     motion = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["motion"]
-    error, duration = motion["position_error_mm"], motion["duration_s"]
+    error = motion["position_error_mm"]
+    duration = motion["duration_s"]
     figures = {f"distance_{name}": motion["distance"][key] for name, key in STATISTICS.items()}
     figures |= {f"position_error_{name}_mm": error[key] for name, key in STATISTICS.items()}
     figures |= {"duration_s": duration["robot"], "person_s": duration["person"]}

@@ -51,10 +51,9 @@ class Pandas:
     """Kinematics, ellipsoids and collisions of Pandas; arms are identified by the prefix of their names."""
 
     def __init__(self, frames: dict[str, str], bases: dict[str, Base], payload: ArrayLike = 0.0):
-        self.meshes, payloads = (
-            read_meshes(),
-            np.broadcast_to(payload, len(frames)),
-        )  # one for all, or of each arm [kg]
+        # one for all, or of each arm [kg]
+        self.meshes = read_meshes()
+        payloads = np.broadcast_to(payload, len(frames))
         self.masses = json.loads(MASSES.read_text(encoding="utf-8"))["masses"]
         spec = mujoco.MjSpec()
         spec.option.timestep = 1e-3
@@ -132,13 +131,16 @@ class Pandas:
         self.data.qpos = q
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
-        jacobian, site = np.zeros((3, self.model.nv)), self.model.site(f"{prefix}end_effector").id
+        jacobian = np.zeros((3, self.model.nv))
+        site = self.model.site(f"{prefix}end_effector").id
         mujoco.mj_jacSite(self.model, self.data, jacobian, None, site)
         return self.data.site_xpos[site].copy(), jacobian @ jacobian.T
 
     def torques(self, q: Array, velocity: Array, acceleration: Array) -> Array:
         """Return the joint torques (joints,) [N m] of a state, by MuJoCo's inverse dynamics without contacts."""
-        self.data.qpos, self.data.qvel, self.data.qacc = q, velocity, acceleration
+        self.data.qpos = q
+        self.data.qvel = velocity
+        self.data.qacc = acceleration
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         mujoco.mj_inverse(self.model, self.data)
         self.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -150,15 +152,14 @@ class Pandas:
         `servo` returns torques from the wanted position, velocity and torques (joints,), the actual position and
         velocity, and the joint-space inertia (joints, joints) there.
         """
-        model, data = self.model, self.data
+        model = self.model
+        data = self.data
         mujoco.mj_resetData(model, data)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-        data.qpos, data.qvel, reached, inertia = (
-            q[0],
-            velocity[0],
-            np.empty(q.shape),
-            np.empty((model.nv, model.nv)),
-        )
+        data.qpos = q[0]
+        data.qvel = velocity[0]
+        reached = np.empty(q.shape)
+        inertia = np.empty((model.nv, model.nv))
         for i, wanted in enumerate(zip(q, velocity, torques, strict=True)):
             reached[i] = data.qpos
             mujoco.mj_step1(model, data)
@@ -209,15 +210,19 @@ def _edges_pierce(triangles: Array, others: Array) -> bool:
     """Return whether an edge of a triangle (t, 3, 3) intersects another (u, 3, 3), after Moeller and Trumbore."""
     if not len(triangles) or not len(others):
         return False
-    origin, first, second = others[:, 0], others[:, 1] - others[:, 0], others[:, 2] - others[:, 0]
+    origin = others[:, 0]
+    first = others[:, 1] - others[:, 0]
+    second = others[:, 2] - others[:, 0]
     normal = np.cross(first, second)
     for k in range(3):
-        start, edge = triangles[:, None, k], (triangles[:, (k + 1) % 3] - triangles[:, k])[:, None]
+        start = triangles[:, None, k]
+        edge = (triangles[:, (k + 1) % 3] - triangles[:, k])[:, None]
         slope = np.sum(edge * normal, axis=-1)
         slope = np.where(slope == 0.0, np.nan, slope)
         position = np.sum((origin - start) * normal, axis=-1) / slope
         moment = np.cross(start - origin, edge)
-        u, v = -np.sum(moment * second, axis=-1) / slope, np.sum(moment * first, axis=-1) / slope
+        u = -np.sum(moment * second, axis=-1) / slope
+        v = np.sum(moment * first, axis=-1) / slope
         if ((position >= 0.0) & (position <= 1.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)).any():
             return True
     return False

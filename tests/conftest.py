@@ -72,10 +72,8 @@ def repeated():
     way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[
         :, None
     ]
-    rest, reach = (
-        np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]),
-        np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0]),
-    )
+    rest = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0])
+    reach = np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
     return synthetic_recording(human_arm("myoarm"), rest + way * reach, time)
 
 
@@ -88,7 +86,8 @@ def random_spd():
         shape = np.atleast_1d(np.array(shape, dtype=int))
         basis = np.linalg.qr(rng.standard_normal((*shape, d, d)))[0]
         exponent = rng.uniform(-0.5, 0.5, (*shape, d))
-        exponent[..., 0], exponent[..., -1] = -0.5, 0.5
+        exponent[..., 0] = -0.5
+        exponent[..., -1] = 0.5
         matrices = (basis * condition ** exponent[..., None, :]) @ np.swapaxes(basis, -1, -2)
         return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
 

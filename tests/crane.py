@@ -23,10 +23,8 @@ CRANE = """<robot name="crane"><link name="base"/><link name="post"/><link name=
 def limb(side: str) -> Arm:
     """One arm of the crane: four joints and a box on each, on a trunk that turns and rises on a base."""
     sign = 1.0 if side == "left" else -1.0
-    axes, places = (
-        np.eye(3)[[2, 2, 2, 1, 2, 1]],
-        [(0, 0, 0.2), (0, 0, 0.3), (0.05, sign * 0.2, 0.1)],
-    )
+    axes = np.eye(3)[[2, 2, 2, 1, 2, 1]]
+    places = [(0, 0, 0.2), (0, 0, 0.3), (0.05, sign * 0.2, 0.1)]
     places += [(0, sign * 0.1, 0), (0.25, 0, 0), (0.2, 0, 0.0)]
     names = ("turn", "rise", *(f"{side}_{i}" for i in range(1, 5)))
     joints = [

@@ -14,13 +14,17 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import myoarm
 from maniport.mocap import Recording, synthetic_recording
 
-UPPER_ARM, FOREARM, HAND = 0.30, 0.26, 0.08
+UPPER_ARM = 0.30
+FOREARM = 0.26
+HAND = 0.08
 BONES = (("shoulder", "elbow", UPPER_ARM), ("elbow", "wrist", FOREARM), ("wrist", "hand", HAND))
 
 _DATA = yaml.safe_load(
     (Path(__file__).parent / "mocap" / "data" / "programs.yaml").read_text(encoding="utf-8")
 )
-REST, SPINE, POINTS = _DATA["rest"], _DATA["parents"], _DATA["points"]
+REST = _DATA["rest"]
+SPINE = _DATA["parents"]
+POINTS = _DATA["points"]
 BESIDE = ("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar")
 """Points beside the joints of an arm."""
 
@@ -42,8 +46,10 @@ class Motion:
 
 def motion(n=40, rate=50.0):
     """A second of motion of the right arm, well inside the limits of the model; the left arm hangs."""
-    arm, time = myoarm(UPPER_ARM, FOREARM, HAND), np.arange(n) / rate
-    middle, half = (arm.upper + arm.lower) / 2, (arm.upper - arm.lower) / 2
+    arm = myoarm(UPPER_ARM, FOREARM, HAND)
+    time = np.arange(n) / rate
+    middle = (arm.upper + arm.lower) / 2
+    half = (arm.upper - arm.lower) / 2
     phase = np.arange(arm.dof)
     q = middle + 0.5 * half * np.sin(2 * np.pi * 0.4 * time[:, None] + phase)
     rest = np.clip(np.radians([0, 8, 0, 15, 0, 0, 0]), arm.lower, arm.upper)
@@ -54,10 +60,13 @@ def motion(n=40, rate=50.0):
     parts = {name: np.tile(np.array(place, dtype=float), (n, 1)) for name, place in REST.items()}
     for letter, sign, angles in (("r", 1.0, q), ("l", -1.0, still)):
         seen = synthetic_recording(arm, angles, time)
-        mirror, at = np.array([1.0, sign, 1.0]), parts[f"shoulder_{letter}"]
+        mirror = np.array([1.0, sign, 1.0])
+        at = parts[f"shoulder_{letter}"]
         for start, end, length in (
-            ("shoulder", "elbow", UPPER_ARM), ("elbow", "wrist", FOREARM), ("wrist", "hand", HAND),
-        ):  # fmt: skip
+            ("shoulder", "elbow", UPPER_ARM),
+            ("elbow", "wrist", FOREARM),
+            ("wrist", "hand", HAND),
+        ):
             bone = mirror * (seen.point(end) - seen.point(start))
             at = at + length * bone / np.linalg.norm(bone, axis=-1, keepdims=True)
             parts[f"{end}_{letter}"] = at
@@ -130,7 +139,8 @@ def write_bvh(path, skeleton, made):
     children = {part: [other for other in parts if parent(other) == part] for part in parts}
     places = {part: made.parts[part] @ world.T for part in [*parts, "hand_r", "hand_l", "crown"]}
     rest = _rest_places(world)
-    turns, zero = {}, {}
+    turns = {}
+    zero = {}
     for part in parts:
         tip = next(iter(children[part]), {"wrist_r": "hand_r", "wrist_l": "hand_l"}.get(part))
         moves = part in ("shoulder_r", "elbow_r", "wrist_r", "shoulder_l", "elbow_l", "wrist_l")
@@ -144,7 +154,8 @@ def write_bvh(path, skeleton, made):
             )
             if skeleton.bones == "x":  # the bone's own frame lies otherwise than the body's at rest
                 zero[part] = onto(np.array([[1.0, 0.0, 0.0]]), bone[None])[0]
-    lines, rows = ["HIERARCHY"], []
+    lines = ["HIERARCHY"]
+    rows = []
 
     def write(part, depth):
         above_ = parent(part)
@@ -190,8 +201,11 @@ def write_bvh(path, skeleton, made):
 
 
 def mirrored_parts():
-    left = {f"{part[:-2]}_l": (f"{on[:-2]}_l" if on.endswith("_r") else on)
-            for part, on in SPINE.items() if part.endswith("_r")}  # fmt: skip
+    left = {
+        f"{part[:-2]}_l": (f"{on[:-2]}_l" if on.endswith("_r") else on)
+        for part, on in SPINE.items()
+        if part.endswith("_r")
+    }
     return SPINE | left
 
 

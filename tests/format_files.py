@@ -41,8 +41,11 @@ def write_trc(path, recording, unit="m", scale=1.0):
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
-        f"{rate}\t{rate}\t{n}\t{k}\t{unit}\t{rate}\t1\t{n}", f"Frame#\tTime\t{names}", f"\t\t{axes}", "",
-    ]  # fmt: skip
+        f"{rate}\t{rate}\t{n}\t{k}\t{unit}\t{rate}\t1\t{n}",
+        f"Frame#\tTime\t{names}",
+        f"\t\t{axes}",
+        "",
+    ]
     for i, (time, places) in enumerate(zip(recording.time, recording.positions, strict=True)):
         cells = [_cell(x / scale) for x in places.reshape(-1)]
         lines.append("\t".join([str(i + 1), f"{time:.6f}", *cells]))
@@ -69,16 +72,20 @@ def write_csv(path, recording, long=False, dot=False):
     if long:
         lines = ["time,name,x,y,z"]
         for time, places in zip(recording.time, recording.positions, strict=True):
-            lines += [f"{time:.6f},{name},{','.join(map(_cell, place))}"
-                      for name, place in zip(recording.names, places, strict=True)]  # fmt: skip
+            lines += [
+                f"{time:.6f},{name},{','.join(map(_cell, place))}"
+                for name, place in zip(recording.names, places, strict=True)
+            ]
     else:
         lines = [
             ",".join(
                 ["time", *(f"{name}{sign}{axis}" for name in recording.names for axis in "xyz")]
             )
         ]
-        lines += [f"{time:.6f}," + ",".join(map(_cell, places.reshape(-1)))
-                  for time, places in zip(recording.time, recording.positions, strict=True)]  # fmt: skip
+        lines += [
+            f"{time:.6f}," + ",".join(map(_cell, places.reshape(-1)))
+            for time, places in zip(recording.time, recording.positions, strict=True)
+        ]
     return _written(path, lines)
 
 
@@ -88,15 +95,19 @@ def write_motive(path, recording, solved=True):
     kinds = [(name, "Marker", "Position") for name in names]
     if solved:
         kinds = [
-            ("Bat", "Rigid Body", "Rotation"), *((name, "Rigid Body Marker", "Position") for name in names), *kinds,
-        ]  # fmt: skip
+            ("Bat", "Rigid Body", "Rotation"),
+            *((name, "Rigid Body Marker", "Position") for name in names),
+            *kinds,
+        ]
     lines = [
-        f"Format Version,1.23,Take Name,A take,Capture Frame Rate,{recording.rate:.6f},Length Units,Millimeters", "",
+        f"Format Version,1.23,Take Name,A take,Capture Frame Rate,{recording.rate:.6f},Length Units,Millimeters",
+        "",
         ",Type,," + ",".join(",".join([kind] * 3) for _, kind, _ in kinds),
         ",Name,," + ",".join(",".join([f'"{name}"'] * 3) for name, _, _ in kinds),
-        ",ID,," + ",".join("1,1,1" for _ in kinds), ",,," + ",".join(",".join([what] * 3) for *_, what in kinds),
+        ",ID,," + ",".join("1,1,1" for _ in kinds),
+        ",,," + ",".join(",".join([what] * 3) for *_, what in kinds),
         "Frame,Time (Seconds),TimeCode" + ",X,Y,Z" * len(kinds),
-    ]  # fmt: skip
+    ]
     for i, places in enumerate(recording.positions[:, :, [1, 2, 0]]):
         cells = [_cell(1000 * x, 3) for x in places.reshape(-1)]
         before = ["0", "0", "0", *["7"] * len(cells)] if solved else []
@@ -108,9 +119,20 @@ def write_motive(path, recording, solved=True):
 
 def write_nexus(path, recording):
     """Nexus' ASCII export: a force plate, then markers in millimetres."""
-    lines = ["Devices", "1000", ",,Plate - Force", "Frame,Sub Frame,Fx", ",,N", "1,0,700", "", "Trajectories",
-             f"{recording.rate:.0f}", ",," + ",".join(f"Subject:{name},," for name in recording.names),
-             "Frame,Sub Frame" + ",X,Y,Z" * len(recording.names), "," + ",mm" * 3 * len(recording.names)]  # fmt: skip
+    lines = [
+        "Devices",
+        "1000",
+        ",,Plate - Force",
+        "Frame,Sub Frame,Fx",
+        ",,N",
+        "1,0,700",
+        "",
+        "Trajectories",
+        f"{recording.rate:.0f}",
+        ",," + ",".join(f"Subject:{name},," for name in recording.names),
+        "Frame,Sub Frame" + ",X,Y,Z" * len(recording.names),
+        "," + ",mm" * 3 * len(recording.names),
+    ]
     for i, places in enumerate(recording.positions):
         lines.append(",".join([str(i + 1), "0", *(_cell(1000 * x, 3) for x in places.reshape(-1))]))
     return _written(path, [*lines, ""])
@@ -119,9 +141,15 @@ def write_nexus(path, recording):
 def write_qualisys(path, recording, columns=True):
     """The TSV of Qualisys Track Manager, with a line of columns or without; a tab ends each line."""
     names = "\t".join(recording.names)
-    lines = [f"NO_OF_FRAMES\t{len(recording)}", f"NO_OF_MARKERS\t{len(recording.names)}",
-             f"FREQUENCY\t{recording.rate:.0f}", "DESCRIPTION\t--", "TIME_STAMP\t2024-01-01, 12:11:10.322\t12345.678",
-             "DATA_INCLUDED\t3D", f"MARKER_NAMES\t{names}\t"]  # fmt: skip
+    lines = [
+        f"NO_OF_FRAMES\t{len(recording)}",
+        f"NO_OF_MARKERS\t{len(recording.names)}",
+        f"FREQUENCY\t{recording.rate:.0f}",
+        "DESCRIPTION\t--",
+        "TIME_STAMP\t2024-01-01, 12:11:10.322\t12345.678",
+        "DATA_INCLUDED\t3D",
+        f"MARKER_NAMES\t{names}\t",
+    ]
     if columns:
         lines.append(
             "Frame\tTime\t"
@@ -137,21 +165,28 @@ def write_qualisys(path, recording, columns=True):
 
 def write_mvnx(path, recording):
     """The XML of MVN: an identity frame, then the motion; orientations stand before positions."""
-    segments = "".join(f'<segment label="{name}" id="{i + 1}"><points/></segment>'
-                       for i, name in enumerate(recording.names))  # fmt: skip
+    segments = "".join(
+        f'<segment label="{name}" id="{i + 1}"><points/></segment>'
+        for i, name in enumerate(recording.names)
+    )
     still = " ".join(["1 0 0 0"] * len(recording.names))
     frames = [
         f'<frame time="0" type="identity"><orientation>{still}</orientation><position>0 0 0</position></frame>'
     ]
     for time, places in zip(recording.time, recording.positions, strict=True):
         numbers = " ".join(f"{x:.6f}" for x in places.reshape(-1))
-        frames.append(f'<frame time="{1000 * time:.0f}" type="normal"><orientation>{still}</orientation>'
-                      f"<position>{numbers}</position></frame>")  # fmt: skip
-    return _written(path, [
-        '<?xml version="1.0" encoding="UTF-8"?>\n<mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">'
-        f'<subject label="A" frameRate="{recording.rate:.0f}" segmentCount="{len(recording.names)}">'
-        f"<segments>{segments}</segments><frames>{''.join(frames)}</frames></subject></mvnx>",
-    ])  # fmt: skip
+        frames.append(
+            f'<frame time="{1000 * time:.0f}" type="normal"><orientation>{still}</orientation>'
+            f"<position>{numbers}</position></frame>"
+        )
+    return _written(
+        path,
+        [
+            '<?xml version="1.0" encoding="UTF-8"?>\n<mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">'
+            f'<subject label="A" frameRate="{recording.rate:.0f}" segmentCount="{len(recording.names)}">'
+            f"<segments>{segments}</segments><frames>{''.join(frames)}</frames></subject></mvnx>",
+        ],
+    )
 
 
 def landmarks(recording, order, turn, origin):
@@ -159,12 +194,20 @@ def landmarks(recording, order, turn, origin):
     frames = []
     for i, places in enumerate(recording.positions):
         start = places[[recording.names.index(name) for name in origin]].mean(axis=0)
-        by_name = {name: (place - start) @ np.transpose(turn)
-                   for name, place in zip(recording.names, places, strict=True)}  # fmt: skip
-        frames.append({"timestamp_ms": 1000 * recording.time[i], "pose_world_landmarks": [
-            dict(zip("xyz", map(float, by_name.get(name, np.zeros(3))), strict=True))
-            | {"visibility": 0.9 if name in by_name else 0.1} for name in order
-        ]})  # fmt: skip
+        by_name = {
+            name: (place - start) @ np.transpose(turn)
+            for name, place in zip(recording.names, places, strict=True)
+        }
+        frames.append(
+            {
+                "timestamp_ms": 1000 * recording.time[i],
+                "pose_world_landmarks": [
+                    dict(zip("xyz", map(float, by_name.get(name, np.zeros(3))), strict=True))
+                    | {"visibility": 0.9 if name in by_name else 0.1}
+                    for name in order
+                ],
+            }
+        )
     return frames
 
 

@@ -27,11 +27,20 @@ MISSING = "no Chromium here; Debian: apt-get install chromium"
 INSTALL = "npm install --no-save axe-core"
 
 FLAGS = (
-    "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-port=0",
-    "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--disable-back-forward-cache", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--remote-debugging-port=0",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-back-forward-cache",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="session")
@@ -64,10 +73,8 @@ class Browser:
     """
 
     def __init__(self, profile: Path):
-        words, port = (
-            [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
-            profile / "DevToolsActivePort",
-        )
+        words = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "about:blank"]
+        port = profile / "DevToolsActivePort"
         self.process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         while not port.exists() or len(port.read_text().split()) < 2:
             assert self.process.poll() is None, "Chromium has ended"
@@ -75,8 +82,11 @@ class Browser:
         self.socket = connect(
             "ws://127.0.0.1:{}{}".format(*port.read_text().split()), max_size=None
         )
-        self.numbers, self.session = itertools.count(1), None
-        self.complaints, self.errors, self.requests = [], [], []
+        self.numbers = itertools.count(1)
+        self.session = None
+        self.complaints = []
+        self.errors = []
+        self.requests = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
             "sessionId"
@@ -97,7 +107,8 @@ class Browser:
         return message["result"]
 
     def note(self, message):
-        method, params = message.get("method"), message.get("params", {})
+        method = message.get("method")
+        params = message.get("params", {})
         if method == "Runtime.exceptionThrown":
             self.complain(
                 "error",

@@ -26,7 +26,10 @@ TIME = Clock()
 
 class Node:
     def __init__(self, name):
-        self.name, self.callbacks, self.timers, self.log = name, {}, [], MagicMock()
+        self.name = name
+        self.callbacks = {}
+        self.timers = []
+        self.log = MagicMock()
         self.get_logger = lambda: self.log
         NODES.append(self)
 
@@ -90,12 +93,20 @@ MESSAGES = {
     ],
     "sensor_msgs": [message("JointState", name=list, position=list)],
     "std_msgs": [message("Float64MultiArray", data=list), message("Bool", data=bool)],
-}  # fmt: skip
+}
 MODULES = {
     "rclpy": SimpleNamespace(
-        init=lambda **_: None, Future=Future, spin_until_future_complete=spin, get_global_executor=MagicMock()
+        init=lambda **_: None,
+        Future=Future,
+        spin_until_future_complete=spin,
+        get_global_executor=MagicMock(),
     ),
-    "rclpy.node": SimpleNamespace(Node=Node), "rclpy.qos": MagicMock(), "rclpy.signals": MagicMock(),
+    "rclpy.node": SimpleNamespace(Node=Node),
+    "rclpy.qos": MagicMock(),
+    "rclpy.signals": MagicMock(),
     **{name: SimpleNamespace() for name in MESSAGES},
-    **{f"{name}.msg": SimpleNamespace(**{kind.__name__: kind for kind in kinds}) for name, kinds in MESSAGES.items()},
-}  # fmt: skip
+    **{
+        f"{name}.msg": SimpleNamespace(**{kind.__name__: kind for kind in kinds})
+        for name, kinds in MESSAGES.items()
+    },
+}

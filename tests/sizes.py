@@ -13,9 +13,13 @@ from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 
 SIX_ROWS = [  # like a UR5
-    [0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
-    [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0],
-]  # fmt: skip
+    [0, 0.089, 0, np.pi / 2],
+    [0, 0, -0.425, 0],
+    [0, 0, -0.392, 0],
+    [0, 0.109, 0, np.pi / 2],
+    [0, 0.095, 0, -np.pi / 2],
+    [0, 0.082, 0, 0],
+]
 SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
 
@@ -47,7 +51,8 @@ def motion_alone(result):
 
 def panda_profile(count=11):
     """Return the Panda, and times, joint positions, ellipsoids and end-effector positions of a short motion."""
-    panda, time = load_arm("panda"), np.linspace(0.0, 1.0, count)
+    panda = load_arm("panda")
+    time = np.linspace(0.0, 1.0, count)
     joints = np.linspace(
         [0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], count
     )

@@ -30,11 +30,14 @@ def script():
 
 def export(folder, seconds=1.0):
     """Write a slow motion from rest to rest whose targets are its own ellipsoids and positions."""
-    arm, time = load_arm("panda", frame="panda_hand_tcp"), np.arange(0.0, seconds + 1e-9, 1e-3)
+    arm = load_arm("panda", frame="panda_hand_tcp")
+    time = np.arange(0.0, seconds + 1e-9, 1e-3)
     s = time / seconds
     q = FIRST + (s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3))[:, None] * (LAST - FIRST)
-    waypoints, points = time[::100], q[::100]
-    path, profile = arm.forward(points)[:, :3, 3], arm.manipulability(points)
+    waypoints = time[::100]
+    points = q[::100]
+    path = arm.forward(points)[:, :3, 3]
+    profile = arm.manipulability(points)
     motion = ArmMotion.of_motion(arm, waypoints, profile, time, q, path=path)
     save_ellipsoids(folder / "placed_profile.npz", profile, waypoints)
     save_path(folder / "path.npz", path, waypoints)

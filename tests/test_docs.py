@@ -138,7 +138,8 @@ def test_figures_of_the_readme_are_those_that_were_measured():
     demo = json.loads((ROOT / "docs" / "demo.json").read_text(encoding="utf-8"))
     distance = [f"{demo[f'distance_{name}']:.2f}" for name in ("median", "95", "largest")]
     error = [f"{demo[f'position_error_{name}_mm']:.1f}" for name in ("median", "95", "largest")]
-    duration, person = f"{demo['duration_s']:.1f} s", f"{demo['person_s']:.1f} s"
+    duration = f"{demo['duration_s']:.1f} s"
+    person = f"{demo['person_s']:.1f} s"
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     rival = f"(positions only {demo['force_N_positions_only']:.0f} N)"
     force = f"{demo['force_N']:.0f} N where the person is strong {rival}"

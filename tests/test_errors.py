@@ -14,10 +14,16 @@ from maniport.report import as_markdown
 from maniport.report.values import Metric, Report, Section, Table
 
 BUILTINS = {
-    errors.InvalidInputError: ValueError, errors.NotSPDError: ValueError, errors.UnknownNameError: LookupError,
-    errors.NotFittedError: AttributeError, errors.NotInvertibleError: TypeError, errors.FileFormatError: ValueError,
-    errors.RecordingError: ValueError, errors.OutputError: OSError, errors.MissingPackageError: ImportError,
-}  # fmt: skip
+    errors.InvalidInputError: ValueError,
+    errors.NotSPDError: ValueError,
+    errors.UnknownNameError: LookupError,
+    errors.NotFittedError: AttributeError,
+    errors.NotInvertibleError: TypeError,
+    errors.FileFormatError: ValueError,
+    errors.RecordingError: ValueError,
+    errors.OutputError: OSError,
+    errors.MissingPackageError: ImportError,
+}
 
 
 def test_errors_are_builtin_errors_and_survive_pickling():
@@ -42,11 +48,20 @@ def test_unknown_names_are_answered_with_those_there_are():
     assert message.count("'joint") == 20
 
 
-@pytest.mark.parametrize(("name", "value", "called", "typed"), [
-    ("unit", None, "unit=", "--unit"), ("side", "left", "side='left'", "--side left"),
-    ("position_tolerance", 5, "position_tolerance=5", "--position-tolerance 5"),
-    ("markers", {"a": ["A"]}, "markers={'a': ['A']}", '--markers markers.json, a file that holds {"a": ["A"]}'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "value", "called", "typed"),
+    [
+        ("unit", None, "unit=", "--unit"),
+        ("side", "left", "side='left'", "--side left"),
+        ("position_tolerance", 5, "position_tolerance=5", "--position-tolerance 5"),
+        (
+            "markers",
+            {"a": ["A"]},
+            "markers={'a': ['A']}",
+            '--markers markers.json, a file that holds {"a": ["A"]}',
+        ),
+    ],
+)
 def test_arguments_are_named_as_they_are_given(name, value, called, typed):
     assert argument(name, value) == called
     with on_the_command_line():
@@ -109,8 +124,13 @@ def test_markdown_shows_names_as_they_are(attack):
         for token in (block, *(block.children or ()))
     ]
     assert not {token.type for token in tokens} & {
-        "html_inline", "html_block", "link_open", "image", "blockquote_open", "entity"
-    }  # fmt: skip
+        "html_inline",
+        "html_block",
+        "link_open",
+        "image",
+        "blockquote_open",
+        "entity",
+    }
     headings = [
         tokens[i + 1].children for i, token in enumerate(tokens) if token.type == "heading_open"
     ]

@@ -21,11 +21,18 @@ print([name for name in ("sklearn", "scipy.stats") if name in sys.modules])
 """
 
 
-@pytest.mark.parametrize("estimator", [
-    mp.ParallelTransport(base_rotation=np.eye(3), damping=0.1), mp.RiemannianICP(), mp.ProfileGMM(n_components=2),
-], ids=lambda one: type(one).__name__)  # fmt: skip
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        mp.ParallelTransport(base_rotation=np.eye(3), damping=0.1),
+        mp.RiemannianICP(),
+        mp.ProfileGMM(n_components=2),
+    ],
+    ids=lambda one: type(one).__name__,
+)
 def test_clones_are_those_of_scikit_learn(estimator):
-    ours, theirs = clone(estimator), sklearn_clone(estimator)
+    ours = clone(estimator)
+    theirs = sklearn_clone(estimator)
     assert repr(ours) == repr(theirs) == repr(estimator)
     for name, value in estimator.get_params(deep=False).items():
         assert (getattr(ours, name) is value) == (getattr(theirs, name) is value)

@@ -15,7 +15,8 @@ from sizes import little_search
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(FOLDER.glob("*.py"))
 OTHER_DATA = "13_other_spd_data.py"
-PLACED, PHYSICS = "06_place_and_track.py", "08_replay_in_mujoco.py"
+PLACED = "06_place_and_track.py"
+PHYSICS = "08_replay_in_mujoco.py"
 LINKS = tuple(f"panda_link{i}" for i in range(1, 8))
 
 
@@ -31,7 +32,9 @@ def test_the_physical_panda_is_the_panda():
     model = runpy.run_path(str(FOLDER / PHYSICS), run_name="physics")["physical_panda"](panda)
     data = mujoco.MjData(model)
     for q in panda.sample(3, 1):
-        data.qpos, data.ctrl, data.qvel = q, q, 0.0
+        data.qpos = q
+        data.ctrl = q
+        data.qvel = 0.0
         mujoco.mj_forward(model, data)
         assert_allclose(data.xpos[1:], panda.point_positions(q, LINKS), atol=1e-12)
         assert_allclose(data.qfrc_actuator, panda.gravity_torques(q), atol=1e-9)

@@ -40,9 +40,14 @@ def result(moment, tmp_path_factory):
     method = LogEuclideanShift(damping=0.01)
     with little_search():
         found = mp.transfer_recording(
-            recording, person="stiff_shoulder", robot=robot, method=method, speed_scale=0.5,
-            costs=[HeightCost(mp.load_arm(robot), "link5", 0.0)], **SMALL,
-        )  # fmt: skip
+            recording,
+            person="stiff_shoulder",
+            robot=robot,
+            method=method,
+            speed_scale=0.5,
+            costs=[HeightCost(mp.load_arm(robot), "link5", 0.0)],
+            **SMALL,
+        )
     assert not hasattr(method, "shift_")  # a clone was fitted
     return found
 
@@ -69,10 +74,15 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
     arm = mp.load_arm("myoarm", side=side)
     seen = synthetic_recording(arm, np.linspace(arm.lower, arm.upper, 9)[3:6], [0.0, 0.1, 0.2])
     renamed = {
-        "shoulder": f"Acromion_{r}", "elbow_lateral": f"Epi_Lat_{r}", "elbow_medial": f"Epi_Med_{r}",
-        "wrist_radial": f"Styloid_Rad_{r}", "wrist_ulnar": f"Styloid_Uln_{r}", "trunk_low": "Sacrum",
-        "trunk_high": "Vertebra_7", "trunk_front": f"Acromion_{other}",
-    }  # fmt: skip
+        "shoulder": f"Acromion_{r}",
+        "elbow_lateral": f"Epi_Lat_{r}",
+        "elbow_medial": f"Epi_Med_{r}",
+        "wrist_radial": f"Styloid_Rad_{r}",
+        "wrist_ulnar": f"Styloid_Uln_{r}",
+        "trunk_low": "Sacrum",
+        "trunk_high": "Vertebra_7",
+        "trunk_front": f"Acromion_{other}",
+    }
     points = seen.select(renamed)
     across = points.positions.copy()
     across[:, -1] = [[1, -1, 1]] * points.positions[:, 0]  # the other shoulder

@@ -17,7 +17,8 @@ def test_the_error_is_the_distance(panda):
     model = robot_model(panda)
     task = run_path(str(EXAMPLE))["EllipsoidTask"](panda, lm_damping=0.0)
     epsilon = task.damping.epsilon * np.eye(3)
-    q, target = panda.sample(1, 1)[0], panda.manipulability(panda.sample(1, 2)[0])
+    q = panda.sample(1, 1)[0]
+    target = panda.manipulability(panda.sample(1, 2)[0])
 
     def at(q):
         return pink.Configuration(model, model.createData(), q)

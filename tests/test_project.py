@@ -46,8 +46,12 @@ def test_the_citation_is_of_the_software_and_refers_to_the_paper():
 
 
 def test_the_recipe_has_the_dependencies_of_the_package():
-    expected = {re.sub(r"^[\w-]+", lambda name: CONDA.get(name[0].lower(), name[0].lower()), line).replace(" ", "")
-                for line in PROJECT["dependencies"]}  # fmt: skip
+    expected = {
+        re.sub(r"^[\w-]+", lambda name: CONDA.get(name[0].lower(), name[0].lower()), line).replace(
+            " ", ""
+        )
+        for line in PROJECT["dependencies"]
+    }
     listed = {line.replace(" ", "") for line in read("conda/recipe.yaml")["requirements"]["run"]}
     assert {line for line in listed if not line.startswith("python")} == expected
 

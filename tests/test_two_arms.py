@@ -147,17 +147,28 @@ def no_sampling(monkeypatch):
     )
 
 
-@pytest.mark.parametrize(("options", "error", "words"), [
-    ({"recording": "freeform"}, RecordingError, "shows the right"),
-    ({"robot": mp.load_arm("panda"), "side": "both"}, InvalidInputError, "side"),
-    ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
-    ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be"),
-    ({"hand_targets": "absolute"}, InvalidInputError, "unknown hand_targets 'absolute'"),
-    ({"hand_targets": "relative", "workspace": [(0, 1)] * 3, "move": True}, InvalidInputError, "workspace"),
-    ({"orientation": (0, 0, -1), "orientation_axes": "whole"}, InvalidInputError, "orientation_axes"),
-    ({"gain": 1.0}, InvalidInputError, "unknown option 'gain'"),
-    ({"spec": "velocity"}, InvalidInputError, "unknown option 'spec'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"recording": "freeform"}, RecordingError, "shows the right"),
+        ({"robot": mp.load_arm("panda"), "side": "both"}, InvalidInputError, "side"),
+        ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
+        ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be"),
+        ({"hand_targets": "absolute"}, InvalidInputError, "unknown hand_targets 'absolute'"),
+        (
+            {"hand_targets": "relative", "workspace": [(0, 1)] * 3, "move": True},
+            InvalidInputError,
+            "workspace",
+        ),
+        (
+            {"orientation": (0, 0, -1), "orientation_axes": "whole"},
+            InvalidInputError,
+            "orientation_axes",
+        ),
+        ({"gain": 1.0}, InvalidInputError, "unknown option 'gain'"),
+        ({"spec": "velocity"}, InvalidInputError, "unknown option 'spec'"),
+    ],
+)
 @pytest.mark.usefixtures("no_sampling")
 def test_wrong_arguments_are_named_before_long_work(recording, arms, options, error, words):
     ready = {"recording": recording, "robot": arms, "move": False, **OPTIONS} | options
@@ -169,14 +180,19 @@ PANDAS = ("--pose", "0,0.3,0,0", "--pose", "0,-0.3,0,0")
 BOTH = ("both-arms", "--side", "both")
 
 
-@pytest.mark.parametrize(("words", "message"), [
-    ((*BOTH, *PANDAS[:2]), "two"), ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
-    ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
-    ((*BOTH, *PANDAS, "--hand-targets", "absolute"), "unknown --hand-targets 'absolute'"),
-    ((*BOTH, *PANDAS, "--lock", "panda_joint1=10"), "unknown joint"), (BOTH, "must have two arms"),
-    ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
-    (("both-arms", "--hand-targets", "relative"), "needs several arms"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((*BOTH, *PANDAS[:2]), "two"),
+        ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
+        ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
+        ((*BOTH, *PANDAS, "--hand-targets", "absolute"), "unknown --hand-targets 'absolute'"),
+        ((*BOTH, *PANDAS, "--lock", "panda_joint1=10"), "unknown joint"),
+        (BOTH, "must have two arms"),
+        ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
+        (("both-arms", "--hand-targets", "relative"), "needs several arms"),
+    ],
+)
 @pytest.mark.usefixtures("no_sampling")
 def test_wrong_options_of_the_command_are_named_before_long_work(
     monkeypatch, tmp_path, words, message
@@ -197,7 +213,8 @@ def test_functions_of_one_arm_refuse_two(recording, arms):
 
 def test_one_arm_of_a_person_leads_three_arms(recording, tmp_path):
     """Each Panda moves in front of its own base, with targets, errors and files of its own; the motion has one time."""
-    panda, placed = mp.load_arm("panda"), np.tile(np.eye(4), (3, 1, 1))
+    panda = mp.load_arm("panda")
+    placed = np.tile(np.eye(4), (3, 1, 1))
     placed[:, 1, 3] = (1.2, 0.0, -1.2)
     arms = mp.ArmGroup(
         *(mp.Arm(standing(panda.chain, pose)) for pose in placed), names=("a", "b", "c")

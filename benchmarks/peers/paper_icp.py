@@ -52,9 +52,13 @@ class PaperICP:
     def fit(self, teacher: Array, student: Array) -> "PaperICP":
         """Learn the map from two domains of SPD matrices, shapes (n, d, d) and (m, d, d)."""
         random = np.random.default_rng(self.random_state)
-        mean_t, mean_s = mean_riemann(teacher), mean_riemann(student)
-        white_t, white_s = invsqrtm(mean_t), invsqrtm(mean_s)
-        moved, fixed = white_t @ teacher @ white_t, white_s @ student @ white_s  # eqs. 10 and 11
+        mean_t = mean_riemann(teacher)
+        mean_s = mean_riemann(student)
+        white_t = invsqrtm(mean_t)
+        white_s = invsqrtm(mean_s)
+        # eqs. 10 and 11
+        moved = white_t @ teacher @ white_t
+        fixed = white_s @ student @ white_s
         identity = np.eye(len(mean_t))
         ratio = np.mean(distance_riemann(fixed, identity)) / np.mean(
             distance_riemann(moved, identity)
@@ -64,14 +68,18 @@ class PaperICP:
         left, _, right = np.linalg.svd(white_s @ sqrtm(mean_t))
         rotation = left @ right  # parallel transport of the teacher
         seen: list[tuple[bytes, Array]] = []
-        self.cost_, self.rotation_, best = np.inf, rotation, 0
+        self.cost_ = np.inf
+        self.rotation_ = rotation
+        best = 0
         for iteration in range(self.max_iter + 1):
             self.n_iter_ = iteration
             index, weights = self._match(rotation @ moved @ rotation.T, fixed)
             step = PymanoptRotation(fixed[index], moved, weights)
             cost = np.sqrt(step.cost(rotation))
             if cost < self.cost_:
-                self.cost_, self.rotation_, best = float(cost), rotation, iteration
+                self.cost_ = float(cost)
+                self.rotation_ = rotation
+                best = iteration
             if iteration - best >= PATIENCE:
                 break
             starts = [rotation, *special_ortho_group.rvs(len(rotation), self.n_starts - 1, random)]

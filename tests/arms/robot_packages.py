@@ -41,7 +41,8 @@ def farthest(mujoco, model, arm, count=4):
 
     The other joints are where the arm locks them, or at zero. The end effector is a body or a site.
     """
-    data, worst = mujoco.MjData(model), 0.0
+    data = mujoco.MjData(model)
+    worst = 0.0
     is_site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, arm.frame) >= 0
     tip = data.site(arm.frame) if is_site else data.body(arm.frame)
     base = data.body(arm.chain.base or "world")

@@ -12,18 +12,43 @@ from maniport.arms.manipulability import manipulability
 from maniport.errors import InvalidInputError, NotSPDError
 
 WRONG = [  # method, arguments, options, message
-    ("sample", (2.5,), {}, "n must be a whole"), ("sample", (4,), {"sequence": "halton"}, "unknown sequence 'halton'"),
+    ("sample", (2.5,), {}, "n must be a whole"),
+    ("sample", (4,), {"sequence": "halton"}, "unknown sequence 'halton'"),
     ("sample", (4,), {"random_state": "seed"}, "random_state"),
-    ("point_positions", (np.zeros(7), ["panda_hnd"]), {}, "unknown frame 'panda_hnd' .*first: 'panda_hand'"),
-    *((name, (q,), {}, "^q must") for q in (np.zeros(6), 0.0, [[0, 0, np.nan, 0, 0, 0, 0]])
-      for name in ("forward", "jacobian", "manipulability", "skeleton", "require_within_limits")),
-    *(("manipulability", (np.zeros(7),), options, next(iter(options))) for options in (
-        {"kind": "speed"}, {"part": "linear"}, {"joint_weights": [1.0, 2.0]}, {"joint_weights": [1, 1, 0, 1, 1, 1, 1]},
-        {"joint_weights": [[1.0]]}, {"joint_weights": "limits"})),
-    *(("from_dh", ("planar",), {"rows": [[0, 0, 1, 0]] * 2} | options, next(iter(options))) for options in (
-        {"rows": [[0, 0, 1]]}, {"lower": [0, 0, 0]}, {"lower": 1.0, "upper": [2.0, 0.5]}, {"joint_names": ["a", "a"]},
-        {"kinds": ["revolute", "ball"]}, {"base": 2 * np.eye(3)})),
-]  # fmt: skip
+    (
+        "point_positions",
+        (np.zeros(7), ["panda_hnd"]),
+        {},
+        "unknown frame 'panda_hnd' .*first: 'panda_hand'",
+    ),
+    *(
+        (name, (q,), {}, "^q must")
+        for q in (np.zeros(6), 0.0, [[0, 0, np.nan, 0, 0, 0, 0]])
+        for name in ("forward", "jacobian", "manipulability", "skeleton", "require_within_limits")
+    ),
+    *(
+        ("manipulability", (np.zeros(7),), options, next(iter(options)))
+        for options in (
+            {"kind": "speed"},
+            {"part": "linear"},
+            {"joint_weights": [1.0, 2.0]},
+            {"joint_weights": [1, 1, 0, 1, 1, 1, 1]},
+            {"joint_weights": [[1.0]]},
+            {"joint_weights": "limits"},
+        )
+    ),
+    *(
+        ("from_dh", ("planar",), {"rows": [[0, 0, 1, 0]] * 2} | options, next(iter(options)))
+        for options in (
+            {"rows": [[0, 0, 1]]},
+            {"lower": [0, 0, 0]},
+            {"lower": 1.0, "upper": [2.0, 0.5]},
+            {"joint_names": ["a", "a"]},
+            {"kinds": ["revolute", "ball"]},
+            {"base": 2 * np.eye(3)},
+        )
+    ),
+]
 
 
 @pytest.mark.parametrize(("method", "arguments", "options", "message"), WRONG)
@@ -74,18 +99,23 @@ def arm(request: pytest.FixtureRequest) -> Arm:
 
 def test_kinematics_agrees_with_pinocchio(arm):
     """Poses and Jacobians are those of Pinocchio's model of the same chain, points those of arms that end there."""
-    chain, model = arm.chain, model_of(arm.chain)
+    chain = arm.chain
+    model = model_of(arm.chain)
     frame = chain.frames[chain.frame]
     placed = pin.Frame(
         chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME
     )
-    index, data, q = model.addFrame(placed), model.createData(), arm.sample(600, random_state=3)
-    poses, jacobians = arm.forward(q), arm.jacobian(q)
+    index = model.addFrame(placed)
+    data = model.createData()
+    q = arm.sample(600, random_state=3)
+    poses = arm.forward(q)
+    jacobians = arm.jacobian(q)
     for row, positions in enumerate(q[:16] @ chain.coupling.T + chain.offset):
         expected = pin.computeFrameJacobian(model, data, positions, index, pin.LOCAL_WORLD_ALIGNED)
         assert_allclose(poses[row], data.oMf[index].homogeneous, atol=1e-12)
         assert_allclose(jacobians[row], expected.reshape(6, -1) @ chain.coupling, atol=1e-12)
-    values, slopes = arm.point_positions(q, arm.frames), arm.point_jacobians(q, arm.frames)
+    values = arm.point_positions(q, arm.frames)
+    slopes = arm.point_jacobians(q, arm.frames)
     for k, name in enumerate(arm.frames):
         if np.any(chain.coupling[: chain.frames[name].joint]):
             part = arm.restricted(frame=name)
@@ -99,7 +129,8 @@ def test_kinematics_agrees_with_pinocchio(arm):
 @pytest.mark.parametrize("part", ["translation", "rotation", "full"])
 def test_derivatives_of_ellipsoids_are_finite_differences(name, kind, part):
     regular = mixed() if name == "mixed" else load_arm(name)
-    q, step = regular.sample(128 if kind == "force" else 20, random_state=1), 1e-5
+    q = regular.sample(128 if kind == "force" else 20, random_state=1)
+    step = 1e-5
     shifts = step * np.eye(regular.dof)
     for weights in (None, np.linspace(0.5, 2, regular.dof)):
         spec = EllipsoidSpec(kind, part, weights)

@@ -51,8 +51,13 @@ def test_three_arms_have_their_own_joints_frames_and_collisions():
 def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
     """The third arm has the first three joints of the second; columns, Jacobians and links agree with each chain."""
     second = crane.arms[1]
-    joints = [*second.chain.joints[:3], *(replace(joint, name=f"third_{i}", placement=pose((0, 0, 0.3)))
-              for i, joint in enumerate(second.chain.joints[3:]))]  # fmt: skip
+    joints = [
+        *second.chain.joints[:3],
+        *(
+            replace(joint, name=f"third_{i}", placement=pose((0, 0, 0.3)))
+            for i, joint in enumerate(second.chain.joints[3:])
+        ),
+    ]
     names = tuple(joint.name for joint in joints)
     frames = {
         "base": Frame(0, np.eye(4)),
@@ -82,14 +87,14 @@ def test_payloads_of_a_group_pull_its_end_effectors_down(crane):
     for chain, other in zip(chains, chains[::-1], strict=True):  # two joints are shared
         chain.inertia[2] += carried_inertia(other, 2)
     arms = map(mp.Arm, chains)
-    group, center, masses = (
-        mp.ArmGroup(*arms, names=crane.names),
-        np.array([0.0, 0.05, 0.1]),
-        np.array([2.0, 0.5]),
-    )
-    loaded, q = group.with_payload(masses, center), group.sample(4, 0)
+    group = mp.ArmGroup(*arms, names=crane.names)
+    center = np.array([0.0, 0.05, 0.1])
+    masses = np.array([2.0, 0.5])
+    loaded = group.with_payload(masses, center)
+    q = group.sample(4, 0)
     q[0] = np.clip(0.0, group.lower, group.upper)
-    turns, jacobians = group.forward(q)[..., :3, :3], group.jacobian(q)
+    turns = group.forward(q)[..., :3, :3]
+    jacobians = group.jacobian(q)
     linear = jacobians[..., :3, :] + np.cross(
         jacobians[..., 3:, :], (turns @ center)[..., None], axis=-2
     )
@@ -117,18 +122,45 @@ def test_a_single_arm_is_a_group_of_one():
         group.cooperative_ellipsoids(q)
 
 
-@pytest.mark.parametrize(("robot", "options", "message"), [
-    ("panda", {}, "must have two arms; found one arm: name both end effectors with frames="),
-    ("panda", {"frames": ("panda_link8", "panda_hand")}, "must end two limbs; found both on one chain"),
-    (("panda", "panda"), {}, "stand in one place; place them with bases="),
-    ("panda", {"bases": BASES, "frames": ["panda_link8"]}, "frames must be a sequence of 2, one for each arm"),
-    ("panda", {"bases": [(0, 0, 0), (0, 1e9, 0)]}, "bases: right must be 3 numbers in"),
-    ("panda", {"bases": BASES, "lock": {"left_joint1": 0}}, "unknown joint 'left_joint1'.* nearest first"),
-    ("panda", {"bases": BASES, "joints": ["left_panda_joint1"]}, "none of left_panda_joint1 moves the right arm"),
-    ("panda", {"bases": BASES, "frames": ("panda_link8", "panda_lnk8")}, "unknown frame 'panda_lnk8'"),
-    ("myoarm", {}, "'myoarm' is a person"),
-    ("panda", {"bases": BASES, "lock": {"panda_joint1": 0}}, "unknown joint 'panda_joint1'.*'left_panda_joint1'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("robot", "options", "message"),
+    [
+        ("panda", {}, "must have two arms; found one arm: name both end effectors with frames="),
+        (
+            "panda",
+            {"frames": ("panda_link8", "panda_hand")},
+            "must end two limbs; found both on one chain",
+        ),
+        (("panda", "panda"), {}, "stand in one place; place them with bases="),
+        (
+            "panda",
+            {"bases": BASES, "frames": ["panda_link8"]},
+            "frames must be a sequence of 2, one for each arm",
+        ),
+        ("panda", {"bases": [(0, 0, 0), (0, 1e9, 0)]}, "bases: right must be 3 numbers in"),
+        (
+            "panda",
+            {"bases": BASES, "lock": {"left_joint1": 0}},
+            "unknown joint 'left_joint1'.* nearest first",
+        ),
+        (
+            "panda",
+            {"bases": BASES, "joints": ["left_panda_joint1"]},
+            "none of left_panda_joint1 moves the right arm",
+        ),
+        (
+            "panda",
+            {"bases": BASES, "frames": ("panda_link8", "panda_lnk8")},
+            "unknown frame 'panda_lnk8'",
+        ),
+        ("myoarm", {}, "'myoarm' is a person"),
+        (
+            "panda",
+            {"bases": BASES, "lock": {"panda_joint1": 0}},
+            "unknown joint 'panda_joint1'.*'left_panda_joint1'",
+        ),
+    ],
+)
 def test_what_is_no_pair_is_named(robot, options, message):
     with pytest.raises(InvalidInputError, match=message):
         mp.load_arms(robot, **options)

@@ -39,7 +39,8 @@ def test_configurations_reported_free_are_free(name):
     if not collisions.checked:
         pytest.skip(f"{name} has no meshes")
     unchecked = {frozenset(text.split(" against ")) for text in collisions.unchecked}
-    q, rest = arm.sample(COUNT, 7), np.clip(0.0, arm.lower, arm.upper)
+    q = arm.sample(COUNT, 7)
+    rest = np.clip(0.0, arm.lower, arm.upper)
     free = q[~collisions.collides(q)]
     assert len(free) > 0.03 * COUNT
     for a, b in combinations(meshes(arm), 2):
@@ -57,21 +58,23 @@ def meshes(arm):
         points, triangles = shape.mesh
         frame = arm.chain.frames.get(shape.link)
         if frame is not None and arm.chain.holds(shape.link):
-            name, joint, placements = shape.link, frame.joint, frame.placement[None]
+            name = shape.link
+            joint = frame.joint
+            placements = frame.placement[None]
         else:
             body = arm.chain.attached[shape.link]
-            name, joint, placements = body.group, body.joint, body.placements
+            name = body.group
+            joint = body.joint
+            placements = body.placements
         for place in placements[:1] if len(placements) == 1 else placements[[0, -1]]:
             yield name, joint, (points @ place[:3, :3].T + place[:3, 3], triangles)
 
 
 def touch(arm, q, *ends):
     """Whether two bodies touch at configurations (n, dof), shape (n,)."""
-    request, result, solids = (
-        coal.CollisionRequest(),
-        coal.CollisionResult(),
-        [solid_of(*mesh) for *_, mesh in ends],
-    )
+    request = coal.CollisionRequest()
+    result = coal.CollisionResult()
+    solids = [solid_of(*mesh) for *_, mesh in ends]
     touching = np.zeros(len(q), dtype=bool)
     for i, poses in enumerate(arm.link_poses(q)):
         places = [
@@ -94,7 +97,8 @@ def solid_of(points, triangles):
 def smaller(mesh):
     """A mesh that is smaller by `DEPTH` on each side of its box."""
     points, triangles = mesh
-    middle, size = 0.5 * (points.min(axis=0) + points.max(axis=0)), np.ptp(points, axis=0)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    size = np.ptp(points, axis=0)
     return middle + (points - middle) * np.maximum(
         1.0 - 2 * DEPTH / np.maximum(size, DEPTH), 0.5
     ), triangles

@@ -83,7 +83,8 @@ def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
 
 
 def test_distances_are_those_of_mujoco_and_depths_those_of_qhull(checked):
-    group, solids = as_group(checked.arm), checked._solids
+    group = as_group(checked.arm)
+    solids = checked._solids
     hulls = solids.hulls
     meshes = "".join(
         f'<mesh name="m{i}" vertex="{" ".join(map(str, h.corners.ravel()))}"/>'
@@ -129,15 +130,18 @@ def test_distances_are_those_of_mujoco_and_depths_those_of_qhull(checked):
 
 
 def test_slopes_are_derivatives_of_the_distances(checked):
-    q, step = checked.arm.sample(400, 4), 1e-5
+    q = checked.arm.sample(400, 4)
+    step = 1e-5
     rows, distance, slope = checked.gradient(q, 0.05)
     order = np.lexsort((distance, rows))
     close, first = np.unique(rows[order], return_index=True)
     clearance = checked.clearance(q)
     np.testing.assert_array_equal(close, np.flatnonzero(clearance < 0.05))
     np.testing.assert_array_equal(distance[order][first], clearance[close])
-    numeric = [(checked.clearance(q[close] + h) - checked.clearance(q[close] - h)) / (2 * step)
-               for h in step * np.eye(checked.arm.dof)]  # fmt: skip
+    numeric = [
+        (checked.clearance(q[close] + h) - checked.clearance(q[close] - h)) / (2 * step)
+        for h in step * np.eye(checked.arm.dof)
+    ]
     errors = np.abs(slope[order][first] - np.stack(numeric, axis=1)).max(axis=1)
     assert len(errors) > 30
     # where the nearest corner changes there is no derivative; faces of boxes are often parallel
@@ -145,7 +149,9 @@ def test_slopes_are_derivatives_of_the_distances(checked):
 
 
 def test_the_fast_test_frees_no_configuration_that_collides(checked):
-    q, pairs, solids = checked.arm.sample(300, 5), checked._pairs, checked._solids
+    q = checked.arm.sample(300, 5)
+    pairs = checked._pairs
+    solids = checked._solids
     exact = solids.contacts(q, pairs).distances.reshape(len(q), -1)
     for margin in (0.0, 0.03):
         near = solids.distance_bounds(q, pairs, margin) <= margin
@@ -219,7 +225,7 @@ def test_pairs_are_those_that_no_joint_joins():
     tools = ("panda_hand", "panda_leftfinger", "panda_rightfinger")
     assert {*hand.pairs, *hand.never} == apart | {
         (link, tool) for i, tool in enumerate(tools) for link in links[: 6 if i == 0 else 7]
-    }  # fmt: skip
+    }
     assert {("panda_link0", tool) for tool in tools} < set(hand.pairs)
     assert flange.always == hand.always == hand.unchecked == ()
 

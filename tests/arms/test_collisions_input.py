@@ -49,8 +49,10 @@ def test_bases_and_tables_that_leave_no_room_are_refused(tmp_path):
 
 def test_boxes_from_a_file_are_those_of_objects(panda, tmp_path):
     path = tmp_path / "obstacles.yaml"
-    path.write_text("obstacles:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
-                    "  crate: {center: [0.4, -0.4, 0.1], size: [0.2, 0.3, 1e-1], yaw: 0.5}\n")  # fmt: skip
+    path.write_text(
+        "obstacles:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
+        "  crate: {center: [0.4, -0.4, 0.1], size: [0.2, 0.3, 1e-1], yaw: 0.5}\n"
+    )
     boxes = [Box([0.5, 0.2, 0.4], [0.3, 0.6, 0.02]), Box([0.4, -0.4, 0.1], [0.2, 0.3, 0.1], 0.5)]
     q = panda.sample(128, 0)
     nearest = Collisions.of(panda, obstacles=path).nearest(q)

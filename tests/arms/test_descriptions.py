@@ -110,18 +110,29 @@ def test_soft_limits_are_used_and_noted():
     assert "j1" not in text_of(load_arm(arm.chain.source, base="l1")).partition("soft limits")[2]
 
 
-LOWER, UPPER = 'soft_lower_limit="{}"', 'soft_upper_limit="{}"'
+LOWER = 'soft_lower_limit="{}"'
+UPPER = 'soft_upper_limit="{}"'
 BOTH = f"{LOWER} {UPPER}"
 
 
-@pytest.mark.parametrize(("limits", "expected", "word"), [
-    (BOTH.format(-1, 1), (-1, 1), "soft limits of"), (BOTH.format(-1, 9), (-1, 2), "soft limits of"),
-    (BOTH.format(-9, 9), (-2, 2), ""), (BOTH.format(-2, 2), (-2, 2), ""),
-    (LOWER.format(-0.5), (-0.5, 2), "soft limits of"), (UPPER.format(0.5), (-2, 0.5), "soft limits of"),
-    (BOTH.format(0, 1.5), (0, 1.5), "soft limits of"), (BOTH.format(0, 0), (-2, 2), ""), ("", (-2, 2), ""),
-    (UPPER.format(0), (-2, 2), ""), (BOTH.format(1, -1), (-2, 2), "ignored"), (BOTH.format(3, 4), (-2, 2), "ignored"),
-    (BOTH.format("-inf", 1), (-2, 1), "soft limits of"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("limits", "expected", "word"),
+    [
+        (BOTH.format(-1, 1), (-1, 1), "soft limits of"),
+        (BOTH.format(-1, 9), (-1, 2), "soft limits of"),
+        (BOTH.format(-9, 9), (-2, 2), ""),
+        (BOTH.format(-2, 2), (-2, 2), ""),
+        (LOWER.format(-0.5), (-0.5, 2), "soft limits of"),
+        (UPPER.format(0.5), (-2, 0.5), "soft limits of"),
+        (BOTH.format(0, 1.5), (0, 1.5), "soft limits of"),
+        (BOTH.format(0, 0), (-2, 2), ""),
+        ("", (-2, 2), ""),
+        (UPPER.format(0), (-2, 2), ""),
+        (BOTH.format(1, -1), (-2, 2), "ignored"),
+        (BOTH.format(3, 4), (-2, 2), "ignored"),
+        (BOTH.format("-inf", 1), (-2, 1), "soft limits of"),
+    ],
+)
 def test_soft_limits_narrow_the_limits(loaded, limits, expected, word):
     controller = f'<safety_controller k_velocity="1" {limits}/>'
     arm = loaded(robot((1, (1e-3,) * 3), joint=controller))
@@ -153,9 +164,16 @@ def test_moments_that_do_not_fit_the_mass_are_a_warning():
 FITTING = (0.6, (1e-3, 1e-3, 1e-3))
 
 
-@pytest.mark.parametrize("link", [
-    (0.6, (1, 1, 1)), (0.6, (1e-3, 1e-3, 3e-3)), (5, (0.01, 0.02, 0.04)), (0, (1, 1, 1)), (1e-3, (0.01, 0.01, 0.01)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "link",
+    [
+        (0.6, (1, 1, 1)),
+        (0.6, (1e-3, 1e-3, 3e-3)),
+        (5, (0.01, 0.02, 0.04)),
+        (0, (1, 1, 1)),
+        (1e-3, (0.01, 0.01, 0.01)),
+    ],
+)
 def test_impossible_bodies_are_found_on_the_chain(loaded, link):
     arm = loaded(robot(FITTING, link, FITTING))
     assert "implausible-inertia" in keys(arm)
@@ -164,10 +182,19 @@ def test_impossible_bodies_are_found_on_the_chain(loaded, link):
     assert "implausible-inertia" not in keys(arm.restricted(base="l1"))
 
 
-@pytest.mark.parametrize("link", [
-    (4, (0.2, 0.2, 0.01)), (2, (1e-3, 1e-3, 2e-3)), (0.3, (1e-6, 1e-6, 2.5e-6)), (1e-3, (1e-3,) * 3),
-    (1e-6, (1e-6, 1e-6, 2e-6)), (0.5, (0, 0, 0)), (9, (0.3, 0.31, 0.05)), (0.01, (1e-5, 1e-5, 2.01e-5)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "link",
+    [
+        (4, (0.2, 0.2, 0.01)),
+        (2, (1e-3, 1e-3, 2e-3)),
+        (0.3, (1e-6, 1e-6, 2.5e-6)),
+        (1e-3, (1e-3,) * 3),
+        (1e-6, (1e-6, 1e-6, 2e-6)),
+        (0.5, (0, 0, 0)),
+        (9, (0.3, 0.31, 0.05)),
+        (0.01, (1e-5, 1e-5, 2.01e-5)),
+    ],
+)
 def test_plausible_bodies_are_no_warning(loaded, link):
     assert "implausible-inertia" not in keys(loaded(robot(FITTING, link, FITTING)))
 
@@ -222,10 +249,17 @@ def test_a_slide_at_the_end_is_not_excluded_by_a_base(tmp_path):
     assert load_arm(path, joints=["lift", "turn", "nod"]).dof == 3
 
 
-@pytest.mark.parametrize(("name", "nearest"), [
-    ("pnada", "panda"), ("ur55", "ur5"), ("UR10s", "ur10"), ("myo_arm", "myoarm"),
-    ("talos_rigth_arm", "talos_right_arm"), ("xarm77", "xarm7"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "nearest"),
+    [
+        ("pnada", "panda"),
+        ("ur55", "ur5"),
+        ("UR10s", "ur10"),
+        ("myo_arm", "myoarm"),
+        ("talos_rigth_arm", "talos_right_arm"),
+        ("xarm77", "xarm7"),
+    ],
+)
 def test_misspelled_robots_get_five_names_the_nearest_first(name, nearest):
     with pytest.raises(UnknownNameError, match="nearest first") as caught:
         load_arm(name)

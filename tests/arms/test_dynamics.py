@@ -15,7 +15,8 @@ from maniport.errors import InvalidInputError
 
 
 def heavy(arm, seed=0):
-    random, inertia = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
+    inertia = []
     for _ in range(len(arm.chain.joints) + 1):
         spread = random.normal(size=(3, 3)) * 0.1
         inertia.append(
@@ -30,8 +31,11 @@ def heavy(arm, seed=0):
 
 
 def assert_like_pinocchio(arm):
-    q, model, chain = arm.sample(5, 3), model_of(arm.chain), arm.chain
-    torques, data = arm.gravity_torques(q), model.createData()
+    q = arm.sample(5, 3)
+    model = model_of(arm.chain)
+    chain = arm.chain
+    torques = arm.gravity_torques(q)
+    data = model.createData()
     for i, positions in enumerate(q @ chain.coupling.T + chain.offset):
         gravity = pin.computeGeneralizedGravity(model, data, positions)
         assert_allclose(torques[i], chain.coupling.T @ gravity, rtol=1e-12, atol=1e-10)
@@ -65,11 +69,13 @@ def test_restricted_chains_keep_their_masses():
     q = np.clip(np.zeros(7), arm.lower, arm.upper)
     q[:3] = [0.2, 0.4, -0.3]
     held = {name: q[i] for i, name in enumerate(arm.joint_names) if i > 2}
-    torques, inertia = arm.gravity_torques(q), inertias(arm, q[None])[0]
+    torques = arm.gravity_torques(q)
+    inertia = inertias(arm, q[None])[0]
     for part in (arm.restricted(lock=held), arm.restricted("panda_link3")):
         if part.frame == "panda_link3":  # the omitted joints are at rest
             q[3:] = np.clip(0.0, arm.lower, arm.upper)[3:]
-            torques, inertia = arm.gravity_torques(q), inertias(arm, q[None])[0]
+            torques = arm.gravity_torques(q)
+            inertia = inertias(arm, q[None])[0]
         assert_allclose(part.gravity_torques(q[:3]), torques[:3], rtol=1e-9, atol=1e-12)
         assert_allclose(inertias(part, q[None, :3])[0], inertia[:3, :3], rtol=1e-9)
         assert_allclose(part.effort_limits, arm.effort_limits[:3])
@@ -79,9 +85,11 @@ def test_restricted_chains_keep_their_masses():
 
 
 def test_payload_pulls_the_end_effector_down():
-    arm, center = heavy(load_arm("panda")), np.array([0.05, 0.0, 0.1])
+    arm = heavy(load_arm("panda"))
+    center = np.array([0.05, 0.0, 0.1])
     q = arm.sample(4, 0)
-    loaded, lever = arm.with_payload(2.5, center), arm.forward(q)[:, :3, :3] @ center
+    loaded = arm.with_payload(2.5, center)
+    lever = arm.forward(q)[:, :3, :3] @ center
     jacobian = arm.jacobian(q)
     linear = jacobian[:, :3] + np.cross(jacobian[:, 3:], lever[..., None], axis=1)
     expected = arm.gravity_torques(q) + 2.5 * 9.81 * linear[:, 2]
@@ -102,7 +110,9 @@ def test_payload_pulls_the_end_effector_down():
 def test_changes_of_ellipsoids_are_finite_differences(name, weights, part):
     massive = heavy(load_arm(name))
     weights = np.linspace(40.0, 90.0, massive.dof) if weights == "numbers" else weights
-    spec, q, step = EllipsoidSpec("force", part, weights).bounded, massive.sample(60, 1), 1e-5
+    spec = EllipsoidSpec("force", part, weights).bounded
+    q = massive.sample(60, 1)
+    step = 1e-5
     held = np.abs(massive.gravity_torques(q))
     q = q[
         ((held > 0.01) | (held < 1e-9)).all(axis=1)
@@ -123,8 +133,10 @@ def test_changes_of_ellipsoids_are_finite_differences(name, weights, part):
 def test_ellipsoids_hold_the_limits_of_each_joint():
     """They are the formulas of `EllipsoidSpec`; force and load are inverse, and a floor keeps torques above zero."""
     arm = heavy(load_arm("panda")).with_payload(12.0)
-    q, limits = arm.sample(50, 2).reshape(5, 10, 7), arm.effort_limits
-    jacobian, gravity = arm.jacobian(q)[..., :3, :], np.abs(arm.gravity_torques(q))
+    q = arm.sample(50, 2).reshape(5, 10, 7)
+    limits = arm.effort_limits
+    jacobian = arm.jacobian(q)[..., :3, :]
+    gravity = np.abs(arm.gravity_torques(q))
     assert np.any(gravity > limits)
     torques = np.maximum(limits - gravity, 0.05 * limits)
     load = (jacobian / torques[..., None, :] ** 2) @ np.swapaxes(jacobian, -1, -2)

@@ -65,21 +65,44 @@ def test_a_single_jaw_is_known_by_the_name_of_its_body():
     assert (robot.frame, robot.joint_names[-1], robot.dof) == ("wrist_roll_body", "wr1", 6)
 
 
-@pytest.mark.parametrize(("name", "body"), [
-    ("gripper", "x"), ("gripper_slide", "x"), ("joint_gripper_open", "x"), ("GripperJoint1", "x"),
-    ("right_finger_close", "x"), ("jaw_1", "x"), ("Jaw", "x"), ("claw_motor", "x"), ("thumb_base", "x"),
-    ("left_knuckle_joint", "x"), ("arm_fngr_x", "x"), ("j7", "moving_jaw_link"), ("j7", "finger_left"),
-    ("j7", "upperClaw"), ("f1x", "arm_link_fngr"), ("rot7", "thumb"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "body"),
+    [
+        ("gripper", "x"),
+        ("gripper_slide", "x"),
+        ("joint_gripper_open", "x"),
+        ("GripperJoint1", "x"),
+        ("right_finger_close", "x"),
+        ("jaw_1", "x"),
+        ("Jaw", "x"),
+        ("claw_motor", "x"),
+        ("thumb_base", "x"),
+        ("left_knuckle_joint", "x"),
+        ("arm_fngr_x", "x"),
+        ("j7", "moving_jaw_link"),
+        ("j7", "finger_left"),
+        ("j7", "upperClaw"),
+        ("f1x", "arm_link_fngr"),
+        ("rot7", "thumb"),
+    ],
+)
 def test_a_joint_of_a_gripper_is_known_by_any_word(loaded, name, body):
     robot = loaded(arm(), joint(name, "l6", body))
     assert (robot.frame, robot.dof) == ("l6", 6)
 
 
-@pytest.mark.parametrize(("name", "body"), [
-    ("wrist_3", "l7"), ("gripper_yaw", "GripperYawLink"), ("gripper_wrist_roll", "l7"), ("j7", "gripper"),
-    ("wrist_roll", "gripper"), ("hand_roll", "hand"), ("j7", "hand"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "body"),
+    [
+        ("wrist_3", "l7"),
+        ("gripper_yaw", "GripperYawLink"),
+        ("gripper_wrist_roll", "l7"),
+        ("j7", "gripper"),
+        ("wrist_roll", "gripper"),
+        ("hand_roll", "hand"),
+        ("j7", "hand"),
+    ],
+)
 def test_a_joint_that_turns_the_gripper_is_the_arms(loaded, name, body):
     robot = loaded(arm(), joint(name, "l6", body))
     assert (robot.frame, robot.dof) == (body, 7)
@@ -118,9 +141,15 @@ def test_the_last_body_on_a_fixed_hand_opens_it(loaded):
         assert (wrist.frame, wrist.dof) == (moved, 7)
 
 
-@pytest.mark.parametrize(("carrier", "moved"), [
-    ("hand_mount", "hand"), ("l6x", "hand"), ("hand_adapter", "palm"), ("hand_base", "hand_roll_link"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("carrier", "moved"),
+    [
+        ("hand_mount", "hand"),
+        ("l6x", "hand"),
+        ("hand_adapter", "palm"),
+        ("hand_base", "hand_roll_link"),
+    ],
+)
 def test_a_hand_that_is_mounted_on_a_wrist_is_the_arms(loaded, carrier, moved):
     robot = loaded(arm(), fixed("l6", carrier), joint("j7", carrier, moved))
     assert (robot.frame, robot.dof) == (moved, 7)
@@ -132,9 +161,11 @@ def test_a_leader_of_two_branches_is_the_grippers(loaded):
     """The joint that the fingers on it follow opens the gripper, without any name."""
     mimic = '<mimic joint="m" multiplier="{}"/>'
     robot = loaded(
-        arm(), joint("m", "l6", "x", "prismatic"),
-        joint("a", "x", "a", more=mimic.format(9)), joint("b", "x", "b", more=mimic.format(-9)),
-    )  # fmt: skip
+        arm(),
+        joint("m", "l6", "x", "prismatic"),
+        joint("a", "x", "a", more=mimic.format(9)),
+        joint("b", "x", "b", more=mimic.format(-9)),
+    )
     assert (robot.frame, robot.dof) == ("l6", 6)
 
 
@@ -153,20 +184,47 @@ def test_the_tool_frame_of_a_hand_is_the_end_effector():
     assert load_arm(CASES / "tcp" / "arm.urdf", frame="fx_hand").frame == "fx_hand"
 
 
-@pytest.mark.parametrize("name", [
-    "fr3_hand_tcp", "link_tcp", "tcp", "left_tcp_link", "gripper_frame_link", "gen3_end_effector_link", "tool0",
-    "l_gripper_tool_frame", "tool_center_point", "ee_link", "ee_gripper_link", "robot_eef", "link_grasp_center",
-    "gripper_grasping_frame", "endEffectorLink", "ToolFrame", "gripper_center",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    [
+        "fr3_hand_tcp",
+        "link_tcp",
+        "tcp",
+        "left_tcp_link",
+        "gripper_frame_link",
+        "gen3_end_effector_link",
+        "tool0",
+        "l_gripper_tool_frame",
+        "tool_center_point",
+        "ee_link",
+        "ee_gripper_link",
+        "robot_eef",
+        "link_grasp_center",
+        "gripper_grasping_frame",
+        "endEffectorLink",
+        "ToolFrame",
+        "gripper_center",
+    ],
+)
 def test_tool_frames_are_known_by_their_names(loaded, name):
     hand = (arm(), fixed("l6", "hand"), fixed("hand", "hand_camera"))
     assert loaded(*hand, fixed("hand", name), fingers("hand", "f1", "f2")).frame == name
     assert loaded(arm(), fixed("l6", "camera_link"), fixed("l6", name)).frame == name
 
 
-@pytest.mark.parametrize("name", [
-    "tool_camera_link", "ee_sensor", "tcp_marker", "toolbox", "tool_changer_link", "hand_cover", "imu", "ee_x",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    [
+        "tool_camera_link",
+        "ee_sensor",
+        "tcp_marker",
+        "toolbox",
+        "tool_changer_link",
+        "hand_cover",
+        "imu",
+        "ee_x",
+    ],
+)
 def test_other_frames_of_a_hand_are_not(loaded, name):
     hand = (arm(), fixed("l6", "hand"), fixed("hand", name))
     assert loaded(*hand, fingers("hand", "f1", "f2")).frame == "hand"
@@ -220,8 +278,11 @@ def test_an_old_tool_frame_on_the_flange_is_not_that_of_the_gripper(loaded):
 def test_of_several_tool_frames_the_best_name_counts(loaded):
     parts = [fixed("l6", name) for name in ("flange", "ee_link", "tool0", "torch_tcp")]
     assert [loaded(arm(), *parts[: k + 1]).frame for k in range(4)] == [
-        "flange", "ee_link", "tool0", "torch_tcp",
-    ]  # fmt: skip
+        "flange",
+        "ee_link",
+        "tool0",
+        "torch_tcp",
+    ]
 
 
 GRIPPERS = (
@@ -250,11 +311,18 @@ HINGES = "".join(
 JAW = '<body name="b" pos="0 0 .1"><joint name="gripper" range="-9 9"/><geom size=".01"/></body>'
 
 
-@pytest.mark.parametrize(("tail", "frame"), [
-    ('<site name="gripperframe" pos="0 0 .1"/>' + JAW, "gripperframe"), ('<site name="ee" pos="0 0 .1"/>', "ee"),
-    ('<site name="link_tcp" pos="0 0 .1"/>' + JAW, "link_tcp"), ('<site name="ee"/>' + JAW, "l3"),
-    ('<body name="tcp" pos="0 0 .1"/>' + JAW, "tcp"), ('<site name="baseframe"/>' + JAW, "l3"), (JAW, "l3"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("tail", "frame"),
+    [
+        ('<site name="gripperframe" pos="0 0 .1"/>' + JAW, "gripperframe"),
+        ('<site name="ee" pos="0 0 .1"/>', "ee"),
+        ('<site name="link_tcp" pos="0 0 .1"/>' + JAW, "link_tcp"),
+        ('<site name="ee"/>' + JAW, "l3"),
+        ('<body name="tcp" pos="0 0 .1"/>' + JAW, "tcp"),
+        ('<site name="baseframe"/>' + JAW, "l3"),
+        (JAW, "l3"),
+    ],
+)
 def test_tool_frames_of_an_mjcf_are_bodies_or_sites(tmp_path, tail, frame):
     path = tmp_path / "arm.xml"
     path.write_text(f"<mujoco><worldbody>{HINGES}{tail}{4 * '</body>'}</worldbody></mujoco>")
@@ -333,11 +401,26 @@ def limb(base, words, count, end):
 TORSO = '<link name="base"/>' + joint("waist", "base", "torso")
 
 
-@pytest.mark.parametrize(("legs", "arms", "hands"), [
-    (("l_leg", "r_leg", "l_sole", "r_sole"), ("LArm", "RArm", "LHand", "RHand"), ("LHand", "RHand")),
-    (("hip_l", "hip_r", "ankle_l", "ankle_r"), ("shoulder_l", "shoulder_r", "e1", "e2"), ("e1", "e2")),
-    (("leg1", "leg2", "foot1", "foot2"), ("a_left", "a_right", "x_left", "x_right"), ("x_left", "x_right")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("legs", "arms", "hands"),
+    [
+        (
+            ("l_leg", "r_leg", "l_sole", "r_sole"),
+            ("LArm", "RArm", "LHand", "RHand"),
+            ("LHand", "RHand"),
+        ),
+        (
+            ("hip_l", "hip_r", "ankle_l", "ankle_r"),
+            ("shoulder_l", "shoulder_r", "e1", "e2"),
+            ("e1", "e2"),
+        ),
+        (
+            ("leg1", "leg2", "foot1", "foot2"),
+            ("a_left", "a_right", "x_left", "x_right"),
+            ("x_left", "x_right"),
+        ),
+    ],
+)
 @pytest.mark.parametrize("length", [3, 4, 6])
 def test_legs_are_no_arms(tmp_path, legs, arms, hands, length):
     path = tmp_path / "humanoid.urdf"
@@ -369,10 +452,14 @@ def test_one_arm_on_legs_is_the_default_and_legs_alone_are_limbs(tmp_path):
     assert load_arm(path, frame="2_foot").dof == 6
 
 
-@pytest.mark.parametrize(("file", "frame", "reason"), [
-    ("tcp/arm.urdf", "fx_hand_tcp", "tool frame of 'fx_hand'"), ("grip/slide.xml", "hand_body", "carries the gripper"),
-    ("safety/arm.urdf", "l6", "outermost"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("file", "frame", "reason"),
+    [
+        ("tcp/arm.urdf", "fx_hand_tcp", "tool frame of 'fx_hand'"),
+        ("grip/slide.xml", "hand_body", "carries the gripper"),
+        ("safety/arm.urdf", "l6", "outermost"),
+    ],
+)
 def test_info_says_which_frame_is_taken_and_why(file, frame, reason):
     result = CliRunner().invoke(app, ["info", str(CASES / file)])
     line = next(line for line in result.output.splitlines() if "End effector" in line)

@@ -23,7 +23,9 @@ def test_myoarm_equals_mujoco():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model, _ = myo_sim.load("myoarm_r")
-    arm, coupling = myoarm(), np.zeros((model.nv, 7))  # from its equality constraints
+    # from its equality constraints
+    arm = myoarm()
+    coupling = np.zeros((model.nv, 7))
     for j, name in enumerate(arm.joint_names):
         coupling[model.jnt_dofadr[model.joint(f"{name}_r").id], j] = 1.0
     for i in range(model.neq):
@@ -33,8 +35,10 @@ def test_myoarm_equals_mujoco():
             )
             coupling[follower] = model.eq_data[i][1] * coupling[leader]
     q = arm.sample(200, random_state=0, sequence="uniform")
-    data, jacobian = mujoco.MjData(model), np.zeros((6, model.nv))
-    root, hand = data.body("myoarm_r_root"), data.body("thirdmc_r")
+    data = mujoco.MjData(model)
+    jacobian = np.zeros((6, model.nv))
+    root = data.body("myoarm_r_root")
+    hand = data.body("thirdmc_r")
     to_trunk = np.array(
         [[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]
     )  # x forward, y up, z right → x forward, y left, z up
@@ -54,10 +58,15 @@ def test_myoarm_equals_mujoco():
     assert worst < 1e-9
 
 
-@pytest.mark.parametrize(("joints", "hand"), [
-    ({}, (0, 0, -0.6315)), ({"shoulder_elv": 90}, (0, -0.6315, 0)),
-    ({"elv_angle": 90, "shoulder_elv": 90}, (0.6315, 0, 0)), ({"elbow_flexion": 90}, (0.3295, 0, -0.302)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("joints", "hand"),
+    [
+        ({}, (0, 0, -0.6315)),
+        ({"shoulder_elv": 90}, (0, -0.6315, 0)),
+        ({"elv_angle": 90, "shoulder_elv": 90}, (0.6315, 0, 0)),
+        ({"elbow_flexion": 90}, (0.3295, 0, -0.302)),
+    ],
+)
 def test_rhuman_equals_the_paper(joints, hand):
     """The hand is where the published table puts it (base turned by −90° about z)."""
     arm = rhuman()
@@ -68,8 +77,12 @@ def test_rhuman_equals_the_paper(joints, hand):
 @pytest.mark.parametrize("build", [myoarm, rhuman])
 def test_human_arms_share_one_trunk_frame(build):
     arm = build()
-    hanging, raised = np.radians([[0] * 7, [90.0 if name in ("elv_angle", "shoulder_elv") else 0.0
-                                            for name in arm.joint_names]])  # fmt: skip
+    hanging, raised = np.radians(
+        [
+            [0] * 7,
+            [90.0 if name in ("elv_angle", "shoulder_elv") else 0.0 for name in arm.joint_names],
+        ]
+    )
     for q, direction in ((hanging, -UP), (raised, FORWARD)):
         shoulder, *_, hand = arm.point_positions(q, ENDS)
         assert (hand - shoulder) @ direction > 0.98 * np.linalg.norm(hand - shoulder)
@@ -77,8 +90,10 @@ def test_human_arms_share_one_trunk_frame(build):
     for name, axis in axes.items():
         assert arm.axis_direction(hanging, name) @ axis > 0.99
     turns = (  # of the hand's path, by a joint, from a pose
-        ({"elbow_flexion": 90}, "shoulder_rot", LEFT), ({}, "flexion", LEFT), ({"pro_sup": 60}, "flexion", -FORWARD),
-    )  # fmt: skip
+        ({"elbow_flexion": 90}, "shoulder_rot", LEFT),
+        ({}, "flexion", LEFT),
+        ({"pro_sup": 60}, "flexion", -FORWARD),
+    )
     for pose, name, direction in turns:
         q = np.radians([pose.get(joint, 0.0) for joint in arm.joint_names])
         assert arm.jacobian(q)[:3, arm.joint_names.index(name)] @ direction > 0.01
@@ -116,7 +131,8 @@ def test_deviation_bends_the_wrist_to_the_thumb(name, to_thumb):
 
 def test_panda_equals_its_urdf():
     golden = json.loads((Path(__file__).parent / "panda_golden.json").read_text())
-    panda, tcp = load_arm("panda", frame="panda_link8"), load_arm("panda")
+    panda = load_arm("panda", frame="panda_link8")
+    tcp = load_arm("panda")
     for case in golden["cases"]:
         assert_allclose(panda.forward(case["q"]), case["flange"], atol=1e-9)
         assert_allclose(panda.jacobian(case["q"]), case["jacobian"], atol=1e-9)
@@ -142,7 +158,8 @@ def test_the_weight_of_a_person_is_not_considered(build):
 
 @pytest.mark.parametrize("name", ["myoarm", "rhuman"])
 def test_equal_angles_are_mirrored_configurations(name):
-    right, left = load_arm(name), load_arm(name, side="left")
+    right = load_arm(name)
+    left = load_arm(name, side="left")
     q = right.sample(64, random_state=0)
     assert_array_equal(left.sample(64, random_state=0), q)
     mirror = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -171,12 +188,14 @@ def test_the_mirror_image_of_the_mirror_image_is_the_arm():
         replace(joint, kind=PRISMATIC) if i == 2 else joint for i, joint in enumerate(chain.joints)
     ]
     chain = replace(chain, joints=tuple(joints), shapes=lambda links: [Shape("elbow", mesh)])
-    left, again = mirrored(chain), mirrored(mirrored(chain))
+    left = mirrored(chain)
+    again = mirrored(mirrored(chain))
     assert [(c.name, c.side) for c in (left, again)] == [
         ("rhuman_left", "left"),
         ("rhuman", "right"),
     ]
-    q, corners = chain.lower + 0.3 * (chain.upper - chain.lower), []
+    q = chain.lower + 0.3 * (chain.upper - chain.lower)
+    corners = []
     assert_array_equal(Arm(again).forward(q), Arm(chain).forward(q))
     assert_allclose(Arm(left).forward(q)[:3, 3], S @ Arm(chain).forward(q)[:3, 3], atol=1e-14)
     for arm in (Arm(left), Arm(chain)):

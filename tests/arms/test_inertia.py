@@ -22,13 +22,16 @@ from real_robots import NEEDS_ROBOTS
 def test_dynamics_are_those_of_the_whole_robot(robot):
     """Other limbs and fingers rest at zero, or at the limit next to zero; joints that follow them follow."""
     path = find_robot(robot).path
-    arm, source, model = load_arm(robot), read_model(path), pin.buildModelFromUrdf(str(path))
+    arm = load_arm(robot)
+    source = read_model(path)
+    model = pin.buildModelFromUrdf(str(path))
     positions = arm.sample(3, random_state=0)
     rest = {name: float(np.clip(0.0, *bounds)) for name, bounds in source.bounds.items()}
     columns = [model.joints[model.getJointId(name)].idx_v for name in arm.joint_names]
     gravities = arm.gravity_torques(positions)
     for q, gravity, inertia in zip(positions, gravities, inertias(arm, positions), strict=True):
-        at, whole = rest | dict(zip(arm.joint_names, q, strict=True)), pin.neutral(model)
+        at = rest | dict(zip(arm.joint_names, q, strict=True))
+        whole = pin.neutral(model)
         for name, follower in source.followers.items():
             at[name] = follower.factor * at[follower.leader] + follower.offset
         for name in filter(model.existJointName, at):  # a mimic of a fixed joint is none
@@ -45,11 +48,9 @@ def test_dynamics_are_those_of_the_whole_robot(robot):
 
 @NEEDS_ROBOTS
 def test_the_embedded_panda_weighs_what_its_urdf_does():
-    ours, urdf, flange = (
-        load_arm("panda"),
-        load_arm("example-robot-data/panda"),
-        load_arm("panda", frame="panda_link8"),
-    )
+    ours = load_arm("panda")
+    urdf = load_arm("example-robot-data/panda")
+    flange = load_arm("panda", frame="panda_link8")
     assert_array_equal(ours.effort_limits, urdf.effort_limits)
     assert_allclose(ours.chain.inertia[1:], urdf.chain.inertia[1:], atol=1e-12)
     assert_allclose(ours.chain.inertia[-1, 0, 0] - flange.chain.inertia[-1, 0, 0], 0.76)
@@ -68,16 +69,21 @@ BENCH = f"""<mujoco><compiler angle="degree"/><default><joint armature="0.02"/><
 def test_dynamics_of_an_mjcf_are_mujocos(tmp_path):
     path = tmp_path / "bench.xml"
     path.write_text(BENCH)
-    arm, model = load_arm(path, frame="c"), mujoco.MjModel.from_xml_string(BENCH)
-    data, matrix, positions = mujoco.MjData(model), np.zeros((4, 4)), arm.sample(3, random_state=0)
-    gravities, inverse = arm.gravity_torques(positions), InverseDynamics(arm)
+    arm = load_arm(path, frame="c")
+    model = mujoco.MjModel.from_xml_string(BENCH)
+    data = mujoco.MjData(model)
+    matrix = np.zeros((4, 4))
+    positions = arm.sample(3, random_state=0)
+    gravities = arm.gravity_torques(positions)
+    inverse = InverseDynamics(arm)
     for q, gravity, inertia in zip(positions, gravities, inertias(arm, positions), strict=True):
         data.qpos[:] = [*q, np.radians(20)]
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, matrix)
         assert_allclose(gravity, data.qfrc_bias[:3], atol=1e-9)
         assert_allclose(inertia, matrix[:3, :3], atol=1e-9)
-        still, torques = np.zeros((1, 3)), gravity + matrix[:3, :3] @ (1.0, 2.0, 3.0)
+        still = np.zeros((1, 3))
+        torques = gravity + matrix[:3, :3] @ (1.0, 2.0, 3.0)
         assert_allclose(
             inverse.torques(q[None], still, np.array([[1.0, 2.0, 3.0]]))[0], torques, atol=1e-9
         )
@@ -102,15 +108,35 @@ TWO = """<robot name="r"><link name="a"/><link name="b"><inertial>{}</inertial><
   <parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
 
 
-@pytest.mark.parametrize(("name", "text", "change"), [
-    *(("r.urdf", TWO.format(LINK), change) for change in (
-        ('value="1"', 'value="-1"'), ('value="1"', 'value="nan"'), ('value="1"', 'value="1e300"'), (' value="1"', ""),
-        ('ixx="1"', 'ixx="-1"'), ('ixy="0"', 'ixy="2"'), ('iyz="0"', 'iyz="inf"'), (' iyz="0"', ""),
-        ("<mass", '<origin xyz="nan 0 0"/><mass'), ('<mass value="1"/>', ""))),
-    *(("r.xml", BENCH, change) for change in (
-        ('mass="2"', 'mass="-2"'), ("0.03 0.02", "0.03 -0.02"), ('mass="2"', 'mass="nan"'),
-        ('armature="0.3"', 'armature="-1"'))),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "text", "change"),
+    [
+        *(
+            ("r.urdf", TWO.format(LINK), change)
+            for change in (
+                ('value="1"', 'value="-1"'),
+                ('value="1"', 'value="nan"'),
+                ('value="1"', 'value="1e300"'),
+                (' value="1"', ""),
+                ('ixx="1"', 'ixx="-1"'),
+                ('ixy="0"', 'ixy="2"'),
+                ('iyz="0"', 'iyz="inf"'),
+                (' iyz="0"', ""),
+                ("<mass", '<origin xyz="nan 0 0"/><mass'),
+                ('<mass value="1"/>', ""),
+            )
+        ),
+        *(
+            ("r.xml", BENCH, change)
+            for change in (
+                ('mass="2"', 'mass="-2"'),
+                ("0.03 0.02", "0.03 -0.02"),
+                ('mass="2"', 'mass="nan"'),
+                ('armature="0.3"', 'armature="-1"'),
+            )
+        ),
+    ],
+)
 def test_impossible_masses_are_named_with_their_link(tmp_path, name, text, change):
     path = tmp_path / name
     path.write_text(text.replace(*change))

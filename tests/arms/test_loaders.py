@@ -129,25 +129,54 @@ JOINT = '<joint name="j" type="{type}"><parent link="a"/><child link="b"/>{more}
 ROBOT = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    ({"name_or_path": "pnada"}, r"unknown robot 'pnada'.*nearest first: 'panda', "),
-    ({"name_or_path": "myo_arm"}, "nearest first: 'myoarm', "),
-    ({"frame": "panda_hnd"}, r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"),
-    ({"name_or_path": "crane", "frame": "hok"}, r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"),
-    ({"name_or_path": "crane", "joints": ["level"]}, "'level' in .* cannot move by itself, it follows 'raise'"),
-    ({"frame": "panda_link3", "joints": ["panda_joint7"]}, "'panda_joint7' does not move the frame 'panda_link3'"),
-    ({"joints": ["panda_joint1"] * 2}, "joints"), ({"joints": "panda_joint1"}, "joints"), ({"joints": []}, "joints"),
-    ({"joints": 5}, "joints"),
-    ({"lock": {"panda_joint4": 0.5}}, r"lock: 'panda_joint4' \[rad\] must be a number in \[-3.0718, -0.0698\]"),
-    ({"lock": {"panda_joint9": 0.5}}, "unknown joint 'panda_joint9' .*'panda_joint1'"),
-    ({"lock": {"panda_joint5": 0}, "frame": "panda_link3"}, "lock: 'panda_joint5' does not move the fr"),
-    ({"lock": {"panda_joint1": 0}, "frame": "panda_link1"}, "no movable joint .* lock contains all"),
-    ({"lock": ["panda_joint4"]}, "lock"),
-    ({"lock": {"panda_joint4": -1}, "joints": ["panda_joint4"]}, "in joints or in lock, not in both; found"),
-    ({"lock": {"panda_joint1": 0}, "base": "panda_link2"}, "does not move the frame .* seen from 'panda_link2'"),
-    ({"base": "panda_hand"}, "no movable joint lies between the base and the frame"),
-    ({"base": "panda_hand", "frame": "panda_link2"}, "unknown base 'panda_hand'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"name_or_path": "pnada"}, r"unknown robot 'pnada'.*nearest first: 'panda', "),
+        ({"name_or_path": "myo_arm"}, "nearest first: 'myoarm', "),
+        ({"frame": "panda_hnd"}, r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"),
+        (
+            {"name_or_path": "crane", "frame": "hok"},
+            r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'",
+        ),
+        (
+            {"name_or_path": "crane", "joints": ["level"]},
+            "'level' in .* cannot move by itself, it follows 'raise'",
+        ),
+        (
+            {"frame": "panda_link3", "joints": ["panda_joint7"]},
+            "'panda_joint7' does not move the frame 'panda_link3'",
+        ),
+        ({"joints": ["panda_joint1"] * 2}, "joints"),
+        ({"joints": "panda_joint1"}, "joints"),
+        ({"joints": []}, "joints"),
+        ({"joints": 5}, "joints"),
+        (
+            {"lock": {"panda_joint4": 0.5}},
+            r"lock: 'panda_joint4' \[rad\] must be a number in \[-3.0718, -0.0698\]",
+        ),
+        ({"lock": {"panda_joint9": 0.5}}, "unknown joint 'panda_joint9' .*'panda_joint1'"),
+        (
+            {"lock": {"panda_joint5": 0}, "frame": "panda_link3"},
+            "lock: 'panda_joint5' does not move the fr",
+        ),
+        (
+            {"lock": {"panda_joint1": 0}, "frame": "panda_link1"},
+            "no movable joint .* lock contains all",
+        ),
+        ({"lock": ["panda_joint4"]}, "lock"),
+        (
+            {"lock": {"panda_joint4": -1}, "joints": ["panda_joint4"]},
+            "in joints or in lock, not in both; found",
+        ),
+        (
+            {"lock": {"panda_joint1": 0}, "base": "panda_link2"},
+            "does not move the frame .* seen from 'panda_link2'",
+        ),
+        ({"base": "panda_hand"}, "no movable joint lies between the base and the frame"),
+        ({"base": "panda_hand", "frame": "panda_link2"}, "unknown base 'panda_hand'"),
+    ],
+)
 def test_wrong_arguments_are_named(urdf, options, message):
     options = {"name_or_path": "panda"} | options
     if options["name_or_path"] == "crane":
@@ -169,18 +198,27 @@ INNER = '<body name="b"><geom size="1"/><joint name="j"/></body>'
 CURVE = '<equality><joint joint1="j" joint2="i" polycoef="0 1 2 0 0"/></equality>'
 CLOSED = '<limit lower="1" upper="-1" effort="1" velocity="1"/>'
 FAULTS = {
-    "the file is empty": "", "neither a URDF .* nor an MJCF": "<sdf/>", "has no link": '<robot name="r"/>',
+    "the file is empty": "",
+    "neither a URDF .* nor an MJCF": "<sdf/>",
+    "has no link": '<robot name="r"/>',
     "'j' has the limits 1 to -1": jointed("revolute", CLOSED),
-    "must have one root link; found 2: 'a', 'b'": ROBOT.format(""), "has no movable joint": jointed("fixed"),
-    "type 'hinge'; allowed are revolute": jointed("hinge"), "is revolute and has no <limit>": jointed("revolute"),
-    "'i' has type 'Hinge'; allowed are hinge": world(HINGE.replace("/>{", ' type="Hinge"/>{').format("")),
-    "names 'c' as child link": jointed("revolute", LIMIT).replace('child link="b"', 'child link="c"'),
+    "must have one root link; found 2: 'a', 'b'": ROBOT.format(""),
+    "has no movable joint": jointed("fixed"),
+    "type 'hinge'; allowed are revolute": jointed("hinge"),
+    "is revolute and has no <limit>": jointed("revolute"),
+    "'i' has type 'Hinge'; allowed are hinge": world(
+        HINGE.replace("/>{", ' type="Hinge"/>{').format("")
+    ),
+    "names 'c' as child link": jointed("revolute", LIMIT).replace(
+        'child link="b"', 'child link="c"'
+    ),
     "prismatic joint 'j' has no limits": jointed("prismatic", LIMIT.replace("1", "0")),
     "follows 'k' which is no joint": jointed("revolute", LIMIT + '<mimic joint="k"/>'),
     "of the class 'rough', which no <default>": world('<body childclass="rough"><joint/></body>'),
-    "has no body": world(""), "several frames end a chain of 1 .* 'a', 'b'": world(HINGE.format("") + INNER),
+    "has no body": world(""),
+    "several frames end a chain of 1 .* 'a', 'b'": world(HINGE.format("") + INNER),
     "'j' follows 'i' nonlinearly": world(HINGE.format(INNER), CURVE),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("message", FAULTS)
@@ -221,7 +259,8 @@ def test_axes_of_no_length_and_places_out_of_the_world_are_refused(write, axis, 
 
 
 def test_a_part_is_the_whole_arm_with_coordinates_held():
-    whole, part = load_arm("panda"), load_arm("panda", base="panda_link3")
+    whole = load_arm("panda")
+    part = load_arm("panda", base="panda_link3")
     q = whole.sample(4, random_state=1)
     before = load_arm("panda", frame="panda_link3").forward(q[:, :3])
     np.testing.assert_allclose(before @ part.forward(q[:, 3:]), whole.forward(q), atol=1e-12)

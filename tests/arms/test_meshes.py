@@ -74,29 +74,53 @@ def test_every_kind_of_mesh_is_read_alike(tmp_path, name):
 
 
 def doubling(n):
-    return "".join(f'<node id="n{i}"><instance_node url="#n{i + 1}"/><instance_node url="#n{i + 1}"/></node>'
-                   for i in range(n)) + f'<node id="n{n}">{SHOWN}</node>'  # fmt: skip
+    return (
+        "".join(
+            f'<node id="n{i}"><instance_node url="#n{i + 1}"/><instance_node url="#n{i + 1}"/></node>'
+            for i in range(n)
+        )
+        + f'<node id="n{n}">{SHOWN}</node>'
+    )
 
 
 LIST = '<input semantic="VERTEX" source="#v" offset="0"/>'
 HOSTILE = {
-    "itself.dae": (dae(nodes='<node id="n"><instance_node url="#n"/></node>'),
-                   "has 20001 nodes, counted for each instance; at most 20000"),
-    "doubling.dae": (dae(nodes='<node><instance_node url="#n0"/></node>', library=doubling(40)), "20001 nodes"),
+    "itself.dae": (
+        dae(nodes='<node id="n"><instance_node url="#n"/></node>'),
+        "has 20001 nodes, counted for each instance; at most 20000",
+    ),
+    "doubling.dae": (
+        dae(nodes='<node><instance_node url="#n0"/></node>', library=doubling(40)),
+        "20001 nodes",
+    ),
     "deep.dae": (dae(nodes="<node>" * 30_000 + SHOWN + "</node>" * 30_000), "20001 nodes"),
-    "corners.dae": (dae(f'<polylist>{LIST}<vcount>4000000000</vcount><p>0 1 2</p></polylist>'),
-                    "announce 4000000000 corners; there are 3"),
-    "points.dae": (dae(accessor='count="4000000000" stride="3"'), "cannot be read as a mesh: cannot reshape"),
-    "wild.ply": (PLY.format(4, 1) + POINT_LINES + "\n3 0 1 2147483647\n", "point number 2147483647; there are 4"),
+    "corners.dae": (
+        dae(f"<polylist>{LIST}<vcount>4000000000</vcount><p>0 1 2</p></polylist>"),
+        "announce 4000000000 corners; there are 3",
+    ),
+    "points.dae": (
+        dae(accessor='count="4000000000" stride="3"'),
+        "cannot be read as a mesh: cannot reshape",
+    ),
+    "wild.ply": (
+        PLY.format(4, 1) + POINT_LINES + "\n3 0 1 2147483647\n",
+        "point number 2147483647; there are 4",
+    ),
     "count.ply": (PLY.format(4_000_000_000, 1), "4000000000 elements announced, more than bytes"),
     "wild.obj": (OBJ + "f 1 2 900000\n", "index 899999 is out of bounds"),
-    "count.gltf": (gltf(positions=4_000_000_000), "4000000000 entries announced by an accessor, more than bytes"),
-    "no view.gltf": (gltf(accessors=[{"componentType": 5126, "count": 4_000_000_000, "type": "MAT4"}]), "of view None"),
+    "count.gltf": (
+        gltf(positions=4_000_000_000),
+        "4000000000 entries announced by an accessor, more than bytes",
+    ),
+    "no view.gltf": (
+        gltf(accessors=[{"componentType": 5126, "count": 4_000_000_000, "type": "MAT4"}]),
+        "of view None",
+    ),
     "circle.gltf": (gltf(nodes=({"children": [1]}, {"children": [0, 1], "mesh": 0})), "circle"),
     "buffer.gltf": (gltf(buffer="../../../../../../etc/passwd"), "lies outside its folder"),
     "device.gltf": (gltf(buffer="pipe"), "is a pipe, a socket or a device"),
     "deep.gltf": ('{"a":' * 100_000, "cannot be read"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", HOSTILE)
@@ -129,7 +153,7 @@ MANY = {
     "solids.stl": lambda n: "".join(f"solid a{i}\n{FACET}\nendsolid\n" for i in range(n)),
     "lists.dae": many_polygon_lists,
     "nested.gltf": many_nodes,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", MANY)
@@ -159,10 +183,15 @@ def test_groups_of_an_obj_change_no_triangle(tmp_path):
 
 
 OUTSIDE = {
-    "up": "../../secret.stl", "up and down": "../urdf/../../secret.stl", "absolute": "{top}/secret.stl",
-    "file": "file://{top}/secret.stl", "package up": "package://kit/../../../secret.stl", "link": "link.stl",
-    "package far above": "package://far/secret.stl", "the root": "package:///{top}/secret.stl",
-}  # fmt: skip
+    "up": "../../secret.stl",
+    "up and down": "../urdf/../../secret.stl",
+    "absolute": "{top}/secret.stl",
+    "file": "file://{top}/secret.stl",
+    "package up": "package://kit/../../../secret.stl",
+    "link": "link.stl",
+    "package far above": "package://far/secret.stl",
+    "the root": "package:///{top}/secret.stl",
+}
 
 
 @pytest.mark.parametrize(
@@ -283,8 +312,11 @@ def test_meshes_are_found_by_their_names(tmp_path, monkeypatch, case):
 def test_missing_meshes_are_named_only_when_they_are_drawn(tmp_path):
     arm = one_link(tmp_path, '<mesh filename="package://kit/part.stl"/>')
     assert arm.forward([0.1]).shape == (4, 4)
-    with pytest.raises(FileFormatError, match=r"one\.urdf: the mesh 'package://kit/part\.stl' is missing \(1 of 1 .*"
-                       r"the package 'kit' in .* and every folder above.*ROS_PACKAGE_PATH"):  # fmt: skip
+    with pytest.raises(
+        FileFormatError,
+        match=r"one\.urdf: the mesh 'package://kit/part\.stl' is missing \(1 of 1 .*"
+        r"the package 'kit' in .* and every folder above.*ROS_PACKAGE_PATH",
+    ):
         arm.surfaces()
     with pytest.raises(FileFormatError, match=r"'part\.stl' is missing.*looked at '.*part\.stl'"):
         one_link(tmp_path, '<mesh filename="part.stl"/>').surfaces()
@@ -320,12 +352,16 @@ def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
 
 
 SENSELESS = {
-    "": "has no <geometry>", "<mesh/>": "names no file", '<cone radius="1"/>': "has the shape <cone>; allowed",
-    '<box size="1 2"/>': "needs size with 3 numbers.*found '1 2'", "<box/>": "needs size.*found None",
+    "": "has no <geometry>",
+    "<mesh/>": "names no file",
+    '<cone radius="1"/>': "has the shape <cone>; allowed",
+    '<box size="1 2"/>': "needs size with 3 numbers.*found '1 2'",
+    "<box/>": "needs size.*found None",
     '<sphere radius="-1"/>': "needs radius with 1 number.* not negative; found '-1'",
-    '<cylinder radius="1" length="nan"/>': "needs length", '<sphere radius="1e8"/>': "reaches farther than",
+    '<cylinder radius="1" length="nan"/>': "needs length",
+    '<sphere radius="1e8"/>': "reaches farther than",
     '<mesh filename="part.stl" scale="2"/>': "needs scale with 3 numbers.*; found '2'",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("geometry", SENSELESS)
@@ -344,14 +380,18 @@ def test_surfaces_are_where_pinocchio_has_them(tmp_path):
     model = pin.buildModelFromUrdf(str(digger))
     text = digger.read_text().replace("boom.stl", str(digger.parent / "boom.stl"))
     geometry = pin.buildGeomFromUrdfString(model, text, pin.VISUAL)
-    data, places = model.createData(), geometry.createData()
+    data = model.createData()
+    places = geometry.createData()
     pin.updateGeometryPlacements(model, data, geometry, places, np.array([*q, 0.0]))
     where = dict(zip([thing.name for thing in geometry.geometryObjects], places.oMg, strict=True))
     cube = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     expected = {
-        "base_0": cube * (0.3, 0.2, 0.1), "boom_0": CORNERS * (2, 1, 1), "lamp_0": cube * 0.02,
-        "boom_1": np.array([[0.04, 0, 0.1], [0, 0.04, -0.1]]), "bucket_0": np.array([[0, 0, 0.06], [0.06, 0, 0]]),
-    }  # fmt: skip
+        "base_0": cube * (0.3, 0.2, 0.1),
+        "boom_0": CORNERS * (2, 1, 1),
+        "lamp_0": cube * 0.02,
+        "boom_1": np.array([[0.04, 0, 0.1], [0, 0.04, -0.1]]),
+        "bucket_0": np.array([[0, 0, 0.06], [0.06, 0, 0]]),
+    }
     actual = drawn(arm, q)
     for name, corners in expected.items():
         for corner in corners:
@@ -374,7 +414,8 @@ def test_mjcf_surfaces_are_where_mujoco_has_them(tmp_path):
           <body name="fore" pos="0.3 0 0.1"><joint name="c" type="slide" axis="1 0 0" range="-1 1"/>
             <geom name="fore" type="box" size="0.1 0.02 0.03" euler="0.1 0 0"/></body></body></body></worldbody>
     </mujoco>""")
-    arm, model = load_arm(path), mujoco.MjModel.from_xml_path(str(path))
+    arm = load_arm(path)
+    model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     q = arm.sample(1, random_state=0)[0]
     data.qpos[:] = q

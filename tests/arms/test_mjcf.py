@@ -52,7 +52,8 @@ def test_what_has_no_name_is_mujocos(write):
         'name="lower"', 'name="world_body2"'
     )
     path = write(robot=f"{HEAD}{MATERIAL}<worldbody>{TABLE}{bare}</worldbody></mujoco>")
-    arm, model = load_arm(path, frame="tip"), mujoco.MjModel.from_xml_path(str(path))
+    arm = load_arm(path, frame="tip")
+    model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     np.testing.assert_allclose(np.stack([arm.lower, arm.upper], axis=1), model.jnt_range[1:])
     for q in arm.sample(4, random_state=0):
@@ -116,7 +117,8 @@ def test_torque_limits_are_those_of_joints_and_actuators(write, actuators):
     )
     limits = load_arm(write(robot=text)).chain.effort_limits
     np.testing.assert_allclose(limits, ACTUATORS[actuators])
-    data, torques = mujoco.MjData(model := mujoco.MjModel.from_xml_string(text)), []
+    data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(text))
+    torques = []
     for data.ctrl in (-1e3, 1e3):
         mujoco.mj_forward(model, data)
         torques.append(np.abs(data.qfrc_actuator))
@@ -124,12 +126,17 @@ def test_torque_limits_are_those_of_joints_and_actuators(write, actuators):
     np.testing.assert_allclose(np.min(torques, axis=0)[driven], limits[driven])
 
 
-@pytest.mark.parametrize(("include", "message"), [
-    ("../secret.xml", r"includes '\.\./secret\.xml', which lies outside of its folder"),
-    ("/etc/passwd", r"includes '/etc/passwd', which lies outside"),
-    ("main.xml", r"includes 'main\.xml' more than once, or in a cycle"), ("arm.xnl", r"suffix '\.xnl' is not known"),
-    ("", "an <include> names no file"), ("other.xml", r"other\.xml: there is no such file"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("include", "message"),
+    [
+        ("../secret.xml", r"includes '\.\./secret\.xml', which lies outside of its folder"),
+        ("/etc/passwd", r"includes '/etc/passwd', which lies outside"),
+        ("main.xml", r"includes 'main\.xml' more than once, or in a cycle"),
+        ("arm.xnl", r"suffix '\.xnl' is not known"),
+        ("", "an <include> names no file"),
+        ("other.xml", r"other\.xml: there is no such file"),
+    ],
+)
 def test_includes_that_may_not_be_are_named(write, include, message):
     path = write(main=f'<mujoco><worldbody>{ARM}<include file="{include}"/></worldbody></mujoco>')
     (path.parent / "arm.xnl").write_text("<mujoco/>")
@@ -141,10 +148,8 @@ FINGERS = (
     '<body name="right_finger" pos="0 .02 .05"><geom size=".01"/><joint type="slide" name="right"/></body>'
     '<body name="left_finger" pos="0 -.02 .05"><geom size=".01"/><joint type="slide" name="left"/></body>'
 )
-FLANGE, PINCH = (
-    '<site name="{}attachment_site" pos="0 0.045 0" quat="-1 1 0 0"/>',
-    '<site name="{}" pos="0 0 .107"/>',
-)
+FLANGE = '<site name="{}attachment_site" pos="0 0.045 0" quat="-1 1 0 0"/>'
+PINCH = '<site name="{}" pos="0 0 .107"/>'
 
 
 ARM_TO = """<mujoco model="arm"><default><joint range="-90 90"/></default><worldbody><body name="base"><geom size=".1"/>
@@ -154,16 +159,25 @@ ARM_TO = """<mujoco model="arm"><default><joint range="-90 90"/></default><world
 """An arm with three hinges that ends in a body of this content."""
 
 
-@pytest.mark.parametrize(("end", "expected"), [
-    (FLANGE.format(""), "attachment_site"), (FLANGE.format("arm_"), "arm_attachment_site"),
-    (FLANGE.format("arm/"), "arm/attachment_site"),
-    (f'<body name="flange">{FLANGE.format("")}</body>', "attachment_site"), (PINCH.format("pinch_site"), "pinch_site"),
-    (f'<body name="hand">{FLANGE.format("")}{PINCH.format("pinch_site")}{FINGERS}</body>', "pinch_site"),
-    (f'<body name="hand">{PINCH.format("2f85/pinch")}{FINGERS}</body>', "2f85/pinch"),
-    (f'{FLANGE.format("")}<body name="hand">{FINGERS}</body>', "attachment_site"),
-    (f'<body name="hand">{FINGERS}</body>', "hand"), (f'<body name="hand">{PINCH.format("camera")}</body>', "hand"),
-    (PINCH.format("a_pinch_site_of_nothing"), "wrist"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("end", "expected"),
+    [
+        (FLANGE.format(""), "attachment_site"),
+        (FLANGE.format("arm_"), "arm_attachment_site"),
+        (FLANGE.format("arm/"), "arm/attachment_site"),
+        (f'<body name="flange">{FLANGE.format("")}</body>', "attachment_site"),
+        (PINCH.format("pinch_site"), "pinch_site"),
+        (
+            f'<body name="hand">{FLANGE.format("")}{PINCH.format("pinch_site")}{FINGERS}</body>',
+            "pinch_site",
+        ),
+        (f'<body name="hand">{PINCH.format("2f85/pinch")}{FINGERS}</body>', "2f85/pinch"),
+        (f'{FLANGE.format("")}<body name="hand">{FINGERS}</body>', "attachment_site"),
+        (f'<body name="hand">{FINGERS}</body>', "hand"),
+        (f'<body name="hand">{PINCH.format("camera")}</body>', "hand"),
+        (PINCH.format("a_pinch_site_of_nothing"), "wrist"),
+    ],
+)
 def test_the_site_is_the_end_effector(tmp_path, end, expected):
     path = tmp_path / "arm.xml"
     path.write_text(ARM_TO.format(end))
@@ -196,13 +210,23 @@ DOUBLING = "".join(
 )
 
 
-@pytest.mark.parametrize(("content", "message"), [
-    ('<xacro:include filename="/dev/zero"/>', "/dev/zero: this is a pipe, a socket or a device"),
-    ('<xacro:include filename="pipe.xacro"/>', "this is a pipe, a socket or a device"),
-    ("<link name=\"${load_yaml('/dev/zero')}\"/>", "/dev/zero: this is a pipe, a socket or a device"),
-    (DOUBLING + '<xacro:macro name="m40" params=""/><xacro:m0/>', "it takes more than 2 s"),
-    ("<link name=\"${'x' * 10**10}\"/>", r"when evaluating expression ''x' \* 10\*\*10'"),
-], ids=["device", "pipe", "settings", "doubling macros", "memory"])  # fmt: skip
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            '<xacro:include filename="/dev/zero"/>',
+            "/dev/zero: this is a pipe, a socket or a device",
+        ),
+        ('<xacro:include filename="pipe.xacro"/>', "this is a pipe, a socket or a device"),
+        (
+            "<link name=\"${load_yaml('/dev/zero')}\"/>",
+            "/dev/zero: this is a pipe, a socket or a device",
+        ),
+        (DOUBLING + '<xacro:macro name="m40" params=""/><xacro:m0/>', "it takes more than 2 s"),
+        ("<link name=\"${'x' * 10**10}\"/>", r"when evaluating expression ''x' \* 10\*\*10'"),
+    ],
+    ids=["device", "pipe", "settings", "doubling macros", "memory"],
+)
 def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, message):
     pytest.importorskip("xacrodoc")
     monkeypatch.setattr(

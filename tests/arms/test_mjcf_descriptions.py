@@ -37,8 +37,10 @@ NESTED = (
     '<default class="y"><joint range="-30 30"/></default></default>'
     '<default class="z"><joint axis="0 0 3"/></default></default>'
 )
-REF = ('<joint name="b" axis="0 1 0" range="-80 100" ref="20"/>',
-       '<joint name="c" axis="1 0 0" range="-45 45" ref="-10"/>')  # fmt: skip
+REF = (
+    '<joint name="b" axis="0 1 0" range="-80 100" ref="20"/>',
+    '<joint name="c" axis="1 0 0" range="-45 45" ref="-10"/>',
+)
 FOLLOWING = '<equality><joint joint1="c" joint2="b" polycoef="0.1 -0.5"/></equality>'
 CASES = {
     "order of Euler angles": robot('<compiler eulerseq="zXy"/>'),
@@ -101,7 +103,8 @@ CASES = {
 }
 TENDON = '<tendon><fixed name="t"><joint joint="b" coef="2"/><joint joint="c" coef="-.5"/></fixed></tendon>'
 DRIVES = {
-    "through a tendon": TENDON + '<actuator><motor tendon="t" ctrlrange="-4 4" gear="3"/></actuator>',
+    "through a tendon": TENDON
+    + '<actuator><motor tendon="t" ctrlrange="-4 4" gear="3"/></actuator>',
     "joint and tendon": TENDON
     + '<actuator><motor tendon="t" forcerange="-4 5"/><motor joint="c" ctrlrange="-1 1"/></actuator>',
     "two motors of one direction each": '<actuator><motor joint="a" ctrlrange="0 2"/>'
@@ -112,7 +115,7 @@ DRIVES = {
     "without a limit": '<actuator><motor joint="a" forcerange="-5 5" forcelimited="false"/></actuator>',
     "in the frame of the parent": '<actuator><motor jointinparent="a" ctrlrange="-2 2" gear="4 1"/></actuator>',
     "without a gear": '<actuator><motor joint="a" ctrlrange="-2 2" gear="0"/></actuator>',
-}  # fmt: skip
+}
 
 
 def loaded(tmp_path, text):

@@ -47,45 +47,97 @@ def fine(degrees):
 
 ACCEPTED = {
     "twice in an included file": {"main.xml": wrapped("r.xml"), "r.xml": model(TWO), "g.xml": GEOM},
-    "twice, two levels below": {"main.xml": wrapped("s.xml"), "s.xml": wrapped("r.xml"), "r.xml": model(TWO),
-                                "g.xml": GEOM},
-    "twice in one body": {"main.xml": wrapped("r.xml"), "r.xml": model(BODY.format(include("g.xml") * 2)),
-                          "g.xml": GEOM},
-    "by two included files": {"main.xml": model(BODY.format(include("p.xml") + include("q.xml"))),
-                              "p.xml": part(include("g.xml")), "q.xml": part(include("g.xml")), "g.xml": GEOM},
-    "below, then here": {"main.xml": model(BODY.format(include("p.xml") + include("g.xml"))),
-                         "p.xml": part(include("g.xml")), "g.xml": GEOM},
+    "twice, two levels below": {
+        "main.xml": wrapped("s.xml"),
+        "s.xml": wrapped("r.xml"),
+        "r.xml": model(TWO),
+        "g.xml": GEOM,
+    },
+    "twice in one body": {
+        "main.xml": wrapped("r.xml"),
+        "r.xml": model(BODY.format(include("g.xml") * 2)),
+        "g.xml": GEOM,
+    },
+    "by two included files": {
+        "main.xml": model(BODY.format(include("p.xml") + include("q.xml"))),
+        "p.xml": part(include("g.xml")),
+        "q.xml": part(include("g.xml")),
+        "g.xml": GEOM,
+    },
+    "below, then here": {
+        "main.xml": model(BODY.format(include("p.xml") + include("g.xml"))),
+        "p.xml": part(include("g.xml")),
+        "g.xml": GEOM,
+    },
     "two robots with one file of defaults": {
-        "main.xml": wrapped("r.xml", "s.xml"), "r.xml": model(BODY.format(""), include("d.xml")),
-        "s.xml": model(INNER.format(""), include("d.xml")), "d.xml": part("<default><geom size='.3'/></default>")},
-    "beside the including file": {"main.xml": wrapped("sub/p.xml"), "sub/p.xml": model(FINE, include("more.xml")),
-                                  "sub/more.xml": fine(20)},
-    "beside the model": {"main.xml": wrapped("sub/p.xml"), "sub/p.xml": model(FINE, include("more.xml")),
-                         "more.xml": fine(30)},
-    "beside both": {"main.xml": wrapped("sub/p.xml"), "sub/p.xml": model(FINE, include("more.xml")),
-                    "sub/more.xml": fine(20), "more.xml": fine(30)},
-    "three folders": {"main.xml": wrapped("sub/p.xml"), "sub/p.xml": model(FINE, include("deep/q.xml")),
-                      "sub/deep/q.xml": part(include("more.xml")), "sub/deep/more.xml": fine(20),
-                      "sub/more.xml": fine(30)},
-    "above the including file": {"main.xml": wrapped("sub/p.xml"), "sub/p.xml": model(FINE, include("../more.xml")),
-                                 "more.xml": fine(20)},
-    "one name in two folders": {"main.xml": wrapped("s/p.xml", "t/p.xml"), "s/p.xml": model(FINE, include("more.xml")),
-                                "t/p.xml": model(INNER.format(""), include("more.xml")), "s/more.xml": fine(20),
-                                "t/more.xml": part("<option timestep='.001'/>")},
-    "in a default": {"main.xml": model(FINE, f"<default>{include('d.xml')}</default>"),
-                     "d.xml": part(CLASS.format("-20 20"))},
-}  # fmt: skip
+        "main.xml": wrapped("r.xml", "s.xml"),
+        "r.xml": model(BODY.format(""), include("d.xml")),
+        "s.xml": model(INNER.format(""), include("d.xml")),
+        "d.xml": part("<default><geom size='.3'/></default>"),
+    },
+    "beside the including file": {
+        "main.xml": wrapped("sub/p.xml"),
+        "sub/p.xml": model(FINE, include("more.xml")),
+        "sub/more.xml": fine(20),
+    },
+    "beside the model": {
+        "main.xml": wrapped("sub/p.xml"),
+        "sub/p.xml": model(FINE, include("more.xml")),
+        "more.xml": fine(30),
+    },
+    "beside both": {
+        "main.xml": wrapped("sub/p.xml"),
+        "sub/p.xml": model(FINE, include("more.xml")),
+        "sub/more.xml": fine(20),
+        "more.xml": fine(30),
+    },
+    "three folders": {
+        "main.xml": wrapped("sub/p.xml"),
+        "sub/p.xml": model(FINE, include("deep/q.xml")),
+        "sub/deep/q.xml": part(include("more.xml")),
+        "sub/deep/more.xml": fine(20),
+        "sub/more.xml": fine(30),
+    },
+    "above the including file": {
+        "main.xml": wrapped("sub/p.xml"),
+        "sub/p.xml": model(FINE, include("../more.xml")),
+        "more.xml": fine(20),
+    },
+    "one name in two folders": {
+        "main.xml": wrapped("s/p.xml", "t/p.xml"),
+        "s/p.xml": model(FINE, include("more.xml")),
+        "t/p.xml": model(INNER.format(""), include("more.xml")),
+        "s/more.xml": fine(20),
+        "t/more.xml": part("<option timestep='.001'/>"),
+    },
+    "in a default": {
+        "main.xml": model(FINE, f"<default>{include('d.xml')}</default>"),
+        "d.xml": part(CLASS.format("-20 20")),
+    },
+}
 REFUSED = {
     "twice here": {"main.xml": model(TWO), "g.xml": GEOM},
-    "twice here by another name": {"main.xml": model(BODY.format(include("g.xml") + include("./g.xml"))),
-                                   "g.xml": GEOM},
-    "here, then below": {"main.xml": model(BODY.format(include("g.xml") + include("p.xml"))),
-                         "p.xml": part(include("g.xml")), "g.xml": GEOM},
+    "twice here by another name": {
+        "main.xml": model(BODY.format(include("g.xml") + include("./g.xml"))),
+        "g.xml": GEOM,
+    },
+    "here, then below": {
+        "main.xml": model(BODY.format(include("g.xml") + include("p.xml"))),
+        "p.xml": part(include("g.xml")),
+        "g.xml": GEOM,
+    },
     "itself": {"main.xml": wrapped("main.xml")},
     "the model": {"main.xml": wrapped("p.xml"), "p.xml": wrapped("main.xml")},
-    "an included file that includes itself": {"main.xml": wrapped("p.xml"), "p.xml": model(BODY, include("p.xml"))},
-    "a circle": {"main.xml": wrapped("p.xml"), "p.xml": wrapped("q.xml"), "q.xml": wrapped("p.xml")},
-}  # fmt: skip
+    "an included file that includes itself": {
+        "main.xml": wrapped("p.xml"),
+        "p.xml": model(BODY, include("p.xml")),
+    },
+    "a circle": {
+        "main.xml": wrapped("p.xml"),
+        "p.xml": wrapped("q.xml"),
+        "q.xml": wrapped("p.xml"),
+    },
+}
 
 
 def write(folder, files):

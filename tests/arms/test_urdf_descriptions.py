@@ -90,7 +90,9 @@ CASES = {
     "fixed joints in a row": robot(
         b=rigid("f1", "l1", "m1")
         + rigid("f2", "m1", "m2", '<origin xyz="1 2 3" rpy="3.14159 -1.5708 2"/>')
-        + link("m1") + link("m2") + joint("b", "m2", "l2", "0 1 0"),
+        + link("m1")
+        + link("m2")
+        + joint("b", "m2", "l2", "0 1 0"),
     ),
     "floating base": robot(more=link("world") + rigid("w", "world", "base", kind="floating")),
     "mobile base": robot(more=link("world") + rigid("w", "world", "base", kind="planar")),
@@ -104,7 +106,7 @@ CASES = {
     "mark of the byte order": "\ufeff" + robot().replace("><", ">\r\n<"),
     "comments": robot().replace("<axis", "<!-- <limit lower='9'/> --><axis"),
     "Latin 1": '<?xml version="1.0" encoding="ISO-8859-1"?>' + robot().replace('"r"', '"Händ"'),
-}  # fmt: skip
+}
 
 
 def encoded(text):

@@ -172,15 +172,30 @@ def test_arguments_are_given_in_commands_python_and_files(tmp_path):
 
 
 EXPRESSIONS = {
-    "default of another": ('<xacro:arg name="a"/><xacro:arg name="b" default="$(arg a)_x"/>', {"a"}),
-    "two": ('<xacro:arg name="a"/><xacro:arg name="c"/><xacro:arg name="b" default="1"/>', {"a", "c"}),
+    "default of another": (
+        '<xacro:arg name="a"/><xacro:arg name="b" default="$(arg a)_x"/>',
+        {"a"},
+    ),
+    "two": (
+        '<xacro:arg name="a"/><xacro:arg name="c"/><xacro:arg name="b" default="1"/>',
+        {"a", "c"},
+    ),
     "not declared": ('<link name="$(arg a)"/>', {"a"}),
-    "condition": ('<xacro:arg name="a"/><xacro:if value="$(arg a)"><link name="x"/></xacro:if>', {"a"}),
+    "condition": (
+        '<xacro:arg name="a"/><xacro:if value="$(arg a)"><link name="x"/></xacro:if>',
+        {"a"},
+    ),
     "number": ('<xacro:arg name="a"/><xacro:property name="n" value="${2 * $(arg a)}"/>', {"a"}),
-    "evaluated": ('<xacro:arg name="a"/><xacro:property name="n" value="$(eval arg(\'a\'))"/>', {"a"}),
-    "in an expression": ('<xacro:arg name="a"/><xacro:property name="n" value="${xacro.arg(\'a\')}"/>', {"a"}),
+    "evaluated": (
+        '<xacro:arg name="a"/><xacro:property name="n" value="$(eval arg(\'a\'))"/>',
+        {"a"},
+    ),
+    "in an expression": (
+        '<xacro:arg name="a"/><xacro:property name="n" value="${xacro.arg(\'a\')}"/>',
+        {"a"},
+    ),
     "file": ('<xacro:arg name="a"/><xacro:include filename="$(arg a).xacro"/>', {"a"}),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", EXPRESSIONS)
@@ -210,12 +225,16 @@ def test_defaults_follow_the_arguments_that_are_given(tmp_path):
     assert '"tip"' in run("info", path, "--xacro-args", "prefix:=", "--json").output
 
 
-@pytest.mark.parametrize(("value", "error", "message"), [
-    ({"arm": "left"}, FileFormatError, "'arm_name'.*no argument 'arm'"),
-    ({"arm_name": "left", "sid": "l"}, UnknownNameError, "'sid'.*first: 'side'"),
-    ("arm_name:=left", InvalidInputError, "must map names"), ({"arm_name": None}, InvalidInputError, "'arm_name'"),
-    ({1: "left"}, InvalidInputError, "must be text"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "error", "message"),
+    [
+        ({"arm": "left"}, FileFormatError, "'arm_name'.*no argument 'arm'"),
+        ({"arm_name": "left", "sid": "l"}, UnknownNameError, "'sid'.*first: 'side'"),
+        ("arm_name:=left", InvalidInputError, "must map names"),
+        ({"arm_name": None}, InvalidInputError, "'arm_name'"),
+        ({1: "left"}, InvalidInputError, "must be text"),
+    ],
+)
 def test_wrong_arguments_are_named(value, error, message):
     with pytest.raises(error, match=message):
         load_arm(ARGUMENTS, xacro_args=value)

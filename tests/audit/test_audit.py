@@ -144,8 +144,15 @@ def test_workers_give_the_same_files(planted, tmp_path, monkeypatch):
 def test_findings_that_count_are_chosen(planted, tmp_path):
     folder, kinds, _, words = planted
     code, _ = run(
-        folder / "set", *words, "-o", tmp_path / "out", "--fail-on", "position,collision", "--processes", "1"
-    )  # fmt: skip
+        folder / "set",
+        *words,
+        "-o",
+        tmp_path / "out",
+        "--fail-on",
+        "position,collision",
+        "--processes",
+        "1",
+    )
     assert code == 1
     failed = numbers(tmp_path / "out")["failed"]
     assert {kinds[number] for number in failed} == {"position", "collision"}

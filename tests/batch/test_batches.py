@@ -240,7 +240,8 @@ def test_a_killed_batch_continues(whole, recordings, tmp_path):
                 if int(group) == process.pid and state != "Z":
                     yield status
 
-    folder, script = tmp_path / "dataset", tmp_path / "script.py"
+    folder = tmp_path / "dataset"
+    script = tmp_path / "script.py"
     script.write_text(RUN)
     environment = {**os.environ, "PYTHONWARNINGS": "ignore"}
     process = subprocess.Popen(
@@ -667,7 +668,8 @@ def test_folders_that_vanish_are_no_recordings(tmp_path, monkeypatch):
 
 
 def test_each_robot_has_a_folder_of_its_own():
-    panda, arms = mp.load_arm("panda"), []
+    panda = mp.load_arm("panda")
+    arms = []
     for k, name in enumerate(("a:b", "a?b", "A-b", "..", "adapters")):
         arms.append(panda.narrowed(panda.lower + 1e-3 * k, panda.upper))
         arms[-1].name = name
@@ -742,11 +744,17 @@ def test_digests_tell_contents_apart(tmp_path):
     assert len({digest(thing) for thing in things}) == len(things)
 
 
-@pytest.mark.parametrize(("error", "more"), [
-    (OutputError, {}), (InvalidInputError, {"move": True, "export": "vhs"}),
-    (InvalidInputError, {"dask": "x:1", "ray": True}), (InvalidInputError, {"side": "both"}),
-    (InvalidInputError, {"processes": 0}), (UnknownNameError, {"speed": 3}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("error", "more"),
+    [
+        (OutputError, {}),
+        (InvalidInputError, {"move": True, "export": "vhs"}),
+        (InvalidInputError, {"dask": "x:1", "ray": True}),
+        (InvalidInputError, {"side": "both"}),
+        (InvalidInputError, {"processes": 0}),
+        (UnknownNameError, {"speed": 3}),
+    ],
+)
 def test_wrong_arguments_are_refused_before_work(recordings, tmp_path, error, more):
     (tmp_path / "batch.json").write_text('{"mine": 1}')
     with pytest.raises(error):

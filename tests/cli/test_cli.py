@@ -139,7 +139,8 @@ def test_info_describes_results(run, tmp_path):
 
 def test_the_printed_template_completes_the_arm(run, tmp_path):
     """The template of `info --json` is filled in and passed, and is enough for the printed command."""
-    recording, file = read_recording("ladder").crop(10, 11), tmp_path / "a walk.npz"
+    recording = read_recording("ladder").crop(10, 11)
+    file = tmp_path / "a walk.npz"
     renamed = {"RightArm": "mark 1", "RightForeArm": "mark 2", "RightHand": "mark 3"}
     replace(recording, names=tuple(renamed.get(name, name) for name in recording.names)).save(file)
     code, out, _ = run("info", file, "--json")
@@ -171,8 +172,20 @@ def test_the_printed_template_completes_the_arm(run, tmp_path):
 @pytest.mark.usefixtures("small_search")
 def test_transfer_writes_a_folder(run, tmp_path):
     out = tmp_path / "out"
-    words = ("transfer", shipped_recording("freeform"), "-o", out, "--start", 2, "--stop", 2.5, "--n-teacher", 64,
-             "--n-student", 128)  # fmt: skip
+    words = (
+        "transfer",
+        shipped_recording("freeform"),
+        "-o",
+        out,
+        "--start",
+        2,
+        "--stop",
+        2.5,
+        "--n-teacher",
+        64,
+        "--n-student",
+        128,
+    )
     exports = [word for name in FORMATS if name != write.SCENE for word in ("--export", name)]
     code, text, err = run(*words, *exports, "--method", "parallel-transport", "--json")
     assert code == 0, err
@@ -229,30 +242,48 @@ def test_track_and_place(run, tmp_path):
             assert (again / file).read_bytes() == (tmp_path / first / file).read_bytes(), file
 
 
-@pytest.mark.parametrize(("words", "found"), [
-    (("info", "pnda"), "'panda'"), (("info", "missing.npz"), "missing.npz"),
-    (("info", "tail.bvh"), "missing: shoulder"), (("info", "x" * 300), ("name too long", "unknown robot")),
-    (("domain", "panda", "-n", "0", "-o", "x.npz"), "n must"),
-    (("domain", "panda", "--part", "whole", "-o", "x.npz"), "translation"),
-    (("fit", "a.npz", "b.npz", "-o", "c.npz"), "a.npz"),
-    (("transfer", "a.bvh"), "a.bvh: there is no such file"), (("transfer", "tail.bvh"), "missing: shoulder"),
-    (("transfer",), "exactly one file"), (("learn", "a.bvh"), "demonstrations"), (("track", "a.npz"), "a.npz"),
-    (("place", "a.npz", "--path", "b.npz"), "a.npz"), (("track",), "target ellipsoids"),
-    (("transfer", "ladder", "--robot", "pnda"), "'panda'"), (("transfer", "ladder", "--overwrite"), "--output"),
-    (("batch", "a.bvh"), "a.bvh"), (("batch", "ladder", "--robot", "pnda"), "'panda'"),
-    (("batch", "ladder"), "Missing option '--output'"), (("batch", "ladder", "--seed", "-1"), "--seed"),
-    (("domain", "pnda"), "'panda'"), (("domain", "panda"), "Missing option '--output'"),
-    (("domain", "panda", "-n", "0"), "n must"), (("fit", "a.npz", "b.npz"), "a.npz"),
-    (("apply", "a.npz", "b.npz"), "a.npz"), (("fit", "a.npz"), "student"),
-    (("transfer", "ladder", "-o", "out", "--markers", "list.json"), "list.json"),
-    (("transfer", "ladder", "-o", "out", "--markers", "half.json"), "half.json"),
-    (("transfer", "ladder", "-o", "out", "--markers", "deep.json"), "deep.json"),
-    (("transfer", "missing.bvh", "-o", "."), "holds other things"),
-    (("place", "a.npz", "--path", "b.npz", "-o", "c", "--tilt", "much"), "unknown --tilt 'much'"),
-    (("track", "still.npz", "-o", "out"), "no times"),
-    (("track", "one.npz", "-o", "out"), "one.npz' must have shape (n,) with n ≥ 2"),
-    (("demo", "stairs", "-o", "out"), "'freeform'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("info", "pnda"), "'panda'"),
+        (("info", "missing.npz"), "missing.npz"),
+        (("info", "tail.bvh"), "missing: shoulder"),
+        (("info", "x" * 300), ("name too long", "unknown robot")),
+        (("domain", "panda", "-n", "0", "-o", "x.npz"), "n must"),
+        (("domain", "panda", "--part", "whole", "-o", "x.npz"), "translation"),
+        (("fit", "a.npz", "b.npz", "-o", "c.npz"), "a.npz"),
+        (("transfer", "a.bvh"), "a.bvh: there is no such file"),
+        (("transfer", "tail.bvh"), "missing: shoulder"),
+        (("transfer",), "exactly one file"),
+        (("learn", "a.bvh"), "demonstrations"),
+        (("track", "a.npz"), "a.npz"),
+        (("place", "a.npz", "--path", "b.npz"), "a.npz"),
+        (("track",), "target ellipsoids"),
+        (("transfer", "ladder", "--robot", "pnda"), "'panda'"),
+        (("transfer", "ladder", "--overwrite"), "--output"),
+        (("batch", "a.bvh"), "a.bvh"),
+        (("batch", "ladder", "--robot", "pnda"), "'panda'"),
+        (("batch", "ladder"), "Missing option '--output'"),
+        (("batch", "ladder", "--seed", "-1"), "--seed"),
+        (("domain", "pnda"), "'panda'"),
+        (("domain", "panda"), "Missing option '--output'"),
+        (("domain", "panda", "-n", "0"), "n must"),
+        (("fit", "a.npz", "b.npz"), "a.npz"),
+        (("apply", "a.npz", "b.npz"), "a.npz"),
+        (("fit", "a.npz"), "student"),
+        (("transfer", "ladder", "-o", "out", "--markers", "list.json"), "list.json"),
+        (("transfer", "ladder", "-o", "out", "--markers", "half.json"), "half.json"),
+        (("transfer", "ladder", "-o", "out", "--markers", "deep.json"), "deep.json"),
+        (("transfer", "missing.bvh", "-o", "."), "holds other things"),
+        (
+            ("place", "a.npz", "--path", "b.npz", "-o", "c", "--tilt", "much"),
+            "unknown --tilt 'much'",
+        ),
+        (("track", "still.npz", "-o", "out"), "no times"),
+        (("track", "one.npz", "-o", "out"), "one.npz' must have shape (n,) with n ≥ 2"),
+        (("demo", "stairs", "-o", "out"), "'freeform'"),
+    ],
+)
 def test_wrong_input_ends_with_one_sentence(run, tmp_path, monkeypatch, words, found):
     monkeypatch.chdir(tmp_path)
     contents = {"list.json": "[1, 2]", "half.json": "{", "deep.json": '{"a":' * 40_000}
@@ -327,7 +358,8 @@ def track(run, monkeypatch, tmp_path):
 
 
 def test_units_of_the_command_line_are_converted(track):
-    panda, home = load_arm("panda"), "0,-45,0,-135,0,90,45"
+    panda = load_arm("panda")
+    home = "0,-45,0,-135,0,90,45"
     words = (
         "--position-tolerance",
         12,
@@ -351,20 +383,35 @@ def test_units_of_the_command_line_are_converted(track):
     assert "table" in np.array(control.collisions.pairs)
 
 
-@pytest.mark.parametrize(("words", "found"), [
-    (("--home", "0,-45"), "--home must have 7 numbers, for panda_joint1"),
-    (("--home", "0,-100,0,-135,0,90,45"), "--home: panda_joint2 is -100°; allowed are -96.96° to 96.96°"),
-    (("--home", "0,60,0,-160,0,5,0"), "home: panda_link0 and panda_link6"),
-    (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
-    (("--joint-limit-margin", 50), "--joint-limit-margin [%] must be a number in [0, 40]; found '50'"),
-    (("--position-tolerance", 0), "--position-tolerance [mm] must be a number above 0; found '0'"),
-    (("--export", "ros"), "unknown export 'ros'; available, nearest first: 'ros2'"),
-    (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
-    (("--srdf", "nothing.srdf"), "nothing.srdf"),
-    (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "orientation_axes"),
-    (("--scale", 0), "--scale must be a number in (0, 10]; found '0'"),
-    (("--workspace", "0.5,0.2,0,1,0,1"), "workspace[0][1]"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("--home", "0,-45"), "--home must have 7 numbers, for panda_joint1"),
+        (
+            ("--home", "0,-100,0,-135,0,90,45"),
+            "--home: panda_joint2 is -100°; allowed are -96.96° to 96.96°",
+        ),
+        (("--home", "0,60,0,-160,0,5,0"), "home: panda_link0 and panda_link6"),
+        (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
+        (
+            ("--joint-limit-margin", 50),
+            "--joint-limit-margin [%] must be a number in [0, 40]; found '50'",
+        ),
+        (
+            ("--position-tolerance", 0),
+            "--position-tolerance [mm] must be a number above 0; found '0'",
+        ),
+        (("--export", "ros"), "unknown export 'ros'; available, nearest first: 'ros2'"),
+        (
+            ("--limits", "limits.yaml"),
+            "unknown key 'joint1'; allowed are, nearest first: panda_joint1",
+        ),
+        (("--srdf", "nothing.srdf"), "nothing.srdf"),
+        (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "orientation_axes"),
+        (("--scale", 0), "--scale must be a number in (0, 10]; found '0'"),
+        (("--workspace", "0.5,0.2,0,1,0,1"), "workspace[0][1]"),
+    ],
+)
 def test_wrong_options_end_with_one_sentence_before_any_work(
     track, tmp_path, monkeypatch, words, found
 ):

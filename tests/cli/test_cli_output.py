@@ -35,9 +35,11 @@ def call(words, encoding="utf-8"):
     """Call the command line with streams of an encoding; return exit code, standard output and standard error."""
     streams = [TextIOWrapper(BytesIO(), encoding=encoding) for _ in range(2)]
     with (
-        redirect_stdout(streams[0]), redirect_stderr(streams[1]), pytest.raises(SystemExit) as stop,
+        redirect_stdout(streams[0]),
+        redirect_stderr(streams[1]),
+        pytest.raises(SystemExit) as stop,
         mock.patch.object(sys, "argv", ["maniport", *words]),
-    ):  # fmt: skip
+    ):
         cli.main()
     texts = []
     for stream in streams:
@@ -54,9 +56,12 @@ def piped(tmp_path_factory):
         save_ellipsoids(tmp / f"{name}.npz", sample_domain(load_arm(name), 64, 0))
     _, time, _, ellipsoids, _ = panda_profile()
     save_ellipsoids(tmp / "profile.npz", ellipsoids, time)
-    short, file = read_recording("freeform").crop(2.0, 2.2), shipped_recording("freeform")
-    lines = {verb: line.format(tmp=tmp, recording=file).split()
-             for verb, line in {**LIGHT, **HEAVY, "mistake": MISTAKE}.items()}  # fmt: skip
+    short = read_recording("freeform").crop(2.0, 2.2)
+    file = shipped_recording("freeform")
+    lines = {
+        verb: line.format(tmp=tmp, recording=file).split()
+        for verb, line in {**LIGHT, **HEAVY, "mistake": MISTAKE}.items()
+    }
 
     def read(source, **options):
         return short if source == "freeform" else read_recording(source, **options)
@@ -64,10 +69,17 @@ def piped(tmp_path_factory):
     with little_search(), mock.patch("maniport.pipeline.settings.read_recording", read):
         results = {("json", verb): call([*words, "--json"]) for verb, words in lines.items()}
     results |= {("lines", verb): call(lines[verb]) for verb in LIGHT}
-    return results | {("quiet", verb): call([*lines[verb], "--quiet"]) for verb in ("domain", "fit", "mistake")} | {
-        ("ascii", "fit"): call(lines["fit"], "ascii"),
-        ("ascii json", "apply"): call([*lines["apply"], "--json"], "ascii"),
-    }  # fmt: skip
+    return (
+        results
+        | {
+            ("quiet", verb): call([*lines[verb], "--quiet"])
+            for verb in ("domain", "fit", "mistake")
+        }
+        | {
+            ("ascii", "fit"): call(lines["fit"], "ascii"),
+            ("ascii json", "apply"): call([*lines["apply"], "--json"], "ascii"),
+        }
+    )
 
 
 def test_every_verb_is_tested():

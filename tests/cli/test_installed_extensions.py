@@ -193,8 +193,12 @@ def test_a_new_process_finds_the_package(recording, tmp_path):
     path = os.pathsep.join([str(folder), *(entry for entry in sys.path if entry)])
     done = subprocess.run(
         [sys.executable, "-m", "maniport", "info", str(recording)],
-        env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, cwd=tmp_path, check=False,
-    )  # fmt: skip
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert "ladder.pts" in done.stdout
 

@@ -156,7 +156,8 @@ def test_a_result_that_was_not_written_suggests_no_command(result_with_advice):
 @pytest.fixture
 def result_with_advice(small_result):
     """A result whose path is missed, so that a command is suggested."""
-    n, arm = len(small_result.time), small_result.arm
+    n = len(small_result.time)
+    arm = small_result.arm
     missed = {"position_error": np.full(n, 0.05), "distance": np.zeros(n)}
     own = replace(arm, motion=replace(arm.motion, **missed))
     config = replace(small_result.config, recording=("ladder",))

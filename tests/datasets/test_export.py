@@ -158,9 +158,15 @@ def test_a_batch_writes_a_dataset_for_each_robot(tmp_path):
     options = {"start": 2.0, "stop": 2.2, "n_teacher": 64, "n_student": 256, "collisions": False}
     with little_search():
         result = mp.transfer_batch(
-            [tmp_path / "recordings"], ["panda"], tmp_path / "out", processes=1,
-            method="parallel-transport", export="lerobot", speed_scale=0.3, **options,
-        )  # fmt: skip
+            [tmp_path / "recordings"],
+            ["panda"],
+            tmp_path / "out",
+            processes=1,
+            method="parallel-transport",
+            export="lerobot",
+            speed_scale=0.3,
+            **options,
+        )
     assert not result.failed
     folder = tmp_path / "out" / "lerobot" / "panda"
     kept = [row for row in result.table if row["status"] != "red"]

@@ -218,7 +218,7 @@ def bomb_as(before, after):
         ),
     ],
     ids=["name", "code", "order", "shape"],
-)  # fmt: skip
+)
 def test_values_that_are_short_and_have_no_end(content):
     with pytest.raises(FileFormatError):
         read_pickle(content, "file")
@@ -381,8 +381,14 @@ def test_an_order_that_fits_no_body_is_an_error(tmp_path, robot):
     np.savez(tmp_path / "walk.npz", **arrays)
     with pytest.raises(FileFormatError, match="order"):
         read_mjlab_npz(tmp_path / "walk.npz", robot=robot)
-    np.savez(tmp_path / "few.npz", **{**arrays, "body_pos_w": arrays["body_pos_w"][:, :3],
-                                      "body_quat_w": arrays["body_quat_w"][:, :3]})  # fmt: skip
+    np.savez(
+        tmp_path / "few.npz",
+        **{
+            **arrays,
+            "body_pos_w": arrays["body_pos_w"][:, :3],
+            "body_quat_w": arrays["body_quat_w"][:, :3],
+        },
+    )
     with pytest.raises(FileFormatError, match="bodies"):
         read_mjlab_npz(tmp_path / "few.npz", robot=robot)
 

@@ -27,7 +27,8 @@ def largest(equalities, bounds):
 
 
 def reference(arm, q, u, kind):
-    jacobian, gravity = arm.jacobian(q)[:3], arm.gravity_torques(q)
+    jacobian = arm.jacobian(q)[:3]
+    gravity = arm.gravity_torques(q)
     if kind == "force":
         if np.any(np.abs(gravity) > arm.effort_limits):
             return 0.0
@@ -41,14 +42,16 @@ def reference(arm, q, u, kind):
 @pytest.mark.parametrize("payload", [0.0, 6.0])
 def test_extents_are_those_of_linear_programs(kind, payload):
     arm = load_arm("panda").with_payload(payload)
-    q, u = arm.sample(6, random_state=1), half_sphere(5) * [[1.0, -1.0, 2.0]]
+    q = arm.sample(6, random_state=1)
+    u = half_sphere(5) * [[1.0, -1.0, 2.0]]
     extents = polytope_extent(arm, q, u, kind)
     expected = [[reference(arm, own, v / np.linalg.norm(v), kind) for v in u] for own in q]
     np.testing.assert_allclose(extents, expected, rtol=1e-6, atol=1e-6)
 
 
 def test_ellipsoids_lie_in_polytopes_and_resemble_them():
-    arm, u = load_arm("panda"), half_sphere()
+    arm = load_arm("panda")
+    u = half_sphere()
     q = arm.sample(50, random_state=0)
     outer = polytope_extent(arm, q, u, "velocity")
     inner = ellipsoid_extent(arm.manipulability(q, joint_weights="joint-limits"), u)

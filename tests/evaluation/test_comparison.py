@@ -23,7 +23,8 @@ def problem(random_spd):
         [0.6, 1.3, 2.7]
     )  # a center that is not round, so that the rotation is determined
     clouds = root @ random_spd(np.random.default_rng(4), 122, 3, 10.0) @ root
-    teacher, ends = clouds[2:], clouds[:2]
+    teacher = clouds[2:]
+    ends = clouds[:2]
     truth = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 5.0]), TURN, 0.8)
     profile = spd.geodesic(ends[0], ends[1], np.linspace(0.0, 1.0, 15))
     return teacher, truth.apply(teacher), profile, truth.apply(profile)
@@ -66,10 +67,12 @@ def test_the_adapter_stays_and_the_seed_decides(problem):
 
 @pytest.fixture(scope="module")
 def arms():
-    person, robot = load_arm("rhuman"), load_arm("panda")
+    person = load_arm("rhuman")
+    robot = load_arm("panda")
     domains = sample_domain(person, 128, 0), sample_domain(robot, 256, 1)
     path = np.zeros((5, 7))
-    path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
+    path[:, 1] = np.radians(90.0)
+    path[:, 3] = np.radians(np.linspace(20.0, 110.0, 5))
     return robot, domains, person.manipulability(path)
 
 

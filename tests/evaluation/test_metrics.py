@@ -15,7 +15,8 @@ def diagonals(logarithms):
 
 def test_rmse_of_balls_in_three_forms():
     """Balls that are all exp(δ) too large are √3 δ off; dispersions are √3 times those of the logarithms."""
-    t, delta = np.array([-1.0, 0.0, 0.5, 0.5]), 0.3
+    t = np.array([-1.0, 0.0, 0.5, 0.5])
+    delta = 0.3
     truth, mapped = (np.exp(values)[:, None, None] * np.eye(3) for values in (t, t + delta))
     measured = rmse(truth, mapped)
     assert measured.undivided == pytest.approx(np.sqrt(3.0) * delta)
@@ -68,14 +69,25 @@ POINTS = diagonals(np.random.default_rng(0).standard_normal((5, 3)))
 STILL = np.tile(np.eye(3), (5, 1, 1))
 
 
-@pytest.mark.parametrize(("call", "error", "word"), [
-    (lambda: rmse(POINTS, POINTS[:4]), InvalidInputError, "5 and 4"),
-    (lambda: rmse(POINTS, np.tile(np.diag([1.0, 1.0, 0.0]), (5, 1, 1))), NotSPDError, r"mapped\[0\]"),
-    (lambda: rmse(POINTS, STILL), InvalidInputError, "dispersion"),
-    (lambda: step_ratio(POINTS, STILL), InvalidInputError, "original"),
-    (lambda: distance_preservation(POINTS, STILL), InvalidInputError, "original"),
-    (lambda: distance_preservation(POINTS, POINTS, most_points=2), InvalidInputError, "most_points"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("call", "error", "word"),
+    [
+        (lambda: rmse(POINTS, POINTS[:4]), InvalidInputError, "5 and 4"),
+        (
+            lambda: rmse(POINTS, np.tile(np.diag([1.0, 1.0, 0.0]), (5, 1, 1))),
+            NotSPDError,
+            r"mapped\[0\]",
+        ),
+        (lambda: rmse(POINTS, STILL), InvalidInputError, "dispersion"),
+        (lambda: step_ratio(POINTS, STILL), InvalidInputError, "original"),
+        (lambda: distance_preservation(POINTS, STILL), InvalidInputError, "original"),
+        (
+            lambda: distance_preservation(POINTS, POINTS, most_points=2),
+            InvalidInputError,
+            "most_points",
+        ),
+    ],
+)
 def test_bad_input_is_refused(call, error, word):
     with pytest.raises(error, match=word):
         call()

@@ -42,11 +42,17 @@ def test_without_truth_and_domains_nothing_is_compared():
     assert evaluation.adapter.weaknesses == {"rank_correlation": 0.5}
 
 
-@pytest.mark.parametrize(("distances", "recommended"), [
-    ((0.409, 0.362, 0.409), "parallel-transport"), ((0.409, 0.5, 0.409), "scaled-transport"),
-    ((0.4, 0.41, 0.405), "parallel-transport"), ((0.3, 0.5, 0.31), "scaled-transport"), ((0.2, 0.5, 0.31), "icp"),
-    ((0.0, 0.0, 0.0), "parallel-transport"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("distances", "recommended"),
+    [
+        ((0.409, 0.362, 0.409), "parallel-transport"),
+        ((0.409, 0.5, 0.409), "scaled-transport"),
+        ((0.4, 0.41, 0.405), "parallel-transport"),
+        ((0.3, 0.5, 0.31), "scaled-transport"),
+        ((0.2, 0.5, 0.31), "icp"),
+        ((0.0, 0.0, 0.0), "parallel-transport"),
+    ],
+)
 def test_the_first_method_that_no_other_undercuts_is_recommended(distances, recommended):
     """Gaps of the profile and baselines, which are less here, do not decide."""
     assert compared(*distances).recommended == recommended
@@ -59,11 +65,15 @@ def test_an_evaluated_baseline_is_not_recommended():
         assert evaluation.recommended == "scaled-transport"
 
 
-@pytest.mark.parametrize(("metrics", "codes"), [
-    ({}, []), ({"step_ratio": 1.6}, ["large_step"]),
-    ({"preservation": DistancePreservation(0.77, 9.0)}, ["rank_correlation"]),
-    ({"preservation": DistancePreservation(0.97, 30.0)}, ["rotated_axes"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("metrics", "codes"),
+    [
+        ({}, []),
+        ({"step_ratio": 1.6}, ["large_step"]),
+        ({"preservation": DistancePreservation(0.77, 9.0)}, ["rank_correlation"]),
+        ({"preservation": DistancePreservation(0.97, 30.0)}, ["rotated_axes"]),
+    ],
+)
 def test_methods_with_weaknesses_are_recommended_only_where_all_have_some(metrics, codes):
     evaluation = compared(0.1, 0.5, 0.2, **metrics)
     assert list(evaluation.adapter.weaknesses) == codes

@@ -28,7 +28,8 @@ def chosen(request):
     robot = mp.load_arm("panda") if request.param == "panda" else SIX
     domains = mp.sample_domain(person, 1024, 0), mp.sample_domain(robot, 2048, 1)
     path = np.zeros((5, 7))
-    path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
+    path[:, 1] = np.radians(90.0)
+    path[:, 3] = np.radians(np.linspace(20.0, 110.0, 5))
     return request.param, select_method(
         *domains, person.manipulability(path), robot=robot, damping=0.01
     )
@@ -63,9 +64,13 @@ def test_every_check_can_fail(worse):
 
 
 IRB140_ROWS = [
-    [0, 0.352, 0.07, -np.pi / 2], [0, 0, 0.36, 0], [0, 0, 0, -np.pi / 2],
-    [0, 0.38, 0, np.pi / 2], [0, 0, 0, -np.pi / 2], [0, 0.065, 0, 0],
-]  # fmt: skip
+    [0, 0.352, 0.07, -np.pi / 2],
+    [0, 0, 0.36, 0],
+    [0, 0, 0, -np.pi / 2],
+    [0, 0.38, 0, np.pi / 2],
+    [0, 0, 0, -np.pi / 2],
+    [0, 0.065, 0, 0],
+]
 IRB140_LOWER = np.radians([-180.0, -90.0, -230.0, -200.0, -115.0, -400.0])
 IRB140_UPPER = np.radians([180.0, 110.0, 50.0, 200.0, 115.0, 400.0])
 
@@ -95,9 +100,11 @@ def test_another_dispersion_is_scaled(ratio, random_spd):
 
 def test_domain_distance_is_zero_between_equal_domains(random_spd):
     rng = np.random.default_rng(1)
-    domain, other = random_spd(rng, 3000, 3), random_spd(rng, 400, 3)
+    domain = random_spd(rng, 3000, 3)
+    other = random_spd(rng, 400, 3)
     assert domain_distance(domain, domain) == pytest.approx(0.0, abs=1e-12)
-    near, far = domain_distance(other, domain), domain_distance(3.0 * other, domain)
+    near = domain_distance(other, domain)
+    far = domain_distance(3.0 * other, domain)
     assert 0.0 < near < 0.1 * far
     change = np.diag([1.0, 5.0, 0.2])
     moved = domain_distance(change @ other @ change, change @ domain @ change)
@@ -106,11 +113,9 @@ def test_domain_distance_is_zero_between_equal_domains(random_spd):
 
 def test_large_ellipsoids_get_a_transport():
     """For 6×6 the field is not fitted."""
-    person, robot, spec = (
-        mp.load_arm("rhuman"),
-        mp.load_arm("panda"),
-        mp.arms.EllipsoidSpec("velocity", "full"),
-    )
+    person = mp.load_arm("rhuman")
+    robot = mp.load_arm("panda")
+    spec = mp.arms.EllipsoidSpec("velocity", "full")
     domains = [mp.sample_domain(arm, 64, 0, spec=spec) for arm in (person, robot)]
     profile = person.ellipsoids(person.sample(5, 0), spec)
     adapter, table = select_method(*domains, profile, robot=robot, spec=spec, damping=0.01)
@@ -119,8 +124,10 @@ def test_large_ellipsoids_get_a_transport():
 
 
 def test_bad_input_is_refused():
-    person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
-    domain, profile = mp.sample_domain(person, 16, 0), person.manipulability(np.zeros((5, 7)))
+    person = mp.load_arm("rhuman")
+    robot = mp.load_arm("panda")
+    domain = mp.sample_domain(person, 16, 0)
+    profile = person.manipulability(np.zeros((5, 7)))
     for sets, error, text in (
         ((-domain, domain, profile), NotSPDError, r"^teacher_domain\[0\]"),
         (

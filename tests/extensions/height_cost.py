@@ -5,7 +5,10 @@ class HeightCost:
     """Hold the origin of a frame at a height above the robot's base [m]; the weight is for a meter [1/m]."""
 
     def __init__(self, arm, frame, height, weight=10.0):
-        self.arm, self.frame, self.height, self.weight = arm, frame, height, weight
+        self.arm = arm
+        self.frame = frame
+        self.height = height
+        self.weight = weight
 
     def residual(self, at):
         """Return weighted height errors of n configurations, shape (n, 1)."""

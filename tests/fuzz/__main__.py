@@ -24,13 +24,15 @@ MEMORY = 3 * 2**30
 """Address space of a child beyond what it has at its start [bytes]."""
 SECONDS = 20
 """Longest time for one file."""
-READ, REFUSED = "read", "refused"
+READ = "read"
+REFUSED = "refused"
 """Right outcomes."""
 
 
 def mutation(name: str, number: int) -> bytes:
     """Return a mutated file by its number: the same whenever it is made."""
-    seeds, generator = TARGETS[name].seeds(), random.Random(f"{name} {number}")
+    seeds = TARGETS[name].seeds()
+    generator = random.Random(f"{name} {number}")
     return mutated(generator.choice(seeds), seeds, generator)
 
 
@@ -69,7 +71,8 @@ def child(name: str, start: int, stop: int) -> None:
 
 def run(name: str, count: int) -> Counter[str]:
     """Read `count` mutations of a format; return the outcomes, those at fault with the number of the first file."""
-    results, number = [], 0
+    results = []
+    number = 0
     while number < count:
         command = [sys.executable, "-m", "fuzz", "--child", name, str(number), str(count)]
         ended = subprocess.run(
@@ -97,7 +100,8 @@ def main() -> int:
     )
     parser.add_argument("formats", nargs="*", help=f"some of: {', '.join(TARGETS)}; default: all")
     parser.add_argument("-n", type=int, default=10_000, help="mutations of each format")
-    arguments, faults = parser.parse_args(), 0
+    arguments = parser.parse_args()
+    faults = 0
     for name in arguments.formats or TARGETS:
         results = run(name, arguments.n)
         faults += results.total() - results[READ] - results[REFUSED]

@@ -13,12 +13,12 @@ class Writer:
     """Writes small C3D files as processors of each kind do; the points are those of a slowly moving arm [mm]."""
 
     def __init__(self, processor=84, integer=False, analog=0, frames=7, labels=LABELS):
-        self.order, self.processor, self.integer = (
-            ">" if processor == MIPS else "<",
-            processor,
-            integer,
-        )
-        self.analog, self.frames, self.labels = analog, frames, labels
+        self.order = ">" if processor == MIPS else "<"
+        self.processor = processor
+        self.integer = integer
+        self.analog = analog
+        self.frames = frames
+        self.labels = labels
         grid = np.arange(frames * 12).reshape(frames, 4, 3)
         base = np.array([[0, -200, 1400], [0, -200, 1100], [0, 0, 1450], [0, 0, 1200]])
         parts = 1 if integer else 3  # of a millimetre
@@ -47,23 +47,37 @@ class Writer:
 
     def content(self, empty_scale=False, frames=None, more=b""):
         scale = 0.5 if self.integer else -0.5
-        section = self.group(1, "POINT") + b"".join([
-            self.parameter(1, "USED", 2, (), self.short(4)), self.parameter(1, "SCALE", 4, (), self.real(scale)),
-            self.parameter(1, "RATE", 4, (), self.real(50.0)), self.parameter(1, "DATA_START", 2, (), self.short(4)),
-            self.parameter(1, "FRAMES", 2, (), self.short(self.frames)),
-            self.parameter(1, "UNITS", -1, (2,), b"mm"),
-            self.parameter(1, "LABELS", -1, (16, 4), b"".join(label.encode().ljust(16) for label in self.labels)),
-        ])  # fmt: skip
+        section = self.group(1, "POINT") + b"".join(
+            [
+                self.parameter(1, "USED", 2, (), self.short(4)),
+                self.parameter(1, "SCALE", 4, (), self.real(scale)),
+                self.parameter(1, "RATE", 4, (), self.real(50.0)),
+                self.parameter(1, "DATA_START", 2, (), self.short(4)),
+                self.parameter(1, "FRAMES", 2, (), self.short(self.frames)),
+                self.parameter(1, "UNITS", -1, (2,), b"mm"),
+                self.parameter(
+                    1,
+                    "LABELS",
+                    -1,
+                    (16, 4),
+                    b"".join(label.encode().ljust(16) for label in self.labels),
+                ),
+            ]
+        )
         if self.analog:
             values = () if empty_scale else (1.0,) * self.analog
-            section += self.group(2, "ANALOG") + b"".join([
-                self.parameter(2, "USED", 2, (), self.short(self.analog)),
-                self.parameter(2, "GEN_SCALE", 4, (), self.real(1.0)),
-                self.parameter(2, "RATE", 4, (), self.real(100.0)),
-                self.parameter(2, "SCALE", 4, (len(values),), self.real(*values) if values else b""),
-                self.parameter(2, "OFFSET", 2, (self.analog,), self.short(*(0,) * self.analog)),
-                self.parameter(2, "LABELS", -1, (2, self.analog), b"F1" * self.analog),
-            ])  # fmt: skip
+            section += self.group(2, "ANALOG") + b"".join(
+                [
+                    self.parameter(2, "USED", 2, (), self.short(self.analog)),
+                    self.parameter(2, "GEN_SCALE", 4, (), self.real(1.0)),
+                    self.parameter(2, "RATE", 4, (), self.real(100.0)),
+                    self.parameter(
+                        2, "SCALE", 4, (len(values),), self.real(*values) if values else b""
+                    ),
+                    self.parameter(2, "OFFSET", 2, (self.analog,), self.short(*(0,) * self.analog)),
+                    self.parameter(2, "LABELS", -1, (2, self.analog), b"F1" * self.analog),
+                ]
+            )
         section = (bytes([1, 0x50, 2, self.processor]) + section + more + b"\0\0").ljust(
             1024, b"\0"
         )

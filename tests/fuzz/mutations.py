@@ -7,11 +7,48 @@ from collections.abc import Sequence
 
 import numpy as np
 
-NUMBERS = (b"0", b"-1", b"1", b"4000000000", b"-4000000000", b"99999999999999999999", b"1e308", b"-1e-320", b"1e999",
-           b"nan", b"inf", b"0.5", b"", b"x", b"9" * 5000, b"1e-9", b"65536", b"255")  # fmt: skip
-WORDS = (b"<", b">", b"{", b"}", b"[", b"]", b"\0", b"\xff", b"\n", b" ", b'"', b"/", b"&#0;", b"<!--",
-         b"\xf0\x9f\x92\xa9",
-         b"..", b"../../../../etc/passwd", b"/dev/zero", b"file:///dev/zero", b"package://x/../..")  # fmt: skip
+NUMBERS = (
+    b"0",
+    b"-1",
+    b"1",
+    b"4000000000",
+    b"-4000000000",
+    b"99999999999999999999",
+    b"1e308",
+    b"-1e-320",
+    b"1e999",
+    b"nan",
+    b"inf",
+    b"0.5",
+    b"",
+    b"x",
+    b"9" * 5000,
+    b"1e-9",
+    b"65536",
+    b"255",
+)
+WORDS = (
+    b"<",
+    b">",
+    b"{",
+    b"}",
+    b"[",
+    b"]",
+    b"\0",
+    b"\xff",
+    b"\n",
+    b" ",
+    b'"',
+    b"/",
+    b"&#0;",
+    b"<!--",
+    b"\xf0\x9f\x92\xa9",
+    b"..",
+    b"../../../../etc/passwd",
+    b"/dev/zero",
+    b"file:///dev/zero",
+    b"package://x/../..",
+)
 
 
 def mutated(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
@@ -43,15 +80,14 @@ def _flip(content: bytes, generator: random.Random) -> bytes:
 
 
 def _cut(content: bytes, generator: random.Random) -> bytes:
-    start, length = (
-        _place(content, generator),
-        generator.choice((1, 2, 4, 16, 100, 512, len(content))),
-    )
+    start = _place(content, generator)
+    length = generator.choice((1, 2, 4, 16, 100, 512, len(content)))
     return content[:start] + content[start + length :]
 
 
 def _repeat(content: bytes, generator: random.Random) -> bytes:
-    start, length = _place(content, generator), generator.choice((1, 4, 30, 300, 3000))
+    start = _place(content, generator)
+    length = generator.choice((1, 4, 30, 300, 3000))
     return (
         content[:start]
         + content[start : start + length] * generator.choice((1, 5, 50))

@@ -174,45 +174,94 @@ def _meshes(suffix: str) -> Target:
 
 
 TARGETS = {
-    "bvh": Target(".bvh", lambda: [_saved(lambda p: write_bvh(p, SKELETONS["LAFAN1"], motion(n=5)))], _read_metres),
+    "bvh": Target(
+        ".bvh",
+        lambda: [_saved(lambda p: write_bvh(p, SKELETONS["LAFAN1"], motion(n=5)))],
+        _read_metres,
+    ),
     "zip": Target(".zip", lambda: [_saved(_archive)], _read_metres),
-    "c3d": Target(".c3d", lambda: [
-        Writer().content(), Writer(integer=True, analog=3).content(), Writer(DEC).content(),
-        Writer(MIPS, True).content(), shipped_recording("freeform").read_bytes()[:20_000],
-    ], _read_recording),
+    "c3d": Target(
+        ".c3d",
+        lambda: [
+            Writer().content(),
+            Writer(integer=True, analog=3).content(),
+            Writer(DEC).content(),
+            Writer(MIPS, True).content(),
+            shipped_recording("freeform").read_bytes()[:20_000],
+        ],
+        _read_recording,
+    ),
     "trc": Target(".trc", _written(format_files.write_trc), _read_metres),
-    "mot": Target(".mot", lambda: [
-        _saved(lambda path: _angles(path, JOINTS, True)),
-        _saved(lambda path: _angles(path, tuple(f"{name}_l" for name in RAJAGOPAL), False)),
-    ], _read_metres),
-    "csv": Target(".csv", _written(format_files.write_csv, partial(format_files.write_csv, long=True)), _read_metres),
-    "exports": Target(".csv", _written(
-        format_files.write_motive, format_files.write_nexus, format_files.write_qualisys
-    ), _read_metres),
+    "mot": Target(
+        ".mot",
+        lambda: [
+            _saved(lambda path: _angles(path, JOINTS, True)),
+            _saved(lambda path: _angles(path, tuple(f"{name}_l" for name in RAJAGOPAL), False)),
+        ],
+        _read_metres,
+    ),
+    "csv": Target(
+        ".csv",
+        _written(format_files.write_csv, partial(format_files.write_csv, long=True)),
+        _read_metres,
+    ),
+    "exports": Target(
+        ".csv",
+        _written(format_files.write_motive, format_files.write_nexus, format_files.write_qualisys),
+        _read_metres,
+    ),
     "mvnx": Target(".mvnx", _written(format_files.write_mvnx), _read_metres),
-    "keypoints": Target(".json", _written(_keypoints, _keypoints_by_name, _people, names="MediaPipe"), _read_metres),
-    "npy": Target(".npy", lambda: [_saved(_skeleton)], lambda path: _read_recording(path, None, 50.0)),
-    "poses": Target(".npz", lambda: [_saved(lambda p: np.savez(p, **format_files.amass(motion(n=5))))], _read_metres),
+    "keypoints": Target(
+        ".json", _written(_keypoints, _keypoints_by_name, _people, names="MediaPipe"), _read_metres
+    ),
+    "npy": Target(
+        ".npy", lambda: [_saved(_skeleton)], lambda path: _read_recording(path, None, 50.0)
+    ),
+    "poses": Target(
+        ".npz",
+        lambda: [_saved(lambda p: np.savez(p, **format_files.amass(motion(n=5))))],
+        _read_metres,
+    ),
     "urdf": Target(".urdf", lambda: [URDF.encode(), WITH_MESHES.encode()], _read_robot),
     "mjcf": Target(".xml", lambda: [MJCF.encode()], _read_robot),
-    **{suffix[1:]: _meshes(suffix) for suffix in (".stl", ".obj", ".ply", ".off", ".dae", ".gltf", ".glb")},
-    "ellipsoids": Target(".npz", lambda: [_saved(lambda path: save_ellipsoids(path, ellipsoids(), np.arange(12.0)))],
-                         load_ellipsoids),
-    "path": Target(".npz", lambda: [_saved(lambda path: save_path(path, np.eye(3), np.arange(3.0)))], load_path),
+    **{
+        suffix[1:]: _meshes(suffix)
+        for suffix in (".stl", ".obj", ".ply", ".off", ".dae", ".gltf", ".glb")
+    },
+    "ellipsoids": Target(
+        ".npz",
+        lambda: [_saved(lambda path: save_ellipsoids(path, ellipsoids(), np.arange(12.0)))],
+        load_ellipsoids,
+    ),
+    "path": Target(
+        ".npz", lambda: [_saved(lambda path: save_path(path, np.eye(3), np.arange(3.0)))], load_path
+    ),
     "recording": Target(".npz", _recordings, _read_metres),
     "adapter": Target(".npz", _adapters, _read_adapter),
-    "limits": Target(".yaml", lambda: [
-        b"default: {velocity: 1.5, jerk: 1e3}\njoints:\n  panda_joint1: {jerk: 300, lower: -1, upper: 1.5}\n"
-        b"  panda_joint2:\n    velocity: 2\n    acceleration: 3.5\n"
-    ], lambda path: MotionLimits.of(panda(), path)),
-    "boxes": Target(".yaml", lambda: [
-        b"obstacles:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
-        b"  crate: {center: [0.4, -0.3, 0.1], size: [0.2, 0.3, 0.2], yaw: 0.5}\n"
-    ], read_boxes),
-    "frames": Target(".jsonl", lambda: [
-        b'{"t": 0.02, "points": {"shoulder": [0.1, 0.2, 1.4], "elbow": null, "wrist": [0.4, -0.2, 1.1]}}\n{}',
-        b'{"t": 0.04, "points": [[1, 2, 3], null, [-4e2, 5, 6.5]]}',
-    ], _read_frames),
+    "limits": Target(
+        ".yaml",
+        lambda: [
+            b"default: {velocity: 1.5, jerk: 1e3}\njoints:\n  panda_joint1: {jerk: 300, lower: -1, upper: 1.5}\n"
+            b"  panda_joint2:\n    velocity: 2\n    acceleration: 3.5\n"
+        ],
+        lambda path: MotionLimits.of(panda(), path),
+    ),
+    "boxes": Target(
+        ".yaml",
+        lambda: [
+            b"obstacles:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
+            b"  crate: {center: [0.4, -0.3, 0.1], size: [0.2, 0.3, 0.2], yaw: 0.5}\n"
+        ],
+        read_boxes,
+    ),
+    "frames": Target(
+        ".jsonl",
+        lambda: [
+            b'{"t": 0.02, "points": {"shoulder": [0.1, 0.2, 1.4], "elbow": null, "wrist": [0.4, -0.2, 1.1]}}\n{}',
+            b'{"t": 0.04, "points": [[1, 2, 3], null, [-4e2, 5, 6.5]]}',
+        ],
+        _read_frames,
+    ),
     "srdf": Target(".srdf", lambda: [SRDF.encode()], lambda path: disabled_pairs(path, panda())),
-}  # fmt: skip
+}
 """What ``make fuzz`` tries, by name."""

@@ -23,7 +23,8 @@ from maniport import cli, load_arm, sample_domain
 from maniport.mocap import shipped_recording
 from maniport.util.files import save_ellipsoids
 
-HALF, MISSING = "half", "missing"
+HALF = "half"
+MISSING = "missing"
 NAMES = ("transfer", "fit")
 SMALL = ("--method", "parallel-transport", "--n-teacher", "64", "--n-student", "128")
 
@@ -105,7 +106,8 @@ def forked(work: Command, which: int, log: Path) -> int:
         with open(log, "w") as stream:
             os.dup2(stream.fileno(), 1)
             os.dup2(stream.fileno(), 2)
-        sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
+        sys.stdout = sys.__stdout__
+        sys.stderr = sys.__stderr__
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
         sys.argv = work.arguments(which)
         entry_point.main()
@@ -134,11 +136,13 @@ def strike(work: Command, number: int, times: int, generator: random.Random, log
     """Send a signal to so many runs, each at a random moment, and count what is in place then."""
     count = Counter(struck=0, old=0, new=0, half=0, missing=0)
     while count["struck"] < times:
-        before, earlier = work.state(), {*work.target.parent.iterdir()}
+        before = work.state()
+        earlier = {*work.target.parent.iterdir()}
         child = forked(work, 1 - before if isinstance(before, int) else 0, log)
         time.sleep(generator.uniform(0.0, work.longest))
         os.kill(child, number)
-        code, after = ended(child), work.state()
+        code = ended(child)
+        after = work.state()
         count["struck"] += code != 0  # others had ended before
         count["old" if after == before else after if after in (HALF, MISSING) else "new"] += 1
         if code not in (0, 130 if number == signal.SIGINT else -number):
@@ -161,7 +165,8 @@ def main() -> int:
     parser.add_argument("-n", type=int, default=200, help="strikes of each work by each signal")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    generator, bad = random.Random(arguments.seed), 0
+    generator = random.Random(arguments.seed)
+    bad = 0
     with tempfile.TemporaryDirectory() as folder:
         every = works(Path(folder))
         for key in arguments.works:

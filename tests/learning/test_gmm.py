@@ -37,7 +37,8 @@ def test_mean_is_recovered_and_covariance_is_larger_where_demonstrations_differ(
 
 def test_one_component_is_a_geodesic_regression(scatter):
     rng = np.random.default_rng(1)
-    base, slope = spd.expm(spd.from_vector(rng.standard_normal(6))), rng.standard_normal(6)
+    base = spd.expm(spd.from_vector(rng.standard_normal(6)))
+    slope = rng.standard_normal(6)
     time = np.linspace(-1.0, 1.0, 21)
     points = scatter(np.broadcast_to(base, (21, 3, 3)), time[:, None] * slope)
     model = ProfileGMM(1, regularization=1e-12).fit(time, points)
@@ -56,7 +57,8 @@ def test_small_spread_equals_the_euclidean_mixture():
     ] * rng.standard_normal(6)
     vectors = kinks + 0.05 * rng.standard_normal((400, 6))
     points = spd.expm(spd.from_vector(small * vectors))
-    ridge, options = 1e-6, {"n_components": 2, "tol": 1e-9, "max_iter": 500}
+    ridge = 1e-6
+    options = {"n_components": 2, "tol": 1e-9, "max_iter": 500}
     model = ProfileGMM(regularization=ridge * small**2, **options).fit(time, points)
     scaled = np.column_stack([time, vectors])
     flat = GaussianMixture(
@@ -77,7 +79,8 @@ def _in_flat(model, small):
 def test_likelihood_rises_in_em(demonstrate):
     time = np.linspace(0.0, 1.0, 30)
     demos = demonstrate(np.random.default_rng(4), 3, time, 0.3)
-    inputs, points = np.tile(time, 3), demos.reshape(-1, 3, 3)
+    inputs = np.tile(time, 3)
+    points = demos.reshape(-1, 3, 3)
     model = ProfileGMM(2, tol=1e-7, regularization=1e-9).fit(inputs, points)
     assert model.converged_
     assert np.diff(model.history_).min() > -1e-4
@@ -109,7 +112,8 @@ def covered(model, demonstration):
 def test_default_model_covers_a_further_demonstration(demonstrate):
     """Of smooth deviations, many Gaussians have a smaller covariance than five demonstrations justify."""
     demos = demonstrate(np.random.default_rng(1), 6, TIME, 0.3, smooth=True)
-    times, groups = np.tile(TIME, 5), np.repeat(np.arange(5), len(TIME))
+    times = np.tile(TIME, 5)
+    groups = np.repeat(np.arange(5), len(TIME))
     model = ProfileGMM().fit(times, demos[:5].reshape(-1, 3, 3), groups)
     many = ProfileGMM(6).fit(times, demos[:5].reshape(-1, 3, 3), groups)
     assert model.n_components_ < 6
@@ -126,7 +130,8 @@ def covariance_tensor(ellipsoids, covariance):
 
 def test_congruence_of_the_data_is_congruence_of_the_prediction(demonstrate):
     """C X Cᵀ for all data gives C P Cᵀ, the covariance tensor turned by C, and the same likelihood."""
-    time, groups = np.tile(TIME, 3), np.repeat([0, 1, 2], 40)
+    time = np.tile(TIME, 3)
+    groups = np.repeat([0, 1, 2], 40)
     points = demonstrate(np.random.default_rng(0), 3, TIME, 0.2).reshape(-1, 3, 3)
     model = ProfileGMM(3).fit(time, points, groups)
     change = np.array([[1.2, 0.3, -0.5], [0.0, 0.7, 0.4], [0.8, -0.2, 1.5]])
@@ -163,32 +168,43 @@ def test_weights_are_the_precision_without_damping():
 GOOD = np.broadcast_to(np.eye(3), (4, 3, 3)).copy()
 EYES = np.broadcast_to(np.eye(3), (40, 3, 3)) * (1 + TIME[:, None, None])
 SQUARE = np.broadcast_to(np.eye(6), (3, 6, 6))
-ONE, HALF = ProfileGMM(1), TIME[:, None, None] > 0.5
+ONE = ProfileGMM(1)
+HALF = TIME[:, None, None] > 0.5
 
 
-@pytest.mark.parametrize(("call", "words"), [
-    (lambda: align([]), "profiles"), (lambda: align([GOOD, np.where(np.eye(3) > 0, np.nan, GOOD)]), r"profiles\[1\]"),
-    (lambda: align([GOOD, GOOD * [1.0, 1.0, 0.0]]), r"profiles\[1\]\[0\] is singular"),
-    (lambda: align([GOOD, GOOD[:, :2, :2]]), "3×3 matrices; found 2×2"),
-    (lambda: align([GOOD, GOOD[:1]]), r"profiles\[1\]"), (lambda: align([GOOD, GOOD], reference=2), "reference"),
-    (lambda: align([GOOD, GOOD], reference=-1), "reference"), (lambda: align([GOOD, GOOD], [[0, 1, 2, 3]]), "times"),
-    (lambda: align([GOOD], [[0, 1, 2]]), r"times\[0\]"), (lambda: align([GOOD], [[0, 2, 1, 3]]), r"times\[0\]"),
-    (lambda: align([GOOD, GOOD]).warp([[0.0]]), "signals"),
-    (lambda: align([GOOD, GOOD]).warp([np.zeros((4, 3)), np.zeros((3, 3))]), r"signals\[1\]"),
-    (lambda: ONE.fit(TIME, np.where(HALF, np.nan, EYES)), "ellipsoids"),
-    (lambda: ONE.fit(TIME[1:], EYES), "time must be 40 numbers"), (lambda: ONE.fit(np.ones(40), EYES), "time"),
-    (lambda: ProfileGMM(6).fit(TIME, EYES), "48 ellipsoids, .* found 40"),
-    (lambda: ONE.fit(TIME, EYES, [1, 2]), "groups"), (lambda: ONE.fit(TIME, EYES, np.zeros(40)), "groups"),
-    (lambda: ProfileGMM(0).fit(TIME, EYES), "n_components"),
-    (lambda: ONE.fit(TIME, EYES).predict(np.ones((2, 3))), "time"),
-    (lambda: ONE.fit(TIME, EYES).predict([np.nan]), "time"),
-    (lambda: ONE.fit(TIME, EYES).predict([1e6]), "the prediction at these times"),
-    (lambda: tracking_weights(SQUARE * np.nan), "covariance"),
-    (lambda: tracking_weights(np.ones((3, 6))), "covariance"),
-    (lambda: tracking_weights(0.0 * SQUARE), "covariance is zero"),
-    (lambda: tracking_weights(np.ones((1, 6, 6)), 0.0), "singular"),
-    (lambda: tracking_weights(-SQUARE), "no negative eigenvalue"), (lambda: tracking_weights(SQUARE, -0.1), "damping"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: align([]), "profiles"),
+        (lambda: align([GOOD, np.where(np.eye(3) > 0, np.nan, GOOD)]), r"profiles\[1\]"),
+        (lambda: align([GOOD, GOOD * [1.0, 1.0, 0.0]]), r"profiles\[1\]\[0\] is singular"),
+        (lambda: align([GOOD, GOOD[:, :2, :2]]), "3×3 matrices; found 2×2"),
+        (lambda: align([GOOD, GOOD[:1]]), r"profiles\[1\]"),
+        (lambda: align([GOOD, GOOD], reference=2), "reference"),
+        (lambda: align([GOOD, GOOD], reference=-1), "reference"),
+        (lambda: align([GOOD, GOOD], [[0, 1, 2, 3]]), "times"),
+        (lambda: align([GOOD], [[0, 1, 2]]), r"times\[0\]"),
+        (lambda: align([GOOD], [[0, 2, 1, 3]]), r"times\[0\]"),
+        (lambda: align([GOOD, GOOD]).warp([[0.0]]), "signals"),
+        (lambda: align([GOOD, GOOD]).warp([np.zeros((4, 3)), np.zeros((3, 3))]), r"signals\[1\]"),
+        (lambda: ONE.fit(TIME, np.where(HALF, np.nan, EYES)), "ellipsoids"),
+        (lambda: ONE.fit(TIME[1:], EYES), "time must be 40 numbers"),
+        (lambda: ONE.fit(np.ones(40), EYES), "time"),
+        (lambda: ProfileGMM(6).fit(TIME, EYES), "48 ellipsoids, .* found 40"),
+        (lambda: ONE.fit(TIME, EYES, [1, 2]), "groups"),
+        (lambda: ONE.fit(TIME, EYES, np.zeros(40)), "groups"),
+        (lambda: ProfileGMM(0).fit(TIME, EYES), "n_components"),
+        (lambda: ONE.fit(TIME, EYES).predict(np.ones((2, 3))), "time"),
+        (lambda: ONE.fit(TIME, EYES).predict([np.nan]), "time"),
+        (lambda: ONE.fit(TIME, EYES).predict([1e6]), "the prediction at these times"),
+        (lambda: tracking_weights(SQUARE * np.nan), "covariance"),
+        (lambda: tracking_weights(np.ones((3, 6))), "covariance"),
+        (lambda: tracking_weights(0.0 * SQUARE), "covariance is zero"),
+        (lambda: tracking_weights(np.ones((1, 6, 6)), 0.0), "singular"),
+        (lambda: tracking_weights(-SQUARE), "no negative eigenvalue"),
+        (lambda: tracking_weights(SQUARE, -0.1), "damping"),
+    ],
+)
 def test_wrong_arguments_are_rejected(call, words):
     with pytest.raises(InvalidInputError, match=words):
         call()

@@ -238,11 +238,19 @@ def test_measured_joints_far_from_commands_end_consent(session, limits):
     session.require_limits(limits, first)
 
 
-@pytest.mark.parametrize(("joints", "word"), [
-    ([np.nan] * 7, "finite"), ([0.0] * 6, "joints"), ("home", "numbers"), (np.full(7, 9.0), "joint1"),
-    ({"panda_joint1": 0.0}, "missing"), ({"elbow": 1.0}, "unknown joint 'elbow'"), ([np.inf] * 7, "finite"),
-    ([0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0], "collide"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("joints", "word"),
+    [
+        ([np.nan] * 7, "finite"),
+        ([0.0] * 6, "joints"),
+        ("home", "numbers"),
+        (np.full(7, 9.0), "joint1"),
+        ({"panda_joint1": 0.0}, "missing"),
+        ({"elbow": 1.0}, "unknown joint 'elbow'"),
+        ([np.inf] * 7, "finite"),
+        ([0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0], "collide"),
+    ],
+)
 def test_wrong_joints_are_refused_and_change_nothing(session, joints, word):
     start = session.live.joint_positions
     with pytest.raises(InvalidInputError, match=word):
@@ -320,7 +328,10 @@ def test_robot_time_advances_with_the_clock(session):
 def test_the_machine_has_no_other_way_to_move():
     """Whatever is called in whatever order, a robot that moves was engaged since the last loss or stop."""
     draw = np.random.default_rng(0)
-    machine, now, consent, reached = StateMachine(), 0.0, False, set()
+    machine = StateMachine()
+    now = 0.0
+    consent = False
+    reached = set()
     seen_at = -np.inf
     for _ in range(20_000):
         call = draw.choice(["engage", "hold", "step"], p=[0.05, 0.05, 0.9])

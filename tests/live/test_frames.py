@@ -40,21 +40,35 @@ def test_masked_points_are_not_seen():
         )
 
 
-@pytest.mark.parametrize(("text", "word"), [
-    (None, str(FRAME_BYTES)), (b"", "JSON"), (b"nonsense", "'nonsense'"), (b"\xff\xfe", "JSON"),
-    (b"[" * 16_000, "JSON"), (b'{"t":' + b"9" * 5000 + b"}", "JSON"), (b"3", "object"), (b'[{"t": 0}]', "[{'t': 0}]"),
-    (b'{"t": 0}', "{'t': 0}"), (b'{"t": 0, "points": [], "seq": 1}', "'seq'"),
-    (b'{"t": NaN, "points": []}', "nan"), (b'{"t": 1e999, "points": []}', "within"),
-    (b'{"t": 0, "points": [[-Infinity, 0, 0], null, null]}', "within"),
-    (b'{"t": 1' + b"0" * 400 + b', "points": []}', "within"), (b'{"t": "0", "points": []}', "'0'"),
-    (b'{"t": true, "points": []}', "True"), (b'{"t": 0, "points": 1}', "found 1"),
-    (b'{"t": 0, "points": [null]}', "3 positions"), (b'{"t": 0, "points": {"elbo": null}}', "nearest first: 'elbow'"),
-    (b'{"t": 0, "points": {"elbow": [1, 2]}}', "points['elbow']"),
-    (b'{"t": 0, "points": [null, [1, 2, "3"], null]}', "points['elbow']"),
-    (b'{"t": 0, "points": [null, [1, 2, 1e13], null]}', "1e+12"),
-    (b'{"t": 0, "points": [null, [1, 2, 1' + b"0" * 400 + b"], null]}", "elbow"),
-    (b'{"t": 0, "points": [null, {}, null]}', "must be numbers; found {}"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        (None, str(FRAME_BYTES)),
+        (b"", "JSON"),
+        (b"nonsense", "'nonsense'"),
+        (b"\xff\xfe", "JSON"),
+        (b"[" * 16_000, "JSON"),
+        (b'{"t":' + b"9" * 5000 + b"}", "JSON"),
+        (b"3", "object"),
+        (b'[{"t": 0}]', "[{'t': 0}]"),
+        (b'{"t": 0}', "{'t': 0}"),
+        (b'{"t": 0, "points": [], "seq": 1}', "'seq'"),
+        (b'{"t": NaN, "points": []}', "nan"),
+        (b'{"t": 1e999, "points": []}', "within"),
+        (b'{"t": 0, "points": [[-Infinity, 0, 0], null, null]}', "within"),
+        (b'{"t": 1' + b"0" * 400 + b', "points": []}', "within"),
+        (b'{"t": "0", "points": []}', "'0'"),
+        (b'{"t": true, "points": []}', "True"),
+        (b'{"t": 0, "points": 1}', "found 1"),
+        (b'{"t": 0, "points": [null]}', "3 positions"),
+        (b'{"t": 0, "points": {"elbo": null}}', "nearest first: 'elbow'"),
+        (b'{"t": 0, "points": {"elbow": [1, 2]}}', "points['elbow']"),
+        (b'{"t": 0, "points": [null, [1, 2, "3"], null]}', "points['elbow']"),
+        (b'{"t": 0, "points": [null, [1, 2, 1e13], null]}', "1e+12"),
+        (b'{"t": 0, "points": [null, [1, 2, 1' + b"0" * 400 + b"], null]}", "elbow"),
+        (b'{"t": 0, "points": [null, {}, null]}', "must be numbers; found {}"),
+    ],
+)
 def test_other_lines_are_refused(text, word):
     with pytest.raises(InvalidInputError) as caught:
         read_frame(text, NAMES)

@@ -22,7 +22,8 @@ def frames(small_result):
     """Two seconds of the recording of which one calibrated the person, three times as slow, at 50 Hz, and times."""
     recording = mp.read_recording(shipped_recording("ladder")).crop(9.5, 11.5)
     points = np.stack([recording.point(name) for name in following(small_result).points], axis=1)
-    time, slow = np.arange(0.0, 5.7, 0.02), 3.0 * (recording.time - recording.time[0])
+    time = np.arange(0.0, 5.7, 0.02)
+    slow = 3.0 * (recording.time - recording.time[0])
     return make_interp_spline(slow, points)(time), time
 
 
@@ -52,11 +53,13 @@ def require_safe(motion, collisions, time, states):
 def test_limits_are_kept_whatever_comes(small_result, frames):
     """Drop-outs, jumps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
     points, _ = frames
-    draw, count = np.random.default_rng(0), 250
+    draw = np.random.default_rng(0)
+    count = 250
     time = np.cumsum(
         draw.choice([0.002, 0.005, 0.01, 0.03, 0.3], count, p=[0.2, 0.3, 0.3, 0.18, 0.02])
     )
-    at, shown = 0, []
+    at = 0
+    shown = []
     for kind in draw.choice(6, count, p=[0.7, 0.06, 0.06, 0.06, 0.06, 0.06]):
         at += draw.integers(0, 3)
         frame = points[at % len(points)].copy()
@@ -133,10 +136,12 @@ def test_gaps_of_the_calibration_do_not_make_the_motion_small():
 
 
 def test_both_arms_lead_two_robots(two_arm_result):
-    result, arms = two_arm_result, two_arm_result.robot
+    result = two_arm_result
+    arms = two_arm_result.robot
     recording = result.recording
     live = following(result)
-    slow, time = np.arange(0.0, 0.3, 0.003), recording.time - recording.time[0]
+    slow = np.arange(0.0, 0.3, 0.003)
+    time = recording.time - recording.time[0]
     columns = [
         np.interp(slow, time[~np.isnan(x)], x[~np.isnan(x)])
         for name in live.points
@@ -147,7 +152,9 @@ def test_both_arms_lead_two_robots(two_arm_result):
     hidden[[live.points.index(name) for name in result.arms[1].fit.roles["elbow"]]] = np.nan
     times = 0.02 * np.arange(260)
     states = played(live, [*points, *[points[-1]] * 60, *[hidden] * 40, *[points[-1]] * 60], times)
-    followed, held, last = states[159], states[199], states[-1]
+    followed = states[159]
+    held = states[199]
+    last = states[-1]
     for state in (followed, last):
         assert (state.state, len(state.arms)) == ("following", 2)
         assert state.position_error == max(arm.position_error for arm in state.arms) < 0.01
@@ -247,12 +254,19 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames)
     other = following(small_result)
     live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
     for points, time, words in (
-        (np.zeros((3, 3)), 1.0, "points must have shape"), ("nothing", 1.0, "points must be numbers"),
-        ({"Spine": [0.0, 0.0]}, 1.0, "Spine"), ({"Nose": [0.0, 0.0, 0.0]}, 1.0, "unknown point 'Nose'.*'Spine'"),
-        ({3: None}, 1.0, "unknown point 3"), ([[np.inf] * 3] * 7, 1.0, "within ±1e\\+12"),
-        ([[10**400] * 3] * 7, 1.0, "points must be numbers"), (np.full((7, 3), 1j), 1.0, "points must be numbers"),
-        (None, np.nan, "time"), (None, 0.0, "later than 0"), (None, "now", "time"), (None, None, "time is required"),
-    ):  # fmt: skip
+        (np.zeros((3, 3)), 1.0, "points must have shape"),
+        ("nothing", 1.0, "points must be numbers"),
+        ({"Spine": [0.0, 0.0]}, 1.0, "Spine"),
+        ({"Nose": [0.0, 0.0, 0.0]}, 1.0, "unknown point 'Nose'.*'Spine'"),
+        ({3: None}, 1.0, "unknown point 3"),
+        ([[np.inf] * 3] * 7, 1.0, "within ±1e\\+12"),
+        ([[10**400] * 3] * 7, 1.0, "points must be numbers"),
+        (np.full((7, 3), 1j), 1.0, "points must be numbers"),
+        (None, np.nan, "time"),
+        (None, 0.0, "later than 0"),
+        (None, "now", "time"),
+        (None, None, "time is required"),
+    ):
         with pytest.raises(InvalidInputError, match=words):
             live.step(points, time)
     assert_array_equal(
@@ -261,13 +275,21 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames)
     )
 
 
-@pytest.mark.parametrize(("options", "word"), [
-    ({"start": np.zeros(3)}, "start"), ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: "),
-    ({"auto_engage": "yes"}, "auto_engage"), ({"delay": 0.6}, "delay"), ({"clock": 5}, "clock"),
-    ({"spec": "velocity"}, "spec"),
-    ({"path": np.zeros((3, 3))}, "Placement"), ({"path": [None, None]}, "path"),
-    ({"reference": np.zeros(7)}, "reference"), ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"start": np.zeros(3)}, "start"),
+        ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: "),
+        ({"auto_engage": "yes"}, "auto_engage"),
+        ({"delay": 0.6}, "delay"),
+        ({"clock": 5}, "clock"),
+        ({"spec": "velocity"}, "spec"),
+        ({"path": np.zeros((3, 3))}, "Placement"),
+        ({"path": [None, None]}, "path"),
+        ({"reference": np.zeros(7)}, "reference"),
+        ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
+    ],
+)
 def test_wrong_arguments_are_errors(small_result, options, word):
     with pytest.raises(InvalidInputError, match=word):
         mp.Live.of(small_result, **options)
@@ -296,7 +318,8 @@ def test_a_delay_shifts_targets_and_lowers_errors(small_result, frames):
     points, time = frames
     fast = time / 2.0
     present, late = (following(small_result, delay=delay) for delay in (0.0, 0.15))
-    states, delayed = played(present, points, fast), played(late, points, fast)
+    states = played(present, points, fast)
+    delayed = played(late, points, fast)
     delayed += [late.step(None, fast[-1] + t) for t in (0.05, 0.1, 0.15, 0.19)]
     at = np.array([[state.time - 0.15] for state in delayed])
     around = at + np.clip(fast[-1] - at, 0.0, 0.05) * ((np.arange(200) + 0.5) / 100.0 - 1.0)
@@ -359,10 +382,8 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
 
 
 def test_neither_unit_nor_axes_of_frames_matter(small_result, live, frames):
-    turn, other = (
-        Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix(),
-        following(small_result),
-    )
+    turn = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix()
+    other = following(small_result)
     for points, t in zip(frames[0][:15], frames[1][:15], strict=True):
         there = 1e3 * points @ turn.T + [50.0, -7.0, 300.0]
         assert_allclose(

@@ -34,10 +34,8 @@ def led(small_result, second):
         )
 
     shown = second.select(make(None).points)
-    time, flat = (
-        np.linspace(shown.time[0], shown.time[-1], 300),
-        shown.positions.reshape(len(shown.time), -1),
-    )
+    time = np.linspace(shown.time[0], shown.time[-1], 300)
+    flat = shown.positions.reshape(len(shown.time), -1)
     columns = [np.interp(time, shown.time, column) for column in flat.T]
     return make, np.stack(columns, axis=1).reshape(300, -1, 3)
 
@@ -45,8 +43,12 @@ def led(small_result, second):
 @pytest.mark.parametrize("name", SENDERS)
 def test_commands_keep_the_limits_over_the_time_here(small_result, led, name):
     """Fast and slow clocks, wrong frame rates, no pauses, bursts: each command is judged when it is returned."""
-    clock, limits, (make, frames) = FakeClock(), small_result.arm.motion.limits, led
-    live, times, states = make(clock), [], []
+    clock = FakeClock()
+    limits = small_result.arm.motion.limits
+    (make, frames) = led
+    live = make(clock)
+    times = []
+    states = []
     for points, sent, came in zip(frames, *SENDERS[name], strict=True):
         clock.now = 1000.0 + came
         states.append(live.step(points, sent))
@@ -59,8 +61,12 @@ def test_commands_keep_the_limits_over_the_time_here(small_result, led, name):
 
 def test_a_long_step_is_not_made_up_for(small_result, led):
     """After a step that took 80 ms, the next command comes soon, and is near: at most 2 ms of motion are ahead."""
-    clock, limits, (make, frames) = FakeClock(), small_result.arm.motion.limits, led
-    live, sent, q = make(clock), [], []
+    clock = FakeClock()
+    limits = small_result.arm.motion.limits
+    (make, frames) = led
+    live = make(clock)
+    sent = []
+    q = []
     for i, points in enumerate(frames[:100]):
         clock.delays = [0.0, 0.08] if i % 10 == 5 else []
         q.append(live.step(points, TICK * i).joint_positions)
@@ -71,8 +77,10 @@ def test_a_long_step_is_not_made_up_for(small_result, led):
 
 
 def test_a_clock_that_goes_back_stops_the_robot(small_result, led):
-    clock, (make, frames) = FakeClock(), led
-    live, states = make(clock), []
+    clock = FakeClock()
+    (make, frames) = led
+    live = make(clock)
+    states = []
     back = np.where(np.arange(100) % 20 == 9, 5.0, 0.0)
     for i, points in enumerate(frames[:100]):
         clock.now = 1000.0 + TICK * i - back[i]
@@ -83,7 +91,8 @@ def test_a_clock_that_goes_back_stops_the_robot(small_result, led):
 
 
 def test_frames_need_no_times(led):
-    clock, (make, frames) = FakeClock(), led
+    clock = FakeClock()
+    (make, frames) = led
     live = make(clock)
     for points in [*frames[:30], *[None] * 60]:
         clock.now += TICK
@@ -114,11 +123,22 @@ def test_nothing_is_compiled_after_preparation(led):
     hidden = frames[3].copy()
     hidden[::2] = np.nan
     shown = [
-        frames[0], frames[1].tolist(), locked, hidden, dict(zip(live.points, frames[4], strict=True)),
-        frames[5].astype("f4"), frames[6].astype(">f8"), np.asfortranarray(frames[7]),
-        np.repeat(frames[8], 2, axis=0)[::2], (1e3 * frames[9]).astype(int), None, frames[10][::-1],
-        np.ma.masked_array(frames[11], mask=hidden != hidden), np.zeros_like(locked), frames[12].astype(object),
-    ]  # fmt: skip
+        frames[0],
+        frames[1].tolist(),
+        locked,
+        hidden,
+        dict(zip(live.points, frames[4], strict=True)),
+        frames[5].astype("f4"),
+        frames[6].astype(">f8"),
+        np.asfortranarray(frames[7]),
+        np.repeat(frames[8], 2, axis=0)[::2],
+        (1e3 * frames[9]).astype(int),
+        None,
+        frames[10][::-1],
+        np.ma.masked_array(frames[11], mask=hidden != hidden),
+        np.zeros_like(locked),
+        frames[12].astype(object),
+    ]
     for i, points in enumerate(shown * 3):
         clock.now += 0.3 if i == 20 else TICK
         live.step(points, TICK * i)

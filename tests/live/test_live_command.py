@@ -126,11 +126,16 @@ def test_ctrl_c_brings_the_robot_to_rest(live, recorded):
     assert "open to other machines" not in err
 
 
-@pytest.mark.parametrize(("words", "word"), [
-    (("missing.bvh",), "missing.bvh"), (("missing.bvh", "--send", 9000), "--udp"),
-    (("missing.bvh", "--export", "ros2"), "--export"), (("missing.bvh", "--udp", 99_999), "[0, 65535]"),
-    (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "no.such.host.invalid"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "word"),
+    [
+        (("missing.bvh",), "missing.bvh"),
+        (("missing.bvh", "--send", 9000), "--udp"),
+        (("missing.bvh", "--export", "ros2"), "--export"),
+        (("missing.bvh", "--udp", 99_999), "[0, 65535]"),
+        (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "no.such.host.invalid"),
+    ],
+)
 def test_wrong_options_are_refused(live, words, word):
     code, out, err = live(*words)
     assert (code, out) == (2, [])
@@ -138,11 +143,15 @@ def test_wrong_options_are_refused(live, words, word):
     assert "Traceback" not in err
 
 
-@pytest.mark.parametrize(("closed", "words", "text"), [
-    ("stdin", ("freeform",), "is closed"), ("stdout", ("freeform",), "is closed"),
-    ("full", ("freeform",), "No space left"),
-    (None, ("ladder", "--robot", "nothing", "--udp", "0"), "unknown robot 'nothing'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("closed", "words", "text"),
+    [
+        ("stdin", ("freeform",), "is closed"),
+        ("stdout", ("freeform",), "is closed"),
+        ("full", ("freeform",), "No space left"),
+        (None, ("ladder", "--robot", "nothing", "--udp", "0"), "unknown robot 'nothing'"),
+    ],
+)
 def test_closed_streams_and_unknown_robots_are_refused(monkeypatch, run, closed, words, text):
     with open("/dev/full", "w") as full:
         if closed is not None:

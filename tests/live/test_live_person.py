@@ -14,8 +14,10 @@ from maniport.mocap import synthetic_recording
 
 def moving(side):
     """An arm that moves, its joint angles, a recording of it, and their times."""
-    time, arm = np.arange(0.0, 2.0, 1 / 120.0), human_arm("myoarm", side)
-    rest, way = [40.0, 50.0, -20.0, 60.0, 5.0, 2.0, 5.0], [20.0, 25.0, 15.0, 30.0, 20.0, 5.0, 10.0]
+    time = np.arange(0.0, 2.0, 1 / 120.0)
+    arm = human_arm("myoarm", side)
+    rest = [40.0, 50.0, -20.0, 60.0, 5.0, 2.0, 5.0]
+    way = [20.0, 25.0, 15.0, 30.0, 20.0, 5.0, 10.0]
     return arm, np.radians(rest + way * np.sin(2.0 * time[:, None] + np.arange(7))), time
 
 
@@ -55,10 +57,8 @@ def turning(speed, time):
 
 
 def test_filter_reduces_noise_at_rest_and_lags_by_its_cutoff():
-    time, noise = (
-        np.arange(0.0, 4.0, 1 / 30.0),
-        np.random.default_rng(0).normal(0.0, 0.04, (120, 1, 3)),
-    )
+    time = np.arange(0.0, 4.0, 1 / 30.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.04, (120, 1, 3))
     low_pass = OneEuroFilter(1)
     still = np.array([low_pass(turning(0.0, t) + noise[i], t) for i, t in enumerate(time)])
     assert still[60:].std(axis=0).max() < 0.02
@@ -69,7 +69,8 @@ def test_filter_reduces_noise_at_rest_and_lags_by_its_cutoff():
 
 
 def test_filter_skips_what_is_not_seen_and_begins_anew_after_a_gap():
-    low_pass, hidden = OneEuroFilter(2), np.array([[1.0, 0.0, 0.0], [np.nan] * 3])
+    low_pass = OneEuroFilter(2)
+    hidden = np.array([[1.0, 0.0, 0.0], [np.nan] * 3])
     assert np.isnan(low_pass(hidden, 0.0)[1]).all()
     low_pass(np.eye(3)[:2], 0.1)
     filtered = low_pass(np.eye(3)[1:], 1.0)
@@ -90,11 +91,10 @@ def test_hidden_points_move_with_the_points_around_them():
     linear = np.array(
         [[-1.0, 0.5, 0.5, 0.0], [0.0, -0.5, -0.5, 1.0]]
     )  # shoulder, two markers of the elbow, wrist
-    frame, turn = (
-        np.array([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0.05, 0.01], [0.5, 0.2, 0]]),
-        rotation_about(2, 0.5),
-    )
-    moved, points = frame @ turn.T + 0.1, HiddenPoints(linear)
+    frame = np.array([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0.05, 0.01], [0.5, 0.2, 0]])
+    turn = rotation_about(2, 0.5)
+    moved = frame @ turn.T + 0.1
+    points = HiddenPoints(linear)
     points.remember(frame, frame, 0.0)
     for i, longest in ((2, 2.0), (3, 0.1)):
         hidden = moved.copy()

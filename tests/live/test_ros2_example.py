@@ -12,7 +12,9 @@ import maniport as mp
 import ros_stand_in
 from ros_stand_in import TIME, publish
 
-COMMANDS, MARKERS, STATES = "/forward_position_controller/commands", "/markers", "/joint_states"
+COMMANDS = "/forward_position_controller/commands"
+MARKERS = "/markers"
+STATES = "/joint_states"
 
 
 @pytest.fixture
@@ -34,7 +36,8 @@ def examples(monkeypatch):
 @pytest.fixture
 def node(examples, small_result):
     """Return the node, the commands that it sent, and a function that sends messages to it."""
-    node, sent = examples[0].Follow(mp.Live.of(small_result, clock=TIME.monotonic)), []
+    node = examples[0].Follow(mp.Live.of(small_result, clock=TIME.monotonic))
+    sent = []
     array, joints = (ros_stand_in.MESSAGES[name][0] for name in ("std_msgs", "sensor_msgs"))
     marker, markers = ros_stand_in.MESSAGES["mocap4r2_msgs"]
     ros_stand_in.Node("controller").create_subscription(
@@ -45,10 +48,8 @@ def node(examples, small_result):
         if points is None:
             return publish(joints, STATES, joints(name=[*q], position=[*q.values()]))
         message = markers(markers=[marker(marker_name=name) for name in points])
-        message.header.stamp.sec, message.header.stamp.nanosec = (
-            int(time),
-            round(1e9 * (time % 1.0)),
-        )
+        message.header.stamp.sec = int(time)
+        message.header.stamp.nanosec = round(1e9 * (time % 1.0))
         for item, xyz in zip(message.markers, points.values(), strict=True):
             item.translation.x, item.translation.y, item.translation.z = xyz
         return publish(markers, MARKERS, message)
@@ -64,7 +65,8 @@ def test_a_simulated_robot_follows_markers(examples, small_result, second, monke
     monkeypatch.setattr(mp.Live, "of", lambda _: live)
     examples[1].main()
     node, simulation = ros_stand_in.NODES
-    arm, command = node.live.robot, simulation.command
+    arm = node.live.robot
+    command = simulation.command
     assert ((command >= arm.lower) & (command <= arm.upper)).all()
     assert not node.state.joint_velocities.any()
     assert simulation.sent == len(second.time)
@@ -112,13 +114,19 @@ def test_wrong_markers_and_times_do_not_stop_the_node(node, second):
     rows = [
         dict(zip(node.live.points, points.tolist(), strict=True)) for points in frames.positions
     ]
-    first, wrong = rows[0], {node.live.points[0]: (np.inf, 0.0, 0.0)}
+    first = rows[0]
+    wrong = {node.live.points[0]: (np.inf, 0.0, 0.0)}
     for points, time, refused in (
-        (first, 1.0, False), (wrong, 1.1, True), (first, 1.0, True), (first, 0.5, True), ({}, 1.1, False),
+        (first, 1.0, False),
+        (wrong, 1.1, True),
+        (first, 1.0, True),
+        (first, 0.5, True),
+        ({}, 1.1, False),
         ({"a lamp": (0.0, 0.0, 0.0), **rows[1]}, 1.2, False),
         ({**first, node.live.points[0]: (np.nan,) * 3}, 1.3, False),
-    ):  # fmt: skip
-        count, node.log.error.called = len(sent), False
+    ):
+        count = len(sent)
+        node.log.error.called = False
         send(points, time)
         assert (len(sent) == count, node.log.error.called) == (refused, refused)
         TIME.sleep(0.01)

@@ -82,7 +82,9 @@ def test_every_frame_is_answered_on_request(ends):
 
 def test_the_newest_of_waiting_frames_is_answered(ends):
     """While a frame is processed others come; the next answer is that of the last, with the number of skipped ones."""
-    toy, begun, gate = Toy(), threading.Event(), threading.Event()
+    toy = Toy()
+    begun = threading.Event()
+    gate = threading.Event()
     step = toy.step
 
     def gated(*frame, **more):
@@ -124,9 +126,11 @@ def test_a_robot_without_frames_brakes_until_it_rests(ends):
 
 def test_junk_is_answered_and_the_loop_continues(ends):
     bad = {
-        "must be JSON": "nonsense", "at most": b"x" * (3 * FRAME_BYTES) + b"\n", "too far away": frame(2.1, 2e11),
+        "must be JSON": "nonsense",
+        "at most": b"x" * (3 * FRAME_BYTES) + b"\n",
+        "too far away": frame(2.1, 2e11),
         "t must increase": frame(0.0),
-    }  # fmt: skip
+    }
     with serving(Toy(), ends.transport, every=True) as summaries:
         ends.read()
         for i, (word, line) in enumerate(bad.items()):
@@ -229,7 +233,11 @@ class Script:
     """A transport with lines at times of a fake clock, `blocked` by nothing; keeps answers with their times."""
 
     def __init__(self, clock, events):
-        self.clock, self.about, self.lost, self.answers, self.blocked = clock, {}, 0, [], list
+        self.clock = clock
+        self.about = {}
+        self.lost = 0
+        self.answers = []
+        self.blocked = list
         self._events = iter(events)
         self._ready, end = os.pipe()
         os.close(end)
@@ -273,8 +281,10 @@ def test_junk_does_not_delay_braking():
 
 
 def test_the_robot_brakes_after_an_unexpected_error():
-    clock, toy = FakeClock(), Toy()
-    clock.delays, step = [1e-3] * 1000, toy.step
+    clock = FakeClock()
+    toy = Toy()
+    clock.delays = [1e-3] * 1000
+    step = toy.step
 
     def failing(points, time=None, joints=None):
         if time == 0.1:
@@ -293,15 +303,16 @@ def test_the_robot_brakes_after_an_unexpected_error():
 
 def test_answers_are_consistent_under_overload(small_result, second):
     """Late frames, bursts, pauses, clocks that jump, go back and restart: limits are kept over `t`; lag is reported."""
-    draw, clock = np.random.default_rng(0), FakeClock()
-    live, sent, events = mp.Live.of(small_result, clock=clock, auto_engage=True), 0.0, []
+    draw = np.random.default_rng(0)
+    clock = FakeClock()
+    live = mp.Live.of(small_result, clock=clock, auto_engage=True)
+    sent = 0.0
+    events = []
     positions = second.select(live.points).positions
     for i in range(250):
         sent += draw.choice([0.01, 0.09, -0.5, 30.0], p=[0.9, 0.06, 0.02, 0.02])
-        pause, size = (
-            draw.choice([0.0, 4e-4, 0.01, 0.2], p=[0.1, 0.2, 0.6, 0.1]),
-            draw.integers(0, 4),
-        )
+        pause = draw.choice([0.0, 4e-4, 0.01, 0.2], p=[0.1, 0.2, 0.6, 0.1])
+        size = draw.integers(0, 4)
         lines = [frame(sent + 1e-3 * k, positions[i % len(positions)]) for k in range(size)]
         events.append((1000.0 + 0.007 * i + pause, [*lines, *["junk"] * draw.integers(0, 3)]))
     clock.delays = draw.uniform(0.0, 1e-3, 100_000).tolist()
@@ -309,10 +320,8 @@ def test_answers_are_consistent_under_overload(small_result, second):
     assert summary.answered > 50
     assert len([state for state in states if state["frame"] is None]) > 10
     assert summary.states.total() == len(states)
-    times, q = (
-        [state["t"] for state in states],
-        np.array([list(state["joints"].values()) for state in states]),
-    )
+    times = [state["t"] for state in states]
+    q = np.array([list(state["joints"].values()) for state in states])
     assert (np.diff(times) > 0.0).all()
     assert times[-1] - times[0] <= clock.now - 1000.0
     require_limits(small_result.arm.motion.limits, times, q)

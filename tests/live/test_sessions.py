@@ -70,7 +70,8 @@ def test_a_second_sender_is_refused_until_the_first_is_silent(served):
     """Frames, consent and stops of others change nothing, also with another clock."""
     toy = Toy()
     client = served(toy)
-    first, second = client(), client(clock=1e6)
+    first = client()
+    second = client(clock=1e6)
     assert first.ask()["state"] == "following"
     begun = time.monotonic()
     second.frame(engage=True)
@@ -95,7 +96,9 @@ def test_a_second_sender_is_refused_until_the_first_is_silent(served):
 def test_junk_of_others_does_not_delay_answers(served):
     """The kernel drops it before it is read: answers come as without it."""
     client = served(Toy())
-    first, junk, ended = client(), client(), threading.Event()
+    first = client()
+    junk = client()
+    ended = threading.Event()
     first.ask()
 
     def flood():
@@ -122,7 +125,8 @@ def test_junk_of_others_does_not_delay_answers(served):
 def test_junk_before_the_first_frame_admits_nobody(served):
     toy = Toy()
     client = served(toy)
-    junk, first = client(), client()
+    junk = client()
+    first = client()
     for _ in range(5 * MOST_JUNK):
         junk.link.send(b"junk")
     assert "must be JSON" in junk.read("error")["error"]
@@ -149,12 +153,21 @@ def test_consent_and_joints_are_lines_or_parts_of_frames(served):
     assert toy.engaged == 2
 
 
-@pytest.mark.parametrize(("content", "word"), [
-    ({"engage": 1}, "engage"), ({"engage": "yes"}, "engage"), ({"engage": True, "joints": [0.0]}, "joints"),
-    ({"engage": True, "joints": {"lift": 0.0}}, "'turn'"), ({"engage": True, "joints": {"arm": 0.0}}, "'arm'"),
-    ({"engage": True, "joints": [float("nan"), 0.0]}, "finite"), ({"engage": True, "joints": 3}, "joints"),
-    ({"engage": True, "joints": ["a", "b"]}, "numbers"), ({"engage": True, "t": 1.0}, "points"), ({"go": True}, "go"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        ({"engage": 1}, "engage"),
+        ({"engage": "yes"}, "engage"),
+        ({"engage": True, "joints": [0.0]}, "joints"),
+        ({"engage": True, "joints": {"lift": 0.0}}, "'turn'"),
+        ({"engage": True, "joints": {"arm": 0.0}}, "'arm'"),
+        ({"engage": True, "joints": [float("nan"), 0.0]}, "finite"),
+        ({"engage": True, "joints": 3}, "joints"),
+        ({"engage": True, "joints": ["a", "b"]}, "numbers"),
+        ({"engage": True, "t": 1.0}, "points"),
+        ({"go": True}, "go"),
+    ],
+)
 def test_wrong_orders_are_refused(served, content, word):
     toy = Toy()
     first = served(toy)()
@@ -169,7 +182,8 @@ def test_a_flood_of_orders_is_answered_at_100_hz(served):
     toy = Toy()
     first = served(toy)()
     first.ask()
-    begin, steps = time.monotonic(), toy.steps
+    begin = time.monotonic()
+    steps = toy.steps
     for _ in range(3000):
         first.send(engage=True)
     while toy.steps == steps:

@@ -22,9 +22,11 @@ def without_masses(arm):
 @pytest.mark.parametrize("name", ["panda", "ur5"])
 def test_the_inertia_is_that_of_the_robot(name):
     pin = pytest.importorskip("pinocchio")
-    arm, rng = mp.load_arm(name), np.random.default_rng(0)
+    arm = mp.load_arm(name)
+    rng = np.random.default_rng(0)
     q = arm.sample(1, 0)[0]
-    robot, model = SimulatedRobot(arm, q), robot_model(arm)
+    robot = SimulatedRobot(arm, q)
+    model = robot_model(arm)
     robot._data.qvel[:] = velocity = rng.normal(size=arm.dof)
     robot._data.qfrc_applied[:] = torque = rng.normal(size=arm.dof)
     robot._mujoco.mj_forward(robot._model, robot._data)
@@ -39,7 +41,8 @@ def test_the_inertia_is_that_of_the_robot(name):
 def test_commands_are_followed_within_the_torque_limits():
     """A smooth motion is followed to 1 mrad; a motion that the motors cannot make is not."""
     arm = mp.load_arm("panda")
-    start, change = 0.5 * (arm.lower + arm.upper), np.array([0.3, -0.2, 0.1, 0.2, 0.3, 0.1, 0.2])
+    start = 0.5 * (arm.lower + arm.upper)
+    change = np.array([0.3, -0.2, 0.1, 0.2, 0.3, 0.1, 0.2])
     for frequency, close in ((0.5, True), (8.0, False)):
         robot = SimulatedRobot(arm, start)
         for t in 0.01 * np.arange(1, 101):
@@ -52,7 +55,8 @@ def test_commands_are_followed_within_the_torque_limits():
 
 def test_a_robot_without_masses_is_where_it_is_commanded():
     arm = without_masses(mp.load_arm("panda"))
-    robot, q = SimulatedRobot(arm, arm.sample(1, 0)[0]), arm.sample(1, 1)[0]
+    robot = SimulatedRobot(arm, arm.sample(1, 0)[0])
+    q = arm.sample(1, 1)[0]
     robot.move(q, np.zeros(7), 0.01)
     assert (robot.q == q).all()
     assert not robot.dynamic
@@ -94,7 +98,8 @@ def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monk
     states = [
         simulation.step(points, t) for points, t in zip(frames.positions, frames.time, strict=True)
     ]
-    arm, last = small_result.arm.robot, states[-1]
+    arm = small_result.arm.robot
+    last = states[-1]
     assert_allclose(last.arm.position, arm.forward(last.joint_positions)[:3, 3])
     assert_allclose(
         last.position_error, np.linalg.norm(last.arm.position - last.arm.target_position)
@@ -114,19 +119,21 @@ def test_a_recording_is_played_to_the_simulated_robot(small_result, second, monk
 
 
 def test_the_view_shows_the_simulated_robot_until_ctrl_c(small_result, monkeypatch, capfd):
+    states = []
+
     class Page:
-        url, states = "http://page", []
+        url = "http://page"
 
         def __init__(self, person, robot):
             assert (person.name, robot.name) == ("myoarm", "panda")
 
         def show(self, state):
-            self.states.append(state)
-            if len(self.states) == 5:
+            states.append(state)
+            if len(states) == 5:
                 os.kill(os.getpid(), signal.SIGINT)
 
         def stop(self):
-            self.states.append(None)
+            states.append(None)
 
     monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
     monkeypatch.setattr("maniport.viewer.server.Onlooker", Page)
@@ -134,6 +141,6 @@ def test_the_view_shows_the_simulated_robot_until_ctrl_c(small_result, monkeypat
     with pytest.raises(SystemExit) as stop:
         cli.main()
     assert (stop.value.code or 0) == 0
-    assert Page.states[-1] is None
-    assert 5 <= len(Page.states) - 1 < 50
+    assert states[-1] is None
+    assert 5 <= len(states) - 1 < 50
     assert "http://page" in capfd.readouterr()[0]

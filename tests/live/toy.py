@@ -17,11 +17,17 @@ NAMES = ("shoulder", "elbow", "wrist")
 class Toy:
     """Its first joint is where the wrist is, in x; unseen, it halves the motion of the step before."""
 
-    points, robot = NAMES, SimpleNamespace(joint_names=("lift", "turn"), joint_units=("m", "rad"))
+    points = NAMES
+    robot = SimpleNamespace(joint_names=("lift", "turn"), joint_units=("m", "rad"))
 
     def __init__(self):
-        self.joint_positions, self.change, self.times, self.steps = np.zeros(2), 0.0, [], 0
-        self.held, self.engaged, self.joints = False, 0, []
+        self.joint_positions = np.zeros(2)
+        self.change = 0.0
+        self.times = []
+        self.steps = 0
+        self.held = False
+        self.engaged = 0
+        self.joints = []
 
     def hold(self):
         self.held = True
@@ -44,9 +50,13 @@ class Toy:
         self.joint_positions = self.joint_positions + change
         distance, error = (0.5, 0.01) if seen else (None, None)
         return SimpleNamespace(
-            joint_positions=self.joint_positions, joint_velocities=change, distance=distance, position_error=error,
-            state="following" if seen else "holding", time=clock.monotonic(),
-        )  # fmt: skip
+            joint_positions=self.joint_positions,
+            joint_velocities=change,
+            distance=distance,
+            position_error=error,
+            state="following" if seen else "holding",
+            time=clock.monotonic(),
+        )
 
 
 @contextlib.contextmanager
@@ -70,7 +80,8 @@ class FakeClock:
     """A clock that is moved by hand; each reading may take time, too."""
 
     def __init__(self):
-        self.now, self.delays = 1000.0, []
+        self.now = 1000.0
+        self.delays = []
 
     def __call__(self):
         if self.delays:
@@ -80,11 +91,13 @@ class FakeClock:
 
 def require_limits(limits, time, q, velocity_tolerance=1e-6, acceleration_tolerance=1e-4):
     """Positions, velocities and accelerations of commands are within the limits; at equal times they are equal."""
-    time, q = np.asarray(time), np.asarray(q)
+    time = np.asarray(time)
+    q = np.asarray(q)
     assert ((q >= limits.arm.lower) & (q <= limits.arm.upper)).all()
     same = np.diff(time) == 0.0
     assert (np.diff(q, axis=0)[same] == 0.0).all()
-    time, q = time[np.append(True, ~same)], q[np.append(True, ~same)]
+    time = time[np.append(True, ~same)]
+    q = q[np.append(True, ~same)]
     steps = np.diff(time)[:, None]
     velocity = np.diff(q, axis=0) / steps
     acceleration = np.diff(velocity, axis=0) / (0.5 * (steps[1:] + steps[:-1]))

@@ -16,7 +16,8 @@ def slow_motion():
 
     def make(arm, n=60, seconds=2.0, curved=False):
         time = np.linspace(0.0, seconds, n)
-        middle, half = (arm.upper + arm.lower) / 2, (arm.upper - arm.lower) / 2
+        middle = (arm.upper + arm.lower) / 2
+        half = (arm.upper - arm.lower) / 2
         phase = np.arange(arm.dof)
         swing = np.sin(phase) * (2 * time[:, None] / seconds - 1)
         if curved:

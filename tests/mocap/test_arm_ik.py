@@ -36,10 +36,15 @@ def test_an_excess_over_a_limit_of_the_model_is_measured(excess, record):
     """The fit stays within the limits; an elbow beyond its limit is reported, by 15° with advice."""
     arm = arms.myoarm(upper_arm=0.31, forearm=0.26, hand=0.06)
     elbow = arm.joint_names.index("elbow_flexion")
-    time, half = np.linspace(0.0, 2.0, 60), 30
+    time = np.linspace(0.0, 2.0, 60)
+    half = 30
     q = np.tile(np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), (60, 1))
-    q[:, elbow] = np.concatenate([np.linspace(q[0, elbow], arm.upper[elbow], half),
-                                  np.full(half, arm.upper[elbow] + np.radians(excess))])  # fmt: skip
+    q[:, elbow] = np.concatenate(
+        [
+            np.linspace(q[0, elbow], arm.upper[elbow], half),
+            np.full(half, arm.upper[elbow] + np.radians(excess)),
+        ]
+    )
     fit = fit_arm(record(arm, time, q))
     assert np.all((fit.joint_angles >= fit.arm.lower) & (fit.joint_angles <= fit.arm.upper))
     assert fit.joint_angles[-1, elbow] == pytest.approx(arm.upper[elbow], abs=1e-6)
@@ -71,7 +76,8 @@ def test_a_straight_elbow_makes_the_axial_rotation_unobservable(slow_motion, rec
     passing[:, 3] = 0.4 * (time - 2.0) ** 2
     fit = fit_arm(record(arm, time, passing, axes=False, hand=False), "rhuman")
     assert np.abs(fit.joint_angles[:, 2] - passing[:, 2]).max() < np.radians(3)
-    q[:, 3], q[:, 1] = 0.0, 1.0
+    q[:, 3] = 0.0
+    q[:, 1] = 1.0
     blind = fit_arm(record(arm, time, q, axes=False, hand=False), "rhuman")
     assert "shoulder_rot" in blind.unobservable
     assert np.degrees(np.abs(np.diff(blind.joint_angles, axis=0)).max()) < 5
@@ -183,7 +189,8 @@ def test_noise_and_outliers_of_video_are_reduced(record, slow_motion):
     away = generator.normal(size=noisy.shape)
     away *= 0.2 / np.linalg.norm(away, axis=-1, keepdims=True)
     noisy += np.where(generator.random(noisy.shape[:2]) < 0.03, 1.0, 0.0)[..., None] * away
-    video, truth = replace(clean, positions=noisy), fit_arm(clean, side="right")
+    video = replace(clean, positions=noisy)
+    truth = fit_arm(clean, side="right")
     fits = [fit_arm(video, side="right", smooth=smooth) for smooth in ("auto", "off")]
     joints, raw_joints = (
         np.sqrt(np.mean((fit.joint_angles - truth.joint_angles)[:, :4] ** 2)) for fit in fits
@@ -236,15 +243,12 @@ def test_repetitions_are_found(repeated):
 
 @pytest.mark.parametrize(("name", "person"), [("ladder", "rhuman"), ("freeform", "myoarm")])
 def test_a_mirrored_recording_gives_mirrored_angles_and_ellipsoids(name, person):
-    recording, s = read_recording(name).crop(0, 1), np.diag([1.0, -1.0, 1.0])
-    names, flipped = (
-        tuple(map(other_side, recording.names)),
-        recording.positions * np.array([1.0, 1.0, -1.0]),
-    )
-    right, left = (
-        fit_arm(recording, person),
-        fit_arm(replace(recording, names=names, positions=flipped), person),
-    )
+    recording = read_recording(name).crop(0, 1)
+    s = np.diag([1.0, -1.0, 1.0])
+    names = tuple(map(other_side, recording.names))
+    flipped = recording.positions * np.array([1.0, 1.0, -1.0])
+    right = fit_arm(recording, person)
+    left = fit_arm(replace(recording, names=names, positions=flipped), person)
     assert (right.arm.side, left.arm.side, left.arm.name) == ("right", "left", f"{person}_left")
     q = right.joint_angles
     np.testing.assert_allclose(left.joint_angles, q, atol=1e-9)
@@ -262,7 +266,9 @@ def test_a_mirrored_recording_gives_mirrored_angles_and_ellipsoids(name, person)
 
 @pytest.mark.parametrize("person", ["myoarm", "rhuman"])
 def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, slow_motion):
-    tracks, angles, paths = {}, [], []
+    tracks = {}
+    angles = []
+    paths = []
     for k, side in enumerate(SIDES):
         arm = load_arm(person, side=side)
         time, q = slow_motion(arm, n=60)

@@ -157,9 +157,10 @@ def test_markers_of_the_trunk_show_its_front():
 
 
 @pytest.mark.parametrize(
-    "name", ["ladder", "freeform", "both-arms", *sorted(DATA.glob("*.bvh")), *sorted(CASES.glob("*.bvh"))],
+    "name",
+    ["ladder", "freeform", "both-arms", *sorted(DATA.glob("*.bvh")), *sorted(CASES.glob("*.bvh"))],
     ids=lambda name: Path(name).stem,
-)  # fmt: skip
+)
 def test_recordings_of_people_get_no_warning(name):
     options = {"scaled_1e-4": {"unit": 100.0}, "frame_time_zero": {"rate": 30.0}}
     recording = read_recording(name, **options.get(Path(name).stem, {}))
@@ -251,10 +252,21 @@ def test_a_body_that_shows_no_side_has_an_assumed_order(tmp_path):
 
 
 SMPL = {
-    "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2", "neck": "Neck", "head": "Head",
-    "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase", "collar": "Shoulder", "shoulder": "Arm",
-    "elbow": "ForeArm", "wrist": "Hand",
-}  # fmt: skip
+    "pelvis": "Hips",
+    "spine1": "Spine",
+    "spine2": "Spine1",
+    "spine3": "Spine2",
+    "neck": "Neck",
+    "head": "Head",
+    "hip": "UpLeg",
+    "knee": "Leg",
+    "ankle": "Foot",
+    "foot": "ToeBase",
+    "collar": "Shoulder",
+    "shoulder": "Arm",
+    "elbow": "ForeArm",
+    "wrist": "Hand",
+}
 
 
 @pytest.mark.parametrize("is_mirrored", [False, True])

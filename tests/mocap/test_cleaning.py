@@ -25,14 +25,16 @@ def test_recordings_without_faults_stay_as_they_are(name):
 
 
 def test_frames_whose_time_does_not_increase_are_omitted():
-    time, positions = np.arange(40) / 30, np.arange(40.0)[:, None]
+    time = np.arange(40) / 30
+    positions = np.arange(40.0)[:, None]
     order = np.insert(np.arange(40), [20, 30], [19, 10])
     times, places, notes = in_order(time[order], positions[order])
     np.testing.assert_array_equal(times, time)
     np.testing.assert_array_equal(places, positions)
     assert "2 frames" in notes[0]
     assert in_order(time, positions)[0] is time
-    twice, rounded = np.r_[np.arange(90), np.arange(90)] / 30, np.round(np.arange(90) / 30, 1)
+    twice = np.r_[np.arange(90), np.arange(90)] / 30
+    rounded = np.round(np.arange(90) / 30, 1)
     for wrong, words in (
         (twice, "90 of 180 frames .* index 90, 0 s"),
         (rounded, "59 of 90 frames .* index 1"),

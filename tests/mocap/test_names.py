@@ -86,50 +86,63 @@ FAMILIES = {
     "Genesis 9": spelled(
         ("hip", "spine1", "spine3", "neck1", "head"),
         ("shoulder", "upperarm", "forearm", "hand", "thigh", "shin", "foot"),
-        ("r", "l"), "{side}_{joint}",
+        ("r", "l"),
+        "{side}_{joint}",
     ),
     "Character Creator": spelled(
         ("CC_Base_Hip", "CC_Base_Waist", "CC_Base_Spine01", "CC_Base_NeckTwist01", "CC_Base_Head"),
         ("Clavicle", "Upperarm", "Forearm", "Hand", "Thigh", "Calf", "Foot"),
-        ("R", "L"), "CC_Base_{side}_{joint}",
+        ("R", "L"),
+        "CC_Base_{side}_{joint}",
     ),
     "MakeHuman": spelled(
         ("root", "spine05", "spine02", "neck01", "head"),
         ("clavicle", "upperarm01", "lowerarm01", "wrist", "upperleg01", "lowerleg01", "foot"),
-        ("R", "L"), "{joint}.{side}",
+        ("R", "L"),
+        "{joint}.{side}",
     ),
     "Valve": spelled(
-        tuple(f"ValveBiped.Bip01_{name}" for name in ("Pelvis", "Spine", "Spine2", "Neck1", "Head1")),
+        tuple(
+            f"ValveBiped.Bip01_{name}" for name in ("Pelvis", "Spine", "Spine2", "Neck1", "Head1")
+        ),
         ("Clavicle", "UpperArm", "Forearm", "Hand", "Thigh", "Calf", "Foot"),
-        ("R", "L"), "ValveBiped.Bip01_{side}_{joint}",
+        ("R", "L"),
+        "ValveBiped.Bip01_{side}_{joint}",
     ),
     "3ds Max Biped": spelled(
         ("Bip001", "Bip001 Spine", "Bip001 Spine1", "Bip001 Neck", "Bip001 Head"),
         ("Clavicle", "UpperArm", "Forearm", "Hand", "Thigh", "Calf", "Foot"),
-        ("R", "L"), "Bip001 {side} {joint}",
+        ("R", "L"),
+        "Bip001 {side} {joint}",
     ),
     "Rigify, deform bones": spelled(
         ("DEF-spine", "DEF-spine.001", "DEF-spine.002", "DEF-spine.004", "DEF-spine.006"),
         ("shoulder", "upper_arm", "forearm", "hand", "thigh", "shin", "foot"),
-        ("R", "L"), "DEF-{joint}.{side}",
+        ("R", "L"),
+        "DEF-{joint}.{side}",
     ),
     "Rigify, metarig": spelled(
         ("spine", "spine.001", "spine.002", "spine.004", "spine.006"),
         ("shoulder", "upper_arm", "forearm", "hand", "thigh", "shin", "foot"),
-        ("R", "L"), "{joint}.{side}",
+        ("R", "L"),
+        "{joint}.{side}",
     ),
     "MikuMikuDance": spelled(
         ("センター", "上半身", "上半身2", "首", "頭"),
-        ("肩", "腕", "ひじ", "手首", "足", "ひざ", "足首"), ("右", "左"),
+        ("肩", "腕", "ひじ", "手首", "足", "ひざ", "足首"),
+        ("右", "左"),
     ),
     "MikuMikuDance in Blender": spelled(
         ("センター", "上半身", "上半身２", "首", "頭"),
-        ("肩", "腕", "ひじ", "手首", "足", "ひざ", "足首"), ("R", "L"), "{joint}.{side}",
+        ("肩", "腕", "ひじ", "手首", "足", "ひざ", "足首"),
+        ("R", "L"),
+        "{joint}.{side}",
     ),
     "MikuMikuDance, English": spelled(
         ("center", "upper body", "upper body 2", "neck", "head"),
         ("shoulder", "arm", "elbow", "wrist", "leg", "knee", "ankle"),
-        ("R", "L"), "{joint}_{side}",
+        ("R", "L"),
+        "{joint}_{side}",
     ),
     "VRM 1": spelled(
         ("hips", "spine", "chest", "neck", "head"),
@@ -139,19 +152,22 @@ FAMILIES = {
     "VRoid": spelled(
         tuple(f"J_Bip_C_{name}" for name in ("Hips", "Spine", "Chest", "Neck", "Head")),
         ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot"),
-        ("R", "L"), "J_Bip_{side}_{joint}",
+        ("R", "L"),
+        "J_Bip_{side}_{joint}",
     ),
     "Unreal": spelled(
         ("pelvis", "spine_01", "spine_03", "neck_01", "head"),
         ("clavicle", "upperarm", "lowerarm", "hand", "thigh", "calf", "foot"),
-        ("r", "l"), "{joint}_{side}",
+        ("r", "l"),
+        "{joint}_{side}",
     ),
     "SMPL in Unreal": spelled(
         ("f_avg_Pelvis", "f_avg_Spine1", "f_avg_Spine3", "f_avg_Neck", "f_avg_Head"),
         ("Collar", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle"),
-        ("R", "L"), "f_avg_{side}_{joint}",
+        ("R", "L"),
+        "f_avg_{side}_{joint}",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("file", sorted(CASES.glob("names_*.bvh")), ids=lambda file: file.stem)
@@ -234,11 +250,14 @@ def test_markers_of_laboratories_are_recognized(family):
 @pytest.mark.parametrize(
     ("low", "high"),
     [
-        (("SACR",), ("C7",)), (("S2",), ("R.Clavicle", "L.Clavicle")), (("RASI", "LASI"), ("Sternum",)),
-        (("RASIS", "LASIS", "RPSIS", "LPSIS"), ("CLAV",)), (("Pelvis",), ("RSHO", "LSHO")),
+        (("SACR",), ("C7",)),
+        (("S2",), ("R.Clavicle", "L.Clavicle")),
+        (("RASI", "LASI"), ("Sternum",)),
+        (("RASIS", "LASIS", "RPSIS", "LPSIS"), ("CLAV",)),
+        (("Pelvis",), ("RSHO", "LSHO")),
         (("RThigh", "LThigh"), ("RSHO", "LSHO")),
     ],
-)  # fmt: skip
+)
 def test_the_trunk_goes_from_any_pelvis_to_any_shoulders(low, high):
     arms = ("RSHO", "RELB", "RWRA", "RWRB")
     names = tuple(dict.fromkeys((*arms, *low, *high)))
@@ -255,11 +274,20 @@ def test_a_prefix_of_the_side_is_no_addition():
 @pytest.mark.parametrize(
     ("name", "other"),
     [
-        ("Armature|RightHand", "Armature|LeftHand"), ("m_avg_R_Wrist", "m_avg_L_Wrist"), ("rhand", "lhand"),
-        ("右ひじ", "左ひじ"), ("ひじ.R", "ひじ.L"), ("UpperArmR", "UpperArmL"), ("Bip01 R Hand", "Bip01 L Hand"),
-        ("EndSiteA:RHand", "EndSiteA:LHand"), ("root", "root"), ("lumbar", "lumbar"), ("C7", "C7"), ("ring", "ring"),
+        ("Armature|RightHand", "Armature|LeftHand"),
+        ("m_avg_R_Wrist", "m_avg_L_Wrist"),
+        ("rhand", "lhand"),
+        ("右ひじ", "左ひじ"),
+        ("ひじ.R", "ひじ.L"),
+        ("UpperArmR", "UpperArmL"),
+        ("Bip01 R Hand", "Bip01 L Hand"),
+        ("EndSiteA:RHand", "EndSiteA:LHand"),
+        ("root", "root"),
+        ("lumbar", "lumbar"),
+        ("C7", "C7"),
+        ("ring", "ring"),
     ],
-)  # fmt: skip
+)
 def test_names_of_the_other_side(name, other):
     assert other_side(name) == other
     assert other_side(other) == name
@@ -375,10 +403,15 @@ def test_the_error_about_a_scale_names_options_that_read_it(run):
 @pytest.mark.parametrize(
     ("options", "word"),
     [
-        ({"unit": 0.0}, "unit"), ({"unit": -1}, "unit"), ({"unit": "yard"}, "unit"), ({"height": 175}, "height"),
-        ({"unit": "m", "height": 1.7}, "exclude"), ({"height": np.nan}, "height"), ({"unit": 1e-9}, "upper arm"),
+        ({"unit": 0.0}, "unit"),
+        ({"unit": -1}, "unit"),
+        ({"unit": "yard"}, "unit"),
+        ({"height": 175}, "height"),
+        ({"unit": "m", "height": 1.7}, "exclude"),
+        ({"height": np.nan}, "height"),
+        ({"unit": 1e-9}, "upper arm"),
     ],
-)  # fmt: skip
+)
 def test_wrong_scales_are_rejected(options, word):
     with pytest.raises((InvalidInputError, FileFormatError), match=word):
         read_recording(CASES / "scaled_1e-4.bvh", **options)

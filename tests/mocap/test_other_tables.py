@@ -182,9 +182,14 @@ TRC = {
     "with three blank lines": lambda head, rows: [*head, "", "", "\t\t", *rows],
     "without axes": lambda head, rows: [*head[:4], "", *rows],
     "commas": lambda head, rows: [line.replace("\t", ",") for line in [*head, "", *rows]],
-    "small keys": lambda head, rows: [*head[:3], head[3].replace("Frame#", "frame#"), head[4], *rows],
+    "small keys": lambda head, rows: [
+        *head[:3],
+        head[3].replace("Frame#", "frame#"),
+        head[4],
+        *rows,
+    ],
     "names and axes alone": lambda head, rows: [*head[3:5], *rows],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("lines_of", TRC.values(), ids=TRC)
@@ -325,9 +330,17 @@ def bvh_lines(request):
 BVH = {
     "one line": lambda tree, count, step, rows: [" ".join(tree), "MOTION", count, step, *rows],
     "other order": lambda tree, count, step, rows: [*tree, "MOTION", step, count, *rows],
-    "comments": lambda tree, count, step, rows: [*tree, "MOTION", "# a", count, "// b", step, *rows],
+    "comments": lambda tree, count, step, rows: [
+        *tree,
+        "MOTION",
+        "# a",
+        count,
+        "// b",
+        step,
+        *rows,
+    ],
     "one header line": lambda tree, count, step, rows: [*tree, "MOTION", f"{count} {step}", *rows],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("lines_of", BVH.values(), ids=BVH)

@@ -38,8 +38,16 @@ FAULTS = [
     ("a.csv", "elbow_x,elbow_y,elbow_z\n1,2,3\n", "no frame rate"),
     ("a.csv", "time,a_x,a_y,a_z,a_X\n0,1,2,3,4\n", "'a_X' occurs twice"),
     ("line.csv", b"," * 3_000_000, "3000000 characters in a line"),
-    ("line.trc", b"PathFileType\n1\n1\n" + b"a\t\t" * 10**6 + b"\nX\n1\t2\n", "characters in a line"),
-    ("quoted.csv", 'time,"' + "a" * 140_000 + '_x",b_y,b_z\n0,1,2,3\n', "140004 characters in the name"),
+    (
+        "line.trc",
+        b"PathFileType\n1\n1\n" + b"a\t\t" * 10**6 + b"\nX\n1\t2\n",
+        "characters in a line",
+    ),
+    (
+        "quoted.csv",
+        'time,"' + "a" * 140_000 + '_x",b_y,b_z\n0,1,2,3\n',
+        "140004 characters in the name",
+    ),
     ("cuts.csv", "time," + "_" * 20_000 + "q,b_y,b_z\n0,1,2,3\n", "20001 characters in the name"),
     ("frame.csv", "Format Version,1.2\nType\nName\nx\ny\nFrame\n1\n", "no positions of points"),
     ("rate.tsv", QUALISYS.format("FREQUENCY\n"), "no frame rate"),
@@ -50,15 +58,28 @@ FAULTS = [
     ("a.mvnx", '<?xml version="1.0" encoding="rot13"?><mvnx/>', "not readable as .mvnx"),
     ("a.mvnx", '<?xml version="1.0" encoding="zzz"?><mvnx/>', "not readable as .mvnx"),
     ("a.npy", npy("  a\n b\n  ("), "not a readable .npy file"),
-    ("a.npy", npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 22, 3)}"), "declares the shape"),
-    ("a.npy", npy("{'descr': '|u1', 'fortran_order': False, 'shape': (9, 22, 3)}", bytes(9 * 66)), "has 198 places"),
-    ("a.c3d", c3d_with(60_000), "60000 points; at most 5000"), ("a.c3d", c3d_with(0), "holds no points"),
+    (
+        "a.npy",
+        npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 22, 3)}"),
+        "declares the shape",
+    ),
+    (
+        "a.npy",
+        npy("{'descr': '|u1', 'fortran_order': False, 'shape': (9, 22, 3)}", bytes(9 * 66)),
+        "has 198 places",
+    ),
+    ("a.c3d", c3d_with(60_000), "60000 points; at most 5000"),
+    ("a.c3d", c3d_with(0), "holds no points"),
     ("a.c3d", Writer().content(frames=0xFFFF), "announces 65535 frames"),
-    ("a.fbx", b"Kaydara FBX Binary  \0", "Blender.*Export"), ("a.bvh.gz", b"\x1f\x8b\x08", "gunzip"),
-    ("a.pkl", b"\x80\x04\x95", "np.savez"), ("arm.urdf", b"<robot name='arm'/>", "--robot"),
-    ("a.glb", b"glTF\2\0\0\0", "Blender"), ("a.xlsx", b"PK\3\4", "save it as CSV"),
-    ("a.mp4", b"\0\0\0\x18ftypmp42", "MediaPipe"), ("a.odd", b"nothing", "'.odd' is not known"),
-]  # fmt: skip
+    ("a.fbx", b"Kaydara FBX Binary  \0", "Blender.*Export"),
+    ("a.bvh.gz", b"\x1f\x8b\x08", "gunzip"),
+    ("a.pkl", b"\x80\x04\x95", "np.savez"),
+    ("arm.urdf", b"<robot name='arm'/>", "--robot"),
+    ("a.glb", b"glTF\2\0\0\0", "Blender"),
+    ("a.xlsx", b"PK\3\4", "save it as CSV"),
+    ("a.mp4", b"\0\0\0\x18ftypmp42", "MediaPipe"),
+    ("a.odd", b"nothing", "'.odd' is not known"),
+]
 
 
 @pytest.mark.parametrize(("name", "content", "words"), FAULTS)
@@ -93,24 +114,57 @@ def write_skeleton(path, recording):
     return write_bvh(path, SKELETONS["LAFAN1"], motion())
 
 
-@pytest.mark.parametrize(("write", "name", "damage", "words"), [
-    (write_skeleton, "a.bvh", lambda text: text[: text.index("JOINT RightForeArm")], "cut off in its hierarchy"),
-    (write_skeleton, "a.bvh", lambda text: text[: text.index("Frame Time")], "must be followed by 'Frames:'"),
-    (write_skeleton, "a.bvh", lambda text: "\n".join(text.splitlines()[:-3]), "cut off: .* 40 frames.* 37"),
-    (write_skeleton, "a.bvh", ("Frames: 40", "Frames: 600"), "cut off: .* 600 frames"),
-    (write_skeleton, "a.bvh", ("0.020000", "0.00"), "positive number; found '0.00'"),
-    (write_skeleton, "a.bvh", ("10.000000", "abc", 1), "not readable as BVH"),
-    (write_skeleton, "a.bvh", ("}", "", 1), "closing braces"),
-    (write_skeleton, "a.bvh", ("CHANNELS 3 Z", "CHANNELS 4 Z", 1), "number of channels"),
-    (write_skeleton, "a.bvh", ("CHANNELS 3", "CHANNELS 1 Xrotation\nCHANNELS 3", 1), "twice"),
-    (write_skeleton, "a.bvh", ("Frames: 40", "Frames: " + "9" * 5000), "must be followed by 'Frames:'"),
-    (write_skeleton, "a.bvh", lambda text: text[: text.index("Frame Time")] + "Frame Time: 0.02\n", "holds no frames"),
-    (write_skeleton, "a.bvh", lambda text: "\x00\xff\x17" * 300, "does not begin with HIERARCHY"),
-    (write_motive, "a.csv", (",Position", ",Rotation"), "no positions of points; in Motive"),
-    (write_motive, "a.csv", ("Frame,Time", "Time"), "cut off"),
-    (write_nexus, "b.csv", ("X,Y,Z", "FX,FY,FZ"), "no positions of points; in Nexus"),
-    (write_qualisys, "a.tsv", ("DATA_INCLUDED\t3D", "DATA_INCLUDED\t6D"), "6D"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("write", "name", "damage", "words"),
+    [
+        (
+            write_skeleton,
+            "a.bvh",
+            lambda text: text[: text.index("JOINT RightForeArm")],
+            "cut off in its hierarchy",
+        ),
+        (
+            write_skeleton,
+            "a.bvh",
+            lambda text: text[: text.index("Frame Time")],
+            "must be followed by 'Frames:'",
+        ),
+        (
+            write_skeleton,
+            "a.bvh",
+            lambda text: "\n".join(text.splitlines()[:-3]),
+            "cut off: .* 40 frames.* 37",
+        ),
+        (write_skeleton, "a.bvh", ("Frames: 40", "Frames: 600"), "cut off: .* 600 frames"),
+        (write_skeleton, "a.bvh", ("0.020000", "0.00"), "positive number; found '0.00'"),
+        (write_skeleton, "a.bvh", ("10.000000", "abc", 1), "not readable as BVH"),
+        (write_skeleton, "a.bvh", ("}", "", 1), "closing braces"),
+        (write_skeleton, "a.bvh", ("CHANNELS 3 Z", "CHANNELS 4 Z", 1), "number of channels"),
+        (write_skeleton, "a.bvh", ("CHANNELS 3", "CHANNELS 1 Xrotation\nCHANNELS 3", 1), "twice"),
+        (
+            write_skeleton,
+            "a.bvh",
+            ("Frames: 40", "Frames: " + "9" * 5000),
+            "must be followed by 'Frames:'",
+        ),
+        (
+            write_skeleton,
+            "a.bvh",
+            lambda text: text[: text.index("Frame Time")] + "Frame Time: 0.02\n",
+            "holds no frames",
+        ),
+        (
+            write_skeleton,
+            "a.bvh",
+            lambda text: "\x00\xff\x17" * 300,
+            "does not begin with HIERARCHY",
+        ),
+        (write_motive, "a.csv", (",Position", ",Rotation"), "no positions of points; in Motive"),
+        (write_motive, "a.csv", ("Frame,Time", "Time"), "cut off"),
+        (write_nexus, "b.csv", ("X,Y,Z", "FX,FY,FZ"), "no positions of points; in Nexus"),
+        (write_qualisys, "a.tsv", ("DATA_INCLUDED\t3D", "DATA_INCLUDED\t6D"), "6D"),
+    ],
+)
 def test_damaged_texts_are_rejected(tmp_path, markers, write, name, damage, words):
     file = write(tmp_path / name, markers)
     text = file.read_text()
@@ -128,13 +182,21 @@ def test_truncated_c3d_is_rejected(tmp_path, size):
         read_recording(file)
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"names": None}, "14 joints without names"), ({"positions": np.array([[["a"] * 3] * 14] * 40)}, "positions"),
-    ({"names": np.arange(14)}, "names"), ({"time": None}, "rate="), ({"time": None, "rate": -1}, "rate is '-1'"),
-    ({"time": None, "rate": 1e-320}, "rate is '1e-320'"), ({"time": np.zeros(40)}, "time"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"names": None}, "14 joints without names"),
+        ({"positions": np.array([[["a"] * 3] * 14] * 40)}, "positions"),
+        ({"names": np.arange(14)}, "names"),
+        ({"time": None}, "rate="),
+        ({"time": None, "rate": -1}, "rate is '-1'"),
+        ({"time": None, "rate": 1e-320}, "rate is '1e-320'"),
+        ({"time": np.zeros(40)}, "time"),
+    ],
+)
 def test_faulty_arrays_are_rejected(markers, tmp_path, change, words):
-    names, file = np.array(markers.names), tmp_path / "x.npz"
+    names = np.array(markers.names)
+    file = tmp_path / "x.npz"
     good = {"names": names, "positions": markers.positions, "time": markers.time, "unit": "m"}
     np.savez(file, **{key: value for key, value in (good | change).items() if value is not None})
     with pytest.raises(FileFormatError, match=words):
@@ -159,7 +221,9 @@ def test_empty_missing_and_folder(tmp_path, suffix):
     (tmp_path / f"empty{suffix}").touch()
     (tmp_path / f"folder{suffix}").mkdir()
     for name, words in (
-        ("empty", "is empty"), ("emty", f"no such file; there are 'empty{suffix}'"), ("folder", "fold"),
-    ):  # fmt: skip
+        ("empty", "is empty"),
+        ("emty", f"no such file; there are 'empty{suffix}'"),
+        ("folder", "fold"),
+    ):
         with pytest.raises(FileFormatError, match=words):
             read_recording(tmp_path / f"{name}{suffix}")

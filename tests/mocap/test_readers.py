@@ -52,8 +52,14 @@ def plain(made):
 
 @pytest.fixture(scope="module")
 def smpl(made):
-    parts = mirrored(POINTS["SMPL-X"]) | {"left_knee": "knee_l", "right_knee": "knee_r", "left_ankle": "foot_l",
-             "right_ankle": "foot_r", "left_foot": "toe_l", "right_foot": "toe_r"}  # fmt: skip
+    parts = mirrored(POINTS["SMPL-X"]) | {
+        "left_knee": "knee_l",
+        "right_knee": "knee_r",
+        "left_ankle": "foot_l",
+        "right_ankle": "foot_r",
+        "left_foot": "toe_l",
+        "right_foot": "toe_r",
+    }
     return made.recording({name: parts[name] for name in ORDERS["skeletons"]["SMPL body"]})
 
 
@@ -67,13 +73,21 @@ def noted(recording, *words):
     return any(all(word in note for word in words) for note in recording.notes)
 
 
-@pytest.mark.parametrize(("write", "name", "unit", "up"), [
-    (write_trc, "a.trc", "m", "z"), (partial(write_trc, unit="mm", scale=0.001), "a.trc", "mm", "z"),
-    (write_csv, "a.csv", "m", "z"), (partial(write_csv, dot=True), "a.csv", "m", "z"),
-    (partial(write_csv, long=True), "a.csv", "m", "z"), (write_motive, "a.csv", "mm", "y"),
-    (partial(write_motive, solved=False), "a.csv", "mm", "y"), (write_nexus, "a.csv", "mm", "z"),
-    (write_qualisys, "a.tsv", "mm", "z"), (partial(write_qualisys, columns=False), "a.txt", "mm", "z"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("write", "name", "unit", "up"),
+    [
+        (write_trc, "a.trc", "m", "z"),
+        (partial(write_trc, unit="mm", scale=0.001), "a.trc", "mm", "z"),
+        (write_csv, "a.csv", "m", "z"),
+        (partial(write_csv, dot=True), "a.csv", "m", "z"),
+        (partial(write_csv, long=True), "a.csv", "m", "z"),
+        (write_motive, "a.csv", "mm", "y"),
+        (partial(write_motive, solved=False), "a.csv", "mm", "y"),
+        (write_nexus, "a.csv", "mm", "z"),
+        (write_qualisys, "a.tsv", "mm", "z"),
+        (partial(write_qualisys, columns=False), "a.txt", "mm", "z"),
+    ],
+)
 def test_tables_of_points_come_back(tmp_path, markers, write, name, unit, up):
     recording = read_recording(write(tmp_path / name, markers))
     names = tuple(name.rpartition(":")[2] for name in recording.names)
@@ -102,10 +116,8 @@ def test_text_of_windows_is_read(tmp_path, made, markers, encoding):
 
 @pytest.mark.parametrize(("separator", "comma"), [(",", "."), (";", "."), (";", ","), ("\t", ",")])
 def test_separators_and_decimal_commas(tmp_path, markers, separator, comma):
-    trc, csv = (
-        write_trc(tmp_path / "a.trc", markers, "mm", 0.001),
-        write_csv(tmp_path / "a.csv", markers),
-    )
+    trc = write_trc(tmp_path / "a.trc", markers, "mm", 0.001)
+    csv = write_csv(tmp_path / "a.csv", markers)
     for file, old in ((trc, "\t"), (csv, ",")):
         before = read_recording(file)
         file.write_text(
@@ -120,7 +132,8 @@ def test_separators_and_decimal_commas(tmp_path, markers, separator, comma):
 
 def test_placeholders_of_missing_numbers(tmp_path, markers):
     file = write_csv(tmp_path / "a.csv", markers)
-    expected, text = read_recording(file).positions, file.read_text()
+    expected = read_recording(file).positions
+    text = file.read_text()
     for word in ("NA", "n/a", "NULL", "None", "nan", "1.#QNAN", "-1.#IND", "-nan(ind)", "inf"):
         file.write_text("sep=,\n" + text.replace(",,,", f",{word},{word},", 1))
         assert_allclose(read_recording(file).positions, expected)
@@ -290,13 +303,18 @@ def test_keypoints_of_mediapipe_in_every_layout(tmp_path, made):
     )
     frames = [frame["pose_world_landmarks"] for frame in timed]
     named = [dict(zip(ORDERS["by_count"][33], frame, strict=True)) for frame in frames]
-    for i, content in enumerate((
-        frames,
-        [{"frame": i, **frame} for i, frame in enumerate(named)],
-        [{"landmark": frame} for frame in frames],
-        [{"pose_world_landmarks": {"landmark": frame}} for frame in frames],
-        [{"joints": {name: {"position": point} for name, point in frame.items()}} for frame in named],
-    )):  # fmt: skip
+    for i, content in enumerate(
+        (
+            frames,
+            [{"frame": i, **frame} for i, frame in enumerate(named)],
+            [{"landmark": frame} for frame in frames],
+            [{"pose_world_landmarks": {"landmark": frame}} for frame in frames],
+            [
+                {"joints": {name: {"position": point} for name, point in frame.items()}}
+                for frame in named
+            ],
+        )
+    ):
         again = read_recording(write_json(tmp_path / f"{i}.json", content), rate=50, unit="m")
         assert again.names == first.names
         assert_allclose(again.point("right_wrist"), first.point("right_wrist"))
@@ -361,8 +379,10 @@ def test_the_order_of_seventeen_keypoints_is_recognized(tmp_path, made, order):
     recording = made.recording(
         {name: parts[name] for name in ORDERS.get(order) or ORDERS["by_count"][17]}
     )
-    people = [[{"keypoints": (places + i).tolist(), "keypoint_scores": [0.9] * 17} for i in (0, 1)]
-              for places in recording.positions]  # fmt: skip
+    people = [
+        [{"keypoints": (places + i).tolist(), "keypoint_scores": [0.9] * 17} for i in (0, 1)]
+        for places in recording.positions
+    ]
     file = write_json(
         tmp_path / "a.json",
         {"instance_info": [{"frame_id": 1, "instances": one} for one in people]},
@@ -376,7 +396,8 @@ def test_the_order_of_seventeen_keypoints_is_recognized(tmp_path, made, order):
 @pytest.mark.parametrize("processor", [84, DEC, MIPS])
 @pytest.mark.parametrize(("integer", "analog"), [(False, 0), (False, 3), (True, 0), (True, 3)])
 def test_every_kind_of_c3d_is_read(tmp_path, processor, integer, analog):
-    writer, file = Writer(processor, integer, analog), tmp_path / "a.c3d"
+    writer = Writer(processor, integer, analog)
+    file = tmp_path / "a.c3d"
     file.write_bytes(writer.content())
     recording = read_recording(file)
     valid = ~writer.lost
@@ -389,7 +410,8 @@ def test_every_kind_of_c3d_is_read(tmp_path, processor, integer, analog):
 
 
 def test_long_c3d_files_state_their_length_elsewhere(tmp_path):
-    writer, file = Writer(), tmp_path / "a.c3d"
+    writer = Writer()
+    file = tmp_path / "a.c3d"
     more = writer.group(3, "TRIAL") + writer.parameter(
         3, "ACTUAL_START_FIELD", 2, (2,), writer.short(1, 0)
     )
@@ -399,7 +421,8 @@ def test_long_c3d_files_state_their_length_elsewhere(tmp_path):
 
 
 def test_missing_points_and_names_of_c3d(tmp_path):
-    file, clashing = tmp_path / "a.c3d", ("A:RSHO", "B:RSHO", "A:RELB", "B:RELB")
+    file = tmp_path / "a.c3d"
+    clashing = ("A:RSHO", "B:RSHO", "A:RELB", "B:RELB")
     writer = Writer(frames=10)
     writer.points[3, 0] = writer.points[:, 2] = 0
     file.write_bytes(writer.content())

@@ -27,11 +27,18 @@ def test_a_crop_beyond_the_end_causes_a_warning():
     assert "beyond the end of the recording" in wave().crop(0.2, end + 1.0).quality_warnings[0]
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"time": [0.0, 0.0, 1.0]}, "time"), ({"time": [0.0, np.nan, 1.0]}, "time"), ({"time": []}, "time"),
-    ({"names": ("a", "a")}, "names"), ({"positions": np.zeros((3, 1, 3))}, "positions"),
-    ({"positions": np.full((3, 2, 3), np.inf)}, "positions"), ({"positions": "no"}, "positions"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time": [0.0, 0.0, 1.0]}, "time"),
+        ({"time": [0.0, np.nan, 1.0]}, "time"),
+        ({"time": []}, "time"),
+        ({"names": ("a", "a")}, "names"),
+        ({"positions": np.zeros((3, 1, 3))}, "positions"),
+        ({"positions": np.full((3, 2, 3), np.inf)}, "positions"),
+        ({"positions": "no"}, "positions"),
+    ],
+)
 def test_wrong_values_are_rejected(change, message):
     good = {"names": ("a", "b"), "positions": np.zeros((3, 2, 3)), "time": [0.0, 1.0, 2.0]}
     with pytest.raises(InvalidInputError, match=message):

@@ -78,15 +78,18 @@ def test_markers_of_the_user_have_priority():
     assert "hand" not in roles
 
 
-@pytest.mark.parametrize(("markers", "error", "words"), [
-    ({"sholder": "RFSH"}, UnknownNameError, "'shoulder'"),
-    ({"shoulder": "RFSX"}, UnknownNameError, "'RFSX' in 'freeform.c3d'.*'RFSH'"),
-    ({"shoulder": "CLAV"}, RecordingError, "'CLAV' is missing in every frame"),
-    ({"shoulder": []}, InvalidInputError, "one name or a list"),
-    ({"elbow": [["RELB"], ["RIEL"]]}, InvalidInputError, "one name or a list"),
-    ({"elbow": [[["RELB"]]]}, InvalidInputError, "one name or a list"),
-    ({"elbow_axis": "RELB"}, InvalidInputError, "a pair"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("markers", "error", "words"),
+    [
+        ({"sholder": "RFSH"}, UnknownNameError, "'shoulder'"),
+        ({"shoulder": "RFSX"}, UnknownNameError, "'RFSX' in 'freeform.c3d'.*'RFSH'"),
+        ({"shoulder": "CLAV"}, RecordingError, "'CLAV' is missing in every frame"),
+        ({"shoulder": []}, InvalidInputError, "one name or a list"),
+        ({"elbow": [["RELB"], ["RIEL"]]}, InvalidInputError, "one name or a list"),
+        ({"elbow": [[["RELB"]]]}, InvalidInputError, "one name or a list"),
+        ({"elbow_axis": "RELB"}, InvalidInputError, "a pair"),
+    ],
+)
 def test_wrong_markers_are_rejected(markers, error, words):
     with pytest.raises(error, match=words):
         assign_roles(read_recording("freeform"), markers)

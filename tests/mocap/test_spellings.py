@@ -152,10 +152,20 @@ ENCODINGS = [
     "euc_jp",
 ]
 MMD = {
-    "Hips": "センター", "Spine": "上半身", "Spine1": "上半身2", "Neck": "首", "Head": "頭",
-    "LeftShoulder": "左肩", "LeftArm": "左腕", "LeftForeArm": "左ひじ", "LeftHand": "左手首",
-    "RightShoulder": "右肩", "RightArm": "右腕", "RightForeArm": "右ひじ", "RightHand": "右手首",
-}  # fmt: skip
+    "Hips": "センター",
+    "Spine": "上半身",
+    "Spine1": "上半身2",
+    "Neck": "首",
+    "Head": "頭",
+    "LeftShoulder": "左肩",
+    "LeftArm": "左腕",
+    "LeftForeArm": "左ひじ",
+    "LeftHand": "左手首",
+    "RightShoulder": "右肩",
+    "RightArm": "右腕",
+    "RightForeArm": "右ひじ",
+    "RightHand": "右手首",
+}
 
 
 def hierarchy(names):

@@ -153,10 +153,14 @@ def test_bodies_of_kinect_in_json(tmp_path, markers):
 @pytest.mark.parametrize(
     ("column", "unit"),
     [
-        ("time_ms", 1e3), ("Time [milliseconds]", 1e3), ("timestamp_us", 1e6), ("time (microseconds)", 1e6),
-        ("t_ns", 1e9), ("time [s]", 1.0),
+        ("time_ms", 1e3),
+        ("Time [milliseconds]", 1e3),
+        ("timestamp_us", 1e6),
+        ("time (microseconds)", 1e6),
+        ("t_ns", 1e9),
+        ("time [s]", 1.0),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("long", [False, True])
 def test_units_of_time_in_the_name_of_a_column(tmp_path, markers, column, unit, long):
     file = write_csv(tmp_path / "a.csv", markers, long=long)

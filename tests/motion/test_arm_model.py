@@ -22,7 +22,8 @@ def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
     else:
         names = [f"panda_joint{i}" for i in (1, 2, 4, 6)]
         arms = panda if robot == "panda" else panda.restricted(joints=names)
-    model, group = robot_model(arms), as_group(arms)
+    model = robot_model(arms)
+    group = as_group(arms)
     assert tuple(model.names)[1:] == arms.joint_names
     assert_array_equal(model.lowerPositionLimit, arms.lower)
     assert_array_equal(model.upperPositionLimit, arms.upper)
@@ -64,9 +65,11 @@ def test_arms_that_fork_one_after_another_have_all_masses_once(tmp_path, frames)
     (path := tmp_path / "tree.urdf").write_text(
         f'<robot name="tree"><link name="base"/>{links}</robot>'
     )
-    group, whole = mp.load_arms(path, frames=frames), pin.buildModelFromUrdf(str(path))
+    group = mp.load_arms(path, frames=frames)
+    whole = pin.buildModelFromUrdf(str(path))
     columns = [whole.joints[whole.getJointId(name)].idx_v for name in group.joint_names]
-    model, state = robot_model(group), np.zeros((3, whole.nv))
+    model = robot_model(group)
+    state = np.zeros((3, whole.nv))
     state[:, columns] = values = group.sample(3, 0)
     expected = pin.rnea(whole, whole.createData(), *state)[columns]
     assert_allclose(pin.rnea(model, model.createData(), *values), expected, atol=1e-9)

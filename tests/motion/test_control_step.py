@@ -32,10 +32,8 @@ def test_limits_never_contradict_one_another(panda, seed):
         if i % 200 == 0:
             desired = 10.0 * rng.choice([-1.0, 1.0], 7)
         dt = 0.01 if i < 1000 else rng.uniform(0.001, 0.03)
-        before, state = (
-            state,
-            driver.step(ControlProblem((NoTargets(),), state.q + desired, 1.0), state, dt),
-        )
+        before = state
+        state = driver.step(ControlProblem((NoTargets(),), state.q + desired, 1.0), state, dt)
         assert state.solved
         change = 0.5 * accelerations * (dt + (before.dt or dt))
         assert np.all(np.abs(state.velocity - before.velocity) <= change * (1 + 1e-9) + 1e-9)
@@ -47,7 +45,8 @@ def test_limits_never_contradict_one_another(panda, seed):
 def hand():
     """The Panda with its hand on a table, samples of it, and their clearance."""
     arm = load_arm("panda", frame="panda_hand_tcp")
-    collisions, q = Collisions.of(arm, table=0.0), arm.sample(512, 0)
+    collisions = Collisions.of(arm, table=0.0)
+    q = arm.sample(512, 0)
     return arm, collisions, q, clearance_of(collisions, q)
 
 
@@ -62,7 +61,8 @@ def clearance_of(collisions, q):
 def moved(arm, collisions, start, goal, acceleration=10.0):
     """Configurations on the motion from one configuration towards another."""
     driver = Controller(arm, 0.5 * arm.velocity_limits, np.full(7, acceleration), collisions)
-    state, path = ControlState.at_rest(start), []
+    state = ControlState.at_rest(start)
+    path = []
     for _ in range(150):
         state = driver.step(ControlProblem((NoTargets(),), goal, 1.0), state, 0.02)
         path.append(state.q)
@@ -106,11 +106,9 @@ class OneAxis:
 
 def approached(horizon, limits=(), steps=150):
     """States of a joint that accelerates by at most 2/s² and goes from 0 to 1 by steps of 0.01 s."""
-    driver, state, states = (
-        Controller(WIDE, *SLOW, limits=limits),
-        ControlState.at_rest(np.zeros(7)),
-        [],
-    )
+    driver = Controller(WIDE, *SLOW, limits=limits)
+    state = ControlState.at_rest(np.zeros(7))
+    states = []
     for _ in range(steps):
         problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, horizon)
         states.append(state := driver.step(problem, state, 0.01))
@@ -131,7 +129,8 @@ def test_a_horizon_brakes_before_the_target():
 
 def test_later_positions_start_an_arm_before_its_target_moves():
     """The first joint, which moves the end effector by 1 m/rad, starts early; equal positions change nothing."""
-    driver, rest = Controller(WIDE, *SLOW), ControlState.at_rest(np.eye(7)[0])
+    driver = Controller(WIDE, *SLOW)
+    rest = ControlState.at_rest(np.eye(7)[0])
     speeds = []
     for ends in (None, [1.0, 1.0, 1.0], [1.0, 1.05, 1.2]):
         positions = None if ends is None else (np.outer(ends, [1.0, 0.0, 0.0]),)
@@ -155,14 +154,13 @@ def test_inequalities_beyond_accelerations_are_violated_as_little_as_possible():
     wall = Wall()
     states = approached((0.05, 0.1), (wall,), steps=60)
     assert all(state.solved for state in states)
-    driver, state, wall.at = (
-        Controller(WIDE, *SLOW, limits=(wall,)),
-        states[-1],
-        states[-1].q[0] + 0.01,
-    )
+    driver = Controller(WIDE, *SLOW, limits=(wall,))
+    state = states[-1]
+    wall.at = states[-1].q[0] + 0.01
     problem = ControlProblem((OneAxis(),), np.zeros(7), 1e-3, 0.0, None, (0.05, 0.1))
     for _ in range(20):
-        last, state = state, driver.step(problem, state, 0.01)
+        last = state
+        state = driver.step(problem, state, 0.01)
         assert not state.solved
         assert state.velocity[0] == pytest.approx(last.velocity[0] - 0.02)
 
@@ -179,17 +177,17 @@ def test_inequalities_that_contradict_one_another_do_not_stop_the_arm():
 
 def test_position_has_priority_over_the_ellipsoid():
     """While the target ellipsoid departs from the feasible ones, the distance grows and the end effector stays."""
-    panda, start = load_arm("panda"), np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
+    panda = load_arm("panda")
+    start = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
     shapes = panda.manipulability(start) + np.linspace(0.0, 3.0, 60)[:, None, None] * np.diag(
         [0.0, 0.0, 1.0]
     )
     position = panda.forward(start)[:3, 3]
-    driver, state = (
-        Controller(panda, panda.velocity_limits, np.full(7, 10.0)),
-        ControlState.at_rest(start),
-    )
+    driver = Controller(panda, panda.velocity_limits, np.full(7, 10.0))
+    state = ControlState.at_rest(start)
     weights = CostWeights(FOLLOWING_WEIGHT)
-    distances, errors = [], []
+    distances = []
+    errors = []
     for shape in shapes:
         targets = arm_problem(panda, shape[None], position[None], weights=weights)
         problem = ControlProblem((targets,), start, 1e-2, 0.0, None, (0.05, 0.1))

@@ -31,10 +31,8 @@ def own(panda, motion):
 
 def keeps_limits(result, arm, velocity_limits=None):
     """Whether positions and velocities stay within their limits to 1e-9 at every control step."""
-    q, speeds = (
-        result.control_positions,
-        arm.velocity_limits if velocity_limits is None else velocity_limits,
-    )
+    q = result.control_positions
+    speeds = arm.velocity_limits if velocity_limits is None else velocity_limits
     inside = np.all((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9))
     velocity = np.abs(np.diff(q, axis=0) / np.diff(result.control_time)[:, None])
     return inside and np.all(velocity <= speeds + 1e-9)
@@ -67,7 +65,8 @@ def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
     assert keeps_limits(result, panda)
     assert "position missed" in result.status
     assert "followed" not in result.status
-    shoulder, reach = np.array([0, 0, 0.333]), 0.858
+    shoulder = np.array([0, 0, 0.333])
+    reach = 0.858
     least = np.linalg.norm(far - shoulder, axis=1) - reach
     assert np.all(result.position_error[5:] < least[5:] + 0.02)
     jerk = np.diff(result.control_positions, 3, axis=0) / np.diff(result.control_time)[0] ** 3
@@ -81,7 +80,8 @@ def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
 def test_joint_and_velocity_limits_are_named(panda, turn, speed, status):
     joints = np.repeat(START[None], len(TIME), axis=0)
     joints[:, 0] = np.linspace(*turn, len(TIME))
-    path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
+    path = panda.forward(joints)[:, :3, 3]
+    profile = panda.manipulability(joints)
     result = tracked_arm(
         panda, profile, time=TIME, path=path, start=joints[0], velocity_limits=speed
     ).arms[0]
@@ -104,7 +104,8 @@ def test_acceleration_limits_are_kept(panda):
 
 def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     joints, profile, path = motion
-    solve, count = controller.daqp.solve, iter(range(10_000))
+    solve = controller.daqp.solve
+    count = iter(range(10_000))
 
     def sometimes(*arguments):
         step, value, flag, info = solve(*arguments)
@@ -125,11 +126,17 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     assert result.position_error[-1] < 1e-3
 
 
-@pytest.mark.parametrize("spec", [
-    EllipsoidSpec("force"), EllipsoidSpec(part="rotation"), EllipsoidSpec(part="full", joint_weights="joint-limits"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "spec",
+    [
+        EllipsoidSpec("force"),
+        EllipsoidSpec(part="rotation"),
+        EllipsoidSpec(part="full", joint_weights="joint-limits"),
+    ],
+)
 def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):
-    joints, uneven = motion[0], np.cumsum(np.concatenate([[0.5], np.linspace(0.02, 0.08, 40)]))
+    joints = motion[0]
+    uneven = np.cumsum(np.concatenate([[0.5], np.linspace(0.02, 0.08, 40)]))
     result = tracked_arm(
         panda, panda.ellipsoids(joints, spec), time=uneven, start=joints[0], rate=50, spec=spec
     ).arms[0]
@@ -167,7 +174,8 @@ def test_results_are_written_and_read_back(panda, own, tmp_path):
 
 class StillJoint:
     def __init__(self, dof, joint):
-        self.dof, self.joint = dof, joint
+        self.dof = dof
+        self.joint = joint
 
     def inequalities(self, q, dt):
         sides = np.zeros((2, self.dof))
@@ -198,21 +206,28 @@ def test_own_costs_limits_and_weights_are_used(panda, motion, own):
     )
 
 
-@pytest.mark.parametrize(("change", "error", "words"), [
-    ({"time": TIME[::-1]}, InvalidInputError, "time"), ({"time": TIME[:-1]}, InvalidInputError, "profile"),
-    ({"path": np.full((41, 3), np.nan)}, InvalidInputError, "path"),
-    ({"profile": -np.repeat(np.eye(3)[None], 41, axis=0)}, NotSPDError, "profile with damping"),
-    ({"start": np.full(7, 9.0)}, InvalidInputError, "start.*outside the limits"),
-    ({"damping": None}, InvalidInputError, "damping"), ({"rate": -1}, InvalidInputError, "rate"),
-    ({"position_cost": -1.0}, InvalidInputError, "position_cost"), ({"costs": [3]}, InvalidInputError, r"costs\[0\]"),
-    ({"limits": "fast"}, InvalidInputError, "limits"), ({"limits": [3]}, InvalidInputError, r"limits\[0\]"),
-    ({"limits": [StillJoint(6, 1)]}, InvalidInputError, r"limits\[0\]"),
-    ({"limits": [StillJoint("seven", 1)]}, InvalidInputError, r"limits\[0\].*TypeError"),
-    ({"start": None}, InvalidInputError, "start is required"),
-    ({"velocity_limits": [1.0, 2.0]}, InvalidInputError, "velocity_limits"),
-    ({"acceleration_limits": 0.0}, InvalidInputError, "acceleration_limits"),
-    ({"weights": np.repeat(-np.eye(6)[None], 41, axis=0)}, NotSPDError, "weights"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"time": TIME[::-1]}, InvalidInputError, "time"),
+        ({"time": TIME[:-1]}, InvalidInputError, "profile"),
+        ({"path": np.full((41, 3), np.nan)}, InvalidInputError, "path"),
+        ({"profile": -np.repeat(np.eye(3)[None], 41, axis=0)}, NotSPDError, "profile with damping"),
+        ({"start": np.full(7, 9.0)}, InvalidInputError, "start.*outside the limits"),
+        ({"damping": None}, InvalidInputError, "damping"),
+        ({"rate": -1}, InvalidInputError, "rate"),
+        ({"position_cost": -1.0}, InvalidInputError, "position_cost"),
+        ({"costs": [3]}, InvalidInputError, r"costs\[0\]"),
+        ({"limits": "fast"}, InvalidInputError, "limits"),
+        ({"limits": [3]}, InvalidInputError, r"limits\[0\]"),
+        ({"limits": [StillJoint(6, 1)]}, InvalidInputError, r"limits\[0\]"),
+        ({"limits": [StillJoint("seven", 1)]}, InvalidInputError, r"limits\[0\].*TypeError"),
+        ({"start": None}, InvalidInputError, "start is required"),
+        ({"velocity_limits": [1.0, 2.0]}, InvalidInputError, "velocity_limits"),
+        ({"acceleration_limits": 0.0}, InvalidInputError, "acceleration_limits"),
+        ({"weights": np.repeat(-np.eye(6)[None], 41, axis=0)}, NotSPDError, "weights"),
+    ],
+)
 def test_bad_input_is_refused(panda, motion, change, error, words):
     joints, profile, path = motion
     arguments = {"profile": profile, "time": TIME, "path": path, "start": joints[0], **change}
@@ -255,7 +270,8 @@ def test_arms_far_from_each_other_follow_as_each_alone(pandas):
     for i, motion in enumerate(group.arms):
         reference = both["reference"][:, pandas.columns[i]]
         single = {"time": both["time"], "reference": reference}
-        ellipsoids, path = both["profiles"][i], both["paths"][i]
+        ellipsoids = both["profiles"][i]
+        path = both["paths"][i]
         alone = tracked_arm(pandas.arms[i], ellipsoids, path, **single, **options).trajectory
         assert_allclose(motion.control_positions, alone.control_positions, atol=1e-4)
     assert_array_equal(group.arms[0].control_positions, group.trajectory.control_positions[:, :7])
@@ -267,11 +283,10 @@ def test_arms_far_from_each_other_follow_as_each_alone(pandas):
 
 def test_arms_keep_clear_of_one_another(pandas):
     collisions = Collisions.of(pandas)
-    end, share = np.array([0.9, 0.2, 0.3, -1.9, 0.4, 1.8, 0.5]), np.linspace(0.0, 1.0, 9)[:, None]
-    left, right = (
-        START + share * (end * [-1, 1, 1, 1, 1, 1, 1] - START),
-        START + share * (end - START),
-    )
+    end = np.array([0.9, 0.2, 0.3, -1.9, 0.4, 1.8, 0.5])
+    share = np.linspace(0.0, 1.0, 9)[:, None]
+    left = START + share * (end * [-1, 1, 1, 1, 1, 1, 1] - START)
+    right = START + share * (end - START)
     for model in (None, collisions):
         motion = tracked_motion(pandas, **targets(pandas, left, right), rate=25.0, collisions=model)
         assert collisions.collides(motion.trajectory.control_positions).any() == (model is None)

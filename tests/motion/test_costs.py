@@ -84,7 +84,8 @@ def test_smoothness_is_the_integral_of_squares():
     """Of a cubic q = t³ at even times: the jerk is 6."""
     time = np.linspace(0.0, 1.0, 6)
     q = time[:, None] ** 3
-    gradient, band = np.zeros((6, 1)), np.zeros((4, 6, 1))
+    gradient = np.zeros((6, 1))
+    band = np.zeros((4, 6, 1))
     cost = SmoothnessCost(time, (0.0, 2.0), (np.inf, np.inf)).add(q, 1.0, gradient, band)
     assert cost == pytest.approx(1.0 + 2.0 * 36.0 * 0.2 * 3)
     assert np.sum(gradient * q) == pytest.approx(cost - 1.0)
@@ -98,7 +99,8 @@ class Level:
     """A height that the planner reaches within the tolerance; `shape` is that of its errors."""
 
     def __init__(self, weight=50.0, shape=(-1,)):
-        self.weight, self.shape = weight, shape
+        self.weight = weight
+        self.shape = shape
 
     def residual(self, at):
         return self.weight * (at.poses[:, 2:3, 3] - 0.4)

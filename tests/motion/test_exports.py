@@ -24,13 +24,18 @@ PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0], [0, 0, 0.4, 0], [0, 0, 0.3, 0]],
 @pytest.fixture(scope="module")
 def motion():
     """A motion at 1000 Hz that begins at 2 s."""
-    limits, time = MotionLimits.of(PLANAR), np.linspace(0.0, 1.0, 21)
+    limits = MotionLimits.of(PLANAR)
+    time = np.linspace(0.0, 1.0, 21)
     timed = retime(limits, time, 0.5 * np.sin(np.outer(time, [1.0, 2.0, 3.0])))
     q = timed.joint_positions
     return ArmMotion.of_motion(
-        PLANAR, 2.0 + timed.time, PLANAR.manipulability(q), 2.0 + timed.control_time, timed.control_positions,
+        PLANAR,
+        2.0 + timed.time,
+        PLANAR.manipulability(q),
+        2.0 + timed.control_time,
+        timed.control_positions,
         path=PLANAR.forward(q)[:, :3, 3],
-    )  # fmt: skip
+    )
 
 
 def require_states(motion, seconds, states):
@@ -156,7 +161,9 @@ def test_parquet_has_columns_with_units(motion, tmp_path):
 def test_mujoco_makes_the_same_motion(motion, tmp_path):
     export_motion(tmp_path / "m.npz", motion, "mujoco")
     with np.load(tmp_path / "m.npz") as arrays:
-        qpos, qvel, step = arrays["qpos"], arrays["qvel"], float(arrays["timestep"])
+        qpos = arrays["qpos"]
+        qvel = arrays["qvel"]
+        step = float(arrays["timestep"])
         assert tuple(arrays["joint_names"]) == NAMES
     assert step == pytest.approx(1e-3)
     model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body><joint axis="0 0 1"/><geom size=".01"/>
@@ -176,11 +183,16 @@ def test_mujoco_makes_the_same_motion(motion, tmp_path):
     )
 
 
-@pytest.mark.parametrize(("file", "format", "robot", "error", "word"), [
-    ("m.yaml", "ros", None, UnknownNameError, "'ros2'"), ("m.yaml", "mujoco", None, InvalidInputError, "path"),
-    ("m.parquet", "parquet", "planar", InvalidInputError, "robot"),
-    ("m.rrd", "rerun", None, InvalidInputError, "write_results"), ("m.mcap", "mcap", None, MissingPackageError, "mcap"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("file", "format", "robot", "error", "word"),
+    [
+        ("m.yaml", "ros", None, UnknownNameError, "'ros2'"),
+        ("m.yaml", "mujoco", None, InvalidInputError, "path"),
+        ("m.parquet", "parquet", "planar", InvalidInputError, "robot"),
+        ("m.rrd", "rerun", None, InvalidInputError, "write_results"),
+        ("m.mcap", "mcap", None, MissingPackageError, "mcap"),
+    ],
+)
 def test_impossible_exports_are_errors(
     motion, tmp_path, monkeypatch, file, format, robot, error, word
 ):

@@ -29,10 +29,8 @@ def swung(phase=0.0, size=0.4):
 def task(arms, *joints):
     """Ellipsoids that are a little larger than at these configurations of each arm, and their paths."""
     parts = list(zip(arms.arms, joints, strict=True))
-    profiles, paths = (
-        [1.2 * arm.manipulability(q) for arm, q in parts],
-        [arm.forward(q)[:, :3, 3] for arm, q in parts],
-    )
+    profiles = [1.2 * arm.manipulability(q) for arm, q in parts]
+    paths = [arm.forward(q)[:, :3, 3] for arm, q in parts]
     return {"profiles": profiles, "paths": paths, "time": TIME}
 
 
@@ -69,8 +67,10 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
     for name in ("control_positions", "joint_positions"):
         together = np.hstack([getattr(motion, name) for motion in separate.arms])
         assert_array_equal(together, getattr(separate.trajectory, name))
-    distance, best = (np.concatenate([getattr(arm, name) for arm in separate.arms])
-                      for name in ("distance", "pointwise_best"))  # fmt: skip
+    distance, best = (
+        np.concatenate([getattr(arm, name) for arm in separate.arms])
+        for name in ("distance", "pointwise_best")
+    )
     assert_allclose(separate.pointwise_ratio, np.linalg.norm(distance) / np.linalg.norm(best))
     for i, motion in enumerate(separate.arms):
         alone = planned_arm(
@@ -93,8 +93,10 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept():
     planner = planner_of(arms, True)
     targets = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
     targets["profiles"] = [1.5 * profile for profile in targets["profiles"]]
-    placed, plan = (planned_motion(arms, **targets, planner=planner, hand_targets=kind)
-                    for kind in ("placed", "relative"))  # fmt: skip
+    placed, plan = (
+        planned_motion(arms, **targets, planner=planner, hand_targets=kind)
+        for kind in ("placed", "relative")
+    )
     assert_allclose(plan.relative[:, 0], targets["paths"][1] - targets["paths"][0])
     tips = arms.forward(plan.trajectory.joint_positions)[:, :, :3, 3]
     assert_allclose(
@@ -182,7 +184,8 @@ def test_arms_that_must_pass_one_another_are_planned_in_turn():
 
 class Elbow:
     def __init__(self, joint, weight):
-        self.joint, self.weight = joint, weight
+        self.joint = joint
+        self.weight = weight
 
     def wanted(self, time):
         return -1.9 + 0.1 * time
@@ -200,10 +203,12 @@ class Elbow:
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_cost_of_the_user_changes_the_motion(apart, count):
     arms, planner = apart
-    targets, joint = task(arms, swung(), swung(1.0)), 3
+    targets = task(arms, swung(), swung(1.0))
+    joint = 3
     if count == 1:
         targets = {"profiles": targets["profiles"][:1], "paths": targets["paths"][:1], "time": TIME}
-        arms, planner = arms.arms[0], single(planner, 0)
+        arms = arms.arms[0]
+        planner = single(planner, 0)
     errors = []
     for weight in (0.01, 10.0):
         cost = Elbow(joint, weight)

@@ -65,13 +65,20 @@ def test_a_file_goes_before_everything_else(panda, tmp_path):
     assert limits.sources["jerk"].startswith(f"{file}; Franka")
 
 
-@pytest.mark.parametrize(("given", "message"), [
-    ({"joints": {"panda_joint9": {}}}, "joints of 'panda': unknown key 'panda_joint9'; allowed are, nearest first"),
-    ({"default": {"jerk": 0}}, "default: jerk must be a number above 0; found 0"),
-    ({"joints": {"panda_joint1": {"lower": -3}}}, "panda_joint1: lower must be a number in"),
-    ({"joints": {"panda_joint1": {"lower": 1, "upper": 0.5}}}, "lower"),
-    ({"joints": {"panda_joint1": 3}}, "joints: panda_joint1 must be a mapping"), ([1, 2], "limits"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            {"joints": {"panda_joint9": {}}},
+            "joints of 'panda': unknown key 'panda_joint9'; allowed are, nearest first",
+        ),
+        ({"default": {"jerk": 0}}, "default: jerk must be a number above 0; found 0"),
+        ({"joints": {"panda_joint1": {"lower": -3}}}, "panda_joint1: lower must be a number in"),
+        ({"joints": {"panda_joint1": {"lower": 1, "upper": 0.5}}}, "lower"),
+        ({"joints": {"panda_joint1": 3}}, "joints: panda_joint1 must be a mapping"),
+        ([1, 2], "limits"),
+    ],
+)
 def test_limits_that_cannot_be_are_refused(panda, tmp_path, given, message):
     with pytest.raises(InvalidInputError, match=message):
         MotionLimits.of(panda, given)

@@ -35,7 +35,8 @@ def terms():
 @pytest.fixture(scope="module")
 def targets():
     """Ellipsoids of the arm at eight waypoints, with positions that do not fit them."""
-    q, other = ARM.sample(len(UNEVEN), 3), ARM.sample(len(UNEVEN), 4)
+    q = ARM.sample(len(UNEVEN), 3)
+    other = ARM.sample(len(UNEVEN), 4)
     positions = ARM.forward(other)[:, :3, 3]
     return arm_problem(ARM, ARM.manipulability(q), positions, weights=CostWeights(5.0))
 
@@ -44,9 +45,12 @@ def targets():
 def test_shortest_path_is_the_best_of_all_paths(seed):
     generator = np.random.default_rng(seed)
     first = np.concatenate([[0], np.cumsum(generator.integers(1, 5, 6))])
-    q, cost = generator.uniform(-1, 1, (first[-1], 3)), generator.uniform(0, 0.5, first[-1])
-    time, largest = np.cumsum(generator.uniform(0.2, 1, 6)), np.full((6, 3), 0.8)
-    gaps, weights = np.diff(time), time_weights(time)
+    q = generator.uniform(-1, 1, (first[-1], 3))
+    cost = generator.uniform(0, 0.5, first[-1])
+    time = np.cumsum(generator.uniform(0.2, 1, 6))
+    largest = np.full((6, 3), 0.8)
+    gaps = np.diff(time)
+    weights = time_weights(time)
 
     def total(path):
         change = np.abs(np.diff(q[path], axis=0))
@@ -62,7 +66,9 @@ def test_shortest_path_is_the_best_of_all_paths(seed):
 
 
 def test_gradient_is_that_of_the_cost(targets, terms):
-    cost, q, step = TrajectoryCost(ARM, targets, UNEVEN, terms), ARM.sample(len(UNEVEN), 5), 1e-6
+    cost = TrajectoryCost(ARM, targets, UNEVEN, terms)
+    q = ARM.sample(len(UNEVEN), 5)
+    step = 1e-6
     gradient = cost.evaluate(q)[1][0]
     for i, j in np.ndindex(q.shape):
         change = np.zeros_like(q)

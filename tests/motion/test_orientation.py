@@ -25,7 +25,8 @@ def motion(panda):
 def test_the_hand_points_from_the_wrist_along_itself(name):
     person = load_arm(name)
     q = person.sample(5, 0)
-    rotations, points = hand_rotations(person, q), person.point_positions(q, ("wrist", "hand"))
+    rotations = hand_rotations(person, q)
+    points = person.point_positions(q, ("wrist", "hand"))
     along = points[:, 1] - points[:, 0]
     assert_allclose(
         rotations[:, :, 2], along / np.linalg.norm(along, axis=1, keepdims=True), atol=1e-9

@@ -112,7 +112,8 @@ def test_own_paths_of_two_arms_keep_their_relation():
 def test_own_path_is_found_again(planner, motion):
     path, profile = motion
     turn = rotation_about(2, 0.7)
-    moved, turned = 0.8 * (path - [1.0, 2.0, 3.0]) @ turn.T, congruence(turn, profile)
+    moved = 0.8 * (path - [1.0, 2.0, 3.0]) @ turn.T
+    turned = congruence(turn, profile)
     placed = placed_best(moved, turned, planner)
     fixed = placed_best(moved, turned, planner, scale=1.0, yaw=0.0, offset=(0.45, 0.0, 0.4))
     assert placed.reachable.all()
@@ -135,8 +136,10 @@ def test_far_path_is_reported(panda, planner, motion):
 @pytest.mark.parametrize("part", ["rotation", "full"])
 def test_other_parts_turn_too(panda, motion, part):
     """Rotational and full ellipsoids turn with the path; the arm's own have distance 0 in their place."""
-    joints, spec = START + 0.2 * np.sin(np.outer(TIME[:6], np.ones(7))), EllipsoidSpec(part=part)
-    path, profile = panda.forward(joints)[:, :3, 3], panda.ellipsoids(joints, spec)
+    joints = START + 0.2 * np.sin(np.outer(TIME[:6], np.ones(7)))
+    spec = EllipsoidSpec(part=part)
+    path = panda.forward(joints)[:, :3, 3]
+    profile = panda.ellipsoids(joints, spec)
     turn = rotation_about(2, -0.5)
     turned = congruence(block_diag(turn, turn) if part == "full" else turn, profile)
     planner = planner_of(panda, spec)
@@ -153,7 +156,8 @@ def test_leaning_base_sees_the_path_turned_the_other_way(planner, motion):
     assert (placed.scale, placed.yaw, placed.offset[2]) == pytest.approx((0.8, 0.2, 0.5), abs=1e-12)
     lean = [np.sin(0.6) * np.cos(placed.heading), np.sin(0.6) * np.sin(placed.heading), np.cos(0.6)]
     assert_allclose(placed.base_orientation @ [0, 0, 1], lean, atol=1e-12)
-    world, yaw = (placed.path - placed.offset) @ placed.base_orientation.T, rotation_about(2, 0.2)
+    world = (placed.path - placed.offset) @ placed.base_orientation.T
+    yaw = rotation_about(2, 0.2)
     assert_allclose(world, 0.8 * (path - path.mean(axis=0)) @ yaw.T, atol=1e-12)
     assert_allclose(
         congruence(placed.base_orientation, placed.profile), congruence(yaw, profile), atol=1e-12
@@ -164,9 +168,11 @@ def test_leaning_base_sees_the_path_turned_the_other_way(planner, motion):
 
 @pytest.mark.slow
 def test_path_stays_in_its_workspace(panda, planner, motion):
-    bounds, scale = ((0.3, 0.45), (-0.1, 0.2), (None, 0.5)), (0.1, 2.0)
+    bounds = ((0.3, 0.45), (-0.1, 0.2), (None, 0.5))
+    scale = (0.1, 2.0)
     placed = placed_best(*motion, planner, workspace=bounds, scale=scale, tilt="free")
-    low, high = np.array([0.3, -0.1, -np.inf]), np.array([0.45, 0.2, 0.5])
+    low = np.array([0.3, -0.1, -np.inf])
+    high = np.array([0.45, 0.2, 0.5])
     assert np.all((placed.path >= low - 1e-8) & (placed.path <= high + 1e-8))
     above = planner_of(panda, collisions=Collisions.of(panda, table=0.0))
     placed = placed_best(*motion, above, offset=(0.4, 0.0, None), scale=(0.8, 1.0))
@@ -200,10 +206,8 @@ def test_a_placement_moves_other_targets_of_the_motion(panda, planner, motion):
 
 def problem_of(spec=VELOCITY, demands=(), **fixed):
     """A placement problem of a small arm in which all is free that is not fixed."""
-    profile, path = (
-        FOUR.ellipsoids(FOUR.sample(COUNT, 1), spec),
-        np.random.default_rng(0).normal(size=(COUNT, 3)),
-    )
+    profile = FOUR.ellipsoids(FOUR.sample(COUNT, 1), spec)
+    path = np.random.default_rng(0).normal(size=(COUNT, 3))
     options = PlacementOptions(**fixed)
     target = arm_problem(FOUR, profile, 0.1 * path, spec=spec, damping=0.05).target
     arm = ArmPath(FOUR, target, None, demanded=demands)
@@ -241,11 +245,9 @@ def test_slopes_are_those_of_the_cost(kind, kinds):
         (EllipsoidSpec(joint_weights=np.full(4, 2.0)), vectors[::-1]),
         (EllipsoidSpec(), vectors),
     )
-    problem, q, step = (
-        problem_of(EllipsoidSpec(kind), demands, tilt="free"),
-        FOUR.sample(COUNT, 3),
-        1e-6,
-    )
+    problem = problem_of(EllipsoidSpec(kind), demands, tilt="free")
+    q = FOUR.sample(COUNT, 3)
+    step = 1e-6
     limited = FOUR.with_limits(velocity=2.0, effort=10.0)
     (arm,) = problem.arms
     target = replace(arm.target, directions=directions_of(kinds))
@@ -295,7 +297,9 @@ def test_real_time_makes_the_path_smaller(panda, planner, motion):
 
 
 def test_demands_of_a_circle(panda):
-    time, rows, limits = np.arange(0.0, 4.0, 0.01), np.arange(0, 400, 40), MotionLimits.of(panda)
+    time = np.arange(0.0, 4.0, 0.01)
+    rows = np.arange(0, 400, 40)
+    limits = MotionLimits.of(panda)
     path = 0.2 * np.stack([np.cos(3.0 * time), np.sin(3.0 * time), 0.0 * time], axis=1)
     (_, velocity), (_, acceleration) = demands_of(limits, time, path, rows)
     assert_allclose(np.linalg.norm(velocity, axis=1), 0.6, rtol=0.05)
@@ -305,10 +309,17 @@ def test_demands_of_a_circle(panda):
     assert np.linalg.norm(velocity, axis=1).max() < 0.65
 
 
-@pytest.mark.parametrize("missing", [
-    lambda time: time % 1.0 > 0.7, lambda time: time % 2.0 > 1.0, lambda time: time % 0.05 < 0.009,
-    lambda time: time % 0.5 > 0.42, lambda time: (time > 1.0) & (time < 3.0) & (time % 0.3 > 0.009),
-], ids=["0.3 s", "1 s", "each fifth row", "0.08 s", "single rows"])  # fmt: skip
+@pytest.mark.parametrize(
+    "missing",
+    [
+        lambda time: time % 1.0 > 0.7,
+        lambda time: time % 2.0 > 1.0,
+        lambda time: time % 0.05 < 0.009,
+        lambda time: time % 0.5 > 0.42,
+        lambda time: (time > 1.0) & (time < 3.0) & (time % 0.3 > 0.009),
+    ],
+    ids=["0.3 s", "1 s", "each fifth row", "0.08 s", "single rows"],
+)
 def test_gaps_of_a_recording_demand_nothing(panda, missing):
     """The path jumps from one side of a gap to the other only in the rows, not in time."""
     time = np.arange(0.0, 6.0, 0.01)
@@ -333,11 +344,9 @@ def problem_at(arm, place):
 )
 def test_placement_and_motion_improve_together(fixed):
     problem = problem_of(**fixed)
-    place, q, (arm,) = (
-        np.where(problem.free, PLACE, problem.fixed),
-        FOUR.sample(COUNT, 3),
-        problem.arms,
-    )
+    place = np.where(problem.free, PLACE, problem.fixed)
+    q = FOUR.sample(COUNT, 3)
+    (arm,) = problem.arms
     improved = cost_of(problem).improved(motions_of(problem, place, q), 60)
     moved = improved.places[0]
     after = improved.q[0][0]

@@ -25,7 +25,8 @@ TIME = 3.0 + np.linspace(0.0, 1.2, 13)
 def targets_of(arm, stretch=1.0, pace=1.5, seed=0):
     """Path and ellipsoids, perhaps stretched, of a smooth motion well within the limits of an arm, at `TIME`."""
     generator = np.random.default_rng(seed)
-    middle, half = 0.5 * (arm.lower + arm.upper), np.minimum(0.5 * (arm.upper - arm.lower), 1.5)
+    middle = 0.5 * (arm.lower + arm.upper)
+    half = np.minimum(0.5 * (arm.upper - arm.lower), 1.5)
     waves = np.sin(np.outer(TIME - TIME[0], generator.uniform(0.6, 1.4, arm.dof) * pace))
     q = middle + half * (generator.uniform(-0.4, 0.4, arm.dof) + 0.25 * waves)
     frame = np.diag([stretch, 1.0, 1.0 / stretch])
@@ -202,16 +203,27 @@ def test_the_lowest_point_is_below_all_links(panda, planned):
                 assert heights[row] < run.lowest.height + 3e-3 + 0.2 * (link == "panda_hand")
 
 
-@pytest.mark.parametrize(("change", "error", "words"), [
-    ({"profile": np.eye(3)[None], "time": TIME[:1], "path": np.zeros((1, 3))}, InvalidInputError, "n ≥ 2"),
-    ({"time": TIME[::-1]}, InvalidInputError, "time"),
-    ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
-    ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
-    ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
-    ({"collisions": "yes"}, InvalidInputError, "collisions"),
-    ({"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}}, InvalidInputError, "'elbow'.*panda_joint1"),
-    ({"time": TIME * 1e6}, InvalidInputError, "samples"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        (
+            {"profile": np.eye(3)[None], "time": TIME[:1], "path": np.zeros((1, 3))},
+            InvalidInputError,
+            "n ≥ 2",
+        ),
+        ({"time": TIME[::-1]}, InvalidInputError, "time"),
+        ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
+        ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
+        ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
+        ({"collisions": "yes"}, InvalidInputError, "collisions"),
+        (
+            {"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}},
+            InvalidInputError,
+            "'elbow'.*panda_joint1",
+        ),
+        ({"time": TIME * 1e6}, InvalidInputError, "samples"),
+    ],
+)
 def test_bad_arguments_are_named(panda, targets, change, error, words):
     with pytest.raises(error, match=words):
         planned_arm(panda, **{"collisions": False} | targets | change)

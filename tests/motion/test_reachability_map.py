@@ -72,11 +72,15 @@ def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
 
 @pytest.mark.parametrize("narrow", [False, True])
 def test_out_of_reach_the_nearest_are_nodes(panda, narrow):
-    arm, tip = panda, np.array([[3.0, 0.0, 0.3]])
+    arm = panda
+    tip = np.array([[3.0, 0.0, 0.3]])
     if narrow:
-        lower, upper = panda.lower.copy(), panda.upper.copy()
-        lower[0], upper[0] = -0.2, 0.2
-        arm, tip = panda.narrowed(lower, upper), np.array([[-0.5, 0.0, 0.4]])
+        lower = panda.lower.copy()
+        upper = panda.upper.copy()
+        lower[0] = -0.2
+        upper[0] = 0.2
+        arm = panda.narrowed(lower, upper)
+        tip = np.array([[-0.5, 0.0, 0.4]])
     far = arm_problem(arm, np.eye(3)[None], tip)
     nodes = ReachabilityMap(arm, VELOCITY, 3000).nodes(far, 40, np.random.default_rng(0))
     assert len(nodes.q) == 16

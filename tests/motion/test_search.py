@@ -25,7 +25,8 @@ def test_samples_of_a_bank_are_starts(panda, bank):
 
 def test_own_ellipsoids_are_found_again(panda, bank):
     q = panda.sample(100, random_state=99, sequence="uniform")
-    target, hands = panda.manipulability(q), panda.forward(q)[:, :3, 3]
+    target = panda.manipulability(q)
+    hands = panda.forward(q)[:, :3, 3]
     nearest = nearest_feasible(panda, target, damping=DAMPING, bank=bank)
     assert np.mean(nearest.distance < 0.01) >= 0.98
     assert np.median(nearest.distance) < 1e-5
@@ -37,10 +38,8 @@ def test_own_ellipsoids_are_found_again(panda, bank):
 
 
 def test_results_do_not_depend_on_company(panda, bank):
-    target, settings = (
-        panda.manipulability(panda.sample(140, 3)),
-        {"damping": DAMPING, "bank": bank, "n_starts": 4},
-    )
+    target = panda.manipulability(panda.sample(140, 3))
+    settings = {"damping": DAMPING, "bank": bank, "n_starts": 4}
     among = nearest_feasible(panda, target, **settings)
     assert_allclose(
         nearest_feasible(panda, target[5:6], **settings).distance, among.distance[5], atol=1e-6
@@ -60,12 +59,17 @@ def test_flat_ellipsoids_need_damping(panda, bank):
     )
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    ({"ellipsoids": np.eye(3)}, r"shape \(n, d, d\)"), ({"ellipsoids": np.eye(2)[None]}, "ellipsoids"),
-    ({"spec": EllipsoidSpec(joint_weights=[1.0])}, "joint_weights"), ({"positions": np.zeros((2, 3))}, "positions"),
-    ({"n_starts": 0}, "n_starts"),
-    ({"spec": EllipsoidSpec("force"), "bank": "panda"}, r"built for 'panda'.*kind='force'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"ellipsoids": np.eye(3)}, r"shape \(n, d, d\)"),
+        ({"ellipsoids": np.eye(2)[None]}, "ellipsoids"),
+        ({"spec": EllipsoidSpec(joint_weights=[1.0])}, "joint_weights"),
+        ({"positions": np.zeros((2, 3))}, "positions"),
+        ({"n_starts": 0}, "n_starts"),
+        ({"spec": EllipsoidSpec("force"), "bank": "panda"}, r"built for 'panda'.*kind='force'"),
+    ],
+)
 def test_wrong_arguments_are_named(panda, bank, arguments, message):
     options = {"ellipsoids": np.eye(3)[None], **arguments} | (
         {"bank": bank} if "bank" in arguments else {}

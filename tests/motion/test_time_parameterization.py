@@ -22,10 +22,8 @@ HARD = {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 5000.0}}
 
 
 def waves(limits, time, share=0.5, pace=0.7):
-    middle, half = (
-        0.5 * (limits.arm.lower + limits.arm.upper),
-        0.5 * (limits.arm.upper - limits.arm.lower),
-    )
+    middle = 0.5 * (limits.arm.lower + limits.arm.upper)
+    half = 0.5 * (limits.arm.upper - limits.arm.lower)
     return middle + share * half * np.sin(pace * np.outer(time, np.arange(1, limits.arm.dof + 1)))
 
 
@@ -55,10 +53,8 @@ def test_torques_of_samples_keep_their_limits(payload, share):
         name: {"effort": share * own}
         for name, own in zip(arm.joint_names, arm.effort_limits, strict=True)
     }
-    limits, q = (
-        MotionLimits.of(arm, {"joints": entries}),
-        np.array([[0, -0.6, 0, -2.2, 0, 1.6, 0.5]] * 9),
-    )
+    limits = MotionLimits.of(arm, {"joints": entries})
+    q = np.array([[0, -0.6, 0, -2.2, 0, 1.6, 0.5]] * 9)
     q[:, :6] += 0.4 * np.sin(np.outer(np.linspace(0.0, 3.0, 9), np.arange(1, 7)))
     timed = retime(limits, np.linspace(0.0, 1.0, 9), q)
     require_laws(limits, timed.time, q, timed)
@@ -73,10 +69,8 @@ def test_torques_of_samples_keep_their_limits(payload, share):
 
 
 def test_a_joint_that_gravity_overloads_is_reported():
-    arm, q = (
-        load_arm("panda"),
-        [[0.0, 0.5, 0.0, -1.5, 0.0, 1.5, 0.0], [0.2, 0.6, 0.0, -1.3, 0.0, 1.5, 0.0]],
-    )
+    arm = load_arm("panda")
+    q = [[0.0, 0.5, 0.0, -1.5, 0.0, 1.5, 0.0], [0.2, 0.6, 0.0, -1.3, 0.0, 1.5, 0.0]]
     weak = {"joints": {"panda_joint2": {"effort": 20.0}}}
     limits = MotionLimits.of(arm, weak)
     timed = retime(limits, [0.0, 1.0], q)
@@ -107,10 +101,8 @@ def test_a_joint_that_gravity_overloads_is_reported():
 )
 def test_samples_keep_all_limits(arm, name):
     """Slow or fast, at rest, with equal postures, rounding, or a person ten thousand times faster."""
-    limits, time = (
-        MotionLimits.of(arm, None if name == "assumed" else HARD),
-        np.linspace(3.0, 9.0, 61),
-    )
+    limits = MotionLimits.of(arm, None if name == "assumed" else HARD)
+    time = np.linspace(3.0, 9.0, 61)
     q = waves(
         limits,
         time,
@@ -125,7 +117,8 @@ def test_samples_keep_all_limits(arm, name):
     if name == "tiny":
         q = q[0] + 1e-7 * np.random.default_rng(0).normal(size=q.shape)
     if name == "one step":
-        time, q = time[:2], q[[0, 30]]
+        time = time[:2]
+        q = q[[0, 30]]
     if name == "hurried":
         time = 1e-4 * time
     timed = retime(limits, time, q)
@@ -140,7 +133,8 @@ def test_samples_keep_all_limits(arm, name):
 )
 def test_jerky_noise_is_passed_slowly(seed, n, step):
     generator = np.random.default_rng(seed)
-    limits, time = MotionLimits.of(CRANE, HARD), step * np.cumsum(generator.uniform(0.5, 1.5, n))
+    limits = MotionLimits.of(CRANE, HARD)
+    time = step * np.cumsum(generator.uniform(0.5, 1.5, n))
     q = generator.uniform(limits.arm.lower, limits.arm.upper, (n, 2))
     require_laws(limits, time, q, retime(limits, time, q))
 
@@ -155,7 +149,8 @@ def test_a_straight_line_takes_as_long_as_it_must():
 
 
 def test_little_jerk_takes_long_and_stays_on_the_path():
-    limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": 0.1}}), np.linspace(0.0, 2.0, 41)
+    limits = MotionLimits.of(PLANAR, {"default": {"jerk": 0.1}})
+    time = np.linspace(0.0, 2.0, 41)
     q = waves(limits, time)
     timed = retime(limits, time, q, rate=200.0)
     require_laws(limits, time, q, timed, 200.0)
@@ -172,8 +167,10 @@ def test_too_long_motions_are_refused(duration, jerk):
 
 def test_home_and_back():
     """Approach and return are calm straight lines from rest to rest, and shift what is between them unchanged."""
-    limits, time = MotionLimits.of(PLANAR, HARD), np.linspace(0.0, 2.0, 41)
-    timed, home = retime(limits, time, waves(limits, time)), np.array([0.5, -1.0, 1.5])
+    limits = MotionLimits.of(PLANAR, HARD)
+    time = np.linspace(0.0, 2.0, 41)
+    timed = retime(limits, time, waves(limits, time))
+    home = np.array([0.5, -1.0, 1.5])
     longer = with_approach(timed, limits, home)
     positions = longer.control_positions
     assert (
@@ -184,10 +181,12 @@ def test_home_and_back():
     assert_allclose(positions[[0, -1]], [home, home], atol=1e-9)
     shift = longer.time - timed.time
     assert_allclose(shift, shift[0])
-    first, own = round(1e3 * shift[0]), timed.control_positions
+    first = round(1e3 * shift[0])
+    own = timed.control_positions
     assert_array_equal(positions[first : first + len(own)], own)
     assert_allclose(longer.joint_positions, timed.joint_positions, atol=1e-9)
-    ahead, line = positions[:first] - home, own[0] - home
+    ahead = positions[:first] - home
+    line = own[0] - home
     assert_allclose(ahead, np.outer(ahead @ line / (line @ line), line), atol=1e-9)
     use = limits.use(longer.control_time[:first], positions[:first])
     assert (

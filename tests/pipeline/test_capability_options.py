@@ -24,15 +24,27 @@ def test_force_ellipsoids_have_torque_limits_by_default(options, weights):
     assert Config().changed(**options).spec.joint_weights == weights
 
 
-@pytest.mark.parametrize(("options", "text"), [
-    ({"ellipsoids": "velocity", "joint_weights": "joint-limits"}, "'myoarm' has no velocity limits"),
-    ({"payload": -1.0}, "payload"),
-    ({"payload_center": (0.0, 0.0, 0.1)}, "payload_center= needs payload="),
-    ({"payload": 1e30}, r"panda_joint\d needs .* N m, its limit is"),
-    ({"payload": 20.0}, r"cannot hold itself .*panda_joint6 needs .* its limit is 12 N m"),
-    ({"robot": "both", "payload": (1.0, 2.0, 3.0)}, r"payload= of 'panda' must be one number or 2 numbers; found .*3"),
-    ({"robot": "both", "payload": (1.0, 20.0)}, r"cannot hold itself .*right_panda_joint6 needs .* is 12 N m"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (
+            {"ellipsoids": "velocity", "joint_weights": "joint-limits"},
+            "'myoarm' has no velocity limits",
+        ),
+        ({"payload": -1.0}, "payload"),
+        ({"payload_center": (0.0, 0.0, 0.1)}, "payload_center= needs payload="),
+        ({"payload": 1e30}, r"panda_joint\d needs .* N m, its limit is"),
+        ({"payload": 20.0}, r"cannot hold itself .*panda_joint6 needs .* its limit is 12 N m"),
+        (
+            {"robot": "both", "payload": (1.0, 2.0, 3.0)},
+            r"payload= of 'panda' must be one number or 2 numbers; found .*3",
+        ),
+        (
+            {"robot": "both", "payload": (1.0, 20.0)},
+            r"cannot hold itself .*right_panda_joint6 needs .* is 12 N m",
+        ),
+    ],
+)
 def test_missing_limits_and_masses_are_named_before_the_recording_is_read(options, text):
     if options.get("robot") == "both":
         options |= {"robot": "panda", "pose": [(0.0, 0.3, 0.0, 0.0), (0.0, -0.3, 0.0, 0.0)]}
@@ -81,7 +93,8 @@ def test_payloads_and_limits_of_a_file_reach_the_robot(tmp_path):
         ellipsoids="force",
         limits=str(tmp_path / "limits.yaml"),
     )
-    robot, q = settings_of(config).robot, np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
+    robot = settings_of(config).robot
+    q = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
     loaded = load_arm("panda").with_payload(2.0, (0.0, 0.0, 0.1))
     np.testing.assert_allclose(robot.gravity_torques(q), loaded.gravity_torques(q))
     np.testing.assert_array_equal(robot.effort_limits, 60.0)

@@ -9,10 +9,18 @@ from maniport.pipeline.options import OPTIONS
 
 def test_a_saved_configuration_is_equal_when_loaded(tmp_path):
     config = Config().changed(
-        recording="freeform", position_tolerance=0.01, orientation=[0, 0, -1], lock={"lift": 0.2}, smooth="off",
-        workspace=[[0.2, None], [0, 1], [-np.inf, 1]], base_rotation=(0.0, 0.1, 1e-7), robot=["ur5", "panda"], seed=3,
-        pose=[(0, 0.3, 0, 0), (0, -0.3, 0, 0)], collisions=False,
-    )  # fmt: skip
+        recording="freeform",
+        position_tolerance=0.01,
+        orientation=[0, 0, -1],
+        lock={"lift": 0.2},
+        smooth="off",
+        workspace=[[0.2, None], [0, 1], [-np.inf, 1]],
+        base_rotation=(0.0, 0.1, 1e-7),
+        robot=["ur5", "panda"],
+        seed=3,
+        pose=[(0, 0.3, 0, 0), (0, -0.3, 0, 0)],
+        collisions=False,
+    )
     config.save(tmp_path / "run.yaml")
     assert Config.load(tmp_path / "run.yaml") == config
     (tmp_path / "empty.yaml").write_text("human: {}")
@@ -26,13 +34,20 @@ def test_objects_become_names_in_files(tmp_path):
     assert Config.load(tmp_path / "run.yaml").robot == ("panda",)
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("human:\n  persn: myoarm", ("line 2", "persn", "person")), ("humn: {}", ("humn", "human")),
-    ("motion:\n  move: true\n  rate: 3", ("line 3", "rate", "[10, 10000]")),
-    ("motion: {collisions: false, table: 0}", ("table", "no_collisions")),
-    ("motion: {costs: [3]}", ("line 1", "costs")),
-    ("human: 3", ("line 1", "mapping")), ("seed: -1", ("seed",)), ("a: &x 1", ("a",)), ("motion: [", ("line 1",)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("human:\n  persn: myoarm", ("line 2", "persn", "person")),
+        ("humn: {}", ("humn", "human")),
+        ("motion:\n  move: true\n  rate: 3", ("line 3", "rate", "[10, 10000]")),
+        ("motion: {collisions: false, table: 0}", ("table", "no_collisions")),
+        ("motion: {costs: [3]}", ("line 1", "costs")),
+        ("human: 3", ("line 1", "mapping")),
+        ("seed: -1", ("seed",)),
+        ("a: &x 1", ("a",)),
+        ("motion: [", ("line 1",)),
+    ],
+)
 def test_wrong_files_are_refused(tmp_path, text, words):
     (tmp_path / "run.yaml").write_text(text)
     with pytest.raises(FileFormatError) as caught:
@@ -40,11 +55,22 @@ def test_wrong_files_are_refused(tmp_path, text, words):
     assert all(word in str(caught.value) for word in ("run.yaml", *words))
 
 
-@pytest.mark.parametrize("options", [
-    {"position_tolerance": 0.0}, {"rate": np.inf}, {"unit": "ft"}, {"joint_limit_margin": 0.5},
-    {"damping": -1.0}, {"orientation": "up"}, {"orientation": [0, 0]},
-    {"orientation": [0, 0, 0]}, {"move": "yes"}, {"n_teacher": 1}, {"export": ["ros2"], "move": False},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"position_tolerance": 0.0},
+        {"rate": np.inf},
+        {"unit": "ft"},
+        {"joint_limit_margin": 0.5},
+        {"damping": -1.0},
+        {"orientation": "up"},
+        {"orientation": [0, 0]},
+        {"orientation": [0, 0, 0]},
+        {"move": "yes"},
+        {"n_teacher": 1},
+        {"export": ["ros2"], "move": False},
+    ],
+)
 def test_wrong_values_are_refused(options):
     with pytest.raises(InvalidInputError):
         Config().changed(**options)

@@ -37,7 +37,8 @@ def reach(side="right", scale=1.0, lift=0.0, name="reach"):
 
 
 def reach_with_both(scale=1.0, lift=0.0):
-    right, left = reach("right", scale, lift), reach("left", scale, lift)
+    right = reach("right", scale, lift)
+    left = reach("left", scale, lift)
     between = right.point("trunk_low") - left.point(
         "trunk_low"
     )  # both stand before their own shoulder
@@ -61,7 +62,8 @@ def people():
 
 def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes():
     reached = mp.learn([shipped_recording("freeform")], segments=[REACHES], components=4)
-    n, agreement = len(reached.time), reached.agreement
+    n = len(reached.time)
+    agreement = reached.agreement
     start, stop = REACHES[reached.alignment.reference]
     assert start <= reached.time[0] < reached.time[-1] <= stop
     assert (len(reached.demonstrations), reached.profile.shape, reached.path.shape) == (
@@ -152,16 +154,23 @@ def test_files_are_whole_and_can_be_read(people, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore::maniport.errors.ManiportWarning")
-@pytest.mark.parametrize(("recordings", "segments", "message"), [
-    ([], None, "at least one recording"),
-    (["freeform"], [[(1.0, 2.0)]], "at least two demonstrations are needed; found 1"),
-    (["freeform"], [[(1.0, 2.0), (1.5, 3.0)]], "must not overlap"),
-    (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before they end"),
-    (["freeform"], [[(1.0, 2.0), (2.5, 99.0)]], "must lie between 0.00 and 9.15 s; found 2.5 to 99 s"),
-    (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"),
-    (["freeform"], "all", "must be auto or times such as 2:4.*; found 'all'"),
-    (["freeform"], [None, None], "one list for each of the 1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("recordings", "segments", "message"),
+    [
+        ([], None, "at least one recording"),
+        (["freeform"], [[(1.0, 2.0)]], "at least two demonstrations are needed; found 1"),
+        (["freeform"], [[(1.0, 2.0), (1.5, 3.0)]], "must not overlap"),
+        (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before they end"),
+        (
+            ["freeform"],
+            [[(1.0, 2.0), (2.5, 99.0)]],
+            "must lie between 0.00 and 9.15 s; found 2.5 to 99 s",
+        ),
+        (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"),
+        (["freeform"], "all", "must be auto or times such as 2:4.*; found 'all'"),
+        (["freeform"], [None, None], "one list for each of the 1"),
+    ],
+)
 def test_what_is_wrong_is_said(recordings, segments, message):
     with pytest.raises(InvalidInputError, match=message):
         mp.learn(recordings, segments=segments)

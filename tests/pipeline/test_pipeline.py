@@ -30,7 +30,8 @@ def result(small_result):
 
 
 def test_a_method_is_chosen_or_named(clip, result):
-    rejected, numbers = result.arm.evaluation.rejected, as_numbers(report_of(result))
+    rejected = result.arm.evaluation.rejected
+    numbers = as_numbers(report_of(result))
     assert numbers["evaluation"]["choice"] == {
         "method": result.arm.method,
         "failures": list(rejected),
@@ -46,7 +47,9 @@ def test_a_method_is_chosen_or_named(clip, result):
 
 
 def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
-    arm, angles, target = result.arm.fit.arm, result.arm.fit.joint_angles, result.arm.target_profile
+    arm = result.arm.fit.arm
+    angles = result.arm.fit.joint_angles
+    target = result.arm.target_profile
     assert (
         len(result.time) == len(angles) == len(target) == len(result.arm.demonstrated_profile) == 31
     )
@@ -56,15 +59,14 @@ def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
         target, result.arm.adapter.transform(result.arm.demonstrated_profile)
     )
     assert np.linalg.eigvalsh(target).min() > 0
-    back, scale = (
-        result.arm.adapter.inverse_transform(target),
-        np.abs(result.arm.demonstrated_profile).max(),
-    )
+    back = result.arm.adapter.inverse_transform(target)
+    scale = np.abs(result.arm.demonstrated_profile).max()
     np.testing.assert_allclose(back, result.arm.demonstrated_profile, atol=1e-9 * scale)
 
 
 def test_the_robot_follows_to_the_end(result):
-    motion, robot = result.arm.motion, result.arm.robot
+    motion = result.arm.motion
+    robot = result.arm.robot
     assert len(motion.joint_positions) == len(result.time)
     assert robot.within_limits(motion.control_positions).all()
     np.testing.assert_allclose(motion.target, result.arm.placement.profile, atol=1e-12)
@@ -203,14 +205,20 @@ def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
 
-@pytest.mark.parametrize(("change", "error", "word"), [
-    ({"method": "magic"}, UnknownNameError, "icp"), ({"robot": "pand"}, UnknownNameError, "'panda'"),
-    ({"person": "myarm"}, UnknownNameError, "'myoarm'"), ({"damping": -1.0}, InvalidInputError, "damping"),
-    ({"speed": 1e-4}, UnknownNameError, "speed_scale"),
-    ({"base_rotation": np.ones((3, 3))}, InvalidInputError, "base_rotation"),
-    ({"speed_scale": 0}, InvalidInputError, "speed_scale"), ({"n_student": 1}, InvalidInputError, "student"),
-    ({"seed": -1}, InvalidInputError, "seed"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "error", "word"),
+    [
+        ({"method": "magic"}, UnknownNameError, "icp"),
+        ({"robot": "pand"}, UnknownNameError, "'panda'"),
+        ({"person": "myarm"}, UnknownNameError, "'myoarm'"),
+        ({"damping": -1.0}, InvalidInputError, "damping"),
+        ({"speed": 1e-4}, UnknownNameError, "speed_scale"),
+        ({"base_rotation": np.ones((3, 3))}, InvalidInputError, "base_rotation"),
+        ({"speed_scale": 0}, InvalidInputError, "speed_scale"),
+        ({"n_student": 1}, InvalidInputError, "student"),
+        ({"seed": -1}, InvalidInputError, "seed"),
+    ],
+)
 def test_wrong_arguments_are_named(clip, change, error, word):
     with pytest.raises(error, match=word):
         transfer_recording(clip, **STILL | change)
@@ -275,11 +283,17 @@ def test_tempo_and_placement(own):
     assert as_numbers(report_of(slow))["placement"]["scale"] == slow.arm.placement.scale
 
 
-@pytest.mark.parametrize(("change", "word"), [
-    ({"speed_scale": 0.0}, "speed_scale"), ({"scale": 0.0, "place": True}, "scale"),
-    ({"scale": 0.5}, "scale= is for a path that is placed"), ({"orientation": "demonstrated"}, "orientation"),
-    ({"part": "full"}, "ellipsoids of the options"), ({"targets": 3}, "targets"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"speed_scale": 0.0}, "speed_scale"),
+        ({"scale": 0.0, "place": True}, "scale"),
+        ({"scale": 0.5}, "scale= is for a path that is placed"),
+        ({"orientation": "demonstrated"}, "orientation"),
+        ({"part": "full"}, "ellipsoids of the options"),
+        ({"targets": 3}, "targets"),
+    ],
+)
 def test_wrong_targets_are_named(own, change, word):
     panda, time, profile, path = own
     targets = mp.motion.TargetTrajectory.checked(panda, time, profile, positions=path)

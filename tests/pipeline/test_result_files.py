@@ -19,7 +19,8 @@ WEIGHTS = (2.0, 2.0, 1.0, 1.0, 3.0, 3.0, 3.0)
 def distances(folder, power):
     """The two lines of docs/result_folder.md."""
     files = [np.load(folder / f"{name}.npz") for name in ("placed_profile", "joints")]
-    size, damping = files[0]["manipulability"].shape[-1], files[1]["damping"]
+    size = files[0]["manipulability"].shape[-1]
+    damping = files[1]["damping"]
     ellipsoids = [np.linalg.matrix_power(file["manipulability"], power) for file in files]
     return mp.spd.distance(*(ellipsoid + damping * np.eye(size) for ellipsoid in ellipsoids))
 
@@ -57,7 +58,8 @@ def followed(robot, arms, options):
 def test_two_lines_reproduce_the_distance(panda, tmp_path, options):
     result = followed(panda, [panda], options)
     mp.write_results(result, tmp_path / "out")
-    motion, spec = result.arm.motion, result.config.spec
+    motion = result.arm.motion
+    spec = result.config.spec
     power = -1 if spec.kind == "force" else 1
     stored = np.load(tmp_path / "out" / "joints.npz")
     np.testing.assert_allclose(distances(tmp_path / "out", power), stored["distance"], atol=1e-6)

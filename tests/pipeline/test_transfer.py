@@ -37,7 +37,7 @@ def calls(monkeypatch):
         ("maniport.pipeline.transfer", "fit_map"),
         ("maniport.pipeline.following", "planner_of"),
     ):
-        (function,) = (vars(__import__(module, fromlist=[name]))[name],)
+        function = vars(__import__(module, fromlist=[name]))[name]
         monkeypatch.setattr(f"{module}.{name}", counted(name, function))
     monkeypatch.setattr(MotionLimits, "of", counted("limits", MotionLimits.of))
     return names

@@ -44,7 +44,8 @@ class Case:
     def spd(self, *shape):
         """Matrices (*shape, d, d) with the case's condition number, and its unit as largest eigenvalue."""
         exponents = self.rng.uniform(0.0, 1.0, (*shape, self.d))
-        exponents[..., 0], exponents[..., -1] = 0.0, 1.0
+        exponents[..., 0] = 0.0
+        exponents[..., -1] = 1.0
         return self.with_eigenvalues(self.scale * self.condition**-exponents)
 
     def with_eigenvalues(self, values):
@@ -67,7 +68,8 @@ class Case:
 @st.composite
 def cases(draw, most=12.0, least=0.0, sizes=SIZES):
     """Draw a size, a condition number from 10^least to 10^most, a unit from 1e-6 to 1e6 and a seed."""
-    condition, scale = draw(st.floats(least, most)), draw(st.floats(-6.0, 6.0))
+    condition = draw(st.floats(least, most))
+    scale = draw(st.floats(-6.0, 6.0))
     return Case(
         draw(st.sampled_from(sizes)), 10.0**condition, 10.0**scale, draw(st.integers(0, 2**32 - 1))
     )
@@ -128,10 +130,15 @@ def _unaligned(array):
 
 
 FORMS = {
-    "Fortran order": np.asfortranarray, "strided": _strided, "read-only": _read_only, "unaligned": _unaligned,
-    "other byte order": lambda array: array.astype(">f8"), "nested lists": lambda array: array.tolist(),
-    "nothing masked": np.ma.masked_invalid, "array-like": ArrayLike,
-}  # fmt: skip
+    "Fortran order": np.asfortranarray,
+    "strided": _strided,
+    "read-only": _read_only,
+    "unaligned": _unaligned,
+    "other byte order": lambda array: array.astype(">f8"),
+    "nested lists": lambda array: array.tolist(),
+    "nothing masked": np.ma.masked_invalid,
+    "array-like": ArrayLike,
+}
 """Forms that hold the numbers of a float64 array in C order, every bit."""
 
 ROUNDED = {

@@ -10,11 +10,17 @@ from maniport.domain import sample_domain
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 ARMS = {
-    "panda": lambda: load_arm("panda"), "myoarm": myoarm, "rhuman": lambda: rhuman(upper_arm=0.3),
+    "panda": lambda: load_arm("panda"),
+    "myoarm": myoarm,
+    "rhuman": lambda: rhuman(upper_arm=0.3),
     "one joint": lambda: Arm.from_dh("one joint", [[0.1, 0.2, 1, 0.3]]),
-    "two links": lambda: Arm.from_dh("two links", [[0, 0, 1, 0], [0, 0, 0.5, 0.3]], lower=-2.0, upper=[1.0, 2.5]),
-    "slide": lambda: Arm.from_dh("slide", [[0, 0.1, 0.4, 1.0], [0.2, 0.3, 0, 0.5]], 0.0, 1.0, kinds=KINDS),
-}  # fmt: skip
+    "two links": lambda: Arm.from_dh(
+        "two links", [[0, 0, 1, 0], [0, 0, 0.5, 0.3]], lower=-2.0, upper=[1.0, 2.5]
+    ),
+    "slide": lambda: Arm.from_dh(
+        "slide", [[0, 0.1, 0.4, 1.0], [0.2, 0.3, 0, 0.5]], 0.0, 1.0, kinds=KINDS
+    ),
+}
 KINDS = ("revolute", "prismatic")
 SPECS = [
     EllipsoidSpec(kind, part)
@@ -34,7 +40,8 @@ def arm(request):
 @given(seed=seeds)
 def test_kinematics_are_consistent(arm, seed):
     q = arm.sample(3, seed)
-    poses, jacobian = arm.forward(q), arm.jacobian(q)
+    poses = arm.forward(q)
+    jacobian = arm.jacobian(q)
     for method, batch in (
         (arm.forward, poses),
         (arm.jacobian, jacobian),
@@ -61,7 +68,8 @@ def test_ellipsoids_agree_with_the_jacobian(arm, seed, spec):
     velocity = EllipsoidSpec("velocity", spec.part)
     assert spec.bounded == velocity
     assert arm.checked_spec(spec) == spec
-    poses, jacobian = arm.forward(q), arm.jacobian(q)
+    poses = arm.forward(q)
+    jacobian = arm.jacobian(q)
     rows = jacobian[:, spec.rows]
     matrices = rows @ np.swapaxes(rows, 1, 2)
     assert_allclose(arm.ellipsoids(q, velocity), matrices, atol=1e-12)
@@ -97,7 +105,8 @@ def test_samples_are_within_limits_and_repeat(arm, seed, n, sequence):
 
 
 def test_a_domain_without_collisions_has_as_many_ellipsoids(panda):
-    collisions, q = Collisions.of(panda), panda.sample(256, 0)
+    collisions = Collisions.of(panda)
+    q = panda.sample(256, 0)
     free = q[~collisions.collides(q)]
     domain = sample_domain(panda, 224, 0, collisions=collisions)
     assert 224 < len(free) < 256

@@ -14,8 +14,10 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 def demonstrations(case, k=3):
     """Demonstrations (k, 24, d, d) that run alike along a path of four points of the case."""
-    corners, at = spd.logm(case.spd(4)), np.linspace(0.0, 2.999, 24)
-    first, part = at.astype(int), (at % 1.0)[:, None, None]
+    corners = spd.logm(case.spd(4))
+    at = np.linspace(0.0, 2.999, 24)
+    first = at.astype(int)
+    part = (at % 1.0)[:, None, None]
     path = (1.0 - part) * corners[first] + part * corners[first + 1]
     return spd.expm(path + 0.05 * case.with_scale(1.0).symmetric(k, 24))
 
@@ -55,8 +57,11 @@ def test_alignment_runs_from_start_to_end(case, reference):
 @fewer(0.4)
 @given(case=cases(most=4.0, sizes=(2, 3, 4)))
 def test_profiles_do_not_depend_on_order_and_follow_congruences(case):
-    data, time = demonstrations(case), np.linspace(0.0, 1.0, 24)
-    d, order, change = case.d, case.rng.permutation(3), case.change()
+    data = demonstrations(case)
+    time = np.linspace(0.0, 1.0, 24)
+    d = case.d
+    order = case.rng.permutation(3)
+    change = case.change()
 
     def profile(demos):
         fitted = ProfileGMM(1).fit(np.tile(time, 3), demos.reshape(72, d, d))
@@ -74,7 +79,8 @@ def test_profiles_do_not_depend_on_order_and_follow_congruences(case):
 @given(case=cases(), damping=st.floats(1e-3, 10.0))
 def test_weights_are_free_of_units_and_have_mean_one(case, damping):
     covariance = covariances(case)
-    weights, m = tracking_weights(covariance, damping), covariance.shape[-1]
+    weights = tracking_weights(covariance, damping)
+    m = covariance.shape[-1]
     assert_array_equal(weights, np.swapaxes(weights, -1, -2))
     assert_allclose(np.trace(weights, axis1=1, axis2=2).mean() / m, 1.0, rtol=1e-9)
     assert_allclose(tracking_weights(1e6 * covariance, damping), weights, rtol=1e-8, atol=1e-9)

@@ -11,11 +11,9 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 @st.composite
 def recordings(draw):
-    frames, points, seed = (
-        draw(st.integers(2, 30)),
-        draw(st.integers(1, 5)),
-        draw(st.integers(0, 2**32 - 1)),
-    )
+    frames = draw(st.integers(2, 30))
+    points = draw(st.integers(1, 5))
+    seed = draw(st.integers(0, 2**32 - 1))
     rng = np.random.default_rng(seed)
     positions = rng.standard_normal((frames, points, 3))
     positions[rng.random((frames, points)) < draw(st.sampled_from([0.0, 0.2, 0.6]))] = np.nan

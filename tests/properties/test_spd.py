@@ -23,15 +23,23 @@ from properties.strategies import (
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 CALLS = {
-    "spd.distance": ("pp", spd.distance), "spd.log": ("pp", spd.log), "spd.exp": ("px", spd.exp),
-    "spd.inner": ("pxx", spd.inner), "spd.geodesic": ("pp", lambda a, b: spd.geodesic(a, b, 0.3)),
-    "spd.transport": ("xpp", spd.transport), "spd.axes": ("p", spd.axes), "spd.lengths": ("p", spd.lengths),
-    "spd.volume": ("p", spd.volume), "spd.expm": ("x", spd.expm),
-    "spd.logm": ("p", spd.logm), "spd.powm": ("p", lambda a: spd.powm(a, -0.7)),
+    "spd.distance": ("pp", spd.distance),
+    "spd.log": ("pp", spd.log),
+    "spd.exp": ("px", spd.exp),
+    "spd.inner": ("pxx", spd.inner),
+    "spd.geodesic": ("pp", lambda a, b: spd.geodesic(a, b, 0.3)),
+    "spd.transport": ("xpp", spd.transport),
+    "spd.axes": ("p", spd.axes),
+    "spd.lengths": ("p", spd.lengths),
+    "spd.volume": ("p", spd.volume),
+    "spd.expm": ("x", spd.expm),
+    "spd.logm": ("p", spd.logm),
+    "spd.powm": ("p", lambda a: spd.powm(a, -0.7)),
     "spd.to_vector": ("x", spd.to_vector),
     "spd.from_vector": ("v", spd.from_vector),
-    "spd.mean": ("sw", spd.mean), "spd.dispersion": ("s", spd.dispersion),
-}  # fmt: skip
+    "spd.mean": ("sw", spd.mean),
+    "spd.dispersion": ("s", spd.dispersion),
+}
 """Every function, and what it takes: points, tangents (x), Mandel vectors, a set of points, weights."""
 functions = pytest.mark.parametrize("name", CALLS)
 MANY = [name for name, (kinds, _) in CALLS.items() if "s" not in kinds]
@@ -39,10 +47,12 @@ MANY = [name for name, (kinds, _) in CALLS.items() if "s" not in kinds]
 
 def arguments(case, kinds, *shape):
     make = {
-        "p": lambda: case.spd(*shape), "x": lambda: case.with_scale(3.0).symmetric(*shape),
-        "v": lambda: 3.0 * case.rng.standard_normal((*shape, case.d * (case.d + 1) // 2)), "s": lambda: case.spd(4),
+        "p": lambda: case.spd(*shape),
+        "x": lambda: case.with_scale(3.0).symmetric(*shape),
+        "v": lambda: 3.0 * case.rng.standard_normal((*shape, case.d * (case.d + 1) // 2)),
+        "s": lambda: case.spd(4),
         "w": lambda: case.rng.uniform(1.0, 9.0, 4),
-    }  # fmt: skip
+    }
     return [make[kind]() for kind in kinds]
 
 
@@ -103,7 +113,9 @@ def test_distance_is_invariant_under_congruence(case):
 def test_exponential_inverts_the_logarithm(case):
     a, b = case.spd(2, 4)
     with refused_only_above(case.rounding):
-        tangent, middle, apart = spd.log(a, b), spd.geodesic(a, b, 0.5), spd.distance(a, b)
+        tangent = spd.log(a, b)
+        middle = spd.geodesic(a, b, 0.5)
+        apart = spd.distance(a, b)
         for symmetric in (tangent, middle):
             assert_array_equal(symmetric, np.swapaxes(symmetric, -1, -2))
         assert_allclose(
@@ -123,7 +135,8 @@ def test_exponential_inverts_the_logarithm(case):
 def test_transport_keeps_inner_products(case):
     start, end, other, third = case.spd(4, 4)
     with refused_only_above(case.rounding):
-        one, two = spd.log(start, other), spd.log(start, third)
+        one = spd.log(start, other)
+        two = spd.log(start, third)
         there = spd.transport(one, start, end), spd.transport(two, start, end)
         lengths = np.sqrt(spd.inner(start, one, one) * spd.inner(start, two, two))
         kept = spd.inner(end, *there) - spd.inner(start, one, two)
@@ -163,8 +176,11 @@ def test_axes_give_the_ellipsoid_back(case):
 @fewer(0.7)
 @given(case=cases(most=8.0))
 def test_mean_and_dispersion_are_equivariant_under_congruence(case):
-    x, weights, change = case.spd(5), case.rng.uniform(0.0, 1.0, 5), case.change()
-    center, order = spd.mean(x, weights), case.rng.permutation(5)
+    x = case.spd(5)
+    weights = case.rng.uniform(0.0, 1.0, 5)
+    change = case.change()
+    center = spd.mean(x, weights)
+    order = case.rng.permutation(5)
     moved = spd.mean(congruent(change, x), 7.0 * weights)
     assert_allclose(spd.distance(moved, congruent(change, center)), 0.0, atol=case.rounding)
     assert_allclose(

@@ -58,7 +58,8 @@ def several(result):
 
     def make(count):
         names = ("left", "right", "middle")[:count]
-        motion, arm = result.motion, result.arm
+        motion = result.motion
+        arm = result.arm
         joints = [f"{name}_{joint}" for name in names for joint in arm.motion.joint_names]
         columns = np.split(np.arange(len(joints)), count)
         robot = SimpleNamespace(name="robot", joint_names=joints, shared=(), columns=columns)

@@ -13,7 +13,11 @@ class Page(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.open, self.elements, self.scripts, self.styles, self.text = [], [], [], [], []
+        self.open = []
+        self.elements = []
+        self.scripts = []
+        self.styles = []
+        self.text = []
         self.feed(text)
         self.close()
 

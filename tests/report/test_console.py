@@ -57,7 +57,8 @@ def test_compiling_is_a_line_of_the_progress(terminal):
 
 @pytest.mark.parametrize("width", [24, 80])
 def test_lines_on_a_terminal_are_wrapped_between_words(terminal, width):
-    stream, result = terminal(width), " ".join(f"[fact{i}]" for i in range(20))
+    stream = terminal(width)
+    result = " ".join(f"[fact{i}]" for i in range(20))
     with progress() as report:
         report("walk", 1.0, result)
     lines = Text.from_ansi(stream.getvalue()).plain.splitlines()

@@ -28,8 +28,12 @@ def test_every_view_has_a_row_of_ellipses_for_each_profile(motion, d, views):
     for panel in figure.axes:
         assert len(panel.patches) == 18
         assert len({round(patch.center[1], 6) for patch in panel.patches}) == 2
-    extents = [path.get_extents() for path in (p.get_path().transformed(p.get_patch_transform())
-                                               for p in figure.axes[0].patches[:9])]  # fmt: skip
+    extents = [
+        path.get_extents()
+        for path in (
+            p.get_path().transformed(p.get_patch_transform()) for p in figure.axes[0].patches[:9]
+        )
+    ]
     assert 0.5 * extents[0].width == pytest.approx(np.sqrt(profile[0, 0, 0]), rel=1e-2)
     assert all(one.x1 < other.x0 for one, other in pairwise(extents))
 

@@ -11,11 +11,16 @@ from sizes import motion_alone
 def test_objects_are_displayed(small_result):
     arm = small_result.arm
     for thing, word in (
-        (arm.robot, "panda_joint7"), (small_result.recording, "Frames: "), (arm.fit, "Segments: "),
-        (arm.adapter, "Rotation: "), (arm.placement, "Path: scale"), (arm.motion, "Ellipsoid distance"),
-        (motion_alone(small_result), "Settings"), (small_result, "Position error [mm]"),
+        (arm.robot, "panda_joint7"),
+        (small_result.recording, "Frames: "),
+        (arm.fit, "Segments: "),
+        (arm.adapter, "Rotation: "),
+        (arm.placement, "Path: scale"),
+        (arm.motion, "Ellipsoid distance"),
+        (motion_alone(small_result), "Settings"),
+        (small_result, "Position error [mm]"),
         (arm.evaluation, "Comparison with baselines"),
-    ):  # fmt: skip
+    ):
         shown = thing._repr_mimebundle_()
         assert shown["text/plain"] == repr(thing)
         assert word in shown["text/markdown"]
@@ -24,7 +29,8 @@ def test_objects_are_displayed(small_result):
 
 
 def test_texts_are_escaped():
-    names, notes = ("<script>alert(1)</script>",), ("a & b",)
+    names = ("<script>alert(1)</script>",)
+    notes = ("a & b",)
     recording = mp.Recording(names, np.zeros((2, 1, 3)), np.arange(2.0), notes=notes)
     text = recording._repr_mimebundle_()["text/markdown"]
     assert "\\<script" in text

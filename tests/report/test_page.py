@@ -59,7 +59,8 @@ def test_the_page_loads_nothing(animation):
 
 
 def test_data_are_the_arrays_of_the_animation(animation):
-    data, body = read(page_of(animation=animation)), animation.stages[0].bodies[0]
+    data = read(page_of(animation=animation))
+    body = animation.stages[0].bodies[0]
     (decoded,) = data["stages"][0]["bodies"]
     assert data["start"] == animation.time[0]
     pairs = [
@@ -80,7 +81,8 @@ def test_data_are_the_arrays_of_the_animation(animation):
 
 def test_the_page_of_a_long_motion_is_small():
     count = 20_000
-    time, values = np.arange(count) / 100.0, np.random.default_rng(0).normal(size=count)
+    time = np.arange(count) / 100.0
+    values = np.random.default_rng(0).normal(size=count)
     skeleton = np.random.default_rng(1).normal(size=(count, 8, 3))
     shells = np.broadcast_to(np.eye(3), (count, 3, 3))
     drawn = dict.fromkeys(("person", "target", "achieved"), shells)

@@ -78,8 +78,12 @@ def test_the_page_is_drawn_without_errors(opened):
 @pytest.mark.slow
 def test_keys_move_the_time(opened):
     for key, condition in (
-        ("ArrowRight", "> 0"), ("ArrowLeft", "== 0"), ("End", "> 5.4"), ("Home", "== 0"), (" ", "> 0.2"),
-    ):  # fmt: skip
+        ("ArrowRight", "> 0"),
+        ("ArrowLeft", "== 0"),
+        ("End", "> 5.4"),
+        ("Home", "== 0"),
+        (" ", "> 0.2"),
+    ):
         opened.press(key)
         opened.wait(f"document.querySelector('.motion').dataset.time {condition}")
         if key == "ArrowRight":
@@ -221,7 +225,8 @@ def test_logarithmic_axes_are_marked(browser, results):
 @pytest.mark.slow
 def test_links_to_a_maximum_open_its_waypoint(browser, small_result, changed, tmp_path):
     """Maxima within a tenth of a second, of which one follows a pause, each have their own waypoint."""
-    n, motion = len(small_result.time), small_result.arm.motion
+    n = len(small_result.time)
+    motion = small_result.arm.motion
     time = 1000.0 + np.where(np.arange(n) < n // 2, 0.0, 7.3) + 0.0334 * np.arange(n)
     peaks = {"distance": n // 2, "position_error": n // 2 + 1, "gap": n // 2 - 1}
     values = {name: np.where(np.arange(n) == row, 2.0, 0.5) for name, row in peaks.items()}

@@ -25,7 +25,8 @@ def page_of(result):
 def test_a_transfer_has_stages_of_person_and_robot(result, animation):
     """The person's ellipsoid is at the hand, target and achieved at the end effector; surfaces move with the links."""
     (person,), (robot,) = (stage.bodies for stage in animation.stages)
-    arm, motion = result.arm.robot, result.arm.motion
+    arm = result.arm.robot
+    motion = result.arm.motion
     np.testing.assert_array_equal(animation.time, result.time)
     np.testing.assert_array_equal(person.ellipsoids["person"], result.arm.demonstrated_profile)
     np.testing.assert_array_equal(robot.ellipsoids["target"], motion.target)
@@ -46,7 +47,8 @@ def test_a_transfer_has_stages_of_person_and_robot(result, animation):
 
 
 def test_a_transfer_has_all_curves(result, animation):
-    panels, motion = animation.panels, result.arm.motion
+    panels = animation.panels
+    motion = result.arm.motion
     distance, position = panels["Distance and position error"]
     np.testing.assert_array_equal(distance.lines[0].values, motion.distance)
     np.testing.assert_array_equal(distance.lines[1].values, motion.pointwise_best)
@@ -59,7 +61,8 @@ def test_a_transfer_has_all_curves(result, animation):
         position.lines[0].values, np.maximum(1e3 * motion.position_error, 0.01)
     )
     assert len(panels["Ellipsoids"]) == 4
-    robot, person = panels["Joints of panda"], panels["Joints of the person"]
+    robot = panels["Joints of panda"]
+    person = panels["Joints of the person"]
     assert [panel.title for panel in robot] == list(motion.joint_names)
     assert {panel.unit for panel in (*robot, *person)} == {"°"}
     np.testing.assert_allclose(
@@ -106,7 +109,8 @@ def test_a_motion_without_a_person_is_drawn(alone, changed):
 
 
 def test_every_arm_is_drawn(several):
-    animation, count = animation_of(several(3)), 3
+    animation = animation_of(several(3))
+    count = 3
     assert [len(stage.bodies) for stage in animation.stages] == [count, count]
     bodies = animation.stages[1].bodies
     assert all(set(body.ellipsoids) == {"target", "achieved"} for body in bodies)

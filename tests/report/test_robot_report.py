@@ -33,10 +33,13 @@ def warnings_of(*words: str) -> dict[str, str]:
 def test_info_describes_chain_and_other_ends(crane):
     text = info(str(crane), "--lock", "up=0.25")
     for part in (
-        "Base: base", "End effector: hook", "Fixed joints: up at 0.25 m",
-        "| nod | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s | 1 N m |", "Moving mass: unknown",
+        "Base: base",
+        "End effector: hook",
+        "Fixed joints: up at 0.25 m",
+        "| nod | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s | 1 N m |",
+        "Moving mass: unknown",
         "| eye | 2 | turn … look | post |",
-    ):  # fmt: skip
+    ):
         assert part in text
     found = json.loads(info(str(crane), "--base", "post", "--json"))
     assert (found["base"], list(found["joints"]), list(found["ends"])) == (
@@ -48,8 +51,12 @@ def test_info_describes_chain_and_other_ends(crane):
 
 def test_info_warns_of_assumptions_and_omitted_checks(crane, tmp_path):
     warned = warnings_of(str(crane))
-    limits = {"position": "-3.14 to 3.14 rad for turn", "velocity": "1 rad/s for turn",
-              "acceleration": "4 rad/s² for turn", "jerk": "100 rad/s³ for turn"}  # fmt: skip
+    limits = {
+        "position": "-3.14 to 3.14 rad for turn",
+        "velocity": "1 rad/s for turn",
+        "acceleration": "4 rad/s² for turn",
+        "jerk": "100 rad/s³ for turn",
+    }
     assert set(warned) == {
         *(f"assumed-{one}-limits" for one in limits),
         "unchecked-collisions",
@@ -122,15 +129,25 @@ def test_a_robot_with_two_arms_lists_its_ends():
     )
 
 
-@pytest.mark.parametrize(("words", "message"), [
-    (("panda", "--lock", "panda_joint4=10"), "--lock: panda_joint4 is 10°; allowed are -176.00° to -4.00°"),
-    (("panda", "--lock", "panda_joint1=3", "--lock", "panda_joint1=4"), "panda_joint1 is set twice; found 3 and"),
-    (("panda", "--joints", " ,"), "--joints must be names"), (("panda", "--unit", "mm"), "--unit cannot be used"),
-    (("freeform", "--lock", "up=1"), "--lock cannot be used"),
-    (("panda", "--lock", "panda_joint4"), "--lock must be NAME=NUMBER"),
-    (("panda", "--joints", "panda_joint2,panda_joint9"), "unknown joint 'panda_joint9'"),
-    (("panda", "--base", "panda_link"), "unknown base 'panda_link'.*'panda_link0'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ("panda", "--lock", "panda_joint4=10"),
+            "--lock: panda_joint4 is 10°; allowed are -176.00° to -4.00°",
+        ),
+        (
+            ("panda", "--lock", "panda_joint1=3", "--lock", "panda_joint1=4"),
+            "panda_joint1 is set twice; found 3 and",
+        ),
+        (("panda", "--joints", " ,"), "--joints must be names"),
+        (("panda", "--unit", "mm"), "--unit cannot be used"),
+        (("freeform", "--lock", "up=1"), "--lock cannot be used"),
+        (("panda", "--lock", "panda_joint4"), "--lock must be NAME=NUMBER"),
+        (("panda", "--joints", "panda_joint2,panda_joint9"), "unknown joint 'panda_joint9'"),
+        (("panda", "--base", "panda_link"), "unknown base 'panda_link'.*'panda_link0'"),
+    ],
+)
 def test_invalid_options_are_named(words, message):
     result = CliRunner().invoke(app, ["info", *words])
     with pytest.raises(ValueError, match=message):

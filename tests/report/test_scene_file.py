@@ -9,16 +9,19 @@ from maniport.report.page.content import write_scene
 
 def test_the_recording_has_the_content_of_the_page(alone, tmp_path):
     chunk = pytest.importorskip("rerun.chunk")
-    file, motion = tmp_path / "motion.rrd", animation_of(alone)
+    file = tmp_path / "motion.rrd"
+    motion = animation_of(alone)
     write_scene(file, motion)
     assert list(tmp_path.iterdir()) == [file]
-    static, moving = {}, {}
+    static = {}
+    moving = {}
     for one in chunk.RrdReader(file).stream().to_chunks():
         batch = one.to_record_batch()
         rows = {name: batch[name].to_pylist() for name in batch.schema.names if ":" in name}
         rows |= {name: batch[name].cast("int64").to_numpy() for name in one.timeline_names}
         (static if one.is_static else moving).setdefault(one.entity_path, {}).update(rows)
-    robot, body = alone.robot.name, motion.stages[-1].bodies[0]
+    robot = alone.robot.name
+    body = motion.stages[-1].bodies[0]
     assert static[f"/{robot}/path"]
     for role, ellipsoids in body.ellipsoids.items():
         rows = moving[f"/{robot}/{role}"]

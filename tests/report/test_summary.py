@@ -28,9 +28,15 @@ from maniport.report.values import Metric, Report, Section
 @pytest.fixture(scope="module")
 def complete(result, changed):
     """A result without a reason for a warning: a tracked motion, and a person who is fully observed."""
-    n, arm = len(result.time), result.arm
-    tracked = {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "status": ("followed",) * n,
-               "achieved": arm.motion.target, "directed": False}  # fmt: skip
+    n = len(result.time)
+    arm = result.arm
+    tracked = {
+        "distance": np.full(n, 0.01),
+        "position_error": np.zeros(n),
+        "status": ("followed",) * n,
+        "achieved": arm.motion.target,
+        "directed": False,
+    }
     fit = replace(arm.fit, unobservable={}, quality_warnings=())
     config = Config().changed(recording=("ladder",))
     return replace(
@@ -48,7 +54,8 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
     )
     assert report.outcome.startswith("Position tracked; ellipsoids tracked")
     assert not report.advice + report.command
-    motion, n = complete.arm.motion, len(complete.time)
+    motion = complete.arm.motion
+    n = len(complete.time)
     assumed = replace(
         motion.limits, assumed={**motion.limits.assumed, "acceleration": motion.joint_names[:2]}
     )
@@ -130,7 +137,8 @@ def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch
 
 
 def test_the_advice_suits_a_missed_path(result, changed):
-    n, placement = len(result.time), result.arm.placement
+    n = len(result.time)
+    placement = result.arm.placement
     for words, tolerance, own in (
         ("--position-tolerance 5", 0.012, placement),
         ("--speed-scale 0.25", 0.005, placement),
@@ -155,13 +163,16 @@ def test_the_advice_suits_a_missed_path(result, changed):
 
 
 def test_all_renderings_have_the_same_sentences(result, changed):
-    n, arm = len(result.time), result.arm
+    n = len(result.time)
+    arm = result.arm
     missed = changed(result, {"gap": arm.gap + 1.0}, status=("ellipsoid missed",) * n)
-    report, console = report_of(replace(missed, warnings=("mind <the> step & the gap",))), Console()
+    report = report_of(replace(missed, warnings=("mind <the> step & the gap",)))
+    console = Console()
     console._out.file = io.StringIO()
     console.print_report(report, output="some folder")
     lines = console._out.file.getvalue().splitlines()
-    terminal, title = " ".join(" ".join(lines).split()), report.outcome
+    terminal = " ".join(" ".join(lines).split())
+    title = report.outcome
     page = as_page(report, animation_of(missed))
     for rendered in (as_markdown(report), page):
         text = re.sub(r"\\(?=[^\w\s])", "", html.unescape(re.sub(r"</?a\b.*?>", "", rendered)))
@@ -191,7 +202,8 @@ def test_results_are_written_to_a_folder(small_result, alone, tmp_path):
     assert saved < RESULT_FILES
     alone.save(tmp_path / "motion")
     assert {entry.name for entry in (tmp_path / "motion").iterdir()} < RESULT_FILES
-    report, motion = mp.write_results(alone, tmp_path / "motion", overwrite=True), alone.arm.motion
+    report = mp.write_results(alone, tmp_path / "motion", overwrite=True)
+    motion = alone.arm.motion
     summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
     assert summary["status"] == report.status
     assert [one["text"] for one in summary["warnings"]] == list(report.warnings)
@@ -233,7 +245,8 @@ def test_all_arms_are_reported(result, several):
         lines = as_markdown(report).splitlines()
         assert len(lines) <= 64
         assert max(len(line) for line in lines if line.startswith("|")) <= 100
-    names, keys = ("left", "right", "middle"), [section.key for section in report.sections]
+    names = ("left", "right", "middle")
+    keys = [section.key for section in report.sections]
     assert keys[0] == "arms"
     for name in names:
         assert {f"{name}_motion", f"{name}_placement", f"{name}_adapter", f"{name}_person"} <= set(

@@ -49,7 +49,8 @@ def test_logarithms_of_eigenvalues_lose_no_more_than_they_must(d, condition, kin
 def near(rng, base):
     """Draw a matrix within a distance of some units, as rounding leaves it."""
     values, vectors = np.linalg.eigh(base)
-    half, step = vectors * np.sqrt(values), rng.normal(0.0, 0.4, base.shape)
+    half = vectors * np.sqrt(values)
+    step = rng.normal(0.0, 0.4, base.shape)
     matrix = half @ spd.expm(step + step.T) @ half.T
     return 0.5 * (matrix + matrix.T)
 
@@ -131,7 +132,8 @@ OPERATIONS = [
 @pytest.mark.parametrize("operation", OPERATIONS)
 @pytest.mark.parametrize("d", [2, 3])
 def test_results_are_true_or_refused_at_any_condition(operation, d):
-    rng, refused = np.random.default_rng(d), 0
+    rng = np.random.default_rng(d)
+    refused = 0
     with mpmath.workdps(60):
         for condition in np.logspace(2, 14, 4):
             for kind in (rotated, graded):

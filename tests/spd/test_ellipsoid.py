@@ -23,7 +23,9 @@ def test_singular_ellipsoids_have_axes_of_length_zero():
 def turning():
     """Ellipsoids that turn about z twice, with their major axis in the plane, and their axes."""
     angle = np.linspace(0, 4.0 * np.pi, 200)
-    c, s, o = np.cos(angle), np.sin(angle), np.zeros(200)
+    c = np.cos(angle)
+    s = np.sin(angle)
+    o = np.zeros(200)
     basis = np.moveaxis(np.array([[c, -s, o], [s, c, o], [o, o, o + 1]]), 2, 0)
     return (basis * [9.0, 4.0, 1.0]) @ np.swapaxes(basis, 1, 2), basis
 
@@ -68,7 +70,8 @@ def test_an_axis_has_a_direction_where_the_next_differs(squares, which):
 @pytest.mark.parametrize(("degrees", "flipped"), [(100.0, False), (119.0, False), (121.0, True)])
 def test_sign_changes_only_where_two_profiles_are_opposite(degrees, flipped):
     """Once it agrees, an axis keeps its sign up to 120° from the other profile's."""
-    angle, x = np.deg2rad(degrees), np.array([1.0, 0.0, 0.0])
+    angle = np.deg2rad(degrees)
+    x = np.array([1.0, 0.0, 0.0])
     like = np.stack([x, np.array([np.cos(angle), np.sin(angle), 0.0])])
     points = np.stack([np.diag([9.0, 4.0, 1.0])] * 2)
     assert_array_equal(axis_over_time(points, -1, like), [x, -x if flipped else x])
@@ -81,7 +84,8 @@ def test_sign_changes_only_where_two_profiles_are_opposite(degrees, flipped):
 def test_angles_between_lines(angle, sign):
     """A line turned by an angle up to π/2 makes that angle with itself, whichever way it points, to all its digits."""
     x, y = np.eye(3)[:2]
-    first, other = np.stack([x, x]), sign * np.stack([np.cos(angle) * x + np.sin(angle) * y, x])
+    first = np.stack([x, x])
+    other = sign * np.stack([np.cos(angle) * x + np.sin(angle) * y, x])
     assert_allclose(
         line_angles(first, other), [angle, 0.0], rtol=1e-9, atol=1e-150
     )  # below, squares vanish
@@ -96,7 +100,8 @@ def test_mandel_vectors_have_the_stated_order():
 
 
 def test_numbers_of_single_matrices_are_floats():
-    point, other = np.eye(3), 2.0 * np.eye(3)
+    point = np.eye(3)
+    other = 2.0 * np.eye(3)
     for value in (spd.distance(point, other), spd.volume(point), spd.inner(point, other, point)):
         assert isinstance(value, float)
     assert spd.distance(point, other) == pytest.approx(np.sqrt(3.0) * np.log(2.0), rel=1e-12)

@@ -74,7 +74,8 @@ def test_threads_change_no_bit(d, random_spd, monkeypatch):
 
 def test_concurrent_callers_do_not_disturb_each_other(random_spd):
     x = random_spd(np.random.default_rng(1), (500,), 3)
-    expected, means = spd.mean(x), {}
+    expected = spd.mean(x)
+    means = {}
     callers = [
         threading.Thread(target=lambda i=i: means.update({i: spd.mean(x)})) for i in range(4)
     ]
@@ -88,9 +89,12 @@ def test_concurrent_callers_do_not_disturb_each_other(random_spd):
 def test_one_matrix_serves_a_batch(random_spd):
     x, y = random_spd(np.random.default_rng(2), (2, 5), 3)
     for function, first, other in (
-        (kernels.congruence, x, y), (kernels.distances, x, y), (kernels.compose, x[:, 0], y), (spd.distance, x, y),
+        (kernels.congruence, x, y),
+        (kernels.distances, x, y),
+        (kernels.compose, x[:, 0], y),
+        (spd.distance, x, y),
         (lambda t, y: spd.geodesic(y, x[0], t), np.linspace(0.0, 1.0, 5), y),
-    ):  # fmt: skip
+    ):
         assert_array_equal(function(first, other[0]), [function(a, other[0]) for a in first])
         assert_array_equal(function(first[0], other), [function(first[0], b) for b in other])
 
@@ -98,11 +102,14 @@ def test_one_matrix_serves_a_batch(random_spd):
 @sizes
 def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
     rng = np.random.default_rng(4)
-    x, tangent = random_spd(rng, (), d), random_symmetric(rng, (), d)
+    x = random_spd(rng, (), d)
+    tangent = random_symmetric(rng, (), d)
     for result, expected in (
-        (spd.logm(x), linalg.logm(x)), (spd.expm(tangent), linalg.expm(tangent)), (spd.powm(x, 0.5), linalg.sqrtm(x)),
+        (spd.logm(x), linalg.logm(x)),
+        (spd.expm(tangent), linalg.expm(tangent)),
+        (spd.powm(x, 0.5), linalg.sqrtm(x)),
         (spd.powm(x, 0.37), linalg.fractional_matrix_power(x, 0.37)),
-    ):  # fmt: skip
+    ):
         assert_allclose(result, expected, rtol=1e-11, atol=1e-10)
         assert_array_equal(result, result.T)
 
@@ -113,10 +120,8 @@ def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
 def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
     rng = np.random.default_rng(d)
     tilt = np.diag(np.geomspace(1.0, condition**0.25, d))
-    queries, points = (
-        random_spd(rng, (n,), d, condition),
-        tilt @ random_spd(rng, (m,), d, condition) @ tilt,
-    )
+    queries = random_spd(rng, (n,), d, condition)
+    points = tilt @ random_spd(rng, (m,), d, condition) @ tilt
     every = spd.distance(queries[:, None], points[None])
     index, distance = nearest(queries, points)
     assert_allclose(distance, every.min(axis=1), rtol=1e-10 * condition)
@@ -125,7 +130,8 @@ def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
 
 def test_points_too_ill_conditioned_for_a_search_are_refused(random_spd):
     rng = np.random.default_rng(0)
-    queries, points = random_spd(rng, (500,), 3, 5e12), random_spd(rng, (1,), 3, 5e12)
+    queries = random_spd(rng, (500,), 3, 5e12)
+    points = random_spd(rng, (1,), 3, 5e12)
     with (
         warnings.catch_warnings(action="error"),
         pytest.raises(NotSPDError, match="too ill-conditioned together"),

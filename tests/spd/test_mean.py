@@ -34,7 +34,8 @@ def gradient_norm(center, x):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_gradient_vanishes_at_the_mean(d, seed, random_spd):
     rng = np.random.default_rng(seed)
-    x, weights = random_spd(rng, (7,), d), np.append(0.0, rng.uniform(0.1, 9.0, 6))
+    x = random_spd(rng, (7,), d)
+    weights = np.append(0.0, rng.uniform(0.1, 9.0, 6))
     center = spd.mean(x, weights)
     gradient = np.einsum("n,nij->ij", weights / weights.sum(), spd.log(center, x))
     assert np.sqrt(spd.inner(center, gradient, gradient)) < 1e-9
@@ -95,12 +96,19 @@ def test_dispersion_is_the_mean_distance(random_spd):
     assert_allclose(spd.dispersion(x[:1]), 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("function", "name", "value"), [
-    (spd.dispersion, "center", np.stack([np.eye(3)] * 2)),
-    (spd.dispersion, "center", np.eye(2)), (spd.dispersion, "center", np.diag([1.0, 1.0, 0.0])),
-    (spd.mean, "weights", [1.0, 1.0]), (spd.mean, "weights", [1.0, 1.0, -1.0, 1.0]), (spd.mean, "weights", np.zeros(4)),
-    (spd.mean, "weights", [1.0, np.nan, 1.0, 1.0]), (spd.mean, "tol", 0.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("function", "name", "value"),
+    [
+        (spd.dispersion, "center", np.stack([np.eye(3)] * 2)),
+        (spd.dispersion, "center", np.eye(2)),
+        (spd.dispersion, "center", np.diag([1.0, 1.0, 0.0])),
+        (spd.mean, "weights", [1.0, 1.0]),
+        (spd.mean, "weights", [1.0, 1.0, -1.0, 1.0]),
+        (spd.mean, "weights", np.zeros(4)),
+        (spd.mean, "weights", [1.0, np.nan, 1.0, 1.0]),
+        (spd.mean, "tol", 0.0),
+    ],
+)
 def test_wrong_arguments_are_refused_by_name(function, name, value):
     with pytest.raises(InvalidInputError, match=name):
         function(np.stack([np.eye(3)] * 4), **{name: value})

@@ -26,7 +26,8 @@ def test_metric(d, pairs, random_symmetric):
     """Distance, geodesic, log, exp, inner product and transport agree."""
     a, b = pairs
     first, other = random_symmetric(np.random.default_rng(0), (2, 8), d)
-    base, small = a[0], 0.1 * first
+    base = a[0]
+    small = 0.1 * first
     table = {
         "distance": (spd.distance(a, b), distance.distance_riemann(a, b)),
         "geodesic": (spd.geodesic(a, b, 0.3), geodesic.geodesic_riemann(a, b, 0.3)),
@@ -47,6 +48,7 @@ def test_metric(d, pairs, random_symmetric):
 
 def test_mean(d, pairs):
     """The weighted Fréchet mean agrees."""
-    points, weights = pairs[0], np.arange(1.0, 9.0)
+    points = pairs[0]
+    weights = np.arange(1.0, 9.0)
     expected = mean.mean_riemann(points, tol=1e-12, maxiter=200, sample_weight=weights)
     assert_allclose(spd.mean(points, weights), expected, atol=1e-9)

@@ -108,10 +108,15 @@ def test_failure_leaves_nothing(tmp_path):
 def lines(row, settings, per_dispersion, per_squared_dispersion):
     """Lines whose numbers are those of the paper, times one factor for each form of the error."""
     return [
-        {"table": row.table, "settings": settings, "paper_rmse": printed, "per_dispersion": per_dispersion * printed,
-         "per_squared_dispersion": per_squared_dispersion * printed}
+        {
+            "table": row.table,
+            "settings": settings,
+            "paper_rmse": printed,
+            "per_dispersion": per_dispersion * printed,
+            "per_squared_dispersion": per_squared_dispersion * printed,
+        }
         for printed in row.rmse.values()
-    ]  # fmt: skip
+    ]
 
 
 def test_comparison_counts_matched_lower_and_higher_numbers():

@@ -27,7 +27,8 @@ def random_map(random_spd, random_rotation):
     """Make a map of the model's class from a teacher's domain: its own mean, a random rotation, ratio and new mean."""
 
     def make(rng, teacher):
-        d, ratio = teacher.shape[-1], rng.uniform(0.5, 2.0)
+        d = teacher.shape[-1]
+        ratio = rng.uniform(0.5, 2.0)
         return RigidMap(spd.mean(teacher), random_spd(rng, 1, d)[0], random_rotation(rng, d), ratio)
 
     return make

@@ -21,7 +21,8 @@ def test_every_method_keeps_the_contract(name):
 @methods
 def test_pipelines_and_grid_search_take_it(name, random_singular):
     rng = np.random.default_rng(0)
-    teacher, student = random_singular(rng, 12, 3), random_singular(rng, 12, 3)
+    teacher = random_singular(rng, 12, 3)
+    student = random_singular(rng, 12, 3)
     adapter = method_of(name, damping=0.5, random_state=0)
     search = GridSearchCV(adapter, {"damping": [0.01, 0.1]}, cv=2, error_score="raise")
     search.fit(teacher, student)

@@ -16,11 +16,14 @@ from maniport.util import files
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 ADAPTERS = [
-    mp.ParallelTransport(damping=0.01, base_rotation=TURN), mp.ScaledTransport(),
+    mp.ParallelTransport(damping=0.01, base_rotation=TURN),
+    mp.ScaledTransport(),
     mp.NearestNeighbor(damping=0.05, n_samples=9),
-    mp.RiemannianICP(damping=np.float64(0.1), correspondence="geodesic", n_starts=0, most_singular=8),
+    mp.RiemannianICP(
+        damping=np.float64(0.1), correspondence="geodesic", n_starts=0, most_singular=8
+    ),
     mp.LengthField(n_rounds=2),
-]  # fmt: skip
+]
 
 
 @pytest.fixture
@@ -36,7 +39,8 @@ def saved(tmp_path, random_spd):
 @pytest.mark.parametrize("adapter", ADAPTERS, ids=lambda a: type(a).__name__)
 def test_round_trip_is_exact(adapter, tmp_path, random_spd):
     rng = np.random.default_rng(0)
-    teacher, student = random_spd(rng, 10, 3), random_spd(rng, 12, 3)
+    teacher = random_spd(rng, 10, 3)
+    student = random_spd(rng, 12, 3)
     fitted = clone(adapter).fit(teacher, student)
     image = fitted.transform(teacher)
     fitted.save(str(tmp_path / "any name"))
@@ -48,15 +52,24 @@ def test_round_trip_is_exact(adapter, tmp_path, random_spd):
     assert_array_equal(clone(loaded).fit(teacher, student).transform(teacher), image)
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"format": "maniport-adapter-99"}, "maniport-adapter-99"), ({"method": "Magic"}, "Magic"),
-    ({"method": "RigidAdapter"}, "RigidAdapter"), ({"method": None}, "None"),
-    ({"parameters": {"color": "red"}}, "color"), ({"parameters": [1, 2]}, "damaged"),
-    ({"parameters": {"damping": "much"}}, "damping"),
-    ({"fitted": {"dispersion_ratio_": "one"}}, "dispersion_ratio_"),
-    ({"fitted": {"base_rotation_": 1.0}}, "base_rotation_"), ({"fitted": {"stop_reason_": 3}}, "stop_reason_"),
-    ({"fitted": None}, "student_damping_"), ({"fitted": {"transform": 1}}, "transform"), (None, "damaged"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": "maniport-adapter-99"}, "maniport-adapter-99"),
+        ({"method": "Magic"}, "Magic"),
+        ({"method": "RigidAdapter"}, "RigidAdapter"),
+        ({"method": None}, "None"),
+        ({"parameters": {"color": "red"}}, "color"),
+        ({"parameters": [1, 2]}, "damaged"),
+        ({"parameters": {"damping": "much"}}, "damping"),
+        ({"fitted": {"dispersion_ratio_": "one"}}, "dispersion_ratio_"),
+        ({"fitted": {"base_rotation_": 1.0}}, "base_rotation_"),
+        ({"fitted": {"stop_reason_": 3}}, "stop_reason_"),
+        ({"fitted": None}, "student_damping_"),
+        ({"fitted": {"transform": 1}}, "transform"),
+        (None, "damaged"),
+    ],
+)
 def test_other_contents_are_refused(saved, change, message):
     path, _, _ = saved
     arrays = files.load_arrays(path, "adapter file")

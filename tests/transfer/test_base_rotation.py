@@ -20,7 +20,8 @@ methods = pytest.mark.parametrize("name", METHODS)
 @methods
 def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_spd):
     rng = np.random.default_rng(0)
-    teacher, student = random_spd(rng, 20, 6), random_spd(rng, 25, 6)
+    teacher = random_spd(rng, 20, 6)
+    student = random_spd(rng, 25, 6)
     both = np.kron(np.eye(2), TURN)
     short, long = (
         method_of(name, base_rotation=turn, random_state=0).fit(teacher, student)
@@ -73,11 +74,9 @@ def test_a_method_is_found_by_name_or_taken_as_it_is():
 
 
 def test_the_length_field_of_an_arm_does_not_depend_on_rounding():
-    robot, person, turn = (
-        mp.load_arm("panda"),
-        mp.load_arm("rhuman"),
-        special_ortho_group.rvs(3, random_state=3),
-    )
+    robot = mp.load_arm("panda")
+    person = mp.load_arm("rhuman")
+    turn = special_ortho_group.rvs(3, random_state=3)
     teacher, student, new = (
         mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2))
     )

@@ -17,11 +17,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.Identifiability
 @pytest.mark.parametrize("d", [2, 3, 6])
 def test_the_smaller_cloud_seeks(kind, d, random_spd, random_rotation):
     rng = np.random.default_rng(d)
-    teacher, student, rotation = (
-        random_spd(rng, 30, d),
-        random_spd(rng, 23, d),
-        random_rotation(rng, d),
-    )
+    teacher = random_spd(rng, 30, d)
+    student = random_spd(rng, 23, d)
+    rotation = random_rotation(rng, d)
     matches = CORRESPONDENCES[kind]().between(teacher, student)(rotation)
     other = CORRESPONDENCES[kind]().between(student, teacher)(rotation.T)
     assert matches.student.tolist() == other.teacher.tolist() == [*range(23)]
@@ -35,7 +33,8 @@ def test_the_smaller_cloud_seeks(kind, d, random_spd, random_rotation):
 @pytest.mark.parametrize("condition", [10.0, 1e5])
 def test_geodesic_partner_is_the_nearest(d, condition, random_spd, random_rotation):
     rng = np.random.default_rng(d)
-    teacher, student = random_spd(rng, 25, d, condition), random_spd(rng, 60, d, condition)
+    teacher = random_spd(rng, 25, d, condition)
+    student = random_spd(rng, 60, d, condition)
     rotation = random_rotation(rng, d)
     matches = GeodesicCorrespondence().between(teacher, student)(rotation)
     every = spd.distance((rotation @ teacher @ rotation.T)[:, None], student)
@@ -45,7 +44,8 @@ def test_geodesic_partner_is_the_nearest(d, condition, random_spd, random_rotati
 
 def test_geodesic_search_never_raises_its_cost(random_spd):
     rng = np.random.default_rng(0)
-    teacher, student = random_spd(rng, 60, 3), random_spd(rng, 80, 3)
+    teacher = random_spd(rng, 60, 3)
+    student = random_spd(rng, 80, 3)
     options = {"correspondence": "geodesic", "n_starts": 0, "require_improvement": False}
     adapter = mp.RiemannianICP(**options, criterion="correspondence").fit(teacher, student)
     assert np.all(np.diff(adapter.history_) <= 1e-9)
@@ -71,7 +71,8 @@ def scores(teacher, student):
 @pytest.mark.parametrize("exponent", [0.0, 3.0])
 def test_partner_has_the_largest_score(d, condition, exponent, random_spd, random_rotation):
     rng = np.random.default_rng(d)
-    teacher, student = random_spd(rng, 40, d, condition), random_spd(rng, 300, d, condition)
+    teacher = random_spd(rng, 40, d, condition)
+    student = random_spd(rng, 300, d, condition)
     turn = random_rotation(rng, d)
     every = scores(turn @ teacher @ turn.T, student)
     matches = EllipsoidCorrespondence(exponent).between(teacher, student)(turn)

@@ -19,11 +19,13 @@ from maniport.transfer.rigid_adapter import transport_rotation
 @pytest.mark.parametrize(("d", "seed"), [(3, 0), (3, 1), (2, 0), (6, 0)])
 def test_toy_of_the_paper(d, seed, most_singular, kind, random_spd, random_map):
     """100 ellipsoids, the Panda's or others, under a random rotation, dispersion and mean, shuffled: a map is exact."""
-    rng, panda = np.random.default_rng(seed), mp.load_arm("panda")
+    rng = np.random.default_rng(seed)
+    panda = mp.load_arm("panda")
     ellipsoids = random_spd(rng, 110, d)
     if d == 3:
         ellipsoids = panda.manipulability(panda.sample(110, rng, sequence="uniform"))
-    teacher, new = ellipsoids[:100], ellipsoids[100:]
+    teacher = ellipsoids[:100]
+    new = ellipsoids[100:]
     truth = random_map(rng, teacher)
     adapter = mp.RiemannianICP(most_singular=most_singular, correspondence=kind)
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
@@ -49,10 +51,8 @@ def test_best_iterate_is_kept(unequal):
 
 
 def test_start_is_respected(unequal, random_rotation):
-    plain, base_rotation = (
-        mp.ParallelTransport().fit(*unequal),
-        random_rotation(np.random.default_rng(0), 3),
-    )
+    plain = mp.ParallelTransport().fit(*unequal)
+    base_rotation = random_rotation(np.random.default_rng(0), 3)
     adapter = mp.RiemannianICP(n_starts=0).fit(*unequal)
     assert_allclose(adapter.start_rotation_, plain.rotation_)
     assert_allclose(adapter.set_params(start="identity").fit(*unequal).start_rotation_, np.eye(3))

@@ -63,16 +63,16 @@ def test_no_false_alarm_without_symmetry(n):
 
 def test_free_axis_turns_with_the_students_base(random_rotation):
     turn = random_rotation(np.random.default_rng(5), 3)
-    teacher, student = planar(256, 0), planar(256, 1)
-    plain, other = (
-        axes_between(teacher, student, np.eye(3)),
-        axes_between(teacher, turn @ student @ turn.T, turn),
-    )
+    teacher = planar(256, 0)
+    student = planar(256, 1)
+    plain = axes_between(teacher, student, np.eye(3))
+    other = axes_between(teacher, turn @ student @ turn.T, turn)
     assert abs(other[0] @ turn @ plain[0]) > np.cos(np.deg2rad(0.5))
 
 
 def test_fit_warns_of_the_free_axis_unless_the_base_rotation_is_known():
-    teacher, student = planar(256, 0), planar(256, 1, FRAME)
+    teacher = planar(256, 0)
+    student = planar(256, 1, FRAME)
     with pytest.warns(
         IdentifiabilityWarning, match=r"about the x axis of the student's base.*base_rotation"
     ):
@@ -86,7 +86,8 @@ def test_fit_warns_of_the_free_axis_unless_the_base_rotation_is_known():
 @pytest.mark.parametrize("frame", [None, np.eye(3)])
 def test_identity_test_of_the_panda(panda_domains, frame):
     """Panda to Panda: the defaults change an ellipsoid by at most 0.15 where nothing should change."""
-    first, second = panda_domains[0], panda_domains[1][:4096]
+    first = panda_domains[0]
+    second = panda_domains[1][:4096]
     adapter = mp.RiemannianICP(damping=0.01, base_rotation=frame).fit(first, second)
     assert np.sqrt(np.mean(adapter.errors(first, first) ** 2)) <= 0.15
     assert adapter.start_kept_
@@ -95,7 +96,8 @@ def test_identity_test_of_the_panda(panda_domains, frame):
 @pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
 def test_a_wrong_start_does_not_win(panda_domains):
     turn = Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
-    first, second = panda_domains[0], panda_domains[1][:4096]
+    first = panda_domains[0]
+    second = panda_domains[1][:4096]
     adapter = mp.RiemannianICP(damping=0.01).fit(first, turn @ second @ turn.T)
     assert not adapter.start_kept_
     assert np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 15.0

@@ -56,7 +56,8 @@ def singular_values(adapter, points):
 
 @sizes
 def test_images_come_nearer_to_what_the_student_can_make(d, domains, fitted, random_spd):
-    adapter, new = fitted[d], random_spd(np.random.default_rng(7), 50, d, 30.0)
+    adapter = fitted[d]
+    new = random_spd(np.random.default_rng(7), 50, d, 30.0)
     away = spd.distance(adapter.transform(new), bounded(adapter.transform(new)))
     plain = mp.LengthField(projector=lambda points: points * 1.0).fit(*domains[d]).transform(new)
     assert away.mean() < 0.5 * spd.distance(plain, bounded(plain)).mean()
@@ -79,15 +80,14 @@ def test_folds_are_found_and_reported(domains):
     adapter = mp.LengthField(projector=one_shape, n_centers=100, width=0.3, ridge=1e-9).fit(
         *domains[3]
     )
-    points, field = domains[3][0], adapter._field()
+    points = domains[3][0]
+    field = adapter._field()
     assert adapter.report_.near_singular > 0.1
     with pytest.raises(NotInvertibleError, match="nearly singular"):
         adapter.inverse_transform(adapter.transform(points[:2]))
     assert field.folded_centers > MAX_NEAR_SINGULAR
-    report, slopes = (
-        reported(field, Samples(field, points, one_shape, 0.0), 0),
-        field.slopes(*field.base(points)),
-    )
+    report = reported(field, Samples(field, points, one_shape, 0.0), 0)
+    slopes = field.slopes(*field.base(points))
     assert report.reversing == np.mean(np.linalg.det(slopes) < 0.0) > 0.0
     along = spd.to_vector(np.einsum("nik,njk->nkij", *[field.base(points)[1]] * 2))
     contrary = np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0
@@ -96,7 +96,8 @@ def test_folds_are_found_and_reported(domains):
 
 @sizes
 def test_derivative_agrees_with_finite_differences(d, fitted, random_spd):
-    field, rng = fitted[d]._field(), np.random.default_rng(11)
+    field = fitted[d]._field()
+    rng = np.random.default_rng(11)
     points = np.concatenate([random_spd(rng, 4, d), np.eye(d)[None] * 1.3])
     check_slopes(field, spd.to_vector(field.power * spd.logm(points) + field.shift * np.eye(d)))
 
@@ -116,7 +117,8 @@ class Searching:
     """A made-up student that remembers nothing, and can move its ellipsoids' first two lengths but not the third."""
 
     def __init__(self, ways=None):
-        self.ways, self.epsilons = ways, []
+        self.ways = ways
+        self.epsilons = []
 
     def search(self, damping):
         self.epsilons.append(damping)
@@ -143,15 +145,27 @@ def test_the_report_has_the_gaps_of_the_images(fitted, random_spd):
     assert_allclose([report.gap, report.gap_p95], [gaps.mean(), np.percentile(gaps, 95)], rtol=1e-6)
 
 
-@pytest.mark.parametrize(("projector", "error", "words"), [
-    (3, InvalidInputError, "projector"), (lambda p: p[:-1], InvalidInputError, r"projector\(points\) must have shape"),
-    (lambda p: p[:, :2, :2], InvalidInputError, r"projector\(points\) must have shape"),
-    (lambda p: -p, NotSPDError, r"projector\(points\)\[0\] is indefinite"),
-    (lambda p: p * np.nan, InvalidInputError, r"projector\(points\) must be finite"),
-    (lambda p: np.broadcast_to(np.eye(3), p.shape), InvalidInputError, "the same ellipsoid for all"),
-    (Searching(np.ones((2, 2, 2))), InvalidInputError, "second of projector.search"),
-    (Searching(np.full((1, 3, 3), np.inf)), InvalidInputError, "second of projector.search.* finite"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("projector", "error", "words"),
+    [
+        (3, InvalidInputError, "projector"),
+        (lambda p: p[:-1], InvalidInputError, r"projector\(points\) must have shape"),
+        (lambda p: p[:, :2, :2], InvalidInputError, r"projector\(points\) must have shape"),
+        (lambda p: -p, NotSPDError, r"projector\(points\)\[0\] is indefinite"),
+        (lambda p: p * np.nan, InvalidInputError, r"projector\(points\) must be finite"),
+        (
+            lambda p: np.broadcast_to(np.eye(3), p.shape),
+            InvalidInputError,
+            "the same ellipsoid for all",
+        ),
+        (Searching(np.ones((2, 2, 2))), InvalidInputError, "second of projector.search"),
+        (
+            Searching(np.full((1, 3, 3), np.inf)),
+            InvalidInputError,
+            "second of projector.search.* finite",
+        ),
+    ],
+)
 def test_bad_projectors_are_refused(projector, error, words, domains):
     adapter = mp.LengthField(projector=projector)
     with pytest.raises(error, match=words):
@@ -188,7 +202,8 @@ def round_field(round_domains):
 
 
 def test_turned_about_the_axis_ellipsoids_have_turned_images(round_domains, round_field):
-    adapter, points = round_field, round_domains[0][:20]
+    adapter = round_field
+    points = round_domains[0][:20]
     images = adapter.transform(points)
     turn = Rotation.from_rotvec(1.1 * AXIS).as_matrix()
     assert_allclose(adapter.transform(turn @ points @ turn.T), turn @ images @ turn.T, atol=1e-9)
@@ -200,7 +215,8 @@ def test_turned_about_the_axis_ellipsoids_have_turned_images(round_domains, roun
 
 
 def test_derivative_and_inverse_know_of_the_axis(round_domains, round_field):
-    adapter, points = round_field, round_domains[0][:20]
+    adapter = round_field
+    points = round_domains[0][:20]
     field = adapter._field()
     check_slopes(field, spd.to_vector(field.power * spd.logm(points[:5]) + field.shift * np.eye(3)))
     fair = points[singular_values(adapter, points) > 0.2]
@@ -211,7 +227,8 @@ def test_derivative_and_inverse_know_of_the_axis(round_domains, round_field):
 def test_an_arm_that_goes_round_has_an_axis():
     panda = mp.load_arm("panda")
     assert_allclose(mp.FeasibleProjector(panda).axis, [0.0, 0.0, 1.0], atol=1e-12)
-    lower, upper = panda.lower.copy(), panda.upper.copy()
+    lower = panda.lower.copy()
+    upper = panda.upper.copy()
     upper[0] = lower[0] + np.radians(299.0)
     assert mp.FeasibleProjector(panda.narrowed(lower, upper)).axis is None
     assert mp.FeasibleProjector(panda, EllipsoidSpec(part="full")).axis is None

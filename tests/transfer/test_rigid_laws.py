@@ -45,7 +45,8 @@ def test_common_congruence(adapter, d, seed, random_spd):
 @seeds
 def test_mean_and_dispersion_arrive(d, seed, random_spd):
     rng = np.random.default_rng(seed)
-    teacher, student = random_spd(rng, 20, d), random_spd(rng, 25, d, 1e3)
+    teacher = random_spd(rng, 20, d)
+    student = random_spd(rng, 25, d, 1e3)
     adapter = mp.ScaledTransport().fit(teacher, student)
     images = adapter.transform(teacher)
     assert spd.distance(spd.mean(images), spd.mean(student)) < 1e-8
@@ -60,7 +61,8 @@ def test_mean_and_dispersion_arrive(d, seed, random_spd):
 def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
     rng = np.random.default_rng(seed)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
-    start, end = spd.mean(teacher), spd.mean(student)
+    start = spd.mean(teacher)
+    end = spd.mean(student)
     moved, moved_new = (
         spd.transport(points, start, end) for points in (teacher, new)
     )  # E X Eᵀ, of points as of tangents
@@ -78,7 +80,8 @@ def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
 @seeds
 def test_parallel_transport_preserves_distances_and_finds_the_mounting(d, seed, random_spd):
     rng = np.random.default_rng(seed)
-    teacher, student = random_spd(rng, 20, d), random_spd(rng, 25, d, 1e3)
+    teacher = random_spd(rng, 20, d)
+    student = random_spd(rng, 25, d, 1e3)
     images = mp.ParallelTransport().fit(teacher, student).transform(teacher)
     assert_allclose(
         spd.distance(images[1:], images[:-1]), spd.distance(teacher[1:], teacher[:-1]), rtol=1e-6
@@ -94,9 +97,11 @@ def test_parallel_transport_preserves_distances_and_finds_the_mounting(d, seed, 
 @seeds
 def test_released_damping_is_added_again(seed, random_singular):
     rng = np.random.default_rng(seed)
-    domain, student = random_singular(rng, 30, 3), 3.0 * random_singular(rng, 40, 3)
+    domain = random_singular(rng, 30, 3)
+    student = 3.0 * random_singular(rng, 40, 3)
     adapter = mp.ParallelTransport(damping=10 ** rng.uniform(-4, 0)).fit(domain, student)
-    images, plain = adapter.transform(domain), adapter._map(adapter.teacher_side(domain))
+    images = adapter.transform(domain)
+    plain = adapter._map(adapter.teacher_side(domain))
     assert np.linalg.eigvalsh(images).min() > 0.0
     assert_allclose(damped_again(images, adapter.student_damping_), plain, rtol=1e-9, atol=1e-9)
 

@@ -15,7 +15,8 @@ def make_problem(rng, n, d, random_spd, random_rotation, kind="noisy", condition
     teacher = random_spd(rng, n, d, condition)
     student = random_spd(rng, n, d, condition)
     if kind == "noisy":
-        turn, noise = random_rotation(rng, d), 0.1 * rng.standard_normal((n, d, d))
+        turn = random_rotation(rng, d)
+        noise = 0.1 * rng.standard_normal((n, d, d))
         student = spd.expm(turn @ spd.logm(teacher) @ turn.T + noise + np.swapaxes(noise, 1, 2))
     weights = rng.uniform(0.1, 1.0, n)
     return RotationProblem(cholesky(student), teacher, weights / weights.sum())
@@ -35,16 +36,21 @@ def nearly_equal_eigenvalues(rng, gap, rotation, random_spd):
 def test_derivatives(d, kind, random_spd, random_rotation):
     """Gradient and Hessian are those of differences, also where eigenvalues of a pair (nearly) coincide."""
     rng = np.random.default_rng(d)
-    rotation, h = random_rotation(rng, d), 1e-5
+    rotation = random_rotation(rng, d)
+    h = 1e-5
     if isinstance(kind, str):
-        problem, tolerance = make_problem(rng, 8, d, random_spd, random_rotation, kind), 1e-6
+        problem = make_problem(rng, 8, d, random_spd, random_rotation, kind)
+        tolerance = 1e-6
     else:
-        problem, tolerance = nearly_equal_eigenvalues(rng, kind, rotation, random_spd), 1e-5
+        problem = nearly_equal_eigenvalues(rng, kind, rotation, random_spd)
+        tolerance = 1e-5
     cost, gradient, hessian = problem.derivatives(rotation)
     assert cost == pytest.approx(problem.cost(rotation), rel=1e-12)
-    slope, curvature = np.empty_like(gradient), np.empty_like(hessian)
+    slope = np.empty_like(gradient)
+    curvature = np.empty_like(hessian)
     for a, step in enumerate(h * np.eye(len(gradient))):
-        there, back = rotation_from_vector(step) @ rotation, rotation_from_vector(-step) @ rotation
+        there = rotation_from_vector(step) @ rotation
+        back = rotation_from_vector(-step) @ rotation
         slope[a] = (problem.cost(there) - problem.cost(back)) / (2 * h)
         curvature[a] = (problem.derivatives(there)[1] - problem.derivatives(back)[1]) / (2 * h)
     scale = max(1.0, np.abs(hessian).max())
@@ -54,10 +60,16 @@ def test_derivatives(d, kind, random_spd, random_rotation):
     assert_allclose(hessian, hessian.T, atol=1e-10 * scale)
 
 
-@pytest.mark.parametrize(("d", "kind", "condition", "runs"), [
-    (2, "unrelated", 1e3, 20), (3, "noisy", 1e3, 50), (3, "unrelated", 1e4, 50), (4, "noisy", 1e3, 10),
-    (6, "noisy", 1e3, 4),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("d", "kind", "condition", "runs"),
+    [
+        (2, "unrelated", 1e3, 20),
+        (3, "noisy", 1e3, 50),
+        (3, "unrelated", 1e4, 50),
+        (4, "noisy", 1e3, 10),
+        (6, "noisy", 1e3, 4),
+    ],
+)
 def test_descent_converges_from_anywhere(d, kind, condition, runs, random_spd, random_rotation):
     """From random starts with 100 pairs at least 99 % reach a gradient below 1e-9 within a few dozen steps."""
     rng = np.random.default_rng(0)
@@ -69,7 +81,8 @@ def test_descent_converges_from_anywhere(d, kind, condition, runs, random_spd, r
         assert problem.cost(ends[1]) <= problem.cost(start)
         assert_allclose(ends[1] @ ends[1].T, np.eye(d), atol=1e-12)
         norms.append([np.linalg.norm(problem.derivatives(end)[1]) for end in ends])
-    half, most = np.median(norms, axis=0)[0], np.transpose(norms)[1]
+    half = np.median(norms, axis=0)[0]
+    most = np.transpose(norms)[1]
     assert half < 1e-9
     assert np.mean(most < 1e-9) >= 0.99
     assert most.max() < 1e-6

@@ -15,24 +15,40 @@ GOOD = np.stack(
 )
 
 
-@pytest.mark.parametrize(("method", "options", "message"), [
-    ("parallel-transport", {"base_rotation": np.eye(2)}, "base_rotation.*2×2"),
-    ("parallel-transport", {"base_rotation": 2.0 * np.eye(3)}, "base_rotation"),
-    ("parallel-transport", {"base_rotation": np.diag([1.0, 1.0, -1.0])}, "base_rotation.*determinant"),
-    ("parallel-transport", {"base_rotation": np.eye(3)[None]}, "base_rotation"),
-    ("parallel-transport", {"base_rotation": np.full((3, 3), np.nan)}, "base_rotation"),
-    ("icp", {"start": "random"}, "start"), ("icp", {"n_starts": -1}, "n_starts"),
-    ("icp", {"n_starts": 2.5}, "n_starts"), ("icp", {"require_improvement": "no"}, "require_improvement"),
-    ("icp", {"most_singular": 1}, "most_singular"),
-    ("icp", {"correspondence": "nearest"}, "unknown correspondence 'nearest'; available, nearest first: 'geodes"),
-    ("icp", {"correspondence": GeodesicCorrespondence}, "or a Correspondence; found <class"),
-    ("icp", {"correspondence": None}, "correspondence"),
-    ("icp", lambda: {"correspondence": EllipsoidCorrespondence(exponent="large")}, "exponent"),
-    ("icp", lambda: {"correspondence": EllipsoidCorrespondence(exponent=-1)}, "exponent"),
-    ("length-field", {"n_samples": 1}, "^n_samples"), ("length-field", {"n_centers": 0}, "^n_centers"),
-    ("length-field", {"n_centers": 500}, "^n_centers"), ("length-field", {"width": 0.0}, "^width"),
-    ("length-field", {"ridge": 0.0}, "^ridge"), ("length-field", {"n_rounds": 0}, "^n_rounds"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("method", "options", "message"),
+    [
+        ("parallel-transport", {"base_rotation": np.eye(2)}, "base_rotation.*2×2"),
+        ("parallel-transport", {"base_rotation": 2.0 * np.eye(3)}, "base_rotation"),
+        (
+            "parallel-transport",
+            {"base_rotation": np.diag([1.0, 1.0, -1.0])},
+            "base_rotation.*determinant",
+        ),
+        ("parallel-transport", {"base_rotation": np.eye(3)[None]}, "base_rotation"),
+        ("parallel-transport", {"base_rotation": np.full((3, 3), np.nan)}, "base_rotation"),
+        ("icp", {"start": "random"}, "start"),
+        ("icp", {"n_starts": -1}, "n_starts"),
+        ("icp", {"n_starts": 2.5}, "n_starts"),
+        ("icp", {"require_improvement": "no"}, "require_improvement"),
+        ("icp", {"most_singular": 1}, "most_singular"),
+        (
+            "icp",
+            {"correspondence": "nearest"},
+            "unknown correspondence 'nearest'; available, nearest first: 'geodes",
+        ),
+        ("icp", {"correspondence": GeodesicCorrespondence}, "or a Correspondence; found <class"),
+        ("icp", {"correspondence": None}, "correspondence"),
+        ("icp", lambda: {"correspondence": EllipsoidCorrespondence(exponent="large")}, "exponent"),
+        ("icp", lambda: {"correspondence": EllipsoidCorrespondence(exponent=-1)}, "exponent"),
+        ("length-field", {"n_samples": 1}, "^n_samples"),
+        ("length-field", {"n_centers": 0}, "^n_centers"),
+        ("length-field", {"n_centers": 500}, "^n_centers"),
+        ("length-field", {"width": 0.0}, "^width"),
+        ("length-field", {"ridge": 0.0}, "^ridge"),
+        ("length-field", {"n_rounds": 0}, "^n_rounds"),
+    ],
+)
 def test_bad_options_are_refused_by_name(method, options, message):
     with pytest.raises(InvalidInputError, match=message):
         method_of(method).set_params(**options() if callable(options) else options).fit(
@@ -42,7 +58,8 @@ def test_bad_options_are_refused_by_name(method, options, message):
 
 def test_points_of_another_size_or_count_are_refused():
     """In `transform`, `check_adapter` tries all bad points."""
-    adapter, small = mp.ParallelTransport().fit(GOOD, 2.0 * GOOD), GOOD[:, :2, :2]
+    adapter = mp.ParallelTransport().fit(GOOD, 2.0 * GOOD)
+    small = GOOD[:, :2, :2]
     for use in (
         adapter.inverse_transform,
         lambda x: adapter.score(x, GOOD),
@@ -54,11 +71,9 @@ def test_points_of_another_size_or_count_are_refused():
 
 def test_images_beyond_floating_point_numbers(random_spd):
     rng = np.random.default_rng(0)
-    round_, long, longer = (
-        random_spd(rng, 20, 3, 1.001),
-        random_spd(rng, 20, 3, 1e4),
-        random_spd(rng, 20, 3, 1e8),
-    )
+    round_ = random_spd(rng, 20, 3, 1.001)
+    long = random_spd(rng, 20, 3, 1e4)
+    longer = random_spd(rng, 20, 3, 1e8)
     longest = random_spd(rng, 1, 3, 1e11)[0]
     with pytest.raises(InvalidInputError, match="points takes the result out of range"):
         mp.ScaledTransport().fit(round_, long).transform(long)

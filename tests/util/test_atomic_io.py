@@ -74,7 +74,9 @@ def killed_before(change, write, target):
 @pytest.mark.parametrize("earlier", [None, 1])
 @both_kinds
 def test_a_kill_leaves_old_or_new(tmp_path, write, earlier):
-    change, alive, seen = 0, False, set()
+    change = 0
+    alive = False
+    seen = set()
     while not alive:
         target = tmp_path / str(change) / "result.json"
         target.parent.mkdir()

@@ -34,30 +34,71 @@ def test_ellipsoids_and_paths_come_back_bit_for_bit(tmp_path, time):
         assert [file.name for file in tmp_path.iterdir()] == ["profile"]
 
 
-@pytest.mark.parametrize(("save", "values", "time", "word"), [
-    (save_ellipsoids, POINTS[0], None, r"manipulability must have shape \(n, d, d\)"),
-    (save_ellipsoids, -POINTS, None, r"manipulability\[0\] is indefinite"),
-    (save_ellipsoids, POINTS * np.nan, None, "manipulability must be finite"),
-    (save_ellipsoids, POINTS, TIMES + np.inf, "time must be finite"),
-    (save_path, np.zeros(3), None, "path must have shape"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("save", "values", "time", "word"),
+    [
+        (save_ellipsoids, POINTS[0], None, r"manipulability must have shape \(n, d, d\)"),
+        (save_ellipsoids, -POINTS, None, r"manipulability\[0\] is indefinite"),
+        (save_ellipsoids, POINTS * np.nan, None, "manipulability must be finite"),
+        (save_ellipsoids, POINTS, TIMES + np.inf, "time must be finite"),
+        (save_path, np.zeros(3), None, "path must have shape"),
+    ],
+)
 def test_values_that_could_not_be_read_again_are_not_written(tmp_path, save, values, time, word):
     with pytest.raises(InvalidInputError, match=word):
         save(tmp_path / "profile.npz", values, time)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("load", "arrays", "error", "word"), [
-    (load_ellipsoids, {"other": POINTS}, FileFormatError, r"no array 'manipulability'; it holds other"),
-    (load_ellipsoids, {"manipulability": POINTS[0]}, InvalidInputError, "shape"),
-    (load_ellipsoids, {"manipulability": np.full((1, 2, 2), "a")}, InvalidInputError, "array of numbers"),
-    (load_ellipsoids, {"manipulability": np.where(POINTS == 4, np.inf, POINTS)}, InvalidInputError, "finite"),
-    (load_ellipsoids, {"manipulability": POINTS + np.eye(3, k=1)}, NotSPDError, r"\[0\] is not symmetric"),
-    (load_ellipsoids, {"manipulability": POINTS * [[[1]], [[1]], [[-1]]]}, NotSPDError, r"\[2\] is indefinite"),
-    (load_ellipsoids, {"manipulability": POINTS, "time": TIMES[:2]}, InvalidInputError, "shape"),
-    (load_ellipsoids, {"manipulability": POINTS, "time": TIMES[::-1]}, InvalidInputError, "increase strictly"),
-    (load_path, {"path": np.zeros(3)}, InvalidInputError, "must have shape"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("load", "arrays", "error", "word"),
+    [
+        (
+            load_ellipsoids,
+            {"other": POINTS},
+            FileFormatError,
+            r"no array 'manipulability'; it holds other",
+        ),
+        (load_ellipsoids, {"manipulability": POINTS[0]}, InvalidInputError, "shape"),
+        (
+            load_ellipsoids,
+            {"manipulability": np.full((1, 2, 2), "a")},
+            InvalidInputError,
+            "array of numbers",
+        ),
+        (
+            load_ellipsoids,
+            {"manipulability": np.where(POINTS == 4, np.inf, POINTS)},
+            InvalidInputError,
+            "finite",
+        ),
+        (
+            load_ellipsoids,
+            {"manipulability": POINTS + np.eye(3, k=1)},
+            NotSPDError,
+            r"\[0\] is not symmetric",
+        ),
+        (
+            load_ellipsoids,
+            {"manipulability": POINTS * [[[1]], [[1]], [[-1]]]},
+            NotSPDError,
+            r"\[2\] is indefinite",
+        ),
+        (
+            load_ellipsoids,
+            {"manipulability": POINTS, "time": TIMES[:2]},
+            InvalidInputError,
+            "shape",
+        ),
+        (
+            load_ellipsoids,
+            {"manipulability": POINTS, "time": TIMES[::-1]},
+            InvalidInputError,
+            "increase strictly",
+        ),
+        (load_path, {"path": np.zeros(3)}, InvalidInputError, "must have shape"),
+    ],
+)
 def test_wrong_arrays_are_refused(tmp_path, load, arrays, error, word):
     save_arrays(tmp_path / "profile.npz", arrays)
     with pytest.raises(error, match=word) as caught:
@@ -79,15 +120,22 @@ def test_unreadable_files_are_refused(tmp_path):
             load_ellipsoids(path)
 
 
-@pytest.mark.parametrize(("text", "word"), [
-    ("a: 1\n b: 2\n", "line 2, column 3"), ("a: 1\na: 2\n", "the key 'a' occurs twice"),
-    ("a: &x [1]\nb: *x\n", "aliases"),
-    ("a: !!python/object/apply:os.system [true]\n", "could not determine a constructor"),
-    ("- 1\n", "keys a, b; found list"), ("# nothing\n", "found nothing"),
-    ("c: 1\n", "unknown key 'c'; allowed are, nearest first: a, b"), ("a: " + "[" * 1500, "not readable as YAML"),
-    ("a: \x00", "not readable as YAML"), (b"a: \xff\xfe", "not readable as YAML"),
-    (" " * (SETTINGS_BYTES + 1), "at most 0.25 MB"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("a: 1\n b: 2\n", "line 2, column 3"),
+        ("a: 1\na: 2\n", "the key 'a' occurs twice"),
+        ("a: &x [1]\nb: *x\n", "aliases"),
+        ("a: !!python/object/apply:os.system [true]\n", "could not determine a constructor"),
+        ("- 1\n", "keys a, b; found list"),
+        ("# nothing\n", "found nothing"),
+        ("c: 1\n", "unknown key 'c'; allowed are, nearest first: a, b"),
+        ("a: " + "[" * 1500, "not readable as YAML"),
+        ("a: \x00", "not readable as YAML"),
+        (b"a: \xff\xfe", "not readable as YAML"),
+        (" " * (SETTINGS_BYTES + 1), "at most 0.25 MB"),
+    ],
+)
 def test_faulty_settings_are_refused(tmp_path, text, word):
     path = tmp_path / "s.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())

@@ -26,10 +26,15 @@ from maniport.util.files import (
 )
 
 READERS = {
-    "r.bvh": read_recording, "r.c3d": read_recording, "r.urdf": load_arm, "r.xml": load_arm, "r.stl": load_mesh,
-    "m.json": lambda path: marker_roles(Config(markers=str(path))), "r.npz": load_ellipsoids,
+    "r.bvh": read_recording,
+    "r.c3d": read_recording,
+    "r.urdf": load_arm,
+    "r.xml": load_arm,
+    "r.stl": load_mesh,
+    "m.json": lambda path: marker_roles(Config(markers=str(path))),
+    "r.npz": load_ellipsoids,
     "r.yaml": lambda path: read_settings(path, ("a",)),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", READERS)
@@ -95,16 +100,27 @@ def headed(descr, shape, content=b""):
 
 
 DAMAGED = {
-    "text": b"hello", "nothing": b"", "half a header": npy(np.eye(3))[:20], "half": npy(np.eye(3))[:-8],
-    "more than there is": headed("<f8", (10**15,)), "larger than any integer": headed("<f8", (10**22, 0)),
-    "huge, of no bytes": headed("|S0", (10**13,)), "negative": headed("<f8", (-1,)),
-    "objects": headed("|O", (1,), b"\x80\x04N."), "no Unicode": headed("<U1", (), b"\xff" * 4),
-}  # fmt: skip
+    "text": b"hello",
+    "nothing": b"",
+    "half a header": npy(np.eye(3))[:20],
+    "half": npy(np.eye(3))[:-8],
+    "more than there is": headed("<f8", (10**15,)),
+    "larger than any integer": headed("<f8", (10**22, 0)),
+    "huge, of no bytes": headed("|S0", (10**13,)),
+    "negative": headed("<f8", (-1,)),
+    "objects": headed("|O", (1,), b"\x80\x04N."),
+    "no Unicode": headed("<U1", (), b"\xff" * 4),
+}
 ODD = {
-    "0-d": npy(1.0), "empty": npy(np.zeros(0)), "complex": npy(1j * np.ones(24)),
-    "dates": npy(np.arange(24).astype("M8[s]")), "fields": npy(np.zeros(24, [("a", "f8")])), "words": npy(["a", "b"]),
-    "bytes": npy([b"\xff"]), "long text": npy("[" * 20_000),
-}  # fmt: skip
+    "0-d": npy(1.0),
+    "empty": npy(np.zeros(0)),
+    "complex": npy(1j * np.ones(24)),
+    "dates": npy(np.arange(24).astype("M8[s]")),
+    "fields": npy(np.zeros(24, [("a", "f8")])),
+    "words": npy(["a", "b"]),
+    "bytes": npy([b"\xff"]),
+    "long text": npy("[" * 20_000),
+}
 
 
 @pytest.fixture(scope="module", params=WRITERS)

@@ -28,13 +28,24 @@ def transfer():
 
 @pytest.fixture(scope="session")
 def place():
-    zeros, turn = np.zeros(1), np.eye(3)
+    zeros = np.zeros(1)
+    turn = np.eye(3)
     return Placement(
-        path=np.zeros((1, 3)), profile=turn[None], spec=VELOCITY, distance=zeros,
-        position_error=zeros, joint_positions=np.zeros((1, 7)), scale=0.5, yaw=0.0,
-        tilt=0.0, heading=0.0, base_orientation=turn, map_rotation=turn, offset=np.array([0.4, 0.0, 0.4]),
+        path=np.zeros((1, 3)),
+        profile=turn[None],
+        spec=VELOCITY,
+        distance=zeros,
+        position_error=zeros,
+        joint_positions=np.zeros((1, 7)),
+        scale=0.5,
+        yaw=0.0,
+        tilt=0.0,
+        heading=0.0,
+        base_orientation=turn,
+        map_rotation=turn,
+        offset=np.array([0.4, 0.0, 0.4]),
         center=np.zeros(3),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="session")

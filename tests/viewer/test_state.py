@@ -32,7 +32,8 @@ def advance(state, method="icp", joints=POSE, seconds=STEP, base_rotation=None, 
 
 
 def test_every_method_can_be_chosen(make_state):
-    state, targets = make_state(), {}
+    state = make_state()
+    targets = {}
     for name in METHODS:
         frame = advance(state, name)
         targets[name] = frame.target.ellipsoid
@@ -104,7 +105,8 @@ def test_an_error_of_a_fit_is_raised(make_state, monkeypatch):
 
 
 def test_the_view_begins_before_the_method_is_fitted(monkeypatch):
-    gate, fit = threading.Event(), Fits.fit
+    gate = threading.Event()
+    fit = Fits.fit
     monkeypatch.setattr(
         Fits, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args)
     )
@@ -193,11 +195,19 @@ def test_a_shared_torso_is_in_one_place():
         assert len(left) == len(humanoid.arms[0].surfaces())
 
 
-@pytest.mark.parametrize(("options", "files", "word"), [
-    ({"side": "both"}, {}, "two arms"), ({"side": "left", "robot": ("panda", "panda"), "pose": TWO}, {}, "two arms"),
-    ({"pose": TWO[:1]}, {}, "two robot arms"),
-    ({"side": "both", "robot": ("panda", "panda"), "pose": TWO}, {"recording": "ladder"}, "both"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("options", "files", "word"),
+    [
+        ({"side": "both"}, {}, "two arms"),
+        ({"side": "left", "robot": ("panda", "panda"), "pose": TWO}, {}, "two arms"),
+        ({"pose": TWO[:1]}, {}, "two robot arms"),
+        (
+            {"side": "both", "robot": ("panda", "panda"), "pose": TWO},
+            {"recording": "ladder"},
+            "both",
+        ),
+    ],
+)
 def test_options_that_make_no_pair_are_errors(options, files, word):
     with pytest.raises(ManiportError, match=word):
         prepare(Config().changed(**options), **files)

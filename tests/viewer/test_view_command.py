@@ -64,13 +64,20 @@ def test_it_starts_and_ends_with_ctrl_c(tmp_path):
     assert list(tmp_path.iterdir()) == [robot]
 
 
-@pytest.mark.parametrize(("words", "message"), [
-    (["--person", "nobody"], "unknown person"), (["--side", "both"], "--pose"), (["--pose", "0,0,0,0"], "--pose"),
-    (["--side", "both", "--hand-targets", "relative"], "--hand-targets"),
-    (["--robot", "nothing"], "unknown robot 'nothing'"), (["--port", "99999"], "[0, 65535]"),
-    (["missing.bvh"], "missing.bvh"), (["--recording", "missing.bvh"], "missing.bvh"),
-    (["missing.bvh", "--recording", "missing.bvh"], "twice"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--person", "nobody"], "unknown person"),
+        (["--side", "both"], "--pose"),
+        (["--pose", "0,0,0,0"], "--pose"),
+        (["--side", "both", "--hand-targets", "relative"], "--hand-targets"),
+        (["--robot", "nothing"], "unknown robot 'nothing'"),
+        (["--port", "99999"], "[0, 65535]"),
+        (["missing.bvh"], "missing.bvh"),
+        (["--recording", "missing.bvh"], "missing.bvh"),
+        (["missing.bvh", "--recording", "missing.bvh"], "twice"),
+    ],
+)
 def test_invalid_options_end_with_one_sentence(run, words, message):
     code, out, err = run("view", *words)
     assert (code, out) == (2, "")

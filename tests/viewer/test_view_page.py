@@ -26,9 +26,17 @@ msgspec, zstandard, client, errors = map(  # viser's own
 )
 
 CAMERA = {
-    "type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (3.0, 0.0, 1.0), "fov": 0.8, "near": 0.01,
-    "far": 1000.0, "image_height": 600, "image_width": 900, "look_at": (0.0, 0.0, 1.0), "up_direction": (0.0, 0.0, 1.0),
-}  # fmt: skip
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (3.0, 0.0, 1.0),
+    "fov": 0.8,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 600,
+    "image_width": 900,
+    "look_at": (0.0, 0.0, 1.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}
 
 
 def wait_until(condition, patience=60.0):
@@ -238,7 +246,8 @@ def test_a_page_of_another_version_is_refused(make_view, capfd):
 def test_controls_become_commands(make_view):
     view = make_view()
     panel = view._panel
-    panel._method.value, panel._follows.value = "nearest-neighbor", True
+    panel._method.value = "nearest-neighbor"
+    panel._follows.value = True
     panel._sliders[3].value = 45.0
     command = panel.read(0.02)
     assert (command.method, command.follow_hand) == ("nearest-neighbor", True)
@@ -247,9 +256,11 @@ def test_controls_become_commands(make_view):
         assert word in panel._head.content
     assert "nan" not in panel._head.content
     for name, base in (
-        ("on a wall", (1, 0, 0)), ("from the ceiling", (0, 0, -1)), ("at the person's right side", (0, -1, 0)),
+        ("on a wall", (1, 0, 0)),
+        ("from the ceiling", (0, 0, -1)),
+        ("at the person's right side", (0, -1, 0)),
         ("as the person", (0, 0, 1)),
-    ):  # fmt: skip
+    ):
         panel._preset.value = name
         assert pytest.approx(base) == panel.read(0.0).base_rotation.T @ [0, 0, 1]
     own = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()

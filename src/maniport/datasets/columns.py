@@ -12,10 +12,23 @@ from maniport.errors import InvalidInputError, argument, some_of
 from maniport.util.validation import Array
 
 SKIPPED = "-"  # a column that is no joint of the robot, in the names that a caller gives
-FILLERS = frozenset({
-    *("joint", "joints", "pos", "position", "positions", "state", "dof", "motor", "motors", "q"),
-    *("k", "observation", "angle", "angles"),
-})  # fmt: skip
+FILLERS = frozenset(
+    {
+        *(
+            "joint",
+            "joints",
+            "pos",
+            "position",
+            "positions",
+            "state",
+            "dof",
+            "motor",
+            "motors",
+            "q",
+        ),
+        *("k", "observation", "angle", "angles"),
+    }
+)
 """Words in the names of columns and joints that do not tell joints apart."""
 GRIPPERS = frozenset({"gripper", "grippers", "finger", "fingers", "thumb", "jaw", "claw"})
 """Words in the names of columns of grippers."""

@@ -329,11 +329,13 @@ _FUNCTIONS[Name("numpy", "dtype")] = _make_dtype
 _FUNCTIONS[Name("collections", "OrderedDict")] = _ordered_dict
 _CLASSES.add(Name("numpy", "ndarray"))
 
-_CONSTANTS = frozenset({
-    *("INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4", "FLOAT", "BINFLOAT"),
-    *("STRING", "BINSTRING", "SHORT_BINSTRING", "UNICODE", "BINUNICODE", "SHORT_BINUNICODE"),
-    *("BINUNICODE8", "BINBYTES", "SHORT_BINBYTES", "BINBYTES8", "BYTEARRAY8"),
-})  # fmt: skip
+_CONSTANTS = frozenset(
+    {
+        *("INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4", "FLOAT", "BINFLOAT"),
+        *("STRING", "BINSTRING", "SHORT_BINSTRING", "UNICODE", "BINUNICODE", "SHORT_BINUNICODE"),
+        *("BINUNICODE8", "BINBYTES", "SHORT_BINBYTES", "BINBYTES8", "BYTEARRAY8"),
+    }
+)
 """Instructions that push their argument."""
 _MAKERS: dict[str, Callable[[], Value]] = {
     "MARK": _Mark,
