@@ -14,7 +14,6 @@ import tokenize
 from collections import Counter
 from pathlib import Path
 
-
 # The largest readable value of each row. mink and pyroki meet all, Pink, pyRiemann and toppra all but one.
 ROWS = {
     "files": math.inf,
