@@ -326,6 +326,21 @@ def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, com
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "unused"),
+    [
+        ("track", ("--capability", "--capability-weight", "--direction", "--directions")),
+        ("live", ("--rate",)),
+    ],
+)
+def test_options_that_a_command_does_not_use_are_not_offered(run, command, unused):
+    _, complete, _ = run(command, "--help-all")
+    _, transfer, _ = run("transfer", "--help-all")
+    for option in unused:
+        assert f"{option} " not in complete
+        assert f"{option} " in transfer
+
+
 def test_every_command_has_help_with_an_example(run):
     for command in cli.ORDER:
         code, out, _ = run(command, "--help")

@@ -44,7 +44,7 @@ def _transport(help: str, *flags: str) -> OptionInfo:
     "transfer",
     "motion",
     "seed",
-    without=("hand_targets", "move", "export"),
+    without=("hand_targets", "move", "export", "rate"),
     defaults=LIVE,
     example="maniport live walk.bvh --robot ur5.urdf --udp 9000",
 )

@@ -44,6 +44,10 @@ COMPILED_PART = (1.4, 2.4)  # of the easy one [s]; enough to call all that trans
 COMPILED_SAMPLES = (128, 256)  # of the person and the robot
 
 
+CAPABILITY_OPTIONS = ("capability", "capability_weight", "direction", "directions")
+"""Options of motions of a person, whose force and speed count."""
+
+
 @command(
     "transfer",
     "motion",
@@ -399,7 +403,7 @@ def place(
     "damping",
     "place",
     "seed",
-    without=("hand_targets", "pose", "move"),
+    without=("hand_targets", "pose", "move", *CAPABILITY_OPTIONS),
     example="maniport track placed_profile.npz --robot panda --path path.npz -o motion",
 )
 def track(
