@@ -127,7 +127,7 @@ def test_a_folder_holds_the_motion_of_all_and_the_data_of_each(two_arm_result, t
     drawn = (folder / "motion.svg").read_text()
     assert "Left: Ellipsoid distance" in drawn
     assert "right_panda_joint1 [°]" in drawn
-    with pytest.raises(OutputError, match="holds an earlier result"):  # figures are part of it
+    with pytest.raises(OutputError, match="overwrite="):  # figures are part of it
         mp.write_results(two_arm_result, folder)
     (folder / "left" / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match=r"'left/mine\.txt'"):
@@ -135,7 +135,7 @@ def test_a_folder_holds_the_motion_of_all_and_the_data_of_each(two_arm_result, t
 
 
 def test_targets_without_a_motion_cannot_be_exported(still, tmp_path):
-    with pytest.raises(InvalidInputError, match="exports are of a robot's motion"):
+    with pytest.raises(InvalidInputError, match=r"exports.*motion"):
         mp.write_results(still, tmp_path / "other", exports="ros2")
     assert not (tmp_path / "other").exists()
 

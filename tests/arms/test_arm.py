@@ -58,11 +58,9 @@ def test_wrong_arguments_are_named(method, arguments, options, message):
 
 
 def test_singular_force_ellipsoid_is_refused(planar):
-    with pytest.raises(
-        NotSPDError, match=r"jacobian\[0\] is singular.*\(2 of 2\).*kind='velocity'"
-    ):
+    with pytest.raises(NotSPDError, match=r"jacobian\[0\].*\(2 of 2\).*kind='velocity'"):
         planar.manipulability([[0.3, 0.5], [0.0, 0.0]], kind="force")
-    with pytest.raises(NotSPDError, match=r"jacobian\[1\] is singular"):
+    with pytest.raises(NotSPDError, match=r"jacobian\[1\].*singular"):
         manipulability(np.stack([np.eye(6), np.diag([1.0, 0, 1, 1, 1, 1])]), "force")
 
 

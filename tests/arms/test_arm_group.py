@@ -118,7 +118,7 @@ def test_a_single_arm_is_a_group_of_one():
     assert mp.arms.as_group(group) is group
     again = pickle.loads(pickle.dumps(mp.ArmGroup(arm, names=("right",))))
     assert (again.names, again.joint_names) == (("right",), arm.joint_names)
-    with pytest.raises(InvalidInputError, match="of two arms; the group has 1"):
+    with pytest.raises(InvalidInputError, match="two arms"):
         group.cooperative_ellipsoids(q)
 
 
@@ -168,9 +168,9 @@ def test_what_is_no_pair_is_named(robot, options, message):
 
 def test_postures_of_arms_that_do_not_agree_are_refused(crane):
     left, right = crane.split(crane.sample(4, 0))
-    with pytest.raises(InvalidInputError, match="shared joint 'rise'"):
+    with pytest.raises(InvalidInputError, match="'rise'"):
         crane.joined(left, right + 0.1 * np.eye(6)[1])
-    with pytest.raises(InvalidInputError, match="same leading shape"):
+    with pytest.raises(InvalidInputError, match="leading shape"):
         crane.joined(left, right[:2])
 
 

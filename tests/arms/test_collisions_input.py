@@ -38,12 +38,10 @@ def test_bases_and_tables_that_leave_no_room_are_refused(tmp_path):
     arms = load_arms("panda", bases=((0, 0.05, 0), (0, -0.05, 0)))
     with pytest.raises(
         InvalidInputError,
-        match=r"bases: 'left_panda_link0' is 0\.\d+ m deep in 'right_panda_link0'",
+        match=r"^bases.*'left_panda_link0'.*'right_panda_link0'",
     ):
         Collisions.of(arms)
-    with pytest.raises(
-        InvalidInputError, match=r"table: the plane at z = 1 m touches 'tip' in all"
-    ):
+    with pytest.raises(InvalidInputError, match=r"^table.*'tip'"):
         Collisions.of(one_link(tmp_path, '<sphere radius="0.1"/>'), table=1.0)
 
 

@@ -223,7 +223,7 @@ LIFT = """<robot name="lift"><link name="base"/><link name="carriage"/><link nam
 def test_a_lift_without_limits_is_excluded_by_the_ways_in_the_message(tmp_path):
     path = tmp_path / "lift.urdf"
     path.write_text(LIFT)
-    with pytest.raises(FileFormatError, match="'lift' has no limits") as caught:
+    with pytest.raises(FileFormatError, match=r"'lift'.*limits") as caught:
         load_arm(path)
     base = re.search(r"base='(\w+)'", str(caught.value))[1]
     assert load_arm(path, base=base).joint_names == ("turn", "nod")
@@ -243,7 +243,7 @@ def test_a_slide_at_the_end_is_not_excluded_by_a_base(tmp_path):
     path.write_text(
         text.replace('<child link="c"/>', '<child link="c"/><limit effort="1" velocity="1"/>')
     )
-    with pytest.raises(FileFormatError, match="'slide' has no limits") as caught:
+    with pytest.raises(FileFormatError, match=r"'slide'.*limits") as caught:
         load_arm(path)
     assert "base" not in str(caught.value)
     assert load_arm(path, joints=["lift", "turn", "nod"]).dof == 3

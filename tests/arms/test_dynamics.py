@@ -95,12 +95,12 @@ def test_payload_pulls_the_end_effector_down():
     expected = arm.gravity_torques(q) + 2.5 * 9.81 * linear[:, 2]
     assert_allclose(loaded.gravity_torques(q), expected, atol=1e-9)
     assert_like_pinocchio(loaded)
-    with pytest.raises(InvalidInputError, match=r"mass must be .*found -1"):
+    with pytest.raises(InvalidInputError, match=r"mass.*-1"):
         arm.with_payload(-1.0)
     light = Arm(replace(load_arm("panda").chain, inertia=None))
-    with pytest.raises(InvalidInputError, match="'panda' has no"):
+    with pytest.raises(InvalidInputError, match=r"masses.*'panda'"):
         light.with_payload(1.0)
-    with pytest.raises(InvalidInputError, match="'panda' has no masses"):
+    with pytest.raises(InvalidInputError, match=r"'panda'.*masses"):
         light.gravity_torques(np.zeros(7))
 
 
@@ -150,7 +150,7 @@ def test_ellipsoids_hold_the_limits_of_each_joint():
 
 def test_missing_limits_are_named():
     arm = Arm(replace(load_arm("panda").chain, effort_limits=None))
-    with pytest.raises(InvalidInputError, match="has no effort limits above 0 for"):
+    with pytest.raises(InvalidInputError, match="effort limits"):
         arm.manipulability(np.ones(7), "force", joint_weights="joint-limits")
 
 

@@ -69,13 +69,9 @@ def test_catalog_robots_are_loaded_by_name(monkeypatch, urdf):
     }
     try:
         assert load_arm("crane_description", frame="boom").joint_names == ("turn", "raise")
-        with pytest.raises(
-            UnknownNameError, match=r"'cran_description' .*first: 'crane_description', "
-        ):
+        with pytest.raises(UnknownNameError, match=r"'cran_description'.*'crane_description'"):
             load_arm("cran_description")
-        with pytest.raises(
-            UnknownNameError, match=r"'offline_description' could not be fetched.*no network"
-        ):
+        with pytest.raises(UnknownNameError, match=r"'offline_description'.*network"):
             load_arm("offline_description")
     finally:
         for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
@@ -101,13 +97,11 @@ def test_xacro_is_its_urdf(write, capfd):
     arm = load_arm(write(text, "arm.urdf.xacro"))
     assert (arm.joint_names, arm.frame) == (("j1", "j2"), "link2")
     np.testing.assert_allclose(arm.forward([0.0, 0.0])[:3, 3], [0, 0, 0.4], atol=1e-12)
-    with pytest.raises(
-        FileFormatError, match=r"broken\.xacro: xacro cannot expand it: .*no\.xacro"
-    ):
+    with pytest.raises(FileFormatError, match=r"broken\.xacro.*no\.xacro"):
         load_arm(write(f'{header}<xacro:include filename="no.xacro"/></robot>', "broken.xacro"))
     with pytest.raises(
         FileFormatError,
-        match=r"there is no package 'nowhere' above its folder or in ROS_PACKAGE_PATH",
+        match=r"'nowhere'.*ROS_PACKAGE_PATH",
     ):
         load_arm(
             write(
@@ -119,9 +113,7 @@ def test_xacro_is_its_urdf(write, capfd):
         write(text.replace("<link", '<xacro:property name="len" value="1"/><link'), "shadow.xacro")
     )
     assert capfd.readouterr() == ("", "")
-    with pytest.raises(
-        FileFormatError, match=r"robot\.urdf: this is a xacro file; let its name end in \.xacro"
-    ):
+    with pytest.raises(FileFormatError, match=r"robot\.urdf.*\.xacro"):
         load_arm(write(text))
 
 
@@ -236,14 +228,14 @@ def test_limbs_of_a_file_without_movable_joints_are_refused(write):
         write(jointed("fixed")),
         write(world(HINGE.replace("/>{", ' type="ball"/>{').format("")), "r.xml"),
     ):
-        with pytest.raises(InvalidInputError, match="has no movable joint"):
+        with pytest.raises(InvalidInputError, match="movable joint"):
             robot_limbs(path)
 
 
 @pytest.mark.parametrize("build", [myoarm, rhuman])
 @pytest.mark.parametrize("length", [0.0, -0.3, 29.0, np.nan, "long", [0.3, 0.3]])
 def test_implausible_segment_lengths_are_refused(build, length):
-    with pytest.raises(InvalidInputError, match=r"forearm \[m\] must be"):
+    with pytest.raises(InvalidInputError, match=r"^forearm"):
         build(forearm=length)
 
 
@@ -254,7 +246,7 @@ def test_axes_of_no_length_and_places_out_of_the_world_are_refused(write, axis, 
     body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
     urdf = write(jointed("revolute", f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'))
     for path in (urdf, write(world(f'<body name="a">{body}</body>'), "r.xml")):
-        with pytest.raises(ValueError, match=r"'j' (must|needs an origin)|<body> 'b' needs pos"):
+        with pytest.raises(ValueError, match=r"'j'.*(must|origin)|'b'.*needs pos"):
             load_arm(path, frame="b")
 
 
@@ -266,7 +258,7 @@ def test_a_part_is_the_whole_arm_with_coordinates_held():
     np.testing.assert_allclose(before @ part.forward(q[:, 3:]), whole.forward(q), atol=1e-12)
     np.testing.assert_array_equal(part.velocity_limits, whole.velocity_limits[3:])
     assert part.frames[0] == "panda_link3"
-    with pytest.raises(UnknownNameError, match="unknown base 'panda_link2'"):
+    with pytest.raises(UnknownNameError, match="base 'panda_link2'"):
         part.restricted(base="panda_link2")
     some = load_arm("panda", joints=["panda_joint1", "panda_joint2"], lock={"panda_joint4": -1.5})
     q = np.array([0.3, -0.2, 0.0, -1.5, 0.0, 0.0, 0.0])

@@ -212,9 +212,7 @@ def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
             'range="-9 9"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
         )
         arm = load_arm(folder / "one.xml")
-    with pytest.raises(
-        FileFormatError, match=r"lies outside its folder and its packages.*mesh_folders=|is missing"
-    ):
+    with pytest.raises(FileFormatError, match=r"mesh_folders=|missing"):
         arm.surfaces()
     if "package" not in name:
         allowed = load_arm(folder / f"one.{suffix}", mesh_folders=[tmp_path])
@@ -314,11 +312,10 @@ def test_missing_meshes_are_named_only_when_they_are_drawn(tmp_path):
     assert arm.forward([0.1]).shape == (4, 4)
     with pytest.raises(
         FileFormatError,
-        match=r"one\.urdf: the mesh 'package://kit/part\.stl' is missing \(1 of 1 .*"
-        r"the package 'kit' in .* and every folder above.*ROS_PACKAGE_PATH",
+        match=r"one\.urdf.*'package://kit/part\.stl'.*'kit'.*ROS_PACKAGE_PATH",
     ):
         arm.surfaces()
-    with pytest.raises(FileFormatError, match=r"'part\.stl' is missing.*looked at '.*part\.stl'"):
+    with pytest.raises(FileFormatError, match=r"'part\.stl'.*looked at '.*part\.stl'"):
         one_link(tmp_path, '<mesh filename="part.stl"/>').surfaces()
 
 
@@ -347,7 +344,7 @@ def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
             '<cylinder radius="0.05" length="0.3"/>', '<mesh filename="no.stl"/>'
         )
     )
-    with pytest.raises(FileFormatError, match=r"'gone\.stl' is missing \(1 of 1"):
+    with pytest.raises(FileFormatError, match=r"'gone\.stl'.*\(1 of 1"):
         load_arm(digger, frame="bucket").surfaces()
 
 

@@ -197,9 +197,7 @@ def test_bodies_in_bodies_count_over_all_files(tmp_path):
     path.write_text(
         f'<mujoco><worldbody><body name="a"><joint name="j"/>{inner}</body></worldbody></mujoco>'
     )
-    with pytest.raises(
-        FileFormatError, match="levels of elements within elements, with the files that it includes"
-    ):
+    with pytest.raises(FileFormatError, match="levels of elements"):
         load_arm(path)
 
 
@@ -234,5 +232,5 @@ def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, message):
     )
     os.mkfifo(tmp_path / "pipe.xacro")
     (tmp_path / "a.xacro").write_text(XACRO.format(content))
-    with pytest.raises(FileFormatError, match=rf"a\.xacro: xacro cannot expand it: .*{message}"):
+    with pytest.raises(FileFormatError, match=rf"a\.xacro.*{message}"):
         load_arm(tmp_path / "a.xacro")

@@ -163,7 +163,7 @@ def test_what_mujoco_refuses_is_refused(tmp_path, case):
     path = write(tmp_path, REFUSED[case])
     with pytest.raises(ValueError, match="already included"):
         mujoco.MjModel.from_xml_path(str(path))
-    with pytest.raises(FileFormatError, match=r"includes '.*xml' more than once, or in a cycle"):
+    with pytest.raises(FileFormatError, match=r"'.*xml'.*cycle"):
         load_arm(path)
 
 
@@ -174,7 +174,7 @@ def test_the_scene_loads_and_the_robot_that_mujoco_refuses_does_not():
     np.testing.assert_allclose(
         [nested.lower, nested.upper], np.pi / 2 * np.array([[-1, -1], [1, 1]])
     )
-    with pytest.raises(FileFormatError, match=r"robot\.xml: includes 'geoms\.xml' more than once"):
+    with pytest.raises(FileFormatError, match=r"robot\.xml.*'geoms\.xml'.*once"):
         load_arm(CASES / "robot.xml")
 
 
@@ -184,7 +184,7 @@ def test_a_folder_that_is_allowed_may_be_included(tmp_path):
         (tmp_path / name).mkdir()
     path = write(tmp_path / "robot", {"main.xml": model(BODY.format(include("../common/g.xml")))})
     (tmp_path / "common" / "g.xml").write_text(GEOM)
-    with pytest.raises(FileFormatError, match=r"lies outside of its folder.*mesh_folders="):
+    with pytest.raises(FileFormatError, match=r"outside.*mesh_folders="):
         load_arm(path)
     arm = load_arm(path, mesh_folders=[tmp_path / "common"])
     assert len(arm.surfaces()) == 1
@@ -196,5 +196,5 @@ def test_a_folder_that_is_allowed_may_be_included(tmp_path):
 def test_files_that_double_on_each_level_are_limited(tmp_path):
     files = {f"{k}.xml": part(include(f"{k + 1}.xml") * 2) for k in range(40)}
     path = write(tmp_path, {"main.xml": wrapped("0.xml"), **files, "40.xml": part(BODY.format(""))})
-    with pytest.raises(FileFormatError, match="inclusions of files; at most"):
+    with pytest.raises(FileFormatError, match="inclusions"):
         load_arm(path)

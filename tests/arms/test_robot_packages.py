@@ -46,9 +46,7 @@ def test_every_arm_is_taken_at_its_hand_and_equals_mujoco(package):
 
 def test_two_arms_are_named_by_their_side():
     require("example-robot-data")
-    with pytest.raises(
-        InvalidInputError, match=r"'talos' has two arms: name 'talos_left_arm' or 'talos_right_arm'"
-    ):
+    with pytest.raises(InvalidInputError, match=r"'talos'.*'talos_left_arm'.*'talos_right_arm'"):
         load_arm("talos")
     assert load_arm("talos", frame="gripper_right_base_link").dof == 9
     limbs, default = robot_limbs("g1")
@@ -67,11 +65,11 @@ def test_errors_of_unknown_robots_contain_the_installation(monkeypatch):
         load_arm("xarm7")
     with pytest.raises(
         MissingPackageError,
-        match=r"'sawyer' comes with the package robosuite, .* --no-deps robosuite",
+        match=r"'sawyer'.*--no-deps robosuite",
     ):
         load_arm("robosuite/sawyer")
     with pytest.raises(
         UnknownNameError,
-        match=r"unknown robot 'ur55'.* pip install example-rob.*nearest first: 'ur5'",
+        match=r"'ur55'.*pip install example-rob.*'ur5'",
     ):
         load_arm("ur55")

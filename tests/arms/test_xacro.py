@@ -97,7 +97,7 @@ def test_packages_are_found_where_meshes_are(tmp_path, monkeypatch, place):
     if "user" in place:
         assert run("info", path, "--mesh-folders", tmp_path / "elsewhere").exit_code == 0
         assert find_package("parts", path) is None
-        with pytest.raises(FileFormatError, match=r"no package 'parts'.*mesh_folders="):
+        with pytest.raises(FileFormatError, match=r"'parts'.*mesh_folders="):
             load_arm(path)
     else:
         assert find_package("parts", path) == folder
@@ -294,7 +294,7 @@ ACTIVE = {
 def test_files_that_need_xacro_are_refused_as_a_urdf(tmp_path, case):
     path = tmp_path / "arm.urdf"
     path.write_text(f'<robot name="r" {NAMESPACE}>{ACTIVE[case]}{ARM}</robot>')
-    with pytest.raises(FileFormatError, match=r"this is a xacro file.*\.xacro"):
+    with pytest.raises(FileFormatError, match=r"arm\.urdf.*\.xacro"):
         load_arm(path)
 
 
@@ -304,7 +304,7 @@ def test_the_ending_that_a_message_asks_for_is_enough(tmp_path):
     path.write_text(
         f'<robot name="r" {NAMESPACE}><xacro:macro name="m">{tool}</xacro:macro>{ARM}<xacro:m/></robot>'
     )
-    with pytest.raises(FileFormatError, match=r"end in \.xacro"):
+    with pytest.raises(FileFormatError, match=r"arm\.urdf.*\.xacro"):
         load_arm(path)
     assert load_arm(shutil.copy(path, tmp_path / "arm.xacro")).frame == "tool"
 

@@ -157,13 +157,13 @@ def test_finished_pairs_are_not_repeated(whole, recordings, tmp_path):
     shutil.rmtree(folder / "rhuman" / "ben")
     assert small([recordings], folder).kept == len(whole.table) - 2
     assert tree(folder) == tree(whole.folder)
-    with pytest.raises(OutputError, match="another damping; give overwrite="):
+    with pytest.raises(OutputError, match=r"damping.*overwrite="):
         small([recordings], folder, damping=0.02)
-    with pytest.raises(OutputError, match="another stop, profile_rate; give"):
+    with pytest.raises(OutputError, match="stop, profile_rate"):
         small([recordings], folder, stop=1.75, profile_rate=5)
     assert tree(folder) == tree(whole.folder)
     (folder / "panda" / "anna" / "1.c3d" / "pair.json").write_text('{"key": 1, "row": {}}')
-    with pytest.raises(OutputError, match=r"pair\.json was changed"):
+    with pytest.raises(OutputError, match=r"pair\.json"):
         small([recordings], folder)
     changed = tmp_path / "recordings"
     shutil.copytree(recordings, changed)
@@ -351,7 +351,7 @@ def test_dask_gives_the_same_bytes(whole, recordings, tmp_path):
     with distributed.LocalCluster(**options) as cluster:
         small([recordings], tmp_path / "dataset", dask=cluster.scheduler_address)
     assert tree(tmp_path / "dataset") == tree(whole.folder)
-    with pytest.raises(ManiportError, match="cannot connect to the Dask scheduler"):
+    with pytest.raises(ManiportError, match="Dask scheduler"):
         small([recordings], tmp_path / "other", dask="127.0.0.1:1")
 
 

@@ -188,9 +188,9 @@ def test_what_is_done_is_not_read_again(one, recordings, copied, monkeypatch):
 def test_other_results_stay_unless_overwriting_is_allowed(one, recordings, copied, tmp_path):
     """Other settings, changed recordings and a shorter list are refused, and change nothing."""
     before = contents(copied)
-    with pytest.raises(OutputError, match="another damping; give overwrite="):
+    with pytest.raises(OutputError, match=r"damping.*overwrite="):
         pack([recordings], copied, damping=0.02)
-    with pytest.raises(OutputError, match=r"4 pairs.*anna/1.c3d on panda.*overwrite="):
+    with pytest.raises(OutputError, match=r"4 pairs.*anna/1.c3d.*overwrite="):
         pack([Clip(str(recordings / name)) for name in CLIPS[2:]], copied)
     changed = tmp_path / "recordings"
     shutil.copytree(recordings, changed)
@@ -198,7 +198,7 @@ def test_other_results_stay_unless_overwriting_is_allowed(one, recordings, copie
         stream.write(bytes(512))
     with pytest.raises(OutputError, match="another recording"):
         pack([changed], copied)
-    with pytest.raises(OutputError, match="has 1 shard"):
+    with pytest.raises(OutputError, match="1 shard"):
         pack([recordings], copied, "1/2")
     with pytest.raises(OutputError, match="packed"):
         mp.transfer_batch([recordings], ROBOTS, copied, **OPTIONS)
@@ -300,7 +300,7 @@ def test_a_journal_that_is_cut_anywhere_has_all_entries_before(one, recordings, 
         if "carl" in step:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt, match="of 10 pairs"):
+    with pytest.raises(KeyboardInterrupt, match="10 pairs"):
         pack([recordings], folder, progress=stop)
     whole = (folder / "journal").read_bytes()
     assert len(manifest_of(folder)) >= 9

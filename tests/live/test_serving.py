@@ -155,7 +155,7 @@ def test_a_full_disk_is_an_error():
         contextlib.closing(Datagrams(0, sink=Full())) as datagrams,
     ):
         for transport in (Pipe(0, full.fileno()), datagrams):
-            with pytest.raises(OutputError, match="No space left"):
+            with pytest.raises(OutputError, match="No space"):
                 transport.send(b"{}")
 
 
@@ -225,7 +225,7 @@ def test_datagrams_are_answered_to_their_sender_or_one_port(guest):
 
 @pytest.mark.parametrize(("port", "send"), [("taken", None), (99_999, None), (0, 0), (9000, 9000)])
 def test_impossible_ports_are_refused(guest, port, send):
-    with pytest.raises(InvalidInputError, match=r"Port 0 takes a free one|udp|send"):
+    with pytest.raises(InvalidInputError, match=r"\b[Pp]ort\b|udp|send"):
         Datagrams(guest.getsockname()[1] if port == "taken" else port, send=send)
 
 

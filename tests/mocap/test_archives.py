@@ -76,7 +76,7 @@ def test_other_contents_are_named(tmp_path, members, words):
 def test_no_more_is_unpacked_than_other_files_may_have(tmp_path, monkeypatch):
     monkeypatch.setattr(reader, "RECORDING_BYTES", 2**20)
     file = packed(tmp_path / "bomb.zip", {"a.bvh": bytes(3 * 2**20)})
-    with pytest.raises(FileFormatError, match=r"a\.bvh has 3 MB or more; at most 1 MB"):
+    with pytest.raises(FileFormatError, match=r"a\.bvh.*3 MB.*1 MB"):
         read_recording(file)
     lying = bytearray(file.read_bytes())
     size = (3 * 2**20).to_bytes(4, "little")

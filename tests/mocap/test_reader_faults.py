@@ -178,7 +178,7 @@ def test_damaged_texts_are_rejected(tmp_path, markers, write, name, damage, word
 def test_truncated_c3d_is_rejected(tmp_path, size):
     file = tmp_path / "cut.c3d"
     file.write_bytes(shipped_recording("freeform").read_bytes()[:size])
-    with pytest.raises(FileFormatError, match=r"cut\.c3d: .*(cut off|damaged)"):
+    with pytest.raises(FileFormatError, match=r"cut\.c3d.*(cut off|damaged)"):
         read_recording(file)
 
 
@@ -210,9 +210,9 @@ def test_points_out_of_reach(tmp_path):
     )
     assert read_recording(tmp_path / "a.npz", unit="m").missing.tolist() == [1, 0]
     np.save(tmp_path / "b.npy", np.full((2, 22, 3), 1e300) * np.linspace(0, 1, 66).reshape(22, 3))
-    with pytest.raises(FileFormatError, match="22 joints without names"):
+    with pytest.raises(FileFormatError, match="22 joints"):
         read_recording(tmp_path / "b.npy", rate=30)
-    with pytest.raises(InvalidInputError, match="positions must be within"):
+    with pytest.raises(InvalidInputError, match=r"^positions"):
         Recording(("a",), np.full((2, 1, 3), -1e300), [0, 1])
 
 

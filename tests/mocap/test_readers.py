@@ -229,7 +229,7 @@ def test_a_skeleton_is_recognized_by_its_arms(tmp_path, smpl):
     assert again.names == smpl.names
     assert noted(again, "SMPL body")
     np.savez(tmp_path / "b.npz", joints=np.random.default_rng(0).normal(size=(20, 22, 3)), fps=50)
-    with pytest.raises(FileFormatError, match="22 joints without names"):
+    with pytest.raises(FileFormatError, match="22 joints"):
         read_recording(tmp_path / "b.npz")
 
 
@@ -324,7 +324,7 @@ def test_keypoints_of_mediapipe_in_every_layout(tmp_path, made):
         [{"x": 0.5 + p["x"] / 3, "y": 0.5 + p["y"] / 3, "z": p["z"]} for p in frame]
         for frame in frames
     ]
-    with pytest.raises(FileFormatError, match="in an image"):
+    with pytest.raises(FileFormatError, match="image"):
         read_recording(write_json(tmp_path / "b.json", flat), rate=30)
 
 
@@ -342,7 +342,7 @@ def test_a_folder_of_openpose(tmp_path, made):
     assert_allclose(again.point("RWrist"), recording.point("RWrist")[:5])
     assert np.isnan(again.point("LBigToe")).all()
     two = write_json(tmp_path / "c.json", {"people": [{"pose_keypoints_2d": [1, 2, 0.5] * 25}]})
-    with pytest.raises(FileFormatError, match="in an image"):
+    with pytest.raises(FileFormatError, match="image"):
         read_recording(two, rate=50)
 
 

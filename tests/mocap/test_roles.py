@@ -54,7 +54,7 @@ def test_every_marker_set_is_recognized(made, marker_set, side):
     ],
 )
 def test_similar_names_are_not_used(names):
-    with pytest.raises(RecordingError, match=r"missing in 'some.file': shoulder|elbow \("):
+    with pytest.raises(RecordingError, match=r"'some.file'.*(shoulder|elbow)"):
         assign_roles(named(*names, "Spine", "Neck", "LeftArm", "LeftShoulder"))
 
 
@@ -119,7 +119,7 @@ def test_points_of_the_other_side_are_rejected(made, wrong, anonymous):
         if not anonymous and wrong != "trunk"
         else "to the left of"
     )
-    with pytest.raises(RecordingError, match=f"of the right arm: .*{by_name}"):
+    with pytest.raises(RecordingError, match=f"right arm.*{by_name}"):
         assign_roles(recording, right | trunk | change[wrong])
 
 

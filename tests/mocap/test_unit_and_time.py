@@ -23,7 +23,7 @@ def test_right_options_cause_no_warning():
 @pytest.mark.parametrize("unit", ["m", "mm", "inch"])
 def test_an_impossible_unit_is_rejected(tmp_path, made, unit):
     skeleton_file = write_bvh(tmp_path / "small.bvh", SKELETONS["LAFAN1"], made)
-    with pytest.raises(FileFormatError, match=f"small.bvh: unit='{unit}' .*unit='cm' makes it 0.3"):
+    with pytest.raises(FileFormatError, match=f"small.bvh.*unit='{unit}'.*unit='cm'"):
         read_recording(skeleton_file, unit=unit)
 
 

@@ -124,7 +124,7 @@ def test_own_cost_of_a_tolerance_is_weighed_and_its_error_counts():
     assert isinstance(problem.costs[0], PositionErrorCost)
     assert problem.position_errors(q)[:, 0] == pytest.approx(np.abs(ARM.forward(q)[:, 2, 3] - 0.4))
     assert problem.with_position_weight(70.0).costs[0].weight == 70.0
-    with pytest.raises(InvalidInputError, match=r"costs\[0\].error must have shape \(2,\)"):
+    with pytest.raises(InvalidInputError, match=r"costs\[0\].error.*\(2,\)"):
         as_costs([Level(shape=(-1, 1))], ARM, TIME)
 
 

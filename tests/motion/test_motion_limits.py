@@ -108,9 +108,7 @@ def test_use_is_found_where_it_is(crane):
 
 def test_use_asks_for_a_constant_rate_and_fitting_shapes(crane):
     limits = MotionLimits.of(crane)
-    with pytest.raises(
-        InvalidInputError, match=r"time must have a constant rate; found steps of 0\.1 to 1 s"
-    ):
+    with pytest.raises(InvalidInputError, match=r"^time.*rate.*0\.1"):
         limits.use([0.0, 0.1, 1.1], np.zeros((3, 2)))
-    with pytest.raises(InvalidInputError, match=r"q must have shape \(3, 2\)"):
+    with pytest.raises(InvalidInputError, match=r"^q.*\(3, 2\)"):
         limits.use([0.0, 0.1, 0.2], np.zeros((3, 3)))

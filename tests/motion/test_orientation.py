@@ -68,7 +68,7 @@ def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, axe
 
 def test_wrong_orientations_are_named(panda, motion):
     profile, path, rotations = motion
-    with pytest.raises(InvalidInputError, match=r"rotations\[0\] must be a rotation"):
+    with pytest.raises(InvalidInputError, match=r"^rotations\[0\]"):
         planned_arm(panda, profile, rotations=2.0 * rotations, time=TIME, path=path)
-    with pytest.raises(InvalidInputError, match=r"rotations must have shape \(12, 3, 3\)"):
+    with pytest.raises(InvalidInputError, match=r"^rotations.*\(12, 3, 3\)"):
         tracked_arm(panda, profile, rotations=rotations[:5], time=TIME, path=path)

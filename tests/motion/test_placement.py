@@ -177,7 +177,7 @@ def test_path_stays_in_its_workspace(panda, planner, motion):
     above = planner_of(panda, collisions=Collisions.of(panda, table=0.0))
     placed = placed_best(*motion, above, offset=(0.4, 0.0, None), scale=(0.8, 1.0))
     assert placed.path[:, 2].min() >= -1e-8
-    with pytest.raises(InvalidInputError, match="a table is level in the frame of the base"):
+    with pytest.raises(InvalidInputError, match=r"table.*level"):
         placed_best(*motion, above, tilt=0.3)
 
 
@@ -398,7 +398,7 @@ def test_bad_targets_are_refused(panda, planner, motion):
     target = target_of(panda, *motion)
     with pytest.raises(InvalidInputError, match="positions"):
         place_path(panda, replace(target, positions=None), planner=planner)
-    with pytest.raises(InvalidInputError, match="targets must be 1"):
+    with pytest.raises(InvalidInputError, match=r"^targets"):
         place_path(panda, [target, target], planner=planner)
     with pytest.raises(InvalidInputError, match="map_rotation"):
         place_path(panda, target, planner=planner, map_rotation=-np.eye(3))

@@ -244,7 +244,7 @@ def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(
         loaded = Planner.of(limits, VELOCITY, collisions=False)
         with pytest.raises(
             InvalidInputError,
-            match=r"on the path [01]\.\d+ s after the start; at best panda_joint2 needs .* is 25 N m",
+            match=r"path.*panda_joint2.*25 N",
         ):
             planned_arm(robot, **targets, planner=loaded)
     part = arm_problem(loaded.limits.arm, targets["profile"][:4], targets["path"][:4])
@@ -260,11 +260,9 @@ def test_a_payload_is_held_on_the_path_or_the_plan_fails_before_it_is_optimized(
 
 
 def test_a_planner_of_another_arm_is_refused(crane, planner, targets):
-    with pytest.raises(
-        InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'crane'"
-    ):
+    with pytest.raises(InvalidInputError, match=r"planner.*'panda'.*'crane'"):
         planned_arm(crane, **targets, planner=planner)
-    with pytest.raises(InvalidInputError, match="does not fit"):
+    with pytest.raises(InvalidInputError, match="planner"):
         planned_arm(
             planner.limits.arm, **targets, planner=planner, spec=EllipsoidSpec(part="rotation")
         )

@@ -17,9 +17,9 @@ def test_samples_of_a_bank_are_starts(panda, bank):
     q = bank.joint_positions[:50]
     problem = arm_problem(panda, panda.manipulability(q), panda.forward(q)[:, :3, 3])
     assert_array_equal(bank.starts_for(problem.target, 3)[:, 0, :6], q[:, :6])
-    with pytest.raises(InvalidInputError, match="n must be a whole number of at least 1"):
+    with pytest.raises(InvalidInputError, match=r"^n must"):
         SeedBank(panda, 0)
-    with pytest.raises(InvalidInputError, match="seed bank was built for 'panda'; it does not fit"):
+    with pytest.raises(InvalidInputError, match=r"seed bank.*'panda'"):
         nearest_feasible(load_arm("panda", frame="panda_hand_tcp"), np.eye(3)[None], bank=bank)
 
 
@@ -48,11 +48,11 @@ def test_results_do_not_depend_on_company(panda, bank):
 
 def test_flat_ellipsoids_need_damping(panda, bank):
     flat = np.diag([0.0, 0.1, 0.3])[None]
-    with pytest.raises(NotSPDError, match=r"ellipsoids\[0\] is singular.*Give a damping"):
+    with pytest.raises(NotSPDError, match=r"ellipsoids\[0\].*damping"):
         nearest_feasible(panda, flat, damping=None)
     assert np.isfinite(nearest_feasible(panda, flat, n_starts=4, bank=bank).distance).all()
     planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
-    with pytest.raises(NotSPDError, match="'planar' is singular at all starts"):
+    with pytest.raises(NotSPDError, match=r"'planar'.*singular"):
         nearest_feasible(planar, np.eye(3)[None], damping=None)
     assert (
         nearest_feasible(planar, planar.manipulability(planar.sample(20, 0))).distance.max() < 1e-3

@@ -161,7 +161,7 @@ def test_little_jerk_takes_long_and_stays_on_the_path():
 @pytest.mark.parametrize(("duration", "jerk"), [(1e6, 1.0), (1.0, 1e-9)])
 def test_too_long_motions_are_refused(duration, jerk):
     limits = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}})
-    with pytest.raises(InvalidInputError, match="samples, allowed are 3000000"):
+    with pytest.raises(InvalidInputError, match=r"samples.*3000000"):
         retime(limits, [0.0, duration], [[0, 0, 0], [0, 1, 0]])
 
 

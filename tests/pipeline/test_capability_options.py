@@ -54,11 +54,11 @@ def test_missing_limits_and_masses_are_named_before_the_recording_is_read(option
 
 def test_a_robot_without_torque_limits_or_masses_is_refused():
     planar = load_arm("panda").from_dh("planar", [[0, 0, 0.4, 0]] * 3)
-    with pytest.raises(InvalidInputError, match="'planar' has no effort limits"):
+    with pytest.raises(InvalidInputError, match=r"'planar'.*effort"):
         transfer_recording("no recording", robot=planar, ellipsoids="force")
-    with pytest.raises(InvalidInputError, match="payload needs masses"):
+    with pytest.raises(InvalidInputError, match=r"payload.*masses"):
         transfer_recording("no recording", robot=planar, payload=1.0)
-    with pytest.raises(InvalidInputError, match="no payload of its own; use payload="):
+    with pytest.raises(InvalidInputError, match="payload="):
         transfer_recording("no recording", robot=load_arm("panda").with_payload(1.0))
 
 

@@ -74,7 +74,7 @@ def test_wrong_files_are_refused(tmp_path, text, words):
 def test_wrong_values_are_refused(options):
     with pytest.raises(InvalidInputError):
         Config().changed(**options)
-    with pytest.raises(UnknownNameError, match="nearest first: 'position_tolerance'"):
+    with pytest.raises(UnknownNameError, match=r"'positon_tolerance'.*'position_tolerance'"):
         Config().changed(positon_tolerance=0.01)
 
 

@@ -104,7 +104,7 @@ def test_both_arms_are_learned_together(tmp_path):
     pandas = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
     result = mp.transfer_recording(learned, robot=pandas, method="identity", move=False, **SMALL)
     assert_allclose(result.arms[1].demonstrated_profile, learned.profile[:, 3:, 3:])
-    with pytest.raises(InvalidInputError, match="of 2 arms"):
+    with pytest.raises(InvalidInputError, match="2 arms"):
         mp.transfer_recording(learned, robot="panda", method="identity", move=False)
 
 
@@ -149,7 +149,7 @@ def test_files_are_whole_and_can_be_read(people, tmp_path):
     people.save(tmp_path / "data")
     model = np.load(tmp_path / "data" / "model.npz")
     assert_allclose(model["covariances"], people.model.covariances_)
-    with pytest.raises(InvalidInputError, match="exports are of a robot's motion"):
+    with pytest.raises(InvalidInputError, match=r"exports.*motion"):
         mp.write_results(people, tmp_path / "more", exports=["ros2"])
 
 

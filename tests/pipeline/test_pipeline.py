@@ -189,7 +189,7 @@ def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(type(result.arm.adapter), "save", disk_full)
-    with pytest.raises(OutputError, match="No space left"):
+    with pytest.raises(OutputError, match="No space"):
         result.save(folder, overwrite=True)
     assert (folder / "person.csv").read_bytes() == before
     (folder / "thesis.tex").write_text("precious")

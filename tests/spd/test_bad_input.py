@@ -56,9 +56,7 @@ def test_bad_matrices_are_refused_by_name(function, message):
 @pytest.mark.parametrize("function", SEVERAL)
 def test_one_matrix_of_another_size_is_refused(function):
     for name in good(function).keys() - NUMBERS.keys():
-        with pytest.raises(
-            InvalidInputError, match=r" must hold [23]×[23] matrices; found [23]×[23]"
-        ) as caught:
+        with pytest.raises(InvalidInputError, match=r"[23]×[23].*[23]×[23]") as caught:
             getattr(spd, function)(**good(function) | {name: np.eye(2)})
         assert str(caught.value).split()[0] in good(function)
 
@@ -67,9 +65,7 @@ def test_one_matrix_of_another_size_is_refused(function):
 def test_batches_that_do_not_broadcast_are_refused(function):
     batches = {name: np.stack([value, value]) for name, value in good(function).items()}
     for name, value in good(function).items():
-        with pytest.raises(
-            InvalidInputError, match=r"^the leading axes must broadcast; found shapes "
-        ) as caught:
+        with pytest.raises(InvalidInputError, match="leading axes") as caught:
             getattr(spd, function)(**batches | {name: np.stack([value] * 3)})
         for other in batches:
             assert f" {other} ({3 if other == name else 2}, " in str(caught.value)
@@ -113,7 +109,7 @@ def test_points_too_ill_conditioned_for_each_other_are_refused(random_spd):
     ):
         with pytest.raises(
             NotSPDError,
-            match=r"too ill-conditioned together: rounding may move .*; allowed .* 0\.01",
+            match=r"ill-conditioned.*0\.01",
         ):
             operation(a, b)
 
@@ -127,15 +123,13 @@ def test_results_out_of_range_are_refused(size):
         (lambda: spd.powm(2 * EYE, size), "exponent"),
         (lambda: spd.expm(size * EYE), "symmetric"),
     ):
-        with pytest.raises(ValueError, match=f"{name} takes the result out of range"):
+        with pytest.raises(ValueError, match=f"^{name}.*out of range"):
             call()
 
 
 @pytest.mark.parametrize("length", [0, 1, 2, 4, 5, 91])
 def test_vectors_of_impossible_length_are_refused(length):
-    with pytest.raises(
-        ValueError, match=rf"vector must have d \(d \+ 1\) / 2 entries.*found shape \({length},\)"
-    ):
+    with pytest.raises(ValueError, match=rf"^vector.*\({length},\)"):
         spd.from_vector(np.zeros(length))
-    with pytest.raises(ValueError, match=r"vector .*found shape \(\)"):
+    with pytest.raises(ValueError, match=r"^vector.*\(\)"):
         spd.from_vector(1.0)

@@ -134,6 +134,6 @@ def test_points_too_ill_conditioned_for_a_search_are_refused(random_spd):
     points = random_spd(rng, (1,), 3, 5e12)
     with (
         warnings.catch_warnings(action="error"),
-        pytest.raises(NotSPDError, match="too ill-conditioned together"),
+        pytest.raises(NotSPDError, match="ill-conditioned"),
     ):
         nearest(queries, points)

@@ -80,9 +80,7 @@ def test_points_without_a_computable_mean_are_refused(random_spd):
 def test_stopping_early_warns_and_states_the_gradient(monkeypatch, random_spd):
     monkeypatch.setattr(newton, "_line_search", lambda *_: None)
     x = random_spd(np.random.default_rng(0), (10,), 6, condition=7e5)
-    with pytest.warns(
-        ConvergenceWarning, match="the mean of 10 matrices stopped at gradient norm"
-    ) as caught:
+    with pytest.warns(ConvergenceWarning, match="gradient norm") as caught:
         center = spd.mean(x)
     stated = float(re.search(r"gradient norm (\S+);", str(caught[0].message)).group(1))
     assert_allclose(stated, gradient_norm(center, x), rtol=1e-2)

@@ -23,14 +23,14 @@ def test_a_flat_ellipsoid_gets_volume(remedy, shape):
 
 @pytest.mark.parametrize("remedy", REMEDIES.values(), ids=REMEDIES)
 def test_other_matrices_are_refused_by_name(remedy):
-    with pytest.raises(InvalidInputError, match=r"^path must hold 3×3 matrices; found 2×2"):
+    with pytest.raises(InvalidInputError, match=r"^path.*3×3.*2×2"):
         remedy.apply(np.eye(2), "path", 3)
-    with pytest.raises(NotSPDError, match=r"^path\[1\] is indefinite"):
+    with pytest.raises(NotSPDError, match=r"^path\[1\].*indefinite"):
         remedy.apply([np.eye(3), np.diag([1.0, 1.0, -9.0])], "path", 3)
 
 
 def test_without_damping_it_is_refused_with_advice_and_by_name_where_damping_is_lost_in_rounding():
-    with pytest.raises(NotSPDError, match=r"^points is singular.*give damping=0\.01"):
+    with pytest.raises(NotSPDError, match=r"^points.*damping=0\.01"):
         Regularization().apply(FLAT)
-    with pytest.raises(NotSPDError, match=r"^path is singular"):
+    with pytest.raises(NotSPDError, match=r"^path.*singular"):
         Regularization(epsilon=1e-14).apply(1e6 * FLAT, "path")

@@ -51,7 +51,5 @@ class Skewed(mp.IdentityMap):
 
 @pytest.mark.parametrize("broken", [Deaf, Greedy, Skewed])
 def test_the_battery_finds_what_is_broken(broken):
-    with pytest.raises(
-        (AssertionError, ValueError), match=r"(?i)not equal|read-only|not symmetric"
-    ):
+    with pytest.raises((AssertionError, ValueError), match=r"(?i)not equal|read-only|symmetric"):
         check_adapter(broken())

@@ -90,9 +90,7 @@ GOLDEN = sorted((Path(__file__).parent / "golden").glob("maniport-adapter-*.npz"
 )
 def test_files_of_this_format_stay_readable(path):
     if FILE_FORMAT not in path.name:
-        with pytest.raises(
-            FileFormatError, match=f"has the format 'maniport-adapter-3'; .* reads '{FILE_FORMAT}'"
-        ):
+        with pytest.raises(FileFormatError, match=f"'maniport-adapter-3'.*'{FILE_FORMAT}'"):
             mp.load_adapter(path)
         return
     images = files.load_arrays(path.parent / f"{FILE_FORMAT}-images.npz", "images")
@@ -124,7 +122,7 @@ def test_options_that_are_objects_are_not_saved(tmp_path, random_spd):
     adapter.save(tmp_path / "adapter.npz")
     loaded = mp.load_adapter(tmp_path / "adapter.npz")
     assert_array_equal(loaded.transform(points), adapter.transform(points))
-    with pytest.raises(InvalidInputError, match="correspondence must be"):
+    with pytest.raises(InvalidInputError, match=r"^correspondence"):
         loaded.fit(points, 2.0 * points)
 
 
@@ -149,7 +147,5 @@ def test_arrays_that_break_a_law_are_refused(saved, name, value):
     arrays = files.load_arrays(path, "adapter file")
     assert f"fitted.{name}" in arrays
     files.save_arrays(path, {**arrays, f"fitted.{name}": value})
-    with pytest.raises(
-        FileFormatError, match=rf"adapter\.npz' is a damaged adapter file.*({name}|values_)"
-    ):
+    with pytest.raises(FileFormatError, match=rf"adapter\.npz'.*damaged.*({name}|values_)"):
         mp.load_adapter(path)

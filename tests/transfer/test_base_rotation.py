@@ -61,9 +61,9 @@ def test_a_method_is_found_by_name_or_taken_as_it_is():
     taken = method_of(own, damping=0.02, base_rotation=np.eye(3))
     assert taken is not own
     assert (taken.damping, taken.base_rotation) == (0.5, None)
-    with pytest.raises(InvalidInputError, match="unknown method 'magic'"):
+    with pytest.raises(InvalidInputError, match="method 'magic'"):
         method_of("magic")
-    with pytest.raises(InvalidInputError, match="or a DomainAdapter; found <class"):
+    with pytest.raises(InvalidInputError, match=r"DomainAdapter.*<class"):
         method_of(mp.RiemannianICP)
     with pytest.raises(InvalidInputError, match="base_rotation"):
         method_of(own, base_rotation=TURN)

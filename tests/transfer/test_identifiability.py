@@ -73,9 +73,7 @@ def test_free_axis_turns_with_the_students_base(random_rotation):
 def test_fit_warns_of_the_free_axis_unless_the_base_rotation_is_known():
     teacher = planar(256, 0)
     student = planar(256, 1, FRAME)
-    with pytest.warns(
-        IdentifiabilityWarning, match=r"about the x axis of the student's base.*base_rotation"
-    ):
+    with pytest.warns(IdentifiabilityWarning, match=r"x axis.*base_rotation"):
         mp.RiemannianICP(damping=0.01).fit(teacher, student)
     with warnings.catch_warnings():
         warnings.simplefilter("error", IdentifiabilityWarning)

@@ -65,7 +65,7 @@ def test_points_of_another_size_or_count_are_refused():
         lambda x: adapter.score(x, GOOD),
         lambda x: adapter.errors(GOOD, x[:3]),
     ):
-        with pytest.raises(InvalidInputError, match=r"found (2×2|4 and 3)"):
+        with pytest.raises(InvalidInputError, match=r"2×2|4 and 3"):
             use(small)
 
 
@@ -75,11 +75,11 @@ def test_images_beyond_floating_point_numbers(random_spd):
     long = random_spd(rng, 20, 3, 1e4)
     longer = random_spd(rng, 20, 3, 1e8)
     longest = random_spd(rng, 1, 3, 1e11)[0]
-    with pytest.raises(InvalidInputError, match="points takes the result out of range"):
+    with pytest.raises(InvalidInputError, match=r"^points.*range"):
         mp.ScaledTransport().fit(round_, long).transform(long)
     adapter = mp.ScaledTransport().fit(long, longer)
-    with pytest.raises(NotSPDError, match=r"the image of points\[3\] is singular"):
+    with pytest.raises(NotSPDError, match=r"points\[3\].*singular"):
         adapter.transform([*long[:3], longest])
-    with pytest.raises(NotSPDError, match="the image of points is singular"):
+    with pytest.raises(NotSPDError, match=r"points .*singular"):
         adapter.transform(longest)
     mp.ParallelTransport(damping=1e-9).fit(round_, long)

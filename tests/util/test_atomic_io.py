@@ -119,10 +119,10 @@ def test_an_error_keeps_the_earlier_result(tmp_path, write, error):
 def test_an_earlier_folder_is_replaced_only_when_allowed(tmp_path):
     folder = tmp_path / "out"
     write_folder(folder, 1)
-    with pytest.raises(OutputError, match=r"earlier result; give overwrite="):
+    with pytest.raises(OutputError, match=r"out'.*overwrite="):
         folder_written_whole(folder, NAMES).__enter__()
     with (
-        pytest.raises(OutputError, match="holds other things"),
+        pytest.raises(OutputError, match="other things"),
         folder_written_whole(folder, NAMES, overwrite=True),
     ):
         (folder / "thesis.tex").touch()
@@ -168,7 +168,7 @@ def test_what_cannot_be_written_is_reported_before_the_work(tmp_path, monkeypatc
     monkeypatch.setattr(Path, "touch", fail)
     for name in ("mkdir", "unlink", "rmdir", "rename", "replace"):
         monkeypatch.setattr(os, name, fail)
-    with pytest.raises(OutputError, match=r"cannot write '.*result': Read-only file system"):
+    with pytest.raises(OutputError, match=r"result'.*Read-only"):
         write(tmp_path / "result", 1)
     monkeypatch.undo()
     assert not list(tmp_path.iterdir())

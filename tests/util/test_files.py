@@ -108,15 +108,13 @@ def test_wrong_arrays_are_refused(tmp_path, load, arrays, error, word):
 
 def test_unreadable_files_are_refused(tmp_path):
     path = tmp_path / "profile.npz"
-    with pytest.raises(FileFormatError, match=r"profile\.npz.*no such file"):
+    with pytest.raises(FileFormatError, match=r"profile\.npz.*no such"):
         load_ellipsoids(path)
     save_ellipsoids(path, POINTS)
     whole = path.read_bytes()
     for length in (-1, len(whole) // 2, 14, 0):
         path.write_bytes(whole[:length])
-        with pytest.raises(
-            FileFormatError, match=r"profile\.npz.*(not a readable|the file is empty)"
-        ):
+        with pytest.raises(FileFormatError, match=r"profile\.npz.*(readable|empty)"):
             load_ellipsoids(path)
 
 
@@ -144,13 +142,11 @@ def test_faulty_settings_are_refused(tmp_path, text, word):
 
 
 def test_a_nested_mapping_is_named(tmp_path):
-    with pytest.raises(
-        FileFormatError, match=r"l\.yaml: joints: unknown key 'velocty'; .*: velocity, jerk"
-    ):
+    with pytest.raises(FileFormatError, match=r"l\.yaml: joints.*'velocty'.*velocity"):
         require_mapping({"velocty": 1}, ("jerk", "velocity"), "l.yaml: joints")
-    with pytest.raises(FileFormatError, match="no such file"):
+    with pytest.raises(FileFormatError, match=r"other\.yaml"):
         read_settings(tmp_path / "other.yaml", ("a",))
-    with pytest.raises(FileFormatError, match=r"allowed are \.yaml, \.yml, \.json"):
+    with pytest.raises(FileFormatError, match=r"\.yaml.*\.yml.*\.json"):
         read_settings(__file__, ("a",))
 
 

@@ -49,7 +49,7 @@ def test_pipes_devices_and_huge_files_are_not_opened(tmp_path, name):
     path.unlink()
     with open(path, "wb") as stream:
         stream.truncate(2**40)
-    with pytest.raises(FileFormatError, match=r"has 1\.049e\+06 MB; at most [\d.]+ MB are read"):
+    with pytest.raises(FileFormatError, match=r"1\.049e\+06 MB"):
         READERS[name](path)
 
 
@@ -59,7 +59,7 @@ def test_only_needed_arrays_are_unpacked(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "ARRAYS_BYTES", 10_000_000)
     np.testing.assert_array_equal(load_ellipsoids(path)[0], np.eye(3)[None])
     assert array_names(path, "file") == ["bomb", "manipulability"]
-    with pytest.raises(FileFormatError, match=r"15\.26 MB; at most 9\.537 MB are read"):
+    with pytest.raises(FileFormatError, match=r"15\.26 MB.*9\.537 MB"):
         load_arrays(path, "file")
 
 

@@ -37,7 +37,7 @@ def at(bad, index=2, count=4):
 )
 @pytest.mark.parametrize("check", [v.as_symmetric, v.as_spd, v.as_positive_semidefinite])
 def test_only_finite_square_matrices_pass(check, value, message):
-    with pytest.raises(InvalidInputError, match=f"^m must .*{re.escape(message)}"):
+    with pytest.raises(InvalidInputError, match=f"^m .*{re.escape(message)}"):
         check(value, "m")
 
 
@@ -85,9 +85,7 @@ def test_rounding_is_allowed_for():
     thin = np.random.default_rng(0).standard_normal((50, 3, 2))
     for fine in (np.zeros((3, 3)), np.outer([1, 2, 3], [1, 2, 3]), thin @ np.swapaxes(thin, 1, 2)):
         v.as_positive_semidefinite(fine, "m")
-    with pytest.raises(
-        NotSPDError, match=r"m\[2\] is indefinite: .*no negative eigenvalue is allowed"
-    ):
+    with pytest.raises(NotSPDError, match=r"m\[2\].*indefinite"):
         v.as_positive_semidefinite(np.stack([np.zeros((3, 3)), EYE, INDEFINITE]), "m")
 
 
