@@ -3,6 +3,7 @@ import sys
 
 import numpy as np
 import pytest
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.base import clone as sklearn_clone
 from sklearn.utils import get_tags
 
@@ -33,29 +34,34 @@ print([name for name in ("sklearn", "scipy.stats") if name in sys.modules])
 def test_clones_are_those_of_scikit_learn(estimator):
     ours = clone(estimator)
     theirs = sklearn_clone(estimator)
+    assert ours is not estimator
     assert repr(ours) == repr(theirs) == repr(estimator)
     for name, value in estimator.get_params(deep=False).items():
         assert (getattr(ours, name) is value) == (getattr(theirs, name) is value)
 
 
 def test_parameters_are_set_by_name():
-    model = mp.ProfileGMM().set_params(n_components=2, tol=0.1)
-    assert model.get_params() == {**mp.ProfileGMM().get_params(), "n_components": 2, "tol": 0.1}
+    model = mp.ProfileGMM(tol=0.2)
+    assert model.set_params(n_components=2, tol=0.1) is model
+    assert (model.n_components, model.tol) == (2, 0.1)
+    expected = mp.ProfileGMM(n_components=2, tol=0.1).get_params()
+    assert model.get_params() == expected
     with pytest.raises(
         InvalidInputError,
         match=r"ProfileGMM.*'counts'.*n_components",
     ):
         model.set_params(counts=1)
+    assert model.get_params() == expected
+    assert not hasattr(model, "counts")
+
+
+class Transformer(TransformerMixin, BaseEstimator):
+    """A transformer of scikit-learn."""
 
 
 def test_scikit_learn_gets_the_tags_that_it_reads():
-    tags = get_tags(mp.ParallelTransport())
-    assert (tags.estimator_type, tags.transformer_tags is None, tags.target_tags.required) == (
-        None,
-        False,
-        False,
-    )
-    assert get_tags(mp.ProfileGMM()).transformer_tags is None
+    assert get_tags(mp.ParallelTransport()) == get_tags(Transformer())
+    assert get_tags(mp.ProfileGMM()) == get_tags(BaseEstimator())
 
 
 def test_a_fit_loads_no_scikit_learn():

@@ -1,5 +1,6 @@
 """Pages with one section, and a parser that checks them."""
 
+import json
 from html.parser import HTMLParser
 
 from maniport.report.page import as_html
@@ -45,3 +46,9 @@ def page_of(*parts, animation=None, warnings=("a warning",), title="a title"):
     section = Section("a section", tuple(metrics), tuple(tables), text="one\ntwo")
     section.warn("some", *warnings)
     return as_html(Report(title, "a lead", (section,)), animation)
+
+
+def motion_of(text):
+    """Return the data of the animation of a page, with arrays as they are encoded."""
+    scripts = Page(text).scripts
+    return json.loads(next(data for names, data in scripts if names.get("id") == "motion"))

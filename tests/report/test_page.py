@@ -2,12 +2,11 @@
 
 import base64
 import hashlib
-import json
 import re
 
 import numpy as np
 import pytest
-from pages import Page, page_of
+from pages import Page, motion_of, page_of
 
 from maniport.errors import InvalidInputError
 from maniport.report.page.animation import semi_axis_panels
@@ -25,9 +24,7 @@ def animation(motion):
 
 
 def read(text):
-    return unpacked(
-        json.loads(next(data for names, data in Page(text).scripts if names.get("id") == "motion"))
-    )
+    return unpacked(motion_of(text))
 
 
 def test_the_page_loads_nothing(animation):

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pages import motion_of
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.directional import line_extent
@@ -78,7 +79,14 @@ def test_the_camera_rotates_with_the_path(result, animation):
     person, robot = animation.stages
     assert person.rotation is None
     np.testing.assert_allclose(robot.rotation, result.arm.placement.rotation, atol=1e-12)
-    assert len(person.torso) > 3
+    assert robot.torso is None
+    mirrored = person.torso * [1, -1, 1, 1, -1, 1, 1]
+    swapped = mirrored[:, [3, 4, 5, 0, 1, 2, 6]]
+    for rod in person.torso:
+        assert (rod == np.concatenate([mirrored, swapped])).all(axis=1).any()
+    drawn = motion_of(page_of(result))["stages"]
+    np.testing.assert_allclose(drawn[0]["torso"], person.torso, atol=1e-4)
+    np.testing.assert_allclose(drawn[1]["rotation"], robot.rotation.ravel(), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +113,10 @@ def test_a_motion_without_a_person_is_drawn(alone, changed):
     assert [panel.title for panel in animation.panels["Distance and position error"]] == [
         "Ellipsoid distance"
     ]
-    assert "The motion of panda" in page_of(motion)
+    page = page_of(motion)
+    assert "The motion of panda" in page
+    (stage,) = motion_of(page)["stages"]
+    assert (stage["name"], stage["torso"]) == ("panda", None)
 
 
 def test_every_arm_is_drawn(several):

@@ -47,7 +47,10 @@ def test_best_iterate_is_kept(unequal):
     adapter = mp.RiemannianICP(**options).fit(*unequal)
     assert adapter.cost_ == adapter.history_.min()
     assert adapter.cost_ <= start.cost_ <= start.history_[0]
-    assert adapter.stop_reason_
+    kept = int(start.history_.argmin())
+    assert 0 < kept < start.n_iter_
+    assert f"iteration {kept} " in start.stop_reason_
+    assert not start.converged_
 
 
 def test_start_is_respected(unequal, random_rotation):
@@ -59,5 +62,6 @@ def test_start_is_respected(unequal, random_rotation):
     adapter.set_params(base_rotation=base_rotation, start="parallel-transport", n_starts=4).fit(
         *unequal
     )
+    assert_allclose(adapter.teacher_mean_, base_rotation @ plain.teacher_mean_ @ base_rotation.T)
     expected = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
     assert_allclose(adapter.start_rotation_, expected)
