@@ -222,7 +222,7 @@ def test_lines_of_a_file_are_those_of_the_result(tmp_path):
     # the table of a result is such a file, and run.yaml names the file
     again = settings_of(Config(directions=tmp_path / "out" / "person.csv", **part))
     np.testing.assert_allclose(
-        np.abs(np.sum(again.directions[0].at(at, "force") * lines["force"], axis=1)), 1.0
+        np.abs(np.sum(again.given_lines[0].at(at, "force") * lines["force"], axis=1)), 1.0
     )
     assert Config.load(tmp_path / "out" / "run.yaml").directions == (str(drawer),)
 
