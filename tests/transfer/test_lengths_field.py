@@ -235,3 +235,12 @@ def test_an_arm_that_goes_round_has_an_axis():
     assert_allclose(
         mp.FeasibleProjector(panda, EllipsoidSpec("force")).axis, [0.0, 0.0, 1.0], atol=1e-12
     )
+
+
+def test_the_default_damping_is_that_of_the_projector():
+    panda = mp.load_arm("panda")
+    domain = mp.sample_domain(panda, 256, random_state=0)
+    projector = mp.FeasibleProjector(panda, damping=0.03)
+    field = mp.LengthField(projector=projector, n_samples=64, n_rounds=1).fit(domain, domain)
+    known = mp.LengthField(damping=0.03, projector=projector, n_samples=64, n_rounds=1)
+    assert field.student_damping_ == known.fit(domain, domain).student_damping_ > 0.0

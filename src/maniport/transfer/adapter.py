@@ -131,7 +131,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         InvalidInputError
             When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is invalid.
         """
-        damping = Regularization(self.damping)
+        damping = self._unfitted_damping()
         cloud_t, damping_t = _damped_domain(damping, teacher, "teacher")
         cloud_s, damping_s = _damped_domain(damping, student, "student", cloud_t.shape[-1])
         base_rotation = as_base_rotation(self.base_rotation, cloud_t.shape[-1])
@@ -147,6 +147,10 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
             self.__dict__.update(before)
             raise
         return self
+
+    def _unfitted_damping(self) -> Regularization:
+        """Return the damping of `fit`, before it is scaled by the domains."""
+        return Regularization(self.damping)
 
     def transform(self, points: ArrayLike) -> Array:
         """Map ellipsoids of the teacher to the student.

@@ -168,10 +168,10 @@ class LengthField(DomainAdapter):
         """Return the checks that the map fails at held-out samples; see `FieldReport`."""
         return self.report_.failures()
 
-    def _damping(self) -> Regularization:
-        return Regularization(
-            getattr(self.projector, "damping", None) if self.damping is None else self.damping
-        )
+    def _unfitted_damping(self) -> Regularization:
+        if self.damping is None:
+            return Regularization(getattr(self.projector, "damping", None))
+        return super()._unfitted_damping()
 
     def _settle(self) -> None:
         report = getattr(self, "report_", {})
