@@ -4,7 +4,7 @@ from maniport.util.jit import kernel
 
 
 @kernel
-def fill_speed_extents(generators, directions, extents):  # type: ignore[no-untyped-def]
+def fill_speed_extents(generators, directions, extents):
     """Fill the extents (n,) of zonotopes along unit directions (n, 3).
 
     The generators (n, 3, k) are velocities of an end effector by each joint at its limit. By duality the extent along u
